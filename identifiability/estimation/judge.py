@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import ndtr
 
-from identifiability.estimation.estimator import PAPER_FACTOR, Estimate
+from identifiability.estimation.doubt import LabelDoubt
+from identifiability.estimation.estimator import PAPER_FACTOR, Estimate, settle_signs
 from identifiability.estimation.holm import holm
 from identifiability.estimation.omitted import LeftOut
 from identifiability.estimation.uncertainty import Uncertainty, recurrence
@@ -17,6 +19,16 @@ from identifiability.foundation.shares import REACH
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
+
+#: Verdicts that are sure of a sign; and those that a function that is missing may take away.
+SURE = (Class.IDENTIFIABLE, Class.WEAK)
+LOST = (*SURE, Class.NEGLIGIBLE)
+
+#: Why a sign that is certain is not believed.
+FORBIDDEN = (
+    "Its sign is certain, and physics forbids it: the model misses something (diagnose), or an "
+    "axis or a torque has the wrong sign."
+)
 
 #: Share of σ by noise beyond which what is left out is spoken of.
 WORTH_SAYING = 0.5
@@ -46,6 +58,10 @@ class Evidence:
         Why nothing can be said of those that are; nothing if it can.
     left_out : LeftOut or None
         What the parameters that the model leaves out do to its own.
+    forbidden : (k,) bool or None
+        Whether physics forbids the sign of the value.
+    doubt : LabelDoubt or None
+        What functions that are missing do to them.
     """
 
     estimate: Estimate
@@ -57,6 +73,14 @@ class Evidence:
     aliases: tuple[str, ...]
     unjudged: str = ""
     left_out: LeftOut | None = None
+    forbidden: np.ndarray | None = None
+    doubt: LabelDoubt | None = None
+
+    @property
+    def value(self) -> Array:
+        """Values of the labels: beside the functions that are missing, (k,)."""
+        value = self.estimate.value
+        return value if self.doubt is None else value - self.doubt.shift
 
     @property
     def bias_sigma(self) -> list[float | None]:
@@ -76,7 +100,8 @@ class Evidence:
     @property
     def sigma_label(self) -> Array:
         """Standard deviations from what the labels say, (k,)."""
-        return np.hypot(self.sigma_robust, self.sigma_omit)
+        sigma = np.hypot(self.sigma_robust, self.sigma_omit)
+        return sigma if self.doubt is None else np.hypot(sigma, self.doubt.sigma)
 
 
 def judge(
@@ -88,31 +113,38 @@ def judge(
 ) -> tuple[Verdict, ...]:
     """Return the verdict on every parameter of a model."""
     rules = thresholds or Thresholds()
-    e = evidence.estimate
+    e, value, doubt = evidence.estimate, evidence.value, evidence.doubt
     sigma, left = evidence.sigma_label, evidence.left_out
+    without: tuple[Verdict, ...] = ()
+    if doubt is not None:  # what would be said if nothing were missing
+        without = judge(labels, units, replace(evidence, doubt=None), nominal, thresholds)
     with np.errstate(divide="ignore", invalid="ignore"):
-        z = np.where(e.determined & (sigma > 0), np.abs(e.value) / sigma, 0.0)
-        z = np.where(e.determined & (sigma == 0) & (e.value != 0), np.inf, z)
+        z = np.where(e.determined & (sigma > 0), np.abs(value) / sigma, 0.0)
+        z = np.where(e.determined & (sigma == 0) & (value != 0), np.inf, z)
     certain = holm(2 * ndtr(-z)) < rules.sign_level
     paper = e.paper_rule
     least = float(e.sigma_percent.min(initial=np.inf))
     out, moved = [], evidence.bias_sigma
     for k, name in enumerate(e.columns):
-        reach = abs(e.value[k]) + REACH * sigma[k] if np.isfinite(sigma[k]) else 0.0
-        percent = percent_of(float(sigma[k]), float(e.value[k]))
+        reach = abs(value[k]) + REACH * sigma[k] if np.isfinite(sigma[k]) else 0.0
+        percent = percent_of(float(sigma[k]), float(value[k]))
         kind, reason = _decide(
             evidence, k, bool(certain[k]), percent, float(reach * evidence.column_noise[k]), rules
         )
+        if kind in SURE and evidence.forbidden is not None and evidence.forbidden[k]:
+            kind, reason = Class.IN_DOUBT, FORBIDDEN
+        elif doubt is not None and without[k].verdict in LOST and kind is not without[k].verdict:
+            kind, reason = Class.IN_DOUBT, _say_doubt(doubt.names[k], without[k], percent)
         if kind not in (Class.NOT_JUDGED, Class.NEGLIGIBLE) and e.determined[k]:
             reason += _condition(evidence, k)
         reason += _compare(kind, bool(paper[k]), float(e.sigma_percent[k]), least)
-        share = abs(e.value[k]) * evidence.column_rms[k] / max(evidence.tau_rms, 1e-300)
+        share = abs(value[k]) * evidence.column_rms[k] / max(evidence.tau_rms, 1e-300)
         out.append(
             Verdict(
                 name=name,
                 label=labels[k],
                 unit=units[k],
-                value=float(e.value[k]),
+                value=float(value[k]),
                 sigma=float(e.sigma[k]),
                 sigma_robust=float(evidence.sigma_robust[k]),
                 share=float(share),
@@ -121,12 +153,23 @@ def judge(
                 reason=reason,
                 nominal=None if nominal is None else float(nominal[k]),
                 sigma_omit=float(evidence.sigma_omit[k]),
+                sigma_doubt=0.0 if doubt is None else float(doubt.sigma[k]),
                 stands_for="" if left is None else left.stands_for[k],
                 projected=None if left is None or nominal is None else float(left.projected[k]),
                 bias_sigma=moved[k],
             )
         )
     return tuple(out)
+
+
+def _say_doubt(name: str, without: Verdict, percent: float) -> str:
+    """Return why a parameter loses the verdict that it would have if nothing were missing."""
+    known = f"±{digits(without.sigma_label_percent)} % ({without.verdict.value})"
+    return (
+        f"The logs say that {name} is missing in the model. Without it this would be "
+        f"{without.value:.4g}, known to {known}; with it the value is known only to "
+        f"±{digits(percent)} %: find out what is missing (diagnose)."
+    )
 
 
 def _decide(
@@ -220,6 +263,7 @@ def judge_rung(
     thresholds: Thresholds,
     stated: Array | None = None,
     left_out: LeftOut | None = None,
+    doubt: LabelDoubt | None = None,
 ) -> tuple[Verdict, ...]:
     """Return the verdicts on the k parameters of a model.
 
@@ -235,6 +279,8 @@ def judge_rung(
         Values that the robot file states.
     left_out : LeftOut, optional
         What the parameters that the model leaves out do to its own.
+    doubt : LabelDoubt, optional
+        What functions that are missing do to them.
     """
     omitted = 0.0 if left_out is None else left_out.sigma
     evidence = Evidence(
@@ -247,6 +293,8 @@ def judge_rung(
         tuple(aliases),
         uncertainty.why_unjudged(len(fit.kept), thresholds),
         left_out,
+        rung.nonnegative & fit.determined & (settle_signs(information, fit, rung.nonnegative) < 0),
+        doubt,
     )
     return judge(rung.labels, rung.units, evidence, stated, thresholds)
 

@@ -20,6 +20,7 @@ class Class(StrEnum):
     IDENTIFIABLE = "identifiable"
     WEAK = "weak"
     NEGLIGIBLE = "negligible"
+    IN_DOUBT = "model in doubt"
     NOT_IDENTIFIABLE = "not identifiable"
     CONSTRAINT = "constraint-determined"
     PRIOR = "prior-dominated"
@@ -29,8 +30,8 @@ class Class(StrEnum):
 #: Attributes of a verdict that stand in a row under their own names.
 IN_A_ROW = (
     "name", "label", "unit", "value", "sigma", "sigma_percent", "sigma_robust_percent",
-    "sigma_omit", "bias_sigma", "interval95", "data_interval95", "paper_rule", "verdict", "reason",
-    "stands_for", "nominal", "projected",
+    "sigma_omit", "sigma_doubt", "bias_sigma", "interval95", "data_interval95", "paper_rule",
+    "verdict", "reason", "stands_for", "nominal", "projected",
 )  # fmt: skip
 
 
@@ -81,8 +82,8 @@ class Verdict:
     value, sigma, sigma_robust : float
         Estimate and its standard deviations under white and under autocorrelated noise.
     interval95 : tuple of float
-        For the label: ``value ± 1.96 √(σ_robust² + σ_omit²)``, or the physical posterior's where
-        that decided the verdict.
+        For the label: ``value ± 1.96 √(σ_robust² + σ_omit² + σ_doubt²)``, or the physical
+        posterior's where that decided the verdict.
     share : float
         Torque that the parameter makes, rms, relative to the measured torque's.
     paper_rule : bool
@@ -95,6 +96,9 @@ class Verdict:
         Central 95 % of the physical posterior, where constraints or prior decided the verdict.
     sigma_omit : float
         How far the value may lie from its label because the model leaves parameters out.
+    sigma_doubt : float
+        How far it may lie from its label because a function is missing (`doubt`); the value is
+        that of the model with this function.
     stands_for : str
         What the value is in truth, such as ``slider1.Jr + 0.02·platform.m``; empty if its label.
     projected : float or None
@@ -117,6 +121,7 @@ class Verdict:
     nominal: float | None = None
     believed: tuple[float, float] | None = None
     sigma_omit: float = 0.0
+    sigma_doubt: float = 0.0
     stands_for: str = ""
     projected: float | None = None
     bias_sigma: float | None = None
@@ -137,8 +142,8 @@ class Verdict:
 
     @property
     def sigma_label(self) -> float:
-        """Standard deviation from what the label says: of noise and of what is left out."""
-        return float(np.hypot(self.sigma_robust, self.sigma_omit))
+        """Standard deviation from what the label says: of noise and of what is missing."""
+        return float(np.hypot(np.hypot(self.sigma_robust, self.sigma_omit), self.sigma_doubt))
 
     @property
     def sigma_percent(self) -> float:

@@ -20,24 +20,30 @@ EXCERPT, WINDOWS, WINDOW = 100_000, 20, 2_500
 LATER = (5**0.5 - 1) / 2
 
 
-def choose_windows(counts: Sequence[int]) -> tuple[np.ndarray, ...]:
+def choose_windows(
+    counts: Sequence[int], excerpt: int = EXCERPT, windows: int = WINDOWS, size: int = WINDOW
+) -> tuple[np.ndarray, ...]:
     """Return the samples [start, stop) of each log that are looked at one by one, (w, 2) each.
 
     Parameters
     ----------
     counts : sequence of int
         Samples of each log.
+    excerpt : int
+        Up to so many of all logs all are looked at.
+    windows, size : int
+        Of more so many windows of so many samples.
     """
     total = sum(counts)
-    if total <= EXCERPT:
+    if total <= excerpt:
         return tuple(np.array([[0, c]]) for c in counts)
-    windows = []
+    out = []
     for count in counts:
-        k = np.arange(max(1, round(WINDOWS * count / total)))
-        size, part = min(WINDOW, count), count / len(k)
-        starts = (k * part + (LATER * k) % 1.0 * (part - size)).astype(int)
-        windows.append(np.stack([starts, starts + size], 1))
-    return tuple(windows)
+        k = np.arange(max(1, round(windows * count / total)))
+        own, part = min(size, count), count / len(k)
+        starts = (k * part + (LATER * k) % 1.0 * (part - own)).astype(int)
+        out.append(np.stack([starts, starts + own], 1))
+    return tuple(out)
 
 
 def inside(windows: np.ndarray, start: int, stop: int) -> list[tuple[int, slice]]:

@@ -33,6 +33,7 @@ MARKS = {
     "identifiable": Mark("blue", "●"),
     "weak": Mark("amber", "◐", "o", "left"),
     "negligible": Mark("grey", "○", "o", "none"),
+    "model in doubt": Mark("amber", "!", "^", "none"),
     "not identifiable": Mark("vermilion", "✕", "x"),
     "not judged": Mark("grey", "?", "s", "none"),
     "constraint-determined": Mark("purple", "◆", "D"),

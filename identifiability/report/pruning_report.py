@@ -111,7 +111,7 @@ def _answers(ladder: Ladder, notes: tuple[Note, ...]) -> Answers:
     answers = (
         after_mass(use, ladder.mass_warning),
         answer_quality(error, ladder.robot.joints, each, kind),
-        answer_trust(notes, doubt or ladder.result.unjudged, found, size),
+        answer_trust(notes, doubt or ladder.result.unjudged, found, size, ladder.missing.statement),
         answer_next(_next_commands(ladder)),
     )
     return Answers(answers, sketch_robot(ladder.robot, ladder.samples, ladder.verdicts))
@@ -129,7 +129,7 @@ def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
     export = f"identifiability export {robot} {{file}} --out {name}"
     predict = f"identifiability predict {robot} {{file}} {another} --out torque.csv"
     diagnose = f"identifiability diagnose {robot} {logs}{held} --model {{file}}"
-    return [
+    commands = [
         (
             text,
             on_file(ladder, "json", "result.json", f"{again} --json", export),
@@ -149,6 +149,7 @@ def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
             ),
         ),
     ]
+    return [*commands[-1:], *commands[:-1]] if ladder.missing.functions else commands
 
 
 def _notes(ladder: Ladder) -> Iterator[Note]:

@@ -15,6 +15,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 import pandas as pd
 
+from identifiability.estimation.doubt import NO_DOUBT, Doubt, find_doubt
 from identifiability.foundation.engines.local import Processes
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.errors import LogError, listing
@@ -122,6 +123,14 @@ class Opening(OfStructure):
     def silence(self) -> str:
         """Why the fitted logs have nothing to explain, for after "because"; nothing if they do."""
         return explain_silence([s.survey for s in self.samples])
+
+    @cached_property
+    def found_missing(self) -> Doubt:
+        """Return the functions that are missing beside the unpruned model."""
+        if self.silence:
+            return NO_DOUBT
+        unseen = self.structure.regression(self.validation) if self.validation else None
+        return find_doubt(self.regression, unseen)
 
 
 @contextmanager

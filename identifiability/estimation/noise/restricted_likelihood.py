@@ -15,6 +15,8 @@ BOUND = 3.5
 #: White noise that is taken to be there beside the residual, as a share of its variance: logs that
 #: were filtered before they were stored have empty bands, which whitening would blow up.
 FLOOR = 0.05
+#: Shares of the trace below which directions are rounding, the next where one does not suffice.
+ROUNDING = (1e-14, 1e-12, 1e-10)
 #: When the search of one order ends.
 STOP = {"maxiter": 30, "ftol": 1e-7}
 
@@ -68,8 +70,13 @@ class RestrictedLikelihood:
 
     def _factor(self, theta: Array) -> tuple[Array, float]:
         G, logdet = self._whitened(theta)
-        G.ravel()[:: len(G) + 1] += 1e-14 * np.trace(G)
-        return np.linalg.cholesky(G), logdet
+        for share in ROUNDING:
+            G.ravel()[:: len(G) + 1] += share * np.trace(G)
+            try:
+                return np.linalg.cholesky(G), logdet
+            except np.linalg.LinAlgError:  # slow noise leaves nothing of slow columns
+                continue
+        raise np.linalg.LinAlgError("The whitened columns are not finite.")
 
     def deviance(self, theta: Array) -> float:
         """Return minus twice the restricted log-likelihood, sigma profiled out."""

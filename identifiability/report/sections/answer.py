@@ -41,7 +41,13 @@ def answer_questions(analysis: Analysis, notes: Notes) -> Answers:
     answers = (
         after_mass(_answer_use(analysis), analysis.mass_warning),
         answer_quality(chosen.error_ra_validation, joints, each, kind),
-        answer_trust(notes.notes, doubt or chosen.unjudged, found, len(chosen.rung)),
+        answer_trust(
+            notes.notes,
+            doubt or chosen.unjudged,
+            found,
+            len(chosen.rung),
+            analysis.missing.statement,
+        ),
         answer_next(next_commands(analysis)),
     )
     return Answers(answers, sketch_robot(analysis.robot, analysis.samples, chosen.verdicts))

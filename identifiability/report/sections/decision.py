@@ -97,13 +97,30 @@ def state_error(error: float, joints: Sequence[str], each: Array) -> tuple[float
     return judged, short, sentence("decision.together", error=error_text(error))
 
 
-def answer_trust(notes: Sequence[Note], doubt: str, found: int, size: int) -> Answer:
-    """Return whether the result may be trusted: what speaks against it, by its titles."""
+def answer_trust(
+    notes: Sequence[Note], doubt: str, found: int, size: int, missing: str = ""
+) -> Answer:
+    """Return whether the result may be trusted: what speaks against it, by its titles.
+
+    Parameters
+    ----------
+    notes : sequence of Note
+    doubt : str
+        Why nothing is believed; empty where something is.
+    found, size : int
+        Parameters that are identifiable, and all.
+    missing : str
+        What the model surely misses, and how much (`Doubt.statement`).
+    """
     question = "May I trust it?"
     if doubt:
         return Answer(question, "No.", f"{doubt[0].upper()}{doubt[1:]}", "vermilion")
     grave = [n.title.rstrip(".") for n in notes if n.level == "warning"]
     held = f"{found} of {format_count(size, 'value')} are identifiable"
+    if missing:
+        more = "".join(f" Read below: “{g}”." for g in dict.fromkeys(grave))
+        text = f"{missing[0].upper()}{missing[1:]}: diagnose. {held}.{more}"
+        return Answer(question, "Only if nothing is missing.", text, "amber")
     if not grave:
         return Answer(
             question,

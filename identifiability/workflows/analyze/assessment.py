@@ -6,6 +6,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import Estimate, settle_signs
 from identifiability.estimation.judge import judge_rung
@@ -73,9 +74,9 @@ class JudgedModel:
 
     @property
     def contradicted(self) -> str:
-        """What is identifiable with a sign that physics forbids, for after "because", if any is."""
-        names = [v.name for v in self.verdicts if v.verdict is Class.IDENTIFIABLE]
-        wrong = [n for n in names if n in self.infeasible]
+        """What has for certain a sign that physics forbids, for after "because", if any has."""
+        sure = [v for v in self.verdicts if v.verdict is Class.IN_DOUBT and v.interval95[1] < 0]
+        wrong = [v.name for v in sure if v.name in self.infeasible]
         return f"{listing(wrong, 4)} would have a sign that physics forbids" if wrong else ""
 
     @property
@@ -190,6 +191,7 @@ def assess_ladder(
     thresholds: Thresholds,
     rng: np.random.Generator,
     replicates: int,
+    doubt: Doubt = NO_DOUBT,
 ) -> tuple[RungResult, ...]:
     """Return the results of all m models.
 
@@ -205,6 +207,8 @@ def assess_ladder(
     rng : numpy.random.Generator
     replicates : int
         Of the bootstrap.
+    doubt : Doubt, optional
+        Functions that are missing beside all base parameters.
     """
     m = len(models)
     error, held_error = fitted.relative_error(), held_out.relative_error()
@@ -246,6 +250,7 @@ def assess_ladder(
                 thresholds,
                 stated,
                 left_out,
+                doubt.of_labels(told.rung, told.estimate),
             ),
             error_ra=float(error[k]),
             error_ra_validation=float(held_error[k]),

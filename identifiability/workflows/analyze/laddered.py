@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.spread import measure_errors, measure_spread, widening
 from identifiability.foundation.errors import IdentifiabilityError
@@ -45,6 +46,8 @@ class Laddered(Result, Opening, Predicts):
         Other options that decided the numbers.
     nothing : str
         Why no verdict is believed, for after "because"; empty where they are.
+    missing : Doubt
+        Functions of a joint's motion or load that are missing beside the unpruned model.
     """
 
     information: Information
@@ -56,6 +59,7 @@ class Laddered(Result, Opening, Predicts):
     source: LadderSource | None = None
     settings: Mapping[str, object]
     nothing: str = ""
+    missing: Doubt = NO_DOUBT
 
     @property
     @abstractmethod
@@ -162,6 +166,7 @@ class Laddered(Result, Opening, Predicts):
             "parameters": [v.to_row() for v in used.verdicts],
             "full_parameters": [v.to_row() for v in self._ladder[0].verdicts],
             "fit": None if self.nothing else self.fit.to_dict(),
+            "missing_functions": self.missing.to_list(),
             "physical": {
                 "feasible": used.feasible,
                 "margin": used.margin,

@@ -32,7 +32,8 @@ def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
     if analysis.nothing:
         return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
     chosen, out = analysis.chosen, []
-    if grade_of(chosen.error_ra_validation) != "very-good":
+    suspect = analysis.missing.functions or chosen.contradicted
+    if suspect or grade_of(chosen.error_ra_validation) != "very-good":
         page = "--report missing.html"
         text = "Find out what the model misses:"
         out.append((text, f"identifiability diagnose {robot} {logs}{held} {page}"))

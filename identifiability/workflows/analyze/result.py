@@ -161,7 +161,12 @@ class Analysis(Laddered):
     def statement(self) -> str:
         """The answer in plain words."""
         text = state_answer(
-            self.base, self.models, self.chosen, self.physical_statement, self.nothing
+            self.base,
+            self.models,
+            self.chosen,
+            self.physical_statement,
+            self.nothing,
+            self.missing,
         )
         return self._state(text)
 

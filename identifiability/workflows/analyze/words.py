@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.renoised import RenoisedLeastSquares
@@ -31,6 +32,7 @@ def state_answer(
     chosen: RungResult,
     physics: str,
     nothing: str = "",
+    missing: Doubt = NO_DOUBT,
 ) -> str:
     """Return how many parameters the logs determine, and which model to use.
 
@@ -45,6 +47,8 @@ def state_answer(
         What `state_physics` says of the selected model.
     nothing : str
         Why no verdict is believed, if that is so (`doubt`).
+    missing : Doubt, optional
+        Functions that are missing in it.
     """
     total, full = len(base.parameters), models[0]
     size = f"The robot has {total} parameters, {base.rank} of them independent in principle."
@@ -67,6 +71,8 @@ def state_answer(
         most = max(models, key=lambda m: m.count(Class.IDENTIFIABLE))
         count = most.count(Class.IDENTIFIABLE)
         text += f" In {most.name} {count} of {len(most.rung)} parameters are identifiable."
+    if missing.functions:
+        text += f" That holds only if nothing is missing: {missing.statement}: diagnose."
     why_not = f"The unpruned model is not judged. {full.unjudged}" if full.unjudged else ""
     return " ".join(filter(None, (text, physics, why_not)))
 

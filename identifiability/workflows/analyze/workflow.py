@@ -170,7 +170,9 @@ def analyze(
         say("judging parameters", 0.9)
         thresholds, (out,) = Thresholds(), crossed or (fitted,)
         physical, (fitted, out) = settle_robots(robots, out, (fitted, out))
-        results = assess_ladder(models, physical, fitted, out, thresholds, streams[1], draws)
+        results = assess_ladder(
+            models, physical, fitted, out, thresholds, streams[1], draws, opening.found_missing
+        )
         at = select_model(results)
         results, nothing = doubt(silence or opening.misread, results, at, out)
         leaning, leans = _seek_leaning(opening, recordings.fitted, nothing)
@@ -226,6 +228,7 @@ def analyze(
             recordings=recordings.fitted,
             several=several,
             leaning=leaning,
+            missing=opening.found_missing,
         )
 
 

@@ -162,9 +162,12 @@ def _state_answer(ladder: Ladder) -> str:
             "predict motion that the fit has not seen."
         )
     else:
+        wrong = ladder.result.infeasible
+        used = [c for c in chosen.columns if c not in wrong]
+        beside = f" (not so {listing(wrong, 4)}: physics forbids the sign)" if wrong else ""
         text = (
-            f"Of {len(full)} parameters {len(chosen)} are worth using: "
-            f"{listing(chosen.columns, 14)}. "
+            f"Of {len(full)} parameters {len(used)} are worth using: "
+            f"{listing(used, 14)}{beside}. "
             f"{_identifiable(ladder)}. They predict unseen motion with an error of "
             f"{percent(chosen.error_ra_unseen)}, the unpruned model with "
             f"{percent(full.error_ra_unseen)}."
@@ -174,6 +177,8 @@ def _state_answer(ladder: Ladder) -> str:
             f" On the logs held out for validation it is "
             f"{percent(chosen.error_ra_validation)} against {percent(full.error_ra_validation)}."
         )
+    if ladder.missing.functions:
+        text += f" That holds only if nothing is missing: {ladder.missing.statement}: diagnose."
     return f"{text} {state_physics(ladder.result)}"
 
 

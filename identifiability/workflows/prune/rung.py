@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.judge import judge_rung
@@ -162,6 +163,8 @@ class Measured:
         without any, on stretches (or logs) by models fitted to the others; sums only.
     nothing : str
         Why no verdict is believed, for after "because"; empty where they are.
+    missing : Doubt
+        Functions that are missing beside the unpruned model.
     """
 
     rungs: tuple[PrunedRung, ...]
@@ -169,6 +172,7 @@ class Measured:
     fitted: Prediction
     held_out: Prediction
     nothing: str = ""
+    missing: Doubt = NO_DOUBT
 
 
 def measure_rungs(
@@ -215,7 +219,8 @@ def measure_rungs(
         error_held, joints_held = outside.relative_error(), outside.error_over_joints()
     robot, (own, own_held) = settle_robots([physical], own_held, (own, own_held))
     best = [question.recall(*fits[chosen])]
-    (result,) = assess_ladder(best, robot, own, own_held, Thresholds(), rng, replicates)
+    missing = opening.found_missing
+    (result,) = assess_ladder(best, robot, own, own_held, Thresholds(), rng, replicates, missing)
     spread = result.uncertainty
     error, error_unseen = fitted.relative_error(), unseen.relative_error()
     joints, joints_unseen = fitted.error_over_joints(), unseen.error_over_joints()
@@ -228,7 +233,7 @@ def measure_rungs(
             step=step,
             rung=model.rung,
             estimate=model.estimate,
-            verdicts=_judge(model, question.full, spread, rng, replicates),
+            verdicts=_judge(model, question.full, spread, rng, replicates, missing),
             error_ra=float(error[k]),
             error_ra_unseen=float(error_unseen[k]),
             error_se=float(error_se[k]),
@@ -263,6 +268,7 @@ def measure_rungs(
         fitted=fitted.select([chosen]),
         held_out=outside.select([chosen]),
         nothing=nothing,
+        missing=missing,
     )
 
 
@@ -281,6 +287,7 @@ def _judge(
     spread: Uncertainty,
     rng: np.random.Generator,
     replicates: int,
+    missing: Doubt,
 ) -> tuple[Verdict, ...]:
     """Return the verdicts on a model, with the blocks of the chosen one's bootstrap."""
     model = model.told
@@ -290,7 +297,11 @@ def _judge(
     unknown = ("This motion determines it in combination with others only, or not at all.",)
     left_out = find_left_out(model.structure, model.rung, model.whole, fit, full)
     aliases = unknown * len(model.rung)
-    return judge_rung(model.rung, part, fit, own, torque, aliases, Thresholds(), left_out=left_out)
+    doubt = missing.of_labels(model.rung, fit)
+    rules = Thresholds()
+    return judge_rung(
+        model.rung, part, fit, own, torque, aliases, rules, left_out=left_out, doubt=doubt
+    )
 
 
 def contradicts(model: FittedModel, full: Estimate | None) -> bool:

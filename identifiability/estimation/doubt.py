@@ -1,0 +1,634 @@
+"""`Doubt`: functions that may be missing beside a model, and what they do to its labels.
+
+An effect that nobody named leaves its trace in the parameters that resemble it, and no interval of
+the residual holds that. So smooth functions of each joint's motion and load stand beside the model:
+each a random walk that is zero somewhere in its range, nobody knows where, whose size is the one
+that makes the torque likeliest with all parameters integrated out [Harville 1977; Wahba 1978].
+Columns are low-passed and thinned exactly as the regressor. They are not made orthogonal to it:
+what both explain is what is in doubt.
+
+A function is taken where its likelihood ratio is larger than chance gives [Self & Liang 1987] under
+noise that was measured beside the model *alone*, and where it makes unseen motion likelier. Noise
+measured beside all functions would be what they leave of it: too fast and too small, so that slow
+noise looks like them (of 20 robots without any, 3 to 5 were doubted). Beside the model alone a
+missing function counts as noise until it is taken, which costs little while it is small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.special import erfc
+
+from identifiability.effects.effect import Along
+from identifiability.effects.load_dependent_friction import carried_load
+from identifiability.effects.nominal import has_masses, rigid_torque
+from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise, fit_joint
+from identifiability.foundation.errors import listing
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.logs import signals
+from identifiability.logs.prepare.samples import Piece
+from identifiability.regression.reduction import Rung
+from identifiability.regression.regression import Regression
+from identifiability.regression.windows import choose_windows, inside
+from identifiability.robot import Motion, Robot
+
+#: Chance by which some function is taken where none is missing.
+LEVEL = 0.01
+
+#: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
+EXCERPT = (6_000, 6, 1_000)
+
+#: Input samples that columns are computed of at a time, and folds that take turns.
+PIECE, FOLDS = 8_192, 10
+
+#: Values of a function over its range; of speed they lie closer at rest, where friction bends.
+KNOTS = 8
+EVEN = np.linspace(0.0, 1.0, KNOTS)
+AT_REST = EVEN**2
+
+#: Sizes that are tried, over that at which function and noise are alike in an average direction.
+SIZES = np.logspace(-4.0, 6.0, 61)
+
+#: Echoes of a log, all of which are along the same smoothed motion.
+ECHOES = 2
+
+#: A residual below this share of the torque is rounding; and a direction of unit columns that is
+#: shorter than the root of the other is none.
+ROUNDING, THIN = 1e-8, 1e-10
+
+#: What a function is of, in words, and how many columns it has.
+KINDS = {
+    "a function of its velocity": 2 * KNOTS,
+    "a function of its position": KNOTS,
+    "a straight line over its position": 2,
+    "friction that depends on its load": KNOTS,
+}
+WIDTH = sum(KINDS.values())
+_ENDS = np.cumsum([*KINDS.values()]).tolist()
+_OWN = tuple(slice(e - w, e) for e, w in zip(_ENDS, KINDS.values(), strict=True))
+
+
+def pinned_walk(x: Array) -> Array:
+    """Return a root (m, m) of the covariance of a random walk at x (m,), zero somewhere in [0, 1].
+
+    It is ``∫₀¹ 1[(x − a)(x' − a) > 0] min(|x − a|, |x' − a|) da``.
+    """
+    low, high = np.minimum.outer(x, x), np.maximum.outer(x, x)
+    values, vectors = np.linalg.eigh(0.5 * (low**2 + (1.0 - high) ** 2))
+    root: Array = vectors * np.sqrt(np.maximum(values, 0.0))
+    return root
+
+
+def interpolate(x: Array, knots: Array) -> Array:
+    """Return what gives a function at x (N,) from its values at knots (m,), (N, m).
+
+    Beyond the ends it is what it is there.
+    """
+    x = np.clip(x, knots[0], knots[-1])
+    at = np.clip(np.searchsorted(knots, x, "right") - 1, 0, len(knots) - 2)
+    share = (x - knots[at]) / np.diff(knots)[at]
+    out, rows = np.zeros((len(x), len(knots))), np.arange(len(x))
+    out[rows, at], out[rows, at + 1] = 1.0 - share, share
+    return out
+
+
+_ROOT, _ROOT_AT_REST = pinned_walk(EVEN), pinned_walk(AT_REST)
+
+
+@frozen
+class Ranges:
+    """Where the fitted motion went, which functions are over.
+
+    Attributes
+    ----------
+    speed : (n,) [rad/s or m/s]
+        The largest.
+    position, load : (2, n) [rad or m; N·m or N]
+        The least and the largest. The load is by the file's masses, zero where it has none.
+    """
+
+    speed: Array
+    position: Array
+    load: Array
+
+    @staticmethod
+    def of(robot: Robot, motions: Sequence[Motion]) -> Ranges:
+        """Return the ranges of some motions."""
+        q, v = (np.concatenate([getattr(m, f"actuated_{k}") for m in motions]) for k in "qv")
+        load = np.concatenate([_carried(robot, m) for m in motions])
+        ends = [np.stack([x.min(0), x.max(0)]) for x in (q, load)]
+        return Ranges(np.abs(v).max(0), *ends)
+
+    def columns(self, robot: Robot, motion: Motion) -> Array:
+        """Return the torque of each joint by its own functions of unit size, (N, n, `WIDTH`)."""
+        n = len(self.speed)
+        out = np.zeros((len(motion), n, WIDTH))
+        load, sign = _carried(robot, motion), np.sign(motion.actuated_v)
+        for j in range(n):
+            speed, place, line, carried = (out[:, j, own] for own in _OWN)
+            if self.speed[j] > 0:
+                size = np.abs(motion.actuated_v[:, j]) / self.speed[j]
+                curve = interpolate(size, AT_REST) @ _ROOT_AT_REST
+                speed[:, :KNOTS] = curve * (sign[:, j, None] > 0)
+                speed[:, KNOTS:] = curve * (sign[:, j, None] < 0)
+            x = _share(motion.actuated_q[:, j], self.position[:, j])
+            if x is not None:
+                place[:] = interpolate(x, EVEN) @ _ROOT
+                line[:, 0], line[:, 1] = 1.0, np.sqrt(3.0) * (2.0 * x - 1.0)
+            x = _share(load[:, j], self.load[:, j])
+            if x is not None:
+                carried[:] = (interpolate(x, EVEN) @ _ROOT) * sign[:, j, None]
+        return out
+
+
+def _share(x: Array, ends: Array) -> Array | None:
+    """Return how far x (N,) is between two ends, from 0 to 1; None where they are one."""
+    low, high = ends
+    return (x - low) / (high - low) if high > low else None
+
+
+def _carried(robot: Robot, motion: Motion) -> Array:
+    """Return what each joint carries by the file's masses, (N, n) [N·m or N]."""
+    if not has_masses(robot):
+        return np.zeros_like(motion.actuated_q)
+    load, joints = rigid_torque(robot, motion), robot.axes[: len(robot.actuated)]
+    return np.stack([carried_load(load, Along(robot, motion, axis)) for axis in joints], axis=1)
+
+
+@frozen
+class Rows:
+    """Model, functions and torque after decimation.
+
+    Attributes
+    ----------
+    X : (N, n, k)
+    B : (N, n, c)
+        Of the joint's own functions.
+    y : (N, n) [N·m or N]
+    runs : sequence of (start, stop)
+        Stretches without gaps.
+    log : (N,) int
+    """
+
+    X: Array
+    B: Array
+    y: Array
+    runs: tuple[tuple[int, int], ...]
+    log: np.ndarray
+
+    @staticmethod
+    def of(regression: Regression, ranges: Ranges | None = None) -> tuple[Rows, Ranges]:
+        """Return the rows of a regression, and the ranges: its own, or those that are given."""
+        windows = choose_windows([s.outputs for s in regression.samples], *EXCERPT)
+        parts, pieces = regression.parts(), list[tuple[Piece, list[slice]]]()
+        for part in parts:
+            start = part.start
+            for piece in part.samples.pieces(PIECE):
+                stop = start + len(piece.tau[piece.at])
+                seen = [rows for _, rows in inside(windows[part.log], start, stop)]
+                pieces += [(piece, seen)] if seen else []
+                start = stop
+        robot = regression.robot
+        ranges = ranges or Ranges.of(robot, [piece.motion for piece, _ in pieces])
+        B = [
+            piece.down(ranges.columns(robot, piece.motion))[rows]
+            for piece, several in pieces
+            for rows in several
+        ]
+        shown = [c for part in parts for c in part.shown()]
+        chunks = [own for c in shown for own in c.inside(windows[c.log])]
+        t = np.concatenate([c.t for c in chunks])
+        log = np.concatenate([np.full(len(c.t), c.log) for c in chunks])
+        at = np.concatenate([c.start + np.arange(len(c.t)) for c in chunks])
+        apart = (np.diff(log) != 0) | (np.diff(at) != 1)
+        edges = [0, *(np.flatnonzero(apart) + 1).tolist(), len(at)]
+        cuts = edges[:-1]
+        for a, b in pairwise(edges):
+            cuts = cuts + (a + 1 + np.flatnonzero(signals.has_gap(t[a:b]))).tolist()
+        starts = sorted(set(cuts))
+        runs = tuple(zip(starts, [*starts[1:], len(at)], strict=True))
+        X, y = (np.concatenate([getattr(c, k) for c in chunks]) for k in ("W", "tau"))
+        return Rows(X, np.concatenate(B), y, runs, log), ranges
+
+    def noise(self, joint: int, taken: Sequence[int] = ()) -> JointNoise:
+        """Return the noise of a joint beside the model and the functions that it took.
+
+        What rounding leaves says nothing: it is infinite there.
+        """
+        X, B, y = self.X[:, joint], self.B[:, joint], self.y[:, joint]
+        own = [B[:, _OWN[i % len(KINDS)]] for i in taken if i // len(KINDS) == joint]
+        found = fit_joint(y, [X[:, X.any(0)], *own], self.runs)
+        silent = found.left <= ROUNDING**2 * float(np.mean(y**2))
+        return replace(found, sigma=np.inf) if silent else found
+
+
+@frozen
+class Products:
+    """Products of whitened rows: of the model's k columns, n · c functions and the torque.
+
+    Attributes
+    ----------
+    all : (k + n c + 1, k + n c + 1)
+    model : int
+        k.
+    """
+
+    all: Array
+    model: int
+
+    @staticmethod
+    def of(rows: Rows, noise: ARNoise, which: np.ndarray | None = None) -> Products:
+        """Return those of some rows (N,) bool, or of all."""
+        seen = slice(None) if which is None else which
+        X, B, y = (noise.whiten(a, rows.runs)[seen] for a in (rows.X, rows.B, rows.y[:, :, None]))
+        _, n, k = X.shape
+        c = B.shape[2]
+        out = np.zeros((k + n * c + 1,) * 2)
+        for j in range(n):
+            at = [*range(k), *range(k + j * c, k + (j + 1) * c), k + n * c]
+            Z = np.concatenate([X[:, j], B[:, j], y[:, j]], axis=1)
+            out[np.ix_(at, at)] += Z.T @ Z
+        return Products(out, k)
+
+    def __add__(self, other: Products) -> Products:
+        """Return those of both."""
+        return replace(self, all=self.all + other.all)
+
+    def __sub__(self, other: Products) -> Products:
+        """Return those of the rest."""
+        return replace(self, all=self.all - other.all)
+
+    @cached_property
+    def beside(self) -> tuple[Array, Array]:
+        """Products of functions (nc, nc), and with the torque (nc,), beside the model."""
+        k = self.model
+        size = np.sqrt(np.maximum(np.diag(self.all)[:k], 1e-300))
+        values, vectors = np.linalg.eigh(self.all[:k, :k] / np.outer(size, size))
+        seen = values > THIN * values[-1]
+        A = (vectors[:, seen] / np.sqrt(values[seen])).T @ (self.all[:k, k:] / size[:, None])
+        left = self.all[k:, k:] - A.T @ A
+        return left[:-1, :-1], left[:-1, -1]
+
+    def solve(self, u: Array) -> Array:
+        """Return the values of the model beside functions of some values (nc,), (k,)."""
+        k = self.model
+        target = self.all[:k, -1] - self.all[:k, k:-1] @ u
+        size = np.sqrt(np.maximum(np.diag(self.all)[:k], 1e-300))
+        scaled = self.all[:k, :k] / np.outer(size, size)
+        found: Array = np.linalg.lstsq(scaled, target / size, rcond=THIN)[0] / size
+        return found
+
+    def given(self, S: Array, at: np.ndarray) -> tuple[Array, Array]:
+        """Return the same of some functions, beside the model and those of variances S (nc,)."""
+        G, g = self.beside
+        on = np.flatnonzero(S)
+        if not len(on):
+            return G[np.ix_(at, at)], g[at]
+        K = np.linalg.solve(np.diag(1.0 / S[on]) + G[np.ix_(on, on)], G[np.ix_(on, at)]).T
+        return G[np.ix_(at, at)] - K @ G[np.ix_(on, at)], g[at] - K @ g[on]
+
+    def gain(self, S: Array) -> float:
+        """Return twice the rise of the log-likelihood by functions of variances S (nc,)."""
+        on = np.flatnonzero(S)
+        G, g = self.beside
+        D = np.sqrt(S[on])
+        L = np.linalg.cholesky(np.eye(len(on)) + D[:, None] * G[np.ix_(on, on)] * D)
+        z = np.linalg.solve(L, D * g[on])
+        return float(z @ z - 2.0 * np.log(np.diag(L)).sum())
+
+
+def find_size(G: Array, g: Array) -> tuple[float, float]:
+    """Return twice the largest rise of the log-likelihood by a function, and its variance."""
+    values, vectors = np.linalg.eigh(G)
+    values = np.maximum(values, 0.0)
+    if not values[-1] > 0:
+        return 0.0, 0.0
+    S = (SIZES / values.mean())[:, None]
+    rise = (S * (vectors.T @ g) ** 2 / (1 + S * values) - np.log1p(S * values)).sum(1)
+    best = int(np.argmax(rise))
+    return (float(rise[best]), float(S[best, 0])) if rise[best] > 0 else (0.0, 0.0)
+
+
+@frozen
+class MissingFunction:
+    """A function that the fitted motion says is missing, and unseen motion confirms.
+
+    Attributes
+    ----------
+    joint : str
+    of : str
+        What it is a function of, in words (`KINDS`).
+    p_value : float
+        Family-wise.
+    unseen : float
+        Rise of the log-likelihood of unseen motion by it.
+    error : float
+        Of the joint without any function, over its noise.
+    explained : float
+        Share of the squares of that error that all functions of the joint explain.
+    """
+
+    joint: str
+    of: str
+    p_value: float
+    unseen: float
+    error: float
+    explained: float
+
+    @property
+    def text(self) -> str:
+        """What it is and where, such as "a function of its velocity in joint_2"."""
+        return f"{self.of} in {self.joint}"
+
+
+@frozen
+class Doubt:
+    """Functions that are missing beside a model, and what they say of its values.
+
+    Attributes
+    ----------
+    functions : tuple of MissingFunction
+        Empty where none is missing.
+    columns : tuple of (u,) int
+        Of each, among the u columns of all.
+    value : (u,)
+        Of the columns in the mixed model.
+    covariance : (u, u)
+        Of its error.
+    XX, XB : (n, k, k), (n, k, u)
+        Products of model and functions at each joint, neither weighed nor whitened.
+    """
+
+    functions: tuple[MissingFunction, ...]
+    columns: tuple[np.ndarray, ...]
+    value: Array
+    covariance: Array
+    XX: Array
+    XB: Array
+
+    @property
+    def statement(self) -> str:
+        """What the model errs by where something is missing, for before ": diagnose"."""
+        parts = []
+        for joint in dict.fromkeys(f.joint for f in self.functions):
+            own = [f for f in self.functions if f.joint == joint]
+            what, share = listing([f.of for f in own]), own[0].explained
+            explains = "explains" if len(own) == 1 else "explain"
+            much = f"{explains} {100 * share:.0f} % of that" if share > 0 else "makes it likelier"
+            parts.append(f"{joint} errs {own[0].error:.2g} × its noise; {what} {much}")
+        return "; ".join(parts)
+
+    def to_list(self) -> list[dict[str, Any]]:
+        """Return the functions as a JSON result has them."""
+        return [
+            {
+                "joint": f.joint,
+                "of": f.of,
+                "p_value": f.p_value,
+                "log_likelihood_unseen": f.unseen,
+                "error_over_noise": f.error,
+                "explained": f.explained,
+            }
+            for f in self.functions
+        ]
+
+    def of_labels(self, rung: Rung, fit: Estimate) -> LabelDoubt | None:
+        """Return what the functions do to the values of a model; None where none is missing."""
+        if not self.functions:
+            return None
+        kept = list(fit.kept)
+        M, w = rung.M[:, kept], fit.weights
+        XX = M.T @ np.einsum("a,akl->kl", w, self.XX) @ M
+        XB = M.T @ np.einsum("a,aku->ku", w, self.XB)
+        size = np.sqrt(np.maximum(np.diag(XX), 1e-300))
+        T = np.linalg.lstsq(XX / np.outer(size, size), XB / size[:, None], rcond=THIN)[0]
+        T /= size[:, None]
+        shift, sigma = np.zeros(len(rung)), np.zeros(len(rung))
+        shift[kept] = T @ self.value
+        sigma[kept] = np.sqrt(np.maximum(np.einsum("ku,uv,kv->k", T, self.covariance, T), 0.0))
+        each = [
+            (T[:, at] @ self.value[at]) ** 2
+            + np.einsum("ku,uv,kv->k", T[:, at], self.covariance[np.ix_(at, at)], T[:, at])
+            for at in self.columns
+        ]
+        names = [""] * len(rung)
+        for row, column in enumerate(kept):
+            names[column] = self.functions[int(np.argmax([x[row] for x in each]))].text
+        return LabelDoubt(shift, sigma, tuple(names))
+
+
+@frozen
+class LabelDoubt:
+    """What functions that are missing do to the k values of a model.
+
+    Attributes
+    ----------
+    shift : (k,)
+        Value less what the mixed model finds.
+    sigma : (k,)
+        Standard deviation of that.
+    names : tuple of str
+        The function that matters most to each.
+    """
+
+    shift: Array
+    sigma: Array
+    names: tuple[str, ...]
+
+
+NO_DOUBT = Doubt((), (), np.empty(0), np.empty((0, 0)), np.empty((0, 0, 0)), np.empty((0, 0, 0)))
+
+
+def find_doubt(regression: Regression, unseen: Regression | None = None) -> Doubt:
+    """Return the functions that are missing beside all columns of a regression.
+
+    Noise in the motion leaves its own functions: least squares is pulled towards zero by it, and
+    they explain the rest. Where the motion has a second record, whose noise is another, a function
+    is missing only if both say that something is missing in its joint.
+
+    Parameters
+    ----------
+    regression : Regression
+        Of the logs that are fitted.
+    unseen : Regression, optional
+        Of others; without them stretches of the fitted ones take turns.
+    """
+    joints = regression.robot.joints
+    plain = replace(regression, instruments=None, echo=None)
+    search, other = _search(plain, unseen)
+    smoothed = None if regression.echo is None else regression.echo.samples[::ECHOES]
+    record = regression.instruments or smoothed
+    if search.taken and record is not None:
+        second, _ = _search(replace(plain, samples=record), None)
+        places = {i // len(KINDS) for i in second.taken}
+        search = search.keep([i for i in search.taken if i // len(KINDS) in places])
+    return search.conclude(joints, other or search.rows) if search.taken else NO_DOUBT
+
+
+def _search(regression: Regression, unseen: Regression | None) -> tuple[Search, Rows | None]:
+    """Return what is taken and confirmed, and the rows of unseen motion, if they were asked."""
+    rows, ranges = Rows.of(regression)
+    search = Search.of(rows, len(regression.robot.joints))
+    while (found := search.next()) is not None:
+        search = found
+    if not search.taken:
+        return search, None
+    other = None
+    if unseen is not None:
+        other, _ = Rows.of(replace(unseen, instruments=None, echo=None), ranges)
+    return search.confirm(other), other
+
+
+@frozen
+class Search:
+    """Functions that are taken one at a time.
+
+    Attributes
+    ----------
+    rows : Rows
+        That are fitted.
+    noise : ARNoise
+        Beside model and functions.
+    products : Products
+        Whitened by it.
+    S : (nc,)
+        Variance of every column; zero for functions that are not taken.
+    taken : tuple of int
+        Functions: joint × kinds + kind.
+    p_values, unseen : tuple of float
+        Of each; what it adds to the log-likelihood of unseen motion, once that was asked.
+    """
+
+    rows: Rows
+    noise: ARNoise
+    products: Products
+    S: Array
+    taken: tuple[int, ...] = ()
+    p_values: tuple[float, ...] = ()
+    unseen: tuple[float, ...] = ()
+
+    @staticmethod
+    def of(rows: Rows, joints: int) -> Search:
+        """Return the search before anything is taken."""
+        noise = ARNoise(tuple(rows.noise(j) for j in range(joints)))
+        return Search(rows, noise, Products.of(rows, noise), np.zeros(joints * WIDTH))
+
+    def next(self) -> Search | None:
+        """Return the search with one function more; None if chance explains the best as well."""
+        every = range(len(self.S) // WIDTH * len(KINDS))
+        left = [i for i in every if i not in self.taken]
+        found = [(*find_size(*self.products.given(self.S, own_columns(i))), i) for i in left]
+        rise, size, best = max(found, default=(0.0, 0.0, 0))
+        p = 0.5 * float(erfc(np.sqrt(rise / 2.0))) * len(left)
+        if not p < LEVEL or not left:
+            return None
+        taken, at = (*self.taken, best), best // len(KINDS)
+        # What it explains counted as noise until now.
+        joints = [
+            self.rows.noise(at, taken) if j == at else x for j, x in enumerate(self.noise.joints)
+        ]
+        S, noise = self.S.copy(), ARNoise(tuple(joints))
+        S[own_columns(best)] = size
+        products = Products.of(self.rows, noise)
+        search = replace(self, noise=noise, products=products, S=S, taken=taken)
+        return replace(search, S=search.settle(), p_values=(*self.p_values, p))
+
+    def settle(self) -> Array:
+        """Return the variances, each likeliest beside the others, (nc,)."""
+        S = self.S.copy()
+        for i in (*self.taken, *self.taken):
+            S[own_columns(i)] = 0.0
+            S[own_columns(i)] = find_size(*self.products.given(S, own_columns(i)))[1]
+        return S
+
+    def confirm(self, other: Rows | None) -> Search:
+        """Return the search with those functions alone that make unseen motion likelier.
+
+        Parameters
+        ----------
+        other : Rows or None
+            Of unseen motion; None for stretches of the fitted one in turn.
+        """
+        if other is not None:
+            pairs = [(self.products, self.products + Products.of(other, self.noise))]
+        else:
+            turn = np.arange(len(self.rows.y)) * FOLDS // len(self.rows.y)
+            folds = [Products.of(self.rows, self.noise, turn == f) for f in range(FOLDS)]
+            pairs = [(self.products - fold, self.products) for fold in folds]
+        search = self
+        while search.taken:
+            gains = search._gains(pairs)
+            if min(gains) > 0:
+                return replace(search, unseen=tuple(gains))
+            worst = int(np.argmin(gains))
+            search = search.keep([i for k, i in enumerate(search.taken) if k != worst])
+        return search
+
+    def keep(self, functions: Sequence[int]) -> Search:
+        """Return the search with some of the functions alone."""
+        at = [k for k, i in enumerate(self.taken) if i in functions]
+        S = np.zeros_like(self.S)
+        for k in at:
+            S[own_columns(self.taken[k])] = self.S[own_columns(self.taken[k])]
+        taken, p_values = tuple(self.taken[k] for k in at), tuple(self.p_values[k] for k in at)
+        unseen = tuple(self.unseen[k] for k in at) if self.unseen else ()
+        kept = replace(self, S=S, taken=taken, p_values=p_values, unseen=unseen)
+        return replace(kept, S=kept.settle())
+
+    def _gains(self, pairs: Sequence[tuple[Products, Products]]) -> list[float]:
+        """Return what each function adds to the log-likelihood of what is new in some products."""
+        out = []
+        for i in self.taken:
+            without = self.S.copy()
+            without[own_columns(i)] = 0.0
+            gained = [p.gain(self.S) - p.gain(without) for pair in pairs for p in pair]
+            out.append(0.5 * float(np.sum(gained[1::2]) - np.sum(gained[::2])))
+        return out
+
+    def conclude(self, joints: Sequence[str], seen: Rows) -> Doubt:
+        """Return what was found; errors are of rows that are seen.
+
+        Parameters
+        ----------
+        joints : sequence of str
+        seen : Rows
+        """
+        on = np.flatnonzero(self.S)
+        if not len(on):
+            return NO_DOUBT
+        G, g = self.products.beside
+        C = np.linalg.inv(np.diag(1.0 / self.S[on]) + G[np.ix_(on, on)])
+        value, n = C @ g[on], len(joints)
+        whole, (before, after) = np.zeros(len(self.S)), (np.zeros(n), np.zeros(n))
+        whole[on] = value
+        for u, out in ((np.zeros(len(self.S)), before), (whole, after)):
+            beta = self.products.solve(u)
+            left = seen.y - seen.X @ beta - np.einsum("njc,jc->nj", seen.B, u.reshape(n, -1))
+            out[:] = np.mean(left**2, axis=0)
+        functions, columns = [], []
+        for i, p, gain in zip(self.taken, self.p_values, self.unseen, strict=True):
+            j = i // len(KINDS)
+            noise = self.noise.joints[j].left
+            ratio = float(np.sqrt(before[j] / noise)), float(1.0 - after[j] / before[j])
+            functions.append(MissingFunction(joints[j], [*KINDS][i % len(KINDS)], p, gain, *ratio))
+            columns.append(np.flatnonzero(np.isin(on, own_columns(i))))
+        X, XB = self.rows.X, np.zeros((n, self.rows.X.shape[2], len(on)))
+        for k, (j, column) in enumerate(divmod(c, WIDTH) for c in on.tolist()):
+            XB[j, :, k] = X[:, j].T @ self.rows.B[:, j, column]
+        XX = np.einsum("ajk,ajl->jkl", X, X, optimize=True)
+        return Doubt(tuple(functions), tuple(columns), value, C, XX, XB)
+
+
+def own_columns(function: int) -> np.ndarray:
+    """Return the columns of a function among those of all joints."""
+    joint, kind = divmod(function, len(KINDS))
+    found: np.ndarray = joint * WIDTH + np.arange(WIDTH)[_OWN[kind]]
+    return found
