@@ -124,13 +124,14 @@ class Opening(OfStructure):
         """Why the fitted logs have nothing to explain, for after "because"; nothing if they do."""
         return explain_silence([s.survey for s in self.samples])
 
-    @cached_property
-    def found_missing(self) -> Doubt:
-        """Return the functions that are missing beside the unpruned model."""
-        if self.silence:
-            return NO_DOUBT
-        unseen = self.structure.regression(self.validation) if self.validation else None
-        return find_doubt(self.regression, unseen)
+
+def find_missing(opening: Opening) -> Doubt:
+    """Return the functions that are missing beside the unpruned model."""
+    if opening.silence:
+        return NO_DOUBT
+    held = opening.validation
+    unseen = opening.structure.regression(held) if held else None
+    return find_doubt(opening.regression, unseen)
 
 
 @contextmanager

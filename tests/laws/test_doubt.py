@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability import Log, Robot, analyze
+from identifiability import Log, Robot, analyze, calibrate
 from identifiability.estimation.doubt import EVEN, find_size, interpolate, pinned_walk
 from identifiability.estimation.verdict import Class
 from identifiability.report.sections.answer import answer_notes, answer_questions
@@ -69,6 +69,10 @@ def test_a_function_that_is_missing_reaches_the_card_the_labels_and_the_next_com
     assert "only if nothing is missing" in found.statement
     assert "identifiability diagnose" in next_commands(found)[0][1]
     assert found.to_dict()["missing_functions"][0]["joint"] == "elbow"
+    few = {"noise": (1.0,), "rho": (0.0,), "replicates": 20, "refits": 40, "sbc": 0, "names": 0}
+    asked = calibrate(found, **few)
+    assert not asked.lines[0].startswith("Yes")
+    assert asked.answer.word != "yes" or "diagnose" in asked.lines[2]
     verdict = {v.name: v for v in found.chosen.verdicts}["elbow.Fc"]
     truth = Robot.load("two-link").nominal["elbow.Fc"]
     low, high = verdict.interval95

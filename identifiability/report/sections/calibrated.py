@@ -10,7 +10,13 @@ from identifiability.report.sections.drawn import moved_pose, sketch_parts
 from identifiability.workflows.calibrate.answer import MOST_WRONG
 from identifiability.workflows.calibrate.result import Calibration
 from identifiability.workflows.calibrate.world import Cause
-from identifiability.workflows.commands import ladder_option, name_logs, quote, source_name
+from identifiability.workflows.commands import (
+    held_back,
+    ladder_option,
+    name_logs,
+    quote,
+    source_name,
+)
 
 TONES = {"yes": "green", "no": "vermilion", "not enough trials": "amber"}
 
@@ -27,7 +33,8 @@ def answer_calibration(calibration: Calibration) -> Answers:
 def _trust(calibration: Calibration) -> Answer:
     start, _, rest = calibration.lines[0].partition(": ")
     text = f"{rest[:1].upper()}{rest[1:]}"
-    tone = TONES[calibration.answer.word]
+    answer = calibration.answer
+    tone = "amber" if answer.word == "yes" and answer.missing else TONES[answer.word]
     return Answer("May intervals and verdicts be trusted here?", f"{start}.", text, tone)
 
 
@@ -73,6 +80,10 @@ def _next_commands(calibration: Calibration) -> list[tuple[str, str]]:
         "Find a motion to measure next, for longer and other logs:",
         f"identifiability excite {robot} {begun} --out next.json",
     )
+    if word == "yes" and analysis.missing.functions:
+        held = held_back(analysis.validation)
+        line = f"identifiability diagnose {robot} {logs}{held} --report missing.html"
+        return [("Find out what the model misses:", line), use]
     if word == "yes":
         return [use]
     if word == "not enough trials":

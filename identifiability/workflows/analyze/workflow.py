@@ -54,6 +54,7 @@ from identifiability.workflows.opening import (
     Logs,
     Opening,
     Progress,
+    find_missing,
     open_logs,
     read_recordings,
     running,
@@ -171,7 +172,14 @@ def analyze(
         thresholds, (out,) = Thresholds(), crossed or (fitted,)
         physical, (fitted, out) = settle_robots(robots, out, (fitted, out))
         results = assess_ladder(
-            models, physical, fitted, out, thresholds, streams[1], draws, opening.found_missing
+            models,
+            physical,
+            fitted,
+            out,
+            thresholds,
+            streams[1],
+            draws,
+            missing := find_missing(opening),
         )
         at = select_model(results)
         results, nothing = doubt(silence or opening.misread, results, at, out)
@@ -228,7 +236,7 @@ def analyze(
             recordings=recordings.fitted,
             several=several,
             leaning=leaning,
-            missing=opening.found_missing,
+            missing=missing,
         )
 
 

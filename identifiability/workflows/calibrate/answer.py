@@ -102,12 +102,15 @@ class Answer:
         What each cause does, where the answer is no.
     nothing : str
         Why the analysis believes no verdict, for after "because"; empty where it does.
+    missing : str
+        What the model surely misses, in words; repetitions are made by the model and have it not.
     """
 
     model: str
     cell: Cell
     effects: tuple[Effect, ...] = ()
     nothing: str = ""
+    missing: str = ""
 
     @property
     def word(self) -> Word:
@@ -128,6 +131,8 @@ class Answer:
     def _intervals(self) -> str:
         cell = self.cell
         start = {"yes": "Yes", "no": "No", "not enough trials": "Not enough trials to say"}
+        if self.missing:
+            start["yes"] = "Only if nothing is missing"
         if not self.nothing and fails(cell) == "single":
             start["no"] = "No, not for every parameter"
         return (
@@ -160,6 +165,8 @@ class Answer:
         least = f"Least sure: {name}, {100 * share.value:.0f} %"
         if self.nothing:
             return f"Why: the analysis believes no verdict, because {self.nothing}."
+        if self.word == "yes" and self.missing:
+            return f"{least} of its intervals hold the truth. But {self.missing}: diagnose."
         if self.word == "yes":
             # Repetitions are made by the model: what it lacks altogether is in none of them.
             return (

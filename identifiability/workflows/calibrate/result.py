@@ -71,7 +71,8 @@ class Calibration(Result):
     @property
     def answer(self) -> Answer:
         """May intervals and verdicts be trusted?"""
-        return Answer(self.model, self.cells[0], self.effects, self.nothing)
+        missing = "" if self.analysis is None else self.analysis.missing.statement
+        return Answer(self.model, self.cells[0], self.effects, self.nothing, missing)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a cell."""

@@ -32,7 +32,7 @@ from identifiability.workflows.analyze.assessment import (
 )
 from identifiability.workflows.analyze.fit import settle_robots
 from identifiability.workflows.analyze.words import WORSE
-from identifiability.workflows.opening import Opening
+from identifiability.workflows.opening import Opening, find_missing
 from identifiability.workflows.prune.elimination import Step, explain
 from identifiability.workflows.prune.search import Search, least_error
 
@@ -219,7 +219,7 @@ def measure_rungs(
         error_held, joints_held = outside.relative_error(), outside.error_over_joints()
     robot, (own, own_held) = settle_robots([physical], own_held, (own, own_held))
     best = [question.recall(*fits[chosen])]
-    missing = opening.found_missing
+    missing = find_missing(opening)
     (result,) = assess_ladder(best, robot, own, own_held, Thresholds(), rng, replicates, missing)
     spread = result.uncertainty
     error, error_unseen = fitted.relative_error(), unseen.relative_error()
