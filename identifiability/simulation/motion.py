@@ -19,6 +19,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.gaps import BRIDGED, Gaps, fill
 from identifiability.logs.source import read_table
 from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.logs.units import check_units
@@ -256,7 +257,17 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
     check_units(robot, [log])
     if log.dq is not None and log.ddq is not None:
         return PrescribedMotion(log.t, log.q, log.dq, log.ddq, log.name)
-    dt, _ = log.even_step()
-    smooth = signals.lowpass(log.q, dt, choose_band([Spectrum.of([log.q], dt)]).cutoff)
+    t, q, gaps = log.t, log.q, Gaps.of(log.name, log.clock, [log.t])
+    grid = gaps.divide(np.inf)
+    if grid is None or gaps.lost.sum() > len(log):
+        dt, _ = log.even_step()
+    else:  # lost samples are bridged as where a log is fitted
+        gaps.check(len(log))
+        at, dt = grid.places(0, len(log)), gaps.step
+        t, q = fill(t, at), fill(q, at)
+    cutoff = choose_band([Spectrum.of([q], dt)]).cutoff
+    if grid is not None and gaps.length.max() > BRIDGED / cutoff:
+        log.even_step()  # which says where the gap is
+    smooth = signals.lowpass(q, dt, cutoff)
     dq = signals.differentiate(smooth, dt)
-    return PrescribedMotion(log.t, smooth, dq, signals.differentiate(dq, dt), log.name)
+    return PrescribedMotion(t, smooth, dq, signals.differentiate(dq, dt), log.name)

@@ -6,7 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from identifiability.foundation.errors import LogError
+from identifiability.robot import Robot
 from identifiability.robot.locate import locate_robot
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
+from identifiability.simulation.motion import find_motion
 
 JOINTS = ("slider1", "slider2", "slider3")
 
@@ -128,3 +132,22 @@ def test_a_bad_trajectory_file_is_refused(content, sentence, simulates, write):
 def test_an_unknown_trajectory_in_a_file_is_refused(simulates, write):
     path = write("motion.json", edited())
     assert f"{path} has no trajectory 'd'. It has a, b, c." in simulates("two-link", f"{path}:d")
+
+
+def test_lost_samples_that_a_fit_bridges_are_bridged_in_a_motion(tmp_path):
+    """Rows that are missing for less than half a period of the cut-off change no motion."""
+    robot = Robot.load("two-link")
+    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 750)
+    frame = pd.DataFrame({"t": motion.t} | {f"{j}.q": motion.q[:, k] for k, j in
+                                            enumerate(robot.joints)})  # fmt: skip
+    whole, lost, torn = (tmp_path / f"{name}.csv" for name in ("whole", "lost", "torn"))
+    frame.to_csv(whole, index=False)
+    frame.drop(index=[100, 101, 300, 400, 401, 402]).to_csv(lost, index=False)
+    frame.drop(index=range(100, 400)).to_csv(torn, index=False)
+    rng = np.random.default_rng(0)
+    first, again = (find_motion(robot, str(p), None, rng) for p in (whole, lost))
+    assert len(again.t) == len(first.t)
+    np.testing.assert_allclose(again.t, first.t, atol=1e-6)
+    np.testing.assert_allclose(again.ddq, first.ddq, atol=0.02 * np.abs(first.ddq).max())
+    with pytest.raises(LogError, match=r"has a gap of .* s after t"):
+        find_motion(robot, str(torn), None, rng)
