@@ -148,8 +148,8 @@ def _block_squares(information: Information, fit: Estimate) -> Array:
     """
     z = np.append(-fit.value, 1.0)[:, None]
     sums = information.squares_of_blocks(z).T
-    mean = sums / information.counts[:, None]
-    torque = information.torque / information.samples
+    mean = sums / np.maximum(information.data, 1)
+    torque = information.torque / information.rows_each
     usual = np.maximum(np.median(mean, axis=0), (LARGE**2 / BEYOND) * torque)
     shares: Array = mean / np.where(usual > 0, usual, np.inf)
     return shares

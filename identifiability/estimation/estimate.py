@@ -111,20 +111,21 @@ def weigh_logs(information: Information, estimator: Estimator) -> Information:
         return information
     member = (information.log == logs[:, None]) & alive
     counts = member @ information.counts
+    rows = np.maximum(information.data.T @ member.T, 1)  # that are data, (n, L)
     weights, weighed = np.ones((information.actuators, len(logs))), information
     variance, dof = np.ones(weights.shape), np.ones(weights.shape)
     own = [fit_whole(plain, information.take(at)) for at in member]
     short = np.array([fit is None for fit in own])
     for k, fit in enumerate(own):
         if fit is not None:
-            variance[:, k], dof[:, k] = fit.variance, counts[k] / fit.times
+            variance[:, k], dof[:, k] = fit.variance, rows[:, k] / fit.times
     for _ in range(WEIGHINGS):
         if short.any():
             fit = plain.fit(weighed)
             left = (fit.variance * fit.times)[:, None] * taken_of_blocks(weighed, fit)
             left += weighed.squares_of_blocks(np.append(-fit.value, 1.0)[:, None])
-            variance[:, short] = (left @ member.T / counts / weights)[:, short]
-            dof[:, short] = (counts / fit.times[:, None])[:, short]
+            variance[:, short] = (left @ member.T / rows / weights)[:, short]
+            dof[:, short] = (rows / fit.times[:, None])[:, short]
         # Rounding, which is all that there may be in a log, must not be all that counts.
         floor = variance.max(1, keepdims=True) / MOST
         before, weights = weights, _shrink(np.maximum(variance, floor), dof)
@@ -202,7 +203,7 @@ def _with_noise(estimator: Estimator, noise: LogNoise | None) -> Estimator:
 def fit_whole(estimator: Estimator, whole: Information) -> Estimate | None:
     """Return the fit of all columns; None where too few outputs are independent for them."""
     fit = estimator.fit(whole)
-    independent = whole.samples * float(np.sum(1 / fit.times))
+    independent = float(np.sum(whole.rows_each / fit.times))
     return fit if fit.kept and independent >= ENOUGH * len(fit.kept) else None
 
 

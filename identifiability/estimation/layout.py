@@ -60,7 +60,9 @@ class Layout:
     signal: np.ndarray
 
     @staticmethod
-    def of(counts: Sequence[int], torque: Array, signal: np.ndarray) -> Layout:
+    def of(
+        counts: Sequence[int], torque: Array, signal: np.ndarray, rows: np.ndarray | None = None
+    ) -> Layout:
         """Return the layout of logs, with about `STRETCHES` over all and one in each window.
 
         Parameters
@@ -71,8 +73,11 @@ class Layout:
             Sum of the torque of each log.
         signal : (n,) bool
             Joints at which there is something to explain.
+        rows : (L, n) int, optional
+            Samples at which torque of each joint is data; all by default.
         """
-        total, windows = max(sum(counts), 1), choose_windows(counts)
+        every = np.outer(counts, np.ones(torque.shape[1], int)) if rows is None else rows
+        windows = choose_windows(counts)
         sizes = [w[:, 1] - w[:, 0] for w in windows]
         shown = max(sum(s.sum() for s in sizes), 1)
         log, first = [], []
@@ -87,9 +92,9 @@ class Layout:
             windows=windows,
             log=np.array(log, int),
             first=np.concatenate(first),
-            mean=float(torque.sum() / (total * torque.shape[1])),
-            joint_mean=torque.sum(0) / total,
-            log_mean=torque.sum(1) / (np.maximum(counts, 1.0) * torque.shape[1]),
+            mean=float(torque.sum() / max(every.sum(), 1)),
+            joint_mean=torque.sum(0) / np.maximum(every.sum(0), 1),
+            log_mean=torque.sum(1) / np.maximum(every.sum(1), 1),
             signal=signal,
         )
 

@@ -144,7 +144,7 @@ def _mean_square(information: Information) -> float:
 
 def noise_scale(information: Information, weights: Array, times: Array, rss: Array) -> float:
     """Return the variance of noise of weight 1, whose independent rows pay for the columns."""
-    independent = information.samples * float(np.sum(1 / times)) - information.size
+    independent = float(np.sum(information.rows_each / times)) - information.size
     return float(weights @ rss) / max(independent, 1.0)
 
 
@@ -178,7 +178,7 @@ def _solve(
         determined=np.ones(k, bool),
         kept=tuple(range(k)),
         # Each actuator pays for its share of the parameters in proportion to its rows.
-        variance=rss / max(information.samples - k / n, 1.0),
+        variance=rss / np.maximum(information.rows_each * (1 - k / max(information.rows, 1)), 1.0),
         rss=rss,
         dof=dof,
         condition=1.0 / low if low > 0 else np.inf,

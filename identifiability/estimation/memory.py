@@ -65,7 +65,7 @@ class Noise:
             By least squares.
         """
         _, taken = _take(information.select(fit.kept), fit.weights)
-        left: Array = (fit.rss + self.variance * self.times * taken) / information.samples
+        left: Array = (fit.rss + self.variance * self.times * taken) / information.rows_each
         return left
 
 
@@ -110,25 +110,26 @@ def measure_memory(information: Information, fit: Estimate) -> tuple[Array, Arra
         By least squares, with weights that are about right.
     """
     k, N, B = len(fit.kept), information.samples, len(information.counts)
+    own_rows = information.rows_each
     part = information.select(fit.kept)
     turn, taken = _take(part, fit.weights)
     change = np.column_stack([turn, np.append(-fit.value[list(fit.kept)], 1.0)])
     rounding = ROUNDING**2 * part.torque
-    slow, known = fit.rss / N, np.full(information.actuators, np.inf)
+    slow, known = fit.rss / own_rows, np.full(information.actuators, np.inf)
     for a, ((own, turned), rss) in enumerate(zip(part.of_actuators(change), fit.rss, strict=True)):
         if rss <= rounding[a]:
             continue  # what rounding left has no memory to speak of
         sums = own.sums @ turned
         scatter = _sum_lags(sums[:, k:], information.log)
-        left = N - fit.weights[a] * _sum_lags(sums[:, :k], information.log)
-        ratio = scatter / np.maximum(left, LEFT * N)
+        left = own_rows[a] - fit.weights[a] * _sum_lags(sums[:, :k], information.log)
+        ratio = scatter / np.maximum(left, LEFT * own_rows[a])
         # Blocks at a lag hold pairs of samples that are half a block farther apart on average.
         apart = (np.arange(B) + 0.5) * N / B
         enough = apart >= WINDOW * scatter / rss
         summed = int(enough.argmax()) + 1 if enough.any() else B
         # The largest on the way: what a fit swallowed makes later lags negative.
         slow[a], known[a] = ratio[:summed].max(), B / (2 * summed - 1)
-    variance = (fit.rss + slow * taken) / N
+    variance = (fit.rss + slow * taken) / own_rows
     raw = np.divide(slow, variance, out=np.ones_like(slow), where=variance > 0)
     return variance, np.maximum(_share(raw, known, B, N / B), 1.0)
 

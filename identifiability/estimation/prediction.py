@@ -76,7 +76,13 @@ class Prediction:
     velocity: Array
 
     @staticmethod
-    def of(t: Sequence[Array], tau: Array, predicted: Array, log: np.ndarray) -> Prediction:
+    def of(
+        t: Sequence[Array],
+        tau: Array,
+        predicted: Array,
+        log: np.ndarray,
+        data: np.ndarray | None = None,
+    ) -> Prediction:
         """Return the prediction of some samples that are all held, at zero velocity.
 
         Parameters
@@ -85,12 +91,16 @@ class Prediction:
         tau : (N, n) [N·m or N]
         predicted : (N, n, m) [N·m or N]
         log : (N,) int
+        data : (N, n) bool, optional
+            Where torque is data; everywhere by default.
         """
+        data = np.ones(tau.shape, bool) if data is None else data
         counts = [int((log == k).sum()) for k in range(len(t))]
-        means = np.array([tau[log == k].sum(0) for k in range(len(t))])
-        signal = ~is_constant(tau.min(0), tau.max(0))
-        layout = Layout.of(counts, means, signal)
-        parts = ((k, 0, tau[log == k], predicted[log == k]) for k in range(len(t)))
+        torque = np.array([(tau * data)[log == k].sum(0) for k in range(len(t))])
+        rows = np.array([data[log == k].sum(0) for k in range(len(t))])
+        low, high = tau.min(0, initial=np.inf, where=data), tau.max(0, initial=-np.inf, where=data)
+        layout = Layout.of(counts, torque, ~is_constant(low, high), rows)
+        parts = ((k, 0, *(x[log == k] for x in (tau, predicted, data))) for k in range(len(t)))
         sums = reduce(add, (ErrorSums.of(layout, *part) for part in parts))
         held = tuple(t), tau, predicted, log, log, np.zeros_like(tau)
         return Prediction(len(tau), sums, sums, *held)
@@ -114,7 +124,8 @@ class Prediction:
     def rms(self) -> Array:
         """Root mean square of the measured torque of each joint, (n,)."""
         squares: Array = self.sums.torque_squares.sum(0)
-        return np.sqrt(squares / max(self.samples, 1))
+        rms: Array = np.sqrt(squares / np.maximum(self.sums.rows.sum(0), 1))
+        return rms
 
     def select(self, models: Sequence[int]) -> Prediction:
         """Return the prediction of some models."""
@@ -149,7 +160,8 @@ class Prediction:
     def joint_rms(self, *, raw: bool = False) -> Array:
         """Return the root mean square of each joint's error, (n, m) [N·m or N]."""
         squares: Array = (self.raw if raw else self.sums).squares.sum(0)
-        return np.sqrt(squares / max(self.samples, 1))
+        rms: Array = np.sqrt(squares / np.maximum(self.sums.rows.sum(0), 1)[:, None])
+        return rms
 
     def error_over_joints(self) -> Array:
         """Return the error over each joint's own scale, of each model, (m,)."""
@@ -258,7 +270,7 @@ def predict_all(
     surveys = [s.survey for s in regression.samples]
     counts = [s.outputs for s in surveys]
     torque = np.array([s.torque for s in surveys])
-    layout = Layout.of(counts, torque, find_signal(surveys))
+    layout = Layout.of(counts, torque, find_signal(surveys), np.array([s.rows for s in surveys]))
     work = partial(_predict_part, tasks=tuple(tasks), layout=layout)
     parts = [part for part in regression.parts() if part.is_shown]
     here = all(part.is_kept for part in parts)
@@ -291,8 +303,9 @@ def _predict_part(
             for at in few_at_once(len(log), COPIES * 8 * n * task.values.shape[2]):
                 start = chunk.start + at.start
                 predicted = task.predict(chunk.W[at], before + start)
+                data = chunk.data[at]
                 for which, tau in enumerate((chunk.tau[at], chunk.raw[at])):
-                    sums[k][which] += ErrorSums.of(layout, chunk.log, start, tau, predicted)
+                    sums[k][which] += ErrorSums.of(layout, chunk.log, start, tau, predicted, data)
                 if task.held:
                     some = chunk.t[at], chunk.tau[at], predicted, chunk.velocity[at]
                     held[k].append((*some, log[at], series[at]))

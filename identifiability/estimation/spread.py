@@ -89,8 +89,9 @@ def measure_spread(
         seen on unseen motion only.
     """
     n, kept = information.actuators, list(fit.kept)
-    dof = np.maximum(information.samples / fit.times - len(kept) / n, 1.0)
-    swallowed = np.sqrt(information.samples / (fit.times * dof))
+    independent = information.rows_each / fit.times
+    dof = np.maximum(independent - len(kept) / n, 1.0)
+    swallowed = np.sqrt(independent / dof)
     low, raw = (np.fmax(own * swallowed, other) for own, other in zip(rms, unseen, strict=True))
     covariance, unknown = measure_errors(information, fit, widening(information, fit, uncertainty))
     return Spread(covariance=covariance, unknown=unknown, low=low, raw=raw, dof=dof)

@@ -156,6 +156,8 @@ class ErrorSums:
     ----------
     log, counts : (S,) int
         Log and samples of each stretch.
+    rows : (S, n) int
+        Those of them at which torque of each joint is data.
     absolute, squares : (S, n, m) [N·m or N, and squared]
         Of the errors of each joint and model.
     torque_squares : (S, n) [(N·m)² or N²]
@@ -169,6 +171,7 @@ class ErrorSums:
 
     log: np.ndarray
     counts: np.ndarray
+    rows: np.ndarray
     absolute: Array
     squares: Array
     torque_squares: Array
@@ -178,21 +181,31 @@ class ErrorSums:
     variation: Array
 
     @staticmethod
-    def of(layout: Layout, log: int, start: int, tau: Array, predicted: Array) -> ErrorSums:
+    def of(
+        layout: Layout,
+        log: int,
+        start: int,
+        tau: Array,
+        predicted: Array,
+        data: np.ndarray | None = None,
+    ) -> ErrorSums:
         """Return the sums of some samples of a log, the first of which is its `start`-th.
 
-        Measured torque tau (N, n) and predicted torque (N, n, m) are in N·m or N.
+        Measured torque tau (N, n) and predicted torque (N, n, m) are in N·m or N; where they are
+        no `data` (N, n), they are not looked at.
         """
+        data = np.ones(tau.shape, bool) if data is None else data
         which = layout.stretch(log, start, start + len(tau))
         edges = np.flatnonzero(np.diff(which, prepend=-1))
         means = (layout.mean, layout.joint_mean, layout.log_mean[log])
-        error = np.abs(tau[:, :, None] - predicted)
-        deviation, own, local = (np.abs(tau - mean) for mean in means)
+        error = np.abs(tau[:, :, None] - predicted) * data[:, :, None]
+        deviation, own, local = (np.abs(tau - mean) * data for mean in means)
         signal = layout.signal
         some = signal.any()  # joints without any are still apart from the mean over all
         spread = deviation * some, own * signal, local * some, own**2 * signal
         sums = []
-        for rows in (np.ones(len(tau), int), error, error**2, tau**2, *spread):
+        every = np.ones(len(tau), int), data.astype(int)
+        for rows in (*every, error, error**2, tau**2 * data, *spread):
             sums.append(np.zeros((len(layout.log), *rows.shape[1:]), rows.dtype))
             if len(rows):
                 sums[-1][which[edges]] = np.add.reduceat(rows, edges, axis=0)

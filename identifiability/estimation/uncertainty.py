@@ -156,7 +156,7 @@ def resample(
         except IdentifiabilityError as error:
             note = str(error)
     scores = scatter_scores(information, fit, fit.memory)
-    independent = float(np.sum(information.samples / fit.times))
+    independent = float(np.sum(information.rows_each / fit.times))
     motions = compare_motions(information, fit, fit.memory)
     return Uncertainty(
         fit.sigma, inflated, drawn, scores, fit.times, length, independent, note, motions

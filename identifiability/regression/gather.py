@@ -73,13 +73,14 @@ def gather_information(
         held = [allot((count, min(longest, len(S)), len(S))) for S in bases]
         sums = [np.zeros((count, len(S))) for S in bases]
         counts, logs = np.zeros(count, int), np.zeros(count, int)
+        data = np.zeros((count, len(bases)), int)
         todo = regression.parts()
         for part in todo:
             if part.remote:  # what is kept is not sent about
                 part.keep(None)
         pieces = _pieces(todo, map_parts(gather, todo, engine, progress), missed)
         for b, piece in enumerate(_join(pieces)):
-            logs[b], counts[b] = piece.at[0], piece.count
+            logs[b], counts[b], data[b] = piece.at[0], piece.count, piece.data
             for a, (one, total) in enumerate(zip(piece.held, piece.sums, strict=True)):
                 fill(held[a][b], one)
                 sums[a][b] = total
@@ -91,7 +92,8 @@ def gather_information(
     found = zip(seen, bases, held, sums, strict=True)
     parts = tuple(ActuatorBlocks(np.flatnonzero(s), *rest) for s, *rest in found)
     echo = None if regression.echo is None else gather_information(regression.echo, 1)
-    return Information(names, parts, counts, logs, regression.instruments is not None, echo)
+    has = regression.instruments is not None
+    return Information(names, parts, counts, data, logs, has, echo)
 
 
 def _block_edges(samples: Prepared, size: int) -> Array:
@@ -105,19 +107,20 @@ def _block_edges(samples: Prepared, size: int) -> Array:
 class _Piece:
     """Samples of one block: log and number of the block, what is held by actuator, how many.
 
-    `sums` are those of the rows, by actuator.
+    `sums` are those of the rows, by actuator, and `data` how many of these count (n,).
     """
 
     at: tuple[int, int]
     held: list[Array]
     sums: list[Array]
     count: int
+    data: np.ndarray
 
     def __add__(self, later: _Piece) -> _Piece:
         pairs = zip(self.held, later.held, strict=True)
         held = [merge_held(one, other) for one, other in pairs]
         sums = [one + other for one, other in zip(self.sums, later.sums, strict=True)]
-        return _Piece(self.at, held, sums, self.count + later.count)
+        return _Piece(self.at, held, sums, self.count + later.count, self.data + later.data)
 
 
 def _join(pieces: Iterable[_Piece]) -> Iterator[_Piece]:
@@ -151,7 +154,7 @@ def _gather_part(
 
     def pieces() -> Iterator[_Piece]:
         for chunk in part.chunks():
-            W, tau, start = chunk.wide, chunk.tau, chunk.start
+            W, tau, moves, start = chunk.wide, chunk.tau, chunk.data, chunk.start
             if not seen.all():
                 missed[~seen] += np.einsum("nak,nak->ak", W, W)[~seen]
             rows = [np.column_stack([W[:, a, c], tau[:, a]]) for a, (c, _) in enumerate(into)]
@@ -166,8 +169,9 @@ def _gather_part(
                 end = own_edges[block + 1] if block + 1 < len(own_edges) else np.inf
                 stop = int(min(len(tau), end - start))
                 own = [rows[at:stop] for rows in Z]
-                sums = [rows.sum(0) for rows in own]
-                yield _Piece((chunk.log, block), [hold(rows) for rows in own], sums, stop - at)
+                sums, data = [rows.sum(0) for rows in own], moves[at:stop].sum(0)
+                found = [hold(rows) for rows in own]
+                yield _Piece((chunk.log, block), found, sums, stop - at, data)
                 at = stop
 
     blocks = _join(pieces())

@@ -50,6 +50,8 @@ class Information:
         One for each of the n actuators.
     counts : (B,) int
         Samples in each block.
+    data : (B, n) int
+        Those of them at which torque of an actuator is data: its joint does not dwell.
     log : (B,) int
         Which log a block comes from.
     instrumented : bool
@@ -64,6 +66,7 @@ class Information:
     columns: tuple[str, ...]
     parts: tuple[ActuatorBlocks, ...]
     counts: np.ndarray
+    data: np.ndarray
     log: np.ndarray
     instrumented: bool = False
     echo: Information | None = None
@@ -77,6 +80,7 @@ class Information:
         log: Array,
         size: int,
         instruments: Array | None = None,
+        moves: np.ndarray | None = None,
     ) -> Information:
         """Return the information of rows in memory.
 
@@ -90,6 +94,8 @@ class Information:
         size : int
             Samples a block; none crosses a log.
         instruments : (N, n, k), optional
+        moves : (N, n) bool, optional
+            Where torque is data; elsewhere all of these are zero. Everywhere by default.
         """
         wide = (W,) if instruments is None else (instruments, W)
         first = np.unique(log, return_index=True)[1]
@@ -105,7 +111,9 @@ class Information:
             parts.append(ActuatorBlocks(seen, basis, hold_blocks(Z, at), sums))
         counts = np.diff([*at, len(log)])
         log, has = np.asarray(log)[at], instruments is not None
-        return Information(tuple(columns), tuple(parts), counts, log, has)
+        some = np.ones(tau.shape, int) if moves is None else moves.astype(int)
+        data = np.add.reduceat(some, at, axis=0)
+        return Information(tuple(columns), tuple(parts), counts, data, log, has)
 
     @property
     def size(self) -> int:
@@ -124,8 +132,14 @@ class Information:
 
     @property
     def rows(self) -> int:
-        """Number of rows, samples × actuators."""
-        return self.samples * self.actuators
+        """Number of rows that are data, of all actuators."""
+        return int(self.data.sum())
+
+    @cached_property
+    def rows_each(self) -> np.ndarray:
+        """Number of rows of each actuator that are data, one at least, (n,)."""
+        rows: np.ndarray = np.maximum(self.data.sum(0), 1)
+        return rows
 
     @property
     def nbytes(self) -> int:
@@ -155,7 +169,7 @@ class Information:
         With its factor ``R``, ``(Vᵀ W)⁻¹ Vᵀ τ`` is ``R[:k, k:2k]⁻¹ R[:k, 2k]`` [Janot 2014].
         """
         names = (*(f"instrument of {c}" for c in self.columns), *self.columns)
-        return Information(names, self.parts, self.counts, self.log)
+        return Information(names, self.parts, self.counts, self.data, self.log)
 
     @property
     def torque(self) -> Array:
@@ -280,8 +294,8 @@ class Information:
         """Return some of the blocks."""
         parts = tuple(part.take(kept) for part in self.parts)
         weights = None if self.weights is None else self.weights[:, kept]
-        counts, log = self.counts[kept], self.log[kept]
-        return replace(self, parts=parts, counts=counts, log=log, weights=weights)
+        what = {"counts": self.counts[kept], "data": self.data[kept], "log": self.log[kept]}
+        return replace(self, parts=parts, weights=weights, **what)
 
     def weigh(self, weights: Array) -> Information:
         """Return the blocks with weights of their squares; their samples count as before.
@@ -299,17 +313,19 @@ class Information:
     @property
     def weighed_samples(self) -> Array:
         """Samples of each actuator, as often as their squares count, (n,)."""
-        counts = np.full(self.actuators, float(self.samples))
-        return counts if self.weights is None else self.weights @ self.counts
+        counts = self.data.T if self.weights is None else self.weights * self.data.T
+        rows: Array = np.maximum(counts.sum(1), 1.0)
+        return rows
 
     def merge(self, at: np.ndarray) -> Information:
         """Return blocks that each hold those from one of `at` up to the next."""
         parts = tuple(part.merge(at) for part in self.parts)
         counts = np.add.reduceat(self.counts, at)
-        weights = self.weights
+        data, weights = np.add.reduceat(self.data, at, axis=0), self.weights
         if weights is not None:
             weights = np.add.reduceat(weights * self.counts, at, axis=1) / counts
-        merged = replace(self, parts=parts, counts=counts, log=self.log[at], weights=weights)
+        what = {"counts": counts, "data": data, "log": self.log[at]}
+        merged = replace(self, parts=parts, weights=weights, **what)
         vars(merged)["_made"] = self._made  # the sums over all blocks are the same
         if self.instrumented:
             vars(merged.joint)["_made"] = self.joint._made
@@ -332,6 +348,7 @@ class Information:
             self.columns,
             tuple(a.join(b) for a, b in zip(self.parts, other.parts, strict=True)),
             np.concatenate([self.counts, other.counts]),
+            np.concatenate([self.data, other.data]),
             np.concatenate([self.log, later]),
             self.instrumented,
             echo,

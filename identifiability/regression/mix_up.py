@@ -112,7 +112,7 @@ def _thin(regression: Regression) -> Regression:
 def _torque(regression: Regression) -> Array:
     """Return the torque (N, n) of all samples, which needs no regressor."""
     pieces = (p for part in regression.parts(whole=True) for p in part.samples.pieces(CHUNK))
-    return np.concatenate([p.down(p.tau) for p in pieces])
+    return np.concatenate([p.torque for p in pieces])
 
 
 def _grams(regression: Regression, tau: Array) -> tuple[list[tuple[np.ndarray, Array]], Array]:

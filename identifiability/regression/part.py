@@ -46,6 +46,9 @@ class Chunk:
         Of the actuated joints.
     instruments : (m, n, p) or None
         What stands for W where W itself is noisy.
+    moves : (m, n) bool or None
+        Where torque of each joint is data; elsewhere rows of W, instruments and torque are zero.
+        None where all is.
     """
 
     log: int
@@ -56,6 +59,12 @@ class Chunk:
     t: Array
     velocity: Array
     instruments: Array | None = None
+    moves: np.ndarray | None = None
+
+    @property
+    def data(self) -> np.ndarray:
+        """Where torque of each joint is data, (m, n) bool."""
+        return np.ones(self.tau.shape, bool) if self.moves is None else self.moves
 
     @property
     def wide(self) -> Array:
@@ -70,7 +79,9 @@ class Chunk:
             V = None if self.instruments is None else self.instruments[rows].copy()
             W, tau, raw = self.W[rows].copy(), self.tau[rows].copy(), self.raw[rows].copy()
             t, velocity = self.t[rows].copy(), self.velocity[rows].copy()
-            found.append(Chunk(self.log, self.start + rows.start, W, tau, raw, t, velocity, V))
+            moves = None if self.moves is None else self.moves[rows].copy()
+            start = self.start + rows.start
+            found.append(Chunk(self.log, start, W, tau, raw, t, velocity, V, moves))
         return found
 
 
@@ -134,6 +145,8 @@ class Part:
         Outputs [start, stop) of the log that are looked at one by one.
     kept : Kept or None
         Where those of them are kept, once they were computed; None if they take too much memory.
+    dwelling : bool
+        Whether rows are computed where torque is no data, too.
     """
 
     robot: Robot
@@ -145,6 +158,7 @@ class Part:
     instruments: Prepared | Stretch | None
     windows: np.ndarray
     kept: Kept | None
+    dwelling: bool = False
 
     def keep(self, chunks: list[Chunk] | None) -> None:
         """Keep the chunks of its windows that were computed elsewhere."""
@@ -210,9 +224,11 @@ class Part:
             W, V = regressor(), instruments()
             if V is not None and V.shape != W.shape:
                 raise ValueError("instruments need as many samples as the log that they stand for")
-            tau, raw = piece.down(piece.tau), piece.tau[piece.at]
-            velocity = piece.motion.actuated_v[piece.at]
-            yield Chunk(self.log, first, W, tau, raw, t, velocity, V)
+            velocity, moves = piece.motion.actuated_v[piece.at], piece.moves
+            if self.dwelling:
+                piece = replace(piece, dwells=None)  # noqa: PLW2901 - all of it is asked for
+            W, V = piece.masked(W), None if V is None else piece.masked(V)
+            yield Chunk(self.log, first, W, piece.torque, piece.raw, t, velocity, V, moves)
 
     def _pieces(
         self, samples: Prepared | Stretch | None, size: int

@@ -50,6 +50,8 @@ class Regression:
         Columns along the smoothed motion of every log, with instruments along it with new noise.
     memory : Memory or None
         Where rows of logs that take little of it are kept for other regressions, too.
+    dwelling : bool
+        Whether rows are computed where joints dwell, too: their torque can be predicted.
     """
 
     robot: Robot
@@ -59,6 +61,7 @@ class Regression:
     instruments: tuple[Prepared, ...] | None = None
     echo: Regression | None = None
     memory: Memory | None = None
+    dwelling: bool = False
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -99,10 +102,11 @@ class Regression:
             Do not divide any log.
         """
         what = self.robot, self.model, self.columns
-        return [
+        found = (
             Part(*what, k, start, one, beside, self.windows[k], self._find_kept(k, start, one))
             for k, start, one, beside in self._divided(whole=whole)
-        ]
+        )
+        return [replace(part, dwelling=True) if self.dwelling else part for part in found]
 
     def _divided(
         self, *, whole: bool

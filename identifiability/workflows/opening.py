@@ -335,7 +335,9 @@ def find_hints(robot: Robot, samples: Sequence[Prepared]) -> tuple[str, ...]:
     """Return what seems to be wrong with robot file and torque columns, a sentence each."""
     surveys = [s.survey for s in samples]
     varies = torque_varies(surveys)
-    dead = [j for j, good in zip(robot.joints, varies, strict=True) if not good]
+    rows = np.sum([s.rows for s in surveys], axis=0)
+    dead = [j for j, v, r in zip(robot.joints, varies, rows, strict=True) if r and not v]
+    still = [j for j, r in zip(robot.joints, rows, strict=True) if not r]
     found = [find_impossible_bodies(robot), _find_turned_signs(robot, samples)]
     if robot.outside:
         found.append(
@@ -347,5 +349,11 @@ def find_hints(robot: Robot, samples: Sequence[Prepared]) -> tuple[str, ...]:
         found.append(
             f"The torque in {columns} never changes: if it was not measured, every number and "
             "verdict here is wrong; check the column."
+        )
+    if still and any(s.outputs for s in surveys):
+        found.append(
+            f"{listing(still, 6)} never moves in these logs, so its torque is no data: dry "
+            "friction makes it anything. Log motion of it, or keep it "
+            "(Preparation(keep_rest=True)) if it has no dry friction."
         )
     return tuple(text for text in found if text)

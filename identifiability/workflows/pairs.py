@@ -57,15 +57,20 @@ class Pair:
 
     def rows(
         self, structure: Structure, first: Columns | None = None
-    ) -> tuple[Array, Array, Array, Array]:
+    ) -> tuple[Array, Array, Array, Array, np.ndarray]:
         """Return base columns (N, n, b) and torque (N, n) of the first, then of the second.
 
-        Of the first log a regression may give other columns.
+        And where both are data, (N, n) bool: all are zero where a joint dwells in either. Of the
+        first log a regression may give other columns.
         """
         t, *own = _gather(first or structure.regression, self.first)
         other, *second = _gather(structure.regression, self.second)
         at, there = _match(t, other, SAME * float(np.median(np.diff(t))))
-        return own[0][at], own[1][at], second[0][there], second[1][there]
+        one, two = [x[at] for x in own], [x[there] for x in second]
+        data = one[2] & two[2]
+        for x in (*one[:2], *two[:2]):
+            x[~data] = 0.0
+        return one[0], one[1], two[0], two[1], data
 
 
 def read_sides(
@@ -153,12 +158,12 @@ def _on_one_clock(
     return first, second
 
 
-def _gather(columns: Columns, samples: Samples) -> tuple[Array, Array, Array]:
-    """Return times (N,), columns (N, n, b) and torque (N, n) along a log."""
+def _gather(columns: Columns, samples: Samples) -> tuple[Array, Array, Array, np.ndarray]:
+    """Return times (N,), columns (N, n, b), torque and whether it is data (N, n) along a log."""
     (part,) = columns([replace(samples, instrument=None, echoes=())]).parts()
-    rows = [(c.t, c.W.copy(), c.tau) for c in part.chunks()]  # W is a buffer
-    t, W, tau = map(np.concatenate, zip(*rows, strict=True))
-    return t, W, tau
+    rows = [(c.t, c.W.copy(), c.tau, c.data) for c in part.chunks()]  # W is a buffer
+    t, W, tau, data = map(np.concatenate, zip(*rows, strict=True))
+    return t, W, tau, data
 
 
 def _match(t: Array, other: Array, close: float) -> tuple[np.ndarray, np.ndarray]:

@@ -47,7 +47,8 @@ def test_sigma_is_the_formula_of_khalil_and_dombre(regression, rows):
     flat = W.reshape(-1, W.shape[2])
     fit = estimate(gather_information(regression), "ols")
     residual = tau.ravel() - flat @ fit.value
-    variance = residual @ residual / (len(flat) - flat.shape[1])
+    count = gather_information(regression).rows  # torque of joints that dwell is no data
+    variance = residual @ residual / (count - flat.shape[1])
     sigma = np.sqrt(variance * np.diag(np.linalg.inv(flat.T @ flat)))
     np.testing.assert_allclose(fit.sigma, sigma, rtol=1e-6)
     np.testing.assert_allclose(fit.sigma_percent, 100 * sigma / np.abs(fit.value), rtol=1e-6)

@@ -80,7 +80,7 @@ def test_filtered_derivatives_and_decimation(name, sizes, frame_of, saved):
 
 @pytest.mark.parametrize("piece", [211, 1000, 4096])
 @pytest.mark.parametrize("window", [None, 256])
-def test_rests_whatever_the_pieces(piece, window, sizes, frame_of, saved):
+def test_dwells_whatever_the_pieces(piece, window, sizes, frame_of, saved):
     sizes(piece=piece, shortest=1700, rows=piece // 2, characters=40 * piece, window=window)
     frame = frame_of("two-link", periods=6, samples=1500, derivatives=False)
     still = frame.copy()
@@ -91,7 +91,7 @@ def test_rests_whatever_the_pieces(piece, window, sizes, frame_of, saved):
                 still.loc[still.index[rows], column] = still[column].iloc[start]
     path = saved(still)
     whole, parts = both("two-link", path, Preparation(cutoff=20.0))
-    assert "stand still" in "".join(whole.samples[0].notes)
+    assert "a joint that stands" in "".join(whole.samples[0].notes)
     assert ("windows" in "".join(whole.samples[0].notes)) == (window is not None)
     assert_same(whole, parts)
 

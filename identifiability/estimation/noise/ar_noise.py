@@ -16,10 +16,13 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.noise.autoregression import (
+    JointRuns,
     Runs,
     autocovariance,
     colour_many,
     durbin,
+    runs_of,
+    take_data,
     whiten,
 )
 from identifiability.estimation.noise.restricted_likelihood import BOUND, RestrictedLikelihood
@@ -99,7 +102,7 @@ class ARNoise:
 
     joints: tuple[JointNoise, ...]
 
-    def whiten(self, values: Array, runs: Runs, misfit: Array | None = None) -> Array:
+    def whiten(self, values: Array, runs: Runs | JointRuns, misfit: Array | None = None) -> Array:
         """Return values (N, n) or (N, n, k) whose noise would be white with unit variance.
 
         `misfit` (n,) is the variance of what the model does not explain yet, taken as white: while
@@ -108,13 +111,17 @@ class ARNoise:
         out = np.empty_like(values)
         for j, noise in enumerate(self.joints):
             pacf, sigma = noise.beside(0.0 if misfit is None else float(misfit[j]))
-            out[:, j] = whiten(values[:, j], runs, pacf) / sigma
+            out[:, j] = whiten(values[:, j], runs_of(runs, j), pacf) / sigma
         return out
 
-    def misfit(self, residual: Array) -> Array:
-        """Return the variance of a residual (N, n) that noise does not explain, (n,)."""
+    def misfit(self, residual: Array, rows: Array | None = None) -> Array:
+        """Return the variance of a residual (N, n) that noise does not explain, (n,).
+
+        `rows` (n,) are those of each joint that are data; the residual is zero in the others.
+        """
         left = np.array([j.left for j in self.joints])
-        excess: Array = np.maximum(np.mean(residual**2, axis=0) - 2 * left, 0.0)
+        square = np.sum(residual**2, axis=0) / (len(residual) if rows is None else rows)
+        excess: Array = np.maximum(square - 2 * left, 0.0)
         return excess
 
     def simulate(
@@ -122,11 +129,14 @@ class ARNoise:
         count: int,
         draws: int,
         rng: np.random.Generator,
-        runs: Runs,
+        runs: Runs | JointRuns,
         precision: type[np.floating[Any]] = np.float64,
     ) -> Array:
-        """Return noise (count, n, draws) with coefficients as uncertain as the data leave them."""
-        out = np.empty((count, len(self.joints), draws), precision)
+        """Return noise (count, n, draws) with coefficients as uncertain as the data leave them.
+
+        It is zero between the stretches.
+        """
+        out = np.zeros((count, len(self.joints), draws), precision)
         if not draws:
             return out
         for j, noise in enumerate(self.joints):
@@ -134,12 +144,14 @@ class ARNoise:
             pacf = np.array([p for p, _ in drawn]).T
             e = rng.standard_normal((count, draws))
             size = np.array([sigma for _, sigma in drawn])
-            for start, stop in runs:
+            for start, stop in runs_of(runs, j):
                 out[start:stop, j] = colour_many(e[start:stop], pacf) * size
         return out
 
 
-def fit_noise(tau: Array, blocks: Callable[[int], Sequence[Array]], runs: Runs) -> ARNoise:
+def fit_noise(
+    tau: Array, blocks: Callable[[int], Sequence[Array]], runs: Runs | JointRuns
+) -> ARNoise:
     """Return the noise of every joint beside columns that may explain its torque.
 
     Parameters
@@ -151,11 +163,14 @@ def fit_noise(tau: Array, blocks: Callable[[int], Sequence[Array]], runs: Runs) 
     runs : sequence of (start, stop)
         Stretches without gaps.
     """
-    return ARNoise(tuple(fit_joint(y, blocks(j), runs) for j, y in enumerate(tau.T)))
+    return ARNoise(tuple(fit_joint(y, blocks(j), runs_of(runs, j)) for j, y in enumerate(tau.T)))
 
 
 def fit_joint(y: Array, blocks: Sequence[Array], runs: Runs) -> JointNoise:
     """Return the noise of one joint; the order is the one with the least BIC."""
+    runs, (y, *blocks) = take_data(runs, y, *blocks)
+    if not len(y):
+        return JointNoise(np.empty(0), np.empty((0, 0)), 1.0, 1.0, 0.0)
     problem = RestrictedLikelihood(y, _span(blocks, int(MOST_COLUMNS * len(y))), runs)
     best = problem.maximise()
     sigma = problem.sigma(best)

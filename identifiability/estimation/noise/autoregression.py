@@ -7,13 +7,56 @@ have unit variance throughout.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import scipy
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 
 Runs = Sequence[tuple[int, int]]
+
+
+@frozen
+class JointRuns:
+    """Stretches of samples by joint, as (start, stop): between them its torque is no data.
+
+    Attributes
+    ----------
+    each : tuple of Runs, (n,)
+    """
+
+    each: tuple[Runs, ...]
+
+    @staticmethod
+    def of(runs: Runs, data: np.ndarray) -> JointRuns:
+        """Return the parts of stretches at which torque of each joint is `data` (N, n)."""
+        if data.all():
+            return JointRuns((runs,) * data.shape[1])
+        return JointRuns(tuple(_data_runs(runs, own) for own in data.T))
+
+
+def _data_runs(runs: Runs, data: np.ndarray) -> Runs:
+    out: list[tuple[int, int]] = []
+    for start, stop in runs:
+        edges = start + np.flatnonzero(np.diff(data[start:stop], prepend=False, append=False))
+        out += zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    return out
+
+
+def take_data(runs: Runs, y: Array, *others: Array) -> tuple[Runs, list[Array]]:
+    """Return rows (N, …) that lie in stretches, and the stretches among them."""
+    if sum(stop - start for start, stop in runs) == len(y):
+        return runs, [y, *others]
+    inside = np.concatenate([np.arange(0), *(np.arange(a, b) for a, b in runs)])
+    ends = np.cumsum([0, *(b - a for a, b in runs)]).tolist()
+    return list(pairwise(ends)), [x[inside] for x in (y, *others)]
+
+
+def runs_of(runs: Runs | JointRuns, joint: int) -> Runs:
+    """Return the stretches of a joint."""
+    return runs.each[joint] if isinstance(runs, JointRuns) else runs
 
 
 def levinson(pacf: Array) -> tuple[list[Array], Array]:
@@ -99,12 +142,16 @@ def durbin(covariance: Array) -> tuple[Array, float]:
 
 
 def whiten(x: Array, runs: Runs, pacf: Array) -> Array:
-    """Return one-step prediction errors of x (N, …) in units of their standard deviation."""
+    """Return one-step prediction errors of x (N, …) in units of their standard deviation.
+
+    They are zero between the stretches.
+    """
     predictors, variances = levinson(pacf)
     p = len(pacf)
-    out = np.array(x, float)
+    out = np.zeros(x.shape)
     for start, stop in runs:
         part = x[start:stop]
+        out[start:stop] = part
         for k, a in enumerate(predictors[-1], start=1):
             out[start + k : stop] -= a * part[:-k] if k < len(part) else 0.0
         for m in range(min(p, len(part))):

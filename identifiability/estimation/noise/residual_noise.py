@@ -12,7 +12,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from identifiability.estimation.noise.autoregression import Runs, autocovariance, colour, levinson
+from identifiability.estimation.noise.autoregression import (
+    JointRuns,
+    Runs,
+    autocovariance,
+    colour,
+    levinson,
+    runs_of,
+    take_data,
+)
 from identifiability.estimation.noise.restricted_likelihood import RestrictedLikelihood
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -90,7 +98,7 @@ class ResidualNoise:
         return out * self.innovation
 
 
-def fit_residual_noise(tau: Array, W: Array, runs: Runs) -> ResidualNoise:
+def fit_residual_noise(tau: Array, W: Array, runs: Runs | JointRuns) -> ResidualNoise:
     """Return the noise of torque beside the columns that are fitted to it.
 
     Parameters
@@ -100,9 +108,12 @@ def fit_residual_noise(tau: Array, W: Array, runs: Runs) -> ResidualNoise:
     runs : sequence of (start, stop)
         Stretches without gaps.
     """
-    shown = _first_rows(runs, MOST_ROWS)
-    rows = shown[-1][1]
-    fits = [_fit(tau[:rows, j], W[:rows, j], shown) for j in range(tau.shape[1])]
+    fits = []
+    for j in range(tau.shape[1]):
+        own, (y, X) = take_data(runs_of(runs, j), tau[:, j], W[:, j])
+        shown = _first_rows(own, MOST_ROWS)
+        rows = shown[-1][1] if shown else 0
+        fits.append(_fit(y[:rows], X[:rows], shown) if rows else (np.empty(0), 0.0))
     return ResidualNoise(tuple(p for p, _ in fits), np.array([s for _, s in fits]))
 
 

@@ -168,7 +168,7 @@ def prepare_samples(robot: KnownRobot, log: Log, how: Preparation | None = None)
     how = how or Preparation()
     plan = make_plan(robot, log, how)
     samples = prepare_rows(robot, log, 0, plan, (0, len(log)))
-    notes = _check_survey(samples.survey, plan, log)
+    notes = _check_survey(robot, samples.survey, plan, log)
     while plan.factor > 1 and samples.outputs < FEWEST:
         if how.decimate is not None:
             raise _too_short(log, plan)
@@ -207,28 +207,29 @@ def prepare_log(
     if robot.closed:
         _try_loops(robot, log)
     found = list(engine.map(survey_stretch, stretches, progress=progress))
-    survey = reduce(add, (s for s, _, _ in found))
-    notes = _check_survey(survey, plan, log)
+    survey = reduce(add, (s for s, *_ in found))
+    notes = _check_survey(robot, survey, plan, log)
     if survey.outputs < FEWEST:
         raise _too_short(log, plan)
-    motion = join_motions([m for _, m, _ in found if len(m)])
-    tau = np.concatenate([tau for _, _, tau in found])
+    motion = join_motions([m for _, m, *_ in found if len(m)])
+    tau = np.concatenate([tau for _, _, tau, _ in found])
+    dwells = None if plan.dwells is None else np.concatenate([d for *_, d in found])
     return LongSamples(
         name=log.name,
         stretches=tuple(
             replace(s, outputs=part.outputs) for s, (part, *_) in zip(stretches, found, strict=True)
         ),
         survey=survey,
-        sketch=Samples(log.name, motion, tau, None, (), log.sha256),
+        sketch=Samples(log.name, motion, tau, None, (), log.sha256, dwells=dwells),
         notes=(*notes, *plan.band_notes),
         sha256=log.sha256,
         hints=plan.hints,
     )
 
 
-def _check_survey(survey: Survey, plan: Plan, log: Log | LogFile) -> list[str]:
+def _check_survey(robot: Robot, survey: Survey, plan: Plan, log: Log | LogFile) -> list[str]:
     """Return what there is to say of a prepared log; refuse one of which nothing is left."""
-    notes = [*plan.notes, *survey.notes(len(log))]
+    notes = [*plan.notes, *survey.notes(len(log)), *survey.dwells(robot.joints)]
     check_left(log.name, survey.kept, len(log), notes)
     return [*notes, *plan.remarks]
 
@@ -257,10 +258,10 @@ def divide(robot: Robot, file: LogFile, plan: Plan) -> tuple[Stretch, ...]:
     return tuple(Stretch(robot, file, plan, a, b, piece) for a, b in pairwise(edges))
 
 
-def survey_stretch(stretch: Stretch) -> tuple[Survey, Motion, Array]:
-    """Return the survey of a stretch, and motion and torque of some of its samples."""
+def survey_stretch(stretch: Stretch) -> tuple[Survey, Motion, Array, np.ndarray]:
+    """Return the survey of a stretch, and motion, torque and dwells of some of its samples."""
     step = max(1, len(stretch.file) // SKETCH)
-    surveys, motions, taus = [], [], []
+    surveys, motions, taus, dwells = [], [], [], []
     for part in stretch.parts():
         assert part.own is not None
         surveys.append(part.survey)
@@ -268,7 +269,10 @@ def survey_stretch(stretch: Stretch) -> tuple[Survey, Motion, Array]:
         shown = (kept % step == 0) & (kept >= part.own[0]) & (kept < part.own[1])
         motions.append(part.motion[np.flatnonzero(shown)])
         taus.append(part.tau[shown])
-    return reduce(add, surveys), join_motions(motions), np.concatenate(taus)
+        some = np.zeros(part.tau.shape, bool) if part.dwells is None else part.dwells
+        dwells.append(some[shown])
+    found = reduce(add, surveys), join_motions(motions)
+    return *found, np.concatenate(taus), np.concatenate(dwells)
 
 
 def _try_loops(robot: Robot, file: LogFile) -> None:

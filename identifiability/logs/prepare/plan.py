@@ -1,4 +1,4 @@
-"""`Plan`: what was decided about the preparation of a log once, for all its samples; rests."""
+"""`Plan`: what was decided about the preparation of a log once; `DwellRule`: where joints stand."""
 
 from __future__ import annotations
 
@@ -6,72 +6,140 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import binary_propagation, maximum_filter1d
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier, signals
 from identifiability.logs.gaps import Grid, fill
 from identifiability.logs.log import join_logs
-from identifiability.logs.prepare.white_noise import Smoothing
-from identifiability.logs.spectrum import bandwidth_of_windows
+from identifiability.logs.prepare.white_noise import Smoothing, noise_level, resolution
 from identifiability.logs.stale import StaleRule
 from identifiability.robot import Robot
 
-#: A joint slower than this share of its largest speed stands still.
-REST_SPEED = 0.01
+#: A stay about zero speed is a dwell where it lasts longer than a reversal would at this share of
+#: the joint's typical acceleration. Those of Gaussian motion at its reversals are Rayleigh
+#: distributed [Rice 1944]: 2 % of them are slower, √(−2 ln .98), and 5 %, √(−2 ln .95). The former
+#: counts within the errors of a record, the latter where a joint creeps.
+SLOW, SLOW_CREEP = 0.2, 0.32
+
+#: Speed that says nothing, as a share of a joint's largest, and how often it is halved: nothing but
+#: friction at rest is learnt of such motion, and joints creep there where friction is regularised.
+CREEP, HALVED = 0.02, 5
+
+#: Samples of a dwell at least, and the errors of a record as a multiple of its noise's spread.
+SEVERAL, BAND = 3, 3.0
 
 
 @frozen
-class RestRule:
-    """When all joints stand still.
+class DwellRule:
+    """When a joint stands or sticks: it stays about zero speed for longer than any reversal.
+
+    Dry friction holds a joint that does not move with whatever is left of its level, so what its
+    motor supplies meanwhile says nothing of the robot. A reversal is passed through in the time
+    that its acceleration takes; its torque is data.
 
     Attributes
     ----------
-    limit : (n,) [rad/s or m/s]
-        Speed below which a joint stands still.
-    least : float [samples]
-        Only stops that last longer count; shorter ones are reversals.
+    speeds : bool
+        Whether recorded speeds tell what is within the errors of the record; positions without.
+    width : (n,) [rad or m; rad/s or m/s]
+        Range of recorded positions, or of speeds about zero, that is within their errors.
+    least : (n,) [samples]
+        How long a joint stays within it at least.
+    creep : (k, n) [rad/s or m/s]
+        Speeds that say nothing, whatever the record could tell.
+    slow : (k, n) [samples]
+        How long a joint stays below them at least.
+    beside : int
+        Samples on each side that filters mix with a dwell.
     """
 
-    limit: Array
-    least: float
+    speeds: bool
+    width: Array
+    least: np.ndarray
+    creep: Array
+    slow: np.ndarray
+    beside: int
 
     @property
     def reach(self) -> int:
-        """Samples on each side that decide whether a sample belongs to a rest."""
-        return int(self.least) + 2
+        """Samples on each side that decide whether a joint dwells."""
+        return int(max(self.least.max(), self.slow.max())) + self.beside + 1
 
-    def find(self, dq: Array) -> np.ndarray:
-        """Return where all joints stand still, (N,) bool."""
-        still: np.ndarray = np.all(np.abs(dq) <= self.limit, axis=1)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]])))
-        for start, stop in zip(edges[::2], edges[1::2], strict=True):
-            still[start:stop] = stop - start > self.least
-        return still
+    def find(self, log: Log, dq: Array) -> np.ndarray:
+        """Return where each joint dwells, (N, n) bool; dq (N, n) are the speeds that are used."""
+        out, speed = np.zeros(dq.shape, bool), np.abs(dq)
+        for j, least in enumerate(self.least.tolist()):
+            if self.speeds and log.dq is not None:
+                span = _largest(np.abs(log.dq[:, j]), least)
+            else:
+                span = _largest(log.q[:, j], least) + _largest(-log.q[:, j], least)
+            out[:, j] = _in_any(span <= self.width[j], least)
+            for limit, slow in zip(self.creep[:, j], self.slow[:, j].tolist(), strict=True):
+                out[:, j] |= _in_any(_largest(speed[:, j], slow) <= limit, slow)
+            out[:, j] |= binary_propagation(
+                out[:, j], mask=out[:, j] | (speed[:, j] <= self.creep[0, j])
+            )
+        return maximum_filter1d(out, 2 * self.beside + 1, axis=0) if self.beside else out
 
 
-def choose_rest_rule(q: Sequence[Array], dq: Sequence[Array], dt: float) -> RestRule | None:
-    """Return what counts as standing still; None where a motion never does, or always.
+def _largest(x: Array, window: int) -> Array:
+    """Return the largest of x (N,) in a window about each sample; infinite where it is cut off."""
+    half = window // 2
+    out = np.full(len(x), np.inf)
+    if len(x) > 2 * half:
+        found = maximum_filter1d(x, 2 * half + 1)
+        out[half : len(x) - half] = found[half : len(x) - half]
+    return out
 
-    A joint stands still below `REST_SPEED` times its largest speed. Only stops that last longer
-    than half a period of the fastest motion count (and none that is longer than
-    `signals.WINDOW`): friction may be anything up to its Coulomb level there.
+
+def _in_any(centres: np.ndarray, window: int) -> np.ndarray:
+    """Return the samples that lie in the window about any of some (N,) bool."""
+    found: np.ndarray = maximum_filter1d(centres, 2 * (window // 2) + 1)
+    return found
+
+
+def choose_dwell_rule(plan: Plan, windows: Sequence[Log], origins: Sequence[int]) -> DwellRule:
+    """Return when joints dwell in a log.
 
     Parameters
     ----------
-    q, dq : sequences of (N, n) [rad or m; rad/s or m/s]
-        Windows; the longest ones, of equal length, tell the band of the motion.
-    dt : float [s]
+    plan : Plan
+        With its decimation.
+    windows : sequence of Log
+        Joints in the robot's order.
+    origins : sequence of int
+        Rows of their first samples in the whole log.
     """
-    high, low = np.max([x.max(0) for x in q], axis=0), np.min([x.min(0) for x in q], axis=0)
-    speed = np.max([np.abs(x).max(0) for x in dq], axis=0)
-    # A joint that never moves has no largest speed to compare with.
-    limit = REST_SPEED * np.where(signals.never_moves(low, high), np.inf, speed)
-    still = [np.all(np.abs(x) <= limit, axis=1) for x in dq]
-    if all(s.all() for s in still):
-        return None
-    least = 0.5 / max(bandwidth_of_windows(q, dt) * dt, 1e-300)
-    return RestRule(limit, min(least, float(signals.WINDOW)))
+    speeds = all(w.dq is not None for w in windows)
+    records = [w.dq if w.dq is not None and speeds else w.q for w in windows]
+    levels = [noise_level(x, w.t) ** 2 for x, w in zip(records, windows, strict=True)]
+    noise = np.sqrt(np.mean(levels, axis=0))
+    step = np.min([resolution(x) for x in records], axis=0)
+    width = np.maximum((1 if speeds else 2) * BAND * noise, step)
+    parts = [plan.derive(w, k) for w, k in zip(windows, origins, strict=True)]
+    q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
+    creep = CREEP * np.abs(dq).max(0) / 2.0 ** np.arange(HALVED + 1)[:, None]
+    moving = np.where(np.abs(dq) > creep[0], np.abs(ddq), np.nan)
+    never = signals.never_moves(q.min(0), q.max(0)) | np.isnan(moving).all(0)
+    slow = np.full(len(never), np.inf)  # of a Gaussian the median is .67 of its spread
+    slow[~never] = np.nanmedian(moving[:, ~never], axis=0) / 0.6745
+    slow = np.where(slow > 0, slow, np.inf)
+    crossing = 2 * creep / (SLOW_CREEP * slow)
+    slow = SLOW * slow
+    stay = 2 * width / slow if speeds else 2 * np.sqrt(2 * width / slow)
+    least = np.maximum(np.ceil(stay / plan.step), SEVERAL).astype(int)
+    blurred = 0.0 if plan.cutoff is None else 1.0 / plan.cutoff
+    told = (crossing >= blurred) & ((creep >= width) if speeds else True)
+    told[0] = True
+    # Below, the record or the filter tells nothing apart.
+    creep, crossing = (np.where(told, x, x[0]) for x in (creep, crossing))
+    longer = np.maximum(np.ceil(crossing / plan.step), SEVERAL).astype(int)
+    beside = 0.0 if plan.cutoff is None else 0.5 / (plan.cutoff * plan.step)
+    beside += plan.factor if plan.factor > 1 else 0
+    width = np.where(never, np.inf, width)
+    return DwellRule(speeds, width, least, creep, longer, int(np.ceil(beside)))
 
 
 @frozen
@@ -88,8 +156,8 @@ class Plan:
         Motion as a Fourier series, in time since `start`.
     start : float [s]
         First time of the log.
-    rest : RestRule or None
-        Which samples are left out because nothing moves; None keeps all.
+    dwells : DwellRule or None
+        When a joint's torque is no data because it stands; None takes all.
     factor : int
         Decimation; 1 for none.
     notes : tuple of str
@@ -110,7 +178,7 @@ class Plan:
     cutoff: float | None
     series: fourier.FourierFit | None
     start: float
-    rest: RestRule | None
+    dwells: DwellRule | None
     factor: int
     notes: tuple[str, ...]
     remarks: tuple[str, ...] = ()
@@ -136,13 +204,13 @@ class Plan:
 
     @property
     def filter_reach(self) -> int:
-        """Samples on each side that derivatives and rests draw on."""
+        """Samples on each side that derivatives and dwells draw on."""
         filtered = 0
         if self.cutoff is not None:
             filtered = signals.settling_rows(self.step, self.cutoff) + 2 * signals.REACH
         elif self.smoothing is not None:
             filtered = signals.settling_rows(self.step, self.smoothing.cutoff)
-        return filtered + (0 if self.rest is None else self.rest.reach) + 1
+        return filtered + (0 if self.dwells is None else self.dwells.reach) + 1
 
     @property
     def reach(self) -> int:

@@ -1,7 +1,7 @@
 """How a log is turned into motion: what is asked for, and the plan that is made of it once.
 
-Everything that must be the same all along a log (cut-off, sampling step, what counts as standing
-still, decimation) is decided on a bounded number of samples, so that a log can then be prepared in
+Everything that must be the same all along a log (cut-off, sampling step, when a joint stands,
+decimation) is decided on a bounded number of samples, so that a log can then be prepared in
 any parts with the result that it would have as a whole.
 """
 
@@ -22,8 +22,7 @@ from identifiability.logs.log import Log, join_logs
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare.plan import (
     Plan,
-    RestRule,
-    choose_rest_rule,
+    choose_dwell_rule,
     has_motors,
     joint_log,
 )
@@ -75,8 +74,9 @@ class Preparation:
         cut-off where derivatives are computed by Butterworth (torque above it has no acceleration
         left to explain it), else everything.
     keep_rest : bool
-        Keep the samples at which all joints stand still. Friction can be anything up to its
-        Coulomb level there, and the sign of a filtered zero velocity is noise.
+        Take the torque of joints that stand, too. Dry friction is anything up to its level there,
+        so it is no data for that joint (`identifiability.logs.prepare.plan.DwellRule`), whatever
+        model is fitted; of a robot without dry friction it is.
     """
 
     derivatives: Derivatives = "auto"
@@ -191,13 +191,11 @@ def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
             "what holds the weight by the file was added to the measured torque, which lacks it "
             "(compensated): what gravity tells of masses is the file's"
         )
-    rest = None if how.keep_rest else _rest_rule(plan, windows, raw.origins)
+    plan = replace(plan, factor=_choose_factor(plan, how), stale=stale)
     return replace(
         plan,
-        rest=rest,
-        factor=_choose_factor(plan, how),
+        dwells=None if how.keep_rest else choose_dwell_rule(plan, windows, raw.origins),
         notes=(*plan.notes, *notes),
-        stale=stale,
         remarks=tuple(find_contradictions(join_logs(windows))),
     )
 
@@ -279,19 +277,6 @@ def _choose_smoothing(windows: Sequence[Log], dt: float) -> Smoothing | None:
     """Return how measured velocities are smoothed, for their signs."""
     speeds = [w.dq for w in windows if w.dq is not None]
     return Smoothing.choose(speeds, dt) if len(speeds[0]) > SHORT else None
-
-
-def _rest_rule(plan: Plan, windows: Sequence[Log], origins: Sequence[int]) -> RestRule | None:
-    motions = [plan.derive(w, k) for w, k in zip(windows, origins, strict=True)]
-    # The ends of windows inside the log are not the log's: the filter has not settled there.
-    margin = min(plan.filter_reach, len(windows[0]) // 4) if len(windows) > 1 else 0
-    low, high = margin, len(windows[0]) - margin
-    parts = [
-        (x[0][low:high][a:b], x[1][low:high][a:b])
-        for x, k in zip(motions, origins, strict=True)
-        for a, b in plan.stretches(high - low, k + low)
-    ]
-    return choose_rest_rule([q for q, _ in parts], [dq for _, dq in parts], plan.step)
 
 
 def _choose_factor(plan: Plan, how: Preparation) -> int:

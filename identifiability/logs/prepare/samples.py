@@ -38,16 +38,43 @@ class Piece:
     decimation : Decimation or None
     again : int
         How many of its first samples are the last ones of the piece before.
+    dwells : (N, n) bool or None
+        Where a joint's torque is no data; None where all is.
     """
 
     motion: Motion
     tau: Array
     decimation: signals.Decimation | None
     again: int = 0
+    dwells: np.ndarray | None = None
 
     def down(self, x: Array) -> Array:
         """Return x (N, …) low-passed and decimated, if there is any decimation."""
         return x if self.decimation is None else self.decimation.apply(x)
+
+    @property
+    def moves(self) -> np.ndarray | None:
+        """Where, at its outputs, torque of each joint is data, (m, n) bool; None for all."""
+        return None if self.dwells is None else ~self.dwells[self.at]
+
+    @property
+    def torque(self) -> Array:
+        """Torque at its outputs, zero where it is no data, (m, n)."""
+        return self.masked(np.array(self.down(self.tau)))
+
+    @property
+    def raw(self) -> Array:
+        """The same as it was measured, not low-passed, (m, n)."""
+        return self.masked(np.array(self.tau[self.at]))
+
+    def masked(self, x: Array, joint: int | None = None) -> Array:
+        """Return rows (m, n, …), or (m, …) of a joint, that are zero where torque is no data.
+
+        They are written over.
+        """
+        if self.dwells is not None:
+            x[self.dwells[self.at] if joint is None else self.dwells[self.at][:, joint]] = 0.0
+        return x
 
     @property
     def at(self) -> slice:
@@ -89,6 +116,8 @@ class Samples:
         What seems to be wrong with the log.
     echoes : tuple of Samples
         The smoothed motion, with itself and new noise of the log's size as a second record.
+    dwells : (N, n) bool or None
+        Where a joint stands, so that its torque has no weight; None for nowhere.
     """
 
     name: str
@@ -105,6 +134,7 @@ class Samples:
     breaks: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     hints: tuple[str, ...] = ()
     echoes: tuple[Samples, ...] = ()
+    dwells: np.ndarray | None = None
 
     @property
     def beside(self) -> Samples | None:
@@ -162,11 +192,16 @@ class Samples:
     def survey(self) -> Survey:
         """What there is to know of the whole log."""
         n = self.tau.shape[1]
-        parts = [piece.down(piece.tau) for piece in self.pieces(SURVEYED)]
-        torque = sum((tau.sum(0) for tau in parts), np.zeros(n))
-        tau = np.concatenate([np.empty((0, n)), *parts])
-        span = np.stack([tau.min(0, initial=np.inf), tau.max(0, initial=-np.inf)])
-        return replace(Survey.of(self.motion, self.own, self.outputs, torque, span), lost=self.lost)
+        none, every = np.empty((0, n)), np.ones((0, n), bool)
+        parts = [(p.torque, p.moves) for p in self.pieces(SURVEYED)]
+        tau = np.concatenate([none, *(x for x, _ in parts)])
+        moves = [every, *(np.ones(x.shape, bool) if m is None else m for x, m in parts)]
+        where = np.concatenate(moves)
+        low, high = (
+            f(0, initial=s * np.inf, where=where) for f, s in ((tau.min, 1), (tau.max, -1))
+        )
+        survey = Survey.of(self.motion, self.own, self.outputs, tau.sum(0), np.stack([low, high]))
+        return replace(survey, lost=self.lost, rows=where.sum(0))
 
     def pieces(self, size: int) -> Iterator[Piece]:
         """Yield pieces of about `size` input samples."""
@@ -174,7 +209,7 @@ class Samples:
         if d is None:
             for start in range(0, len(self.tau), size):
                 rows = slice(start, start + size)
-                yield Piece(self.motion[rows], self.tau[rows], None)
+                yield Piece(self.motion[rows], self.tau[rows], None, 0, self._dwells_in(rows))
             return
         step = max(1, size // d.factor)
         for start, _, count in self._stretches:
@@ -183,14 +218,21 @@ class Samples:
                 begin = start + first * d.factor
                 rows = slice(begin, begin + (last - 1 - first) * d.factor + 2 * d.reach + 1)
                 again = 2 * d.reach + 1 - d.factor if first else 0
-                yield Piece(self.motion[rows], self.tau[rows], d, again)
+                dwells = self._dwells_in(rows)
+                yield Piece(self.motion[rows], self.tau[rows], d, again, dwells)
+
+    def take(self, rows: slice | np.ndarray) -> Samples:
+        """Return some of the samples."""
+        other = None if self.instrument is None else self.instrument[rows]
+        taken = replace(self, motion=self.motion[rows], tau=self.tau[rows], instrument=other)
+        return replace(taken, dwells=self._dwells_in(rows), echoes=())
 
     def thin(self, step: int) -> Samples:
         """Return every `step`-th sample, without decimation filter."""
-        rows = slice(None, None, step)
-        other = None if self.instrument is None else self.instrument[rows]
-        thinned = replace(self, motion=self.motion[rows], tau=self.tau[rows], decimation=None)
-        return replace(thinned, instrument=other, echoes=())
+        return replace(self.take(slice(None, None, step)), decimation=None)
+
+    def _dwells_in(self, rows: slice | np.ndarray) -> np.ndarray | None:
+        return None if self.dwells is None else self.dwells[rows]
 
     def output_times(self) -> Array:
         """Return the times of the samples after decimation, (outputs,) [s]."""
@@ -238,21 +280,21 @@ def prepare_rows(
     if smooth is not None:
         motion = replace(motion, smooth_v=smooth[part][motion.kept])
     tau = log.tau[part][motion.kept] - _known_torque(robot, log.name, motion)
-    out = np.zeros(len(log), bool) if plan.rest is None else plan.rest.find(dq)
+    dwells = None if plan.dwells is None else plan.dwells.find(log, dq)[part][motion.kept]
     lost, breaks = 0, np.empty(0, int)
     if plan.grid is not None:
         apart = plan.grid.left_out(origin, origin + len(log))
-        out, breaks = out | apart, plan.grid.breaks
+        breaks = plan.grid.breaks
         low, high = (min(max(k - origin, 0), len(log)) for k in own)
         lost = int(np.isin(motion.kept + part.start, low + np.flatnonzero(apart[low:high])).sum())
-    left = out[part][motion.kept]
-    if left.any():
-        motion, tau = motion[~left], tau[~left]
+        left = ~apart[part][motion.kept]
+        motion, tau = motion[left], tau[left]
+        dwells = None if dwells is None else dwells[left]
     rows = ("kept", "dropped", "near_singular")
     moved = {k: getattr(motion, k) + origin + part.start for k in rows}
     motion = replace(motion, **moved, start=log.start)
     samples = Samples(log.name, motion, tau, plan.decimation, (), log.sha256, own, plan.cutoff)
-    return replace(samples, lost=lost, breaks=breaks, hints=plan.hints)
+    return replace(samples, lost=lost, breaks=breaks, hints=plan.hints, dwells=dwells)
 
 
 def _known_torque(robot: Robot, name: str, motion: Motion) -> Array:

@@ -7,6 +7,7 @@ Here it is said once whether logs have anything to explain (`find_signal`, `expl
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,12 @@ from identifiability.robot import Motion
 
 #: Rows of a log, from the first to the last (exclusive).
 Rows = tuple[int, int]
+
+#: Why torque has no weight.
+DWELLS = (
+    "torque of a joint that stands has no weight, as dry friction may be anything up to its level "
+    "there"
+)
 
 #: Rows that a note lists.
 LISTED = 5
@@ -51,6 +58,8 @@ class Survey:
         Its smallest and its largest value.
     lost : int
         Samples that were left out because they lie beside a gap.
+    rows : (n,) int
+        Outputs at which torque of each joint is data: it does not dwell there.
     """
 
     kept: int
@@ -67,6 +76,7 @@ class Survey:
     torque: Array
     torque_range: Array
     lost: int = 0
+    rows: np.ndarray = field(default_factory=lambda: np.zeros(1, int))
 
     @staticmethod
     def of(motion: Motion, own: Rows | None, outputs: int, torque: Array, span: Array) -> Survey:
@@ -89,13 +99,14 @@ class Survey:
             high=np.stack([x.max(0, initial=-np.inf) for x in parts]),
             torque=torque,
             torque_range=span,
+            rows=np.full(len(torque), outputs),
         )
 
     def __add__(self, later: Survey) -> Survey:
         """Return the survey of both, this one first in time."""
         counts: dict[str, Any] = {
             name: getattr(self, name) + getattr(later, name)
-            for name in ("kept", "outputs", "dropped", "singular", "torque", "lost")
+            for name in ("kept", "outputs", "dropped", "singular", "torque", "lost", "rows")
         }
         (low, high), (later_low, later_high) = self.torque_range, later.torque_range
         return Survey(
@@ -128,13 +139,13 @@ class Survey:
             )
         if self.lost:
             notes.append(f"{self.lost} of {total} samples beside long gaps were left out")
-        rests = total - self.dropped - self.kept - self.lost
-        if rests:
-            notes.append(
-                f"{rests} of {total} samples were left out because all joints stand still there "
-                "and friction may be anything up to its Coulomb level"
-            )
         return notes
+
+    def dwells(self, joints: Sequence[str]) -> list[str]:
+        """Return at which joints how much torque has no weight, for the report."""
+        shares = 1 - self.rows / max(self.outputs, 1)
+        told = [f"{j} {100 * s:.3g} %" for j, s in zip(joints, shares, strict=True) if s > 0]
+        return [f"{DWELLS}: {', '.join(told)} of the time"] if told else []
 
 
 def robot_moves(surveys: Sequence[Survey]) -> bool:

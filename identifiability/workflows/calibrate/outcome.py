@@ -80,6 +80,8 @@ class Experiment:
         What is behind the columns: with it intervals know what the model leaves out.
     echo : Information or None
         What new noise of the motion does to all base parameters' columns.
+    moves : (N, n) bool or None
+        Where torque is data: joints do not dwell; elsewhere columns and torque are zero.
     """
 
     rung: Rung
@@ -92,21 +94,24 @@ class Experiment:
     replicates: int = 200
     structure: Structure | None = None
     echo: Information | None = None
+    moves: np.ndarray | None = None
 
     @staticmethod
     def of(regression: Regression, rung: Rung) -> Experiment:
         """Return the experiment of a regression under a model."""
-        log, W, tau = [], [], []
-        for which, _, columns, measured in regression.chunks():
-            log.append(np.full(len(columns), which))
-            W.append(columns @ rung.M)
-            tau.append(measured - columns @ rung.held)
+        log, W, tau, moves = [], [], [], []
+        for chunk in (c for part in regression.parts(whole=True) for c in part.chunks()):
+            log.append(np.full(len(chunk.tau), chunk.log))
+            W.append(chunk.W @ rung.M)
+            tau.append(chunk.tau - chunk.W @ rung.held)
+            moves.append(chunk.data)
         return Experiment(
             rung=rung,
             W=np.concatenate(W),
             tau=np.concatenate(tau),
             log=np.concatenate(log),
             block=max(1, -(-sum(map(len, W)) // BLOCKS)),
+            moves=np.concatenate(moves),
         )
 
     def outcome(self, truth: Array, noise: Array) -> tuple[Information, Array]:
@@ -117,8 +122,10 @@ class Experiment:
         truth : (k,)
         noise : (N, n) [N·m or N]
         """
-        tau = self.W @ truth + noise
-        return Information.of_rows(self.rung.columns, self.W, tau, self.log, self.block), tau
+        tau = self.W @ truth + (noise if self.moves is None else noise * self.moves)
+        columns = self.rung.columns
+        found = Information.of_rows(columns, self.W, tau, self.log, self.block, moves=self.moves)
+        return found, tau
 
     def judge(
         self,

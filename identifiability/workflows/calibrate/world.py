@@ -14,7 +14,12 @@ from enum import Flag, auto
 import numpy as np
 from scipy.linalg import eigvalsh, toeplitz
 
-from identifiability.estimation.noise.autoregression import Runs, autocovariance, durbin
+from identifiability.estimation.noise.autoregression import (
+    JointRuns,
+    Runs,
+    autocovariance,
+    durbin,
+)
 from identifiability.estimation.noise.residual_noise import ResidualNoise, fit_residual_noise
 from identifiability.estimation.noise.restricted_likelihood import HIGHEST_ORDER
 from identifiability.foundation.names import Array
@@ -85,14 +90,18 @@ class World:
             beta = rung.expand(truth)
         if Cause.NOISE_MEMORY not in causes:
             noise = ResidualNoise(tuple(np.empty(0) for _ in noise.pacf), noise.sd)
-        tau = self.W @ beta + noise.simulate(self.runs, of_noise)
+        moves = self.experiment.moves
+        made = noise.simulate(self.runs, of_noise)
+        tau = self.W @ beta + (
+            made if moves is None else made * moves
+        )  # sticking joints say nothing
         W, V, echo = self.W, None, None
         if Cause.MOTION in causes and any(m.sd.any() for m in self.motion):
             W, V = _columns(measure(self.robots, self.motion, of_motion))
             echo = self.experiment.echo
         log, size = self.experiment.log, self.experiment.block
         names = self.robots.structure.base.names
-        whole = replace(Information.of_rows(names, W, tau, log, size, V), echo=echo)
+        whole = replace(Information.of_rows(names, W, tau, log, size, V, moves), echo=echo)
         experiment = replace(self.experiment, W=W @ rung.M)
         left = tau - W @ rung.held
         return experiment.judge(rung.reduce(whole), left, of_fit, whole), truth
@@ -128,29 +137,32 @@ def build_world(
         Standard deviation of the residual.
     """
     erring = any(m.sd.any() for m in motion)
+    moves = experiment.moves
+    moving = runs if moves is None else JointRuns.of(runs, moves)
     structure = robots.structure
     W, _ = _columns(structure.regression([m.samples for m in motion]))
     experiment = replace(experiment, W=W @ experiment.rung.M)
     made = np.zeros((len(sizes), HIGHEST_ORDER + 1))
+    share = np.ones(len(sizes)) if moves is None else np.maximum(moves.mean(0), 1e-12)
     for _ in range(DRAWS if erring else 0):
         beta = robots.draw(rng)
         again, _ = _columns(measure(robots, motion, rng))
-        made += _autocovariances((again - W) @ beta, runs) / DRAWS
+        made += _autocovariances((again - W) @ beta, runs) / share[:, None] / DRAWS
     worst = float(np.max(made[:, 0] / np.maximum(sizes**2, 1e-300), initial=0.0))
     if worst > 1:
         motion = tuple(m.scaled(worst**-0.5) for m in motion)
         made /= worst
     tau, measured = columns
     if all(m.exact for m in motion):  # beside exact columns noise of the torque is all there is
-        own = fit_residual_noise(tau, W, runs)
+        own = fit_residual_noise(tau, W, moving)
         world = World(
             experiment=experiment, robots=robots, motion=motion, W=W, noise=own, runs=runs
         )
         return world, own
-    own = fit_residual_noise(tau, measured, runs)
+    own = fit_residual_noise(tau, measured, moving)
     rest = np.maximum(sizes**2 - made[:, 0], LEAST * sizes**2)
     if erring and any(own.orders):
-        own = _without_pretence(own, sizes, np.sqrt(rest), (robots, motion, W, runs), rng)
+        own = _without_pretence(own, sizes, np.sqrt(rest), (robots, motion, W, moving), rng)
     parts = []
     for pacf, new, part in zip(own.pacf, own.innovation, made, strict=True):
         parts.append(_less(new**2 * autocovariance(pacf, HIGHEST_ORDER), part))
@@ -163,7 +175,7 @@ def _without_pretence(
     own: ResidualNoise,
     sizes: Array,
     rest: Array,
-    world: tuple[TrueRobots, tuple[MotionErrors, ...], Array, Runs],
+    world: tuple[TrueRobots, tuple[MotionErrors, ...], Array, Runs | JointRuns],
     rng: np.random.Generator,
 ) -> ResidualNoise:
     """Return the noise, white at actuators where errors of the motion only pretend a memory.

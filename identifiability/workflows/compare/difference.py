@@ -171,10 +171,11 @@ class Difference:
 
 def _differences(structure: Structure, rung: Rung, pair: Pair, base: Array) -> Information:
     """Return the information of what the torques of a pair differ by."""
-    W, tau, other, later = pair.rows(structure)
+    W, tau, other, later, both = pair.rows(structure)
     torque = later - tau - (other - W) @ base
     size = -(-len(tau) // BLOCKS)
-    return Information.of_rows(rung.columns, other @ rung.M, torque, np.zeros(len(tau), int), size)
+    log = np.zeros(len(tau), int)
+    return Information.of_rows(rung.columns, other @ rung.M, torque, log, size, moves=both)
 
 
 @frozen(kw_only=True)

@@ -61,7 +61,7 @@ def conclude(m: Material, naming: Naming, rng: np.random.Generator) -> Diagnosis
         naming = keep_surviving(naming, gone, structure.present, why)
     chosen, joints = naming.chosen, structure.robot.joints
     before, after = (m.held.fitted_residual(c) for c in ((), chosen))
-    rms = np.sqrt(np.mean(after**2, axis=0))
+    rms = np.sqrt(np.sum(after**2, axis=0) / m.train.counts)
     critical = naming.steps[-1].critical if naming.steps else CRITICAL
     sizes = smallest_sizes(m.train, m.white, chosen, m.candidates, critical, rms)
     robot, parts = structure.robot, []

@@ -273,7 +273,7 @@ def _write(entries: Entries, piece: Piece, found: Entries, start: int, rows: int
         for (at, _), values in zip(part, down.T, strict=True):
             if at not in entries:
                 entries[at] = np.zeros(rows)
-            entries[at][start : start + len(values)] = values
+            entries[at][start : start + len(values)] = piece.masked(values, at[0])
 
 
 def _lay_out(

@@ -94,7 +94,7 @@ class Bench:
     @staticmethod
     def of(rows: Rows, noise: ARNoise, draws: int, rng: np.random.Generator) -> Bench:
         """Simulate noise for some rows."""
-        simulated = noise.simulate(len(rows), 2 * draws, rng, rows.runs, np.float32)
+        simulated = noise.simulate(len(rows), 2 * draws, rng, rows.moving, np.float32)
         if rows.root is None:
             return Bench(rows, noise, simulated)
         return Bench(rows, noise, simulated, rng.standard_normal((len(rows.root), 2 * draws)))
@@ -125,7 +125,8 @@ class Bench:
         """
         if misfit == 0.0 and j in self._plain:
             return self._plain[j]
-        own, runs, left = ARNoise((self.noise.joints[j],)), self.rows.runs, np.array([misfit])
+        own, left = ARNoise((self.noise.joints[j],)), np.array([misfit])
+        runs = self.rows.moving.each[j]
 
         def whiten(x: Array) -> Array:
             return own.whiten(x[:, None], runs, left)[:, 0]
@@ -142,7 +143,7 @@ class Bench:
 
     def misfit(self, residual: Array) -> Array:
         """Return the variance of a residual (N, n) that noise does not explain, (n,)."""
-        return self.noise.misfit(residual)
+        return self.noise.misfit(residual, self.rows.counts)
 
 
 def compress(

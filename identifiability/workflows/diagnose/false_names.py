@@ -163,9 +163,9 @@ class Null:
         What is diagnosed.
     families : tuple of Family
         All that may be named.
-    logs : tuple of (Log, (N,) int, (N, n))
-        With the robot's joints alone, rows whose torque is replaced, and torque of the model
-        there [N·m or N].
+    logs : tuple of (Log, (N,) int, (N, n), (N, n) bool)
+        With the robot's joints alone, rows whose torque is replaced, torque of the model there
+        [N·m or N], and where a joint moves: where it sticks, torque is what it was.
     fitted : int
         How many of the logs are fitted; the others verify.
     series : tuple of ((p,), float)
@@ -176,7 +176,7 @@ class Null:
 
     structure: Structure
     families: tuple[Family, ...]
-    logs: tuple[tuple[Log, np.ndarray, Array], ...]
+    logs: tuple[tuple[Log, np.ndarray, Array, np.ndarray], ...]
     fitted: int
     series: tuple[tuple[Array, float], ...]
     preparation: Preparation | None = None
@@ -184,10 +184,10 @@ class Null:
     def make(self, rng: np.random.Generator) -> list[Log]:
         """Return new logs."""
         out = []
-        for log, kept, tau in self.logs:
+        for log, kept, tau, moves in self.logs:
             fake = np.array(log.tau)
             noise = [sigma * colour(rng.standard_normal(len(tau)), p) for p, sigma in self.series]
-            fake[kept] = tau + np.stack(noise, axis=1)
+            fake[kept] = np.where(moves, tau + np.stack(noise, axis=1), fake[kept])
             out.append(replace(log, tau=fake))
         return out
 
@@ -223,16 +223,21 @@ def null_of(
     autoregressive with the covariance of what both leave.
     """
     robot, logs = found.robot, [*train, *held]
-    whole = replace(preparation or Preparation(), decimate=1, keep_rest=True)
+    whole = replace(preparation or Preparation(), decimate=1)
     samples = [prepare_samples(robot, log, whole) for log in logs]
+    moves = [np.ones(s.tau.shape, bool) if s.dwells is None else ~s.dwells for s in samples]
     W = [found.model.regressor(robot, s.motion) for s in samples]
-    columns, tau = np.concatenate(W), np.concatenate([s.tau for s in samples])
+    data = np.concatenate(moves)
+    columns = np.concatenate(W) * data[:, :, None]
+    tau = np.concatenate([s.tau for s in samples]) * data
     size = np.maximum(np.sqrt(np.mean(tau**2, axis=0)), 1e-12)  # joints weigh by their torque
     names, log = found.completed.columns, np.zeros(len(tau), int)
     information = Information.of_rows(names, columns / size[:, None], tau / size, log, len(tau))
     value = estimate(information, "ols").value
     width = len(found.structure.parameters)
-    left = [s.tau - w @ value for s, w in zip(samples, W, strict=True)]
+    every = zip(samples, W, moves, strict=True)
+    left = [(s.tau - w @ value) * m for s, w, m in every]
+    share = np.maximum(data.mean(0), 1e-12)
     return Null(
         structure=found.structure,
         families=find_families(None),
@@ -241,11 +246,15 @@ def null_of(
                 log.select(robot.joints),
                 s.motion.kept,
                 w[:, :, :width] @ value[:width] + known_torque(robot, s.motion),
+                m,
             )
-            for log, s, w in zip(logs, samples, W, strict=True)
+            for log, s, w, m in zip(logs, samples, W, moves, strict=True)
         ),
         fitted=len(train),
-        series=tuple(durbin(_covariance(own)) for own in zip(*(r.T for r in left), strict=True)),
+        series=tuple(
+            durbin(_covariance(own) / part)
+            for part, own in zip(share, zip(*(r.T for r in left), strict=True), strict=True)
+        ),
         preparation=preparation,
     )
 

@@ -89,7 +89,8 @@ class Folds:
         kept = [k for k in range(len(self.parts)) if k != fold]
         rows = np.concatenate([self.parts[k] for k in kept])
         samples = np.array([sum(self.counts[k] for k in kept)])
-        return replace(_information_of(rows), counts=samples)
+        found = _information_of(rows)
+        return replace(found, counts=samples, data=np.tile(samples[:, None], found.actuators))
 
 
 @dataclass

@@ -52,21 +52,21 @@ class Gap:
     def at(self, joints: Sequence[int]) -> Gap:
         """Return the same at some joints only."""
         some = list(joints)
-        rows = replace(self.rows, measured=self.rows.measured[:, some])
+        measured, data = self.rows.measured[:, some], self.rows.data[:, some]
+        rows = replace(self.rows, measured=measured, moves=data)
         return Gap(rows, self.residual[:, some])
 
     def joint_error(self, *, raw: bool = False) -> Array:
         """Return the error of each joint over its own scale (n, m), `raw` of measured torque."""
         left, own = self.residual, self._variation
         if raw:
-            tau = self.rows.raw
-            left = left + (tau - self.rows.measured)[:, :, None]
-            own = (tau - tau.mean(0)) ** 2 * ~is_constant(tau.min(0), tau.max(0))
+            left = left + (self.rows.raw - self.rows.measured)[:, :, None]
+            own = self._own(self.rows.raw)
         return joint_errors(left**2, own)
 
     def joint_rms(self) -> Array:
         """Return the root mean square of each joint's error, (n, m) [N·m or N]."""
-        rms: Array = np.sqrt(np.mean(self.residual**2, axis=0))
+        rms: Array = np.sqrt(np.sum(self.residual**2, axis=0) / self.rows.counts[:, None])
         return rms
 
     def interval_over_joints(
@@ -88,12 +88,17 @@ class Gap:
 
     @property
     def _variation(self) -> Array:
-        tau = self.rows.measured
-        own: Array = (tau - tau.mean(0)) ** 2 * ~is_constant(tau.min(0), tau.max(0))
+        return self._own(self.rows.measured)
+
+    def _own(self, tau: Array) -> Array:
+        """Return squared distances of torque (N, n) from each joint's mean, zero where no data."""
+        data, low, high = self.rows.data, np.inf, -np.inf
+        some = tau.min(0, initial=low, where=data), tau.max(0, initial=high, where=data)
+        own: Array = (tau - tau.sum(0) / self.rows.counts) ** 2 * data * ~is_constant(*some)
         return own
 
     @property
     def _deviation(self) -> Array:
         tau = self.rows.measured
-        distance: Array = np.abs(tau - tau.mean())
+        distance: Array = np.abs(tau - tau.sum() / self.rows.data.sum()) * self.rows.data
         return distance

@@ -175,10 +175,10 @@ class HeldOut:
                 (told(k), fitted.parts[k].reshape(-1, fitted.width))
                 for k in range(len(fitted.parts))
             ]
-            return Predictive.of(parts, self.train.tau.size)
+            return Predictive.of(parts, int(self.train.data.sum()))
         before = told(None)
         unseen = _whiten_beside(before, self.verifying, chosen, noise)
-        return Predictive.of([(before, unseen)], self.verifying.tau.size)
+        return Predictive.of([(before, unseen)], int(self.verifying.data.sum()))
 
     def _predict(
         self,
@@ -249,7 +249,9 @@ class HeldOut:
         if self.noise is None:
             return plain
         left = _leave(rows, plain.fit()[1].value)
-        white = self.noise.whiten(rows, self.train.runs, self.noise.misfit(left))
+        white = self.noise.whiten(
+            rows, self.train.moving, self.noise.misfit(left, self.train.counts)
+        )
         return Folds.of(white, fold_of)
 
     def fitted_residual(self, chosen: Sequence[Candidate]) -> Array:
@@ -265,11 +267,12 @@ def _whiten_beside(
     Beside values of both motions: what the fitted ones are off by is no fault of the model.
     """
     rows = _model_rows(unseen, chosen)
-    white = noise.whiten(rows, unseen.runs)
+    white = noise.whiten(rows, unseen.moving)
     both = triangular_factor(np.concatenate([before, white.reshape(-1, white.shape[2])]))
-    misfit = noise.misfit(_leave(rows, solve_in_units(both[:, :-1], both[:, -1])))
+    left = _leave(rows, solve_in_units(both[:, :-1], both[:, -1]))
+    misfit = noise.misfit(left, unseen.counts)
     if misfit.any():
-        white = noise.whiten(rows, unseen.runs, misfit)
+        white = noise.whiten(rows, unseen.moving, misfit)
     return white.reshape(-1, white.shape[2])
 
 

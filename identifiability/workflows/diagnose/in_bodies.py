@@ -91,10 +91,10 @@ def find_on_bodies(
     own = [rows.D.take(c.columns) for c in names]
     curves = _curves(rows.q)
     y, X, F, alike, C, *own = (
-        noise.whiten(part, rows.runs).reshape(-1, part.shape[2])
+        noise.whiten(part, rows.moving).reshape(-1, part.shape[2])
         for part in (rows.tau[:, :, None], rest, forces, table.field, curves, *own)
     )
-    y, dof = in_units_of_rest(y, [X, F, *own])
+    y, dof = in_units_of_rest(y, [X, F, *own], rows.silent)
     if dof < ROWS * F.shape[1]:
         return []
     each, one, all_of_them = (say([X], part, y) for part in (F, alike, np.column_stack(own)))
@@ -166,14 +166,14 @@ def says_more(
     """
     Q = orthonormal(np.column_stack(named))
     U = basis_beside(Q, F)
-    k, dof = U.shape[1], len(y) - Q.shape[1] - U.shape[1]
+    k, dof = U.shape[1], len(y) - material.train.silent - Q.shape[1] - U.shape[1]
     explained = squares_along(U, y)[0]
     if not k or stats.f.sf(explained / k, k, dof) >= level:
         return False
     rows, simulated = material.train, material.bench.simulated
     if simulated.shape[2] < 2:
         return True
-    white = material.noise.whiten(simulated.astype(float), rows.runs)
+    white = material.noise.whiten(simulated.astype(float), rows.moving)
     Z = project_out(Q, white.reshape(-1, white.shape[2]))
     drawn = squares_along(U, Z)
     drawn *= dof / (np.sum(Z**2, axis=0) - drawn)

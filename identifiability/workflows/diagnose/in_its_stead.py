@@ -87,17 +87,17 @@ class Contest:
 
         def whiten(A: Array, below: Array | None = None) -> Array:
             n, joints, k = A.shape
-            white = noise.whiten(A, rows.runs).transpose(1, 0, 2).reshape(n * joints, k)
+            white = noise.whiten(A, rows.moving).transpose(1, 0, 2).reshape(n * joints, k)
             last = np.zeros((len(known), k)) if below is None else below
             return np.concatenate([white, last])
 
         y, X = whiten(rows.tau[:, :, None]), whiten(rows.X, known)
         names = {c: whiten(rows.D.take(c.columns)) for c in chosen}
-        y = in_units_of_rest(y, [X, *names.values()], len(known))[0][:, 0]
+        y = in_units_of_rest(y, [X, *names.values()], len(known) + rows.silent)[0][:, 0]
         others = []
         for j, own in enumerate(noise.joints):
             kinds = np.column_stack(list_kinds(rows, model, j))
-            white = ARNoise((own,)).whiten(kinds[:, None], rows.runs)[:, 0]
+            white = ARNoise((own,)).whiten(kinds[:, None], rows.moving.each[j])[:, 0]
             others.append((j * len(rows), unit_columns(white)))
         return Contest(y, X, names, tuple(others), material.setting.rules.confusable)
 

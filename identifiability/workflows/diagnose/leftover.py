@@ -166,14 +166,14 @@ class Remains:
         kinds = list_kinds(rows, self._model, j)
         every = (rows.tau[:, j, None], rows.X[:, j], named)
         parts = [*every, *kinds, list_together(rows, self._model, j)]
-        white = noise.whiten(np.column_stack(parts)[:, None], rows.runs)[:, 0]
+        white = noise.whiten(np.column_stack(parts)[:, None], rows.moving.each[j])[:, 0]
         columns = np.cumsum([sum(x.shape[1] for x in every), *(x.shape[1] for x in kinds)])
         y, X, F = np.split(white, [1, columns[0]], axis=1)
         Q = orthonormal(X)
         apart = np.split(F, columns[1:] - columns[0], axis=1)[:-1]
         general, *several = (basis_beside(Q, A) for A in (F, *apart))
         bases = [general, *(B for B in several if B.shape[1])]
-        k, dof = general.shape[1], len(y) - Q.shape[1] - general.shape[1]
+        k, dof = general.shape[1], int(rows.counts[j]) - Q.shape[1] - general.shape[1]
         if not k or dof < ROWS * k:
             return None
         y = project_out(Q, y)
@@ -187,7 +187,9 @@ class Remains:
         simulated = self.bench.simulated[:, j]
         doubt = np.flatnonzero(len(p) * p < ASKED)
         if len(doubt) and simulated.shape[1] > 1:  # slow noise is more likely to look like this
-            Z = project_out(Q, noise.whiten(simulated.astype(float)[:, None], rows.runs)[:, 0])
+            Z = project_out(
+                Q, noise.whiten(simulated.astype(float)[:, None], rows.moving.each[j])[:, 0]
+            )
             rest = np.sum(Z**2, axis=0) - squares_along(general, Z)
             for at in doubt:
                 drawn = dof * squares_along(bases[at], Z) / rest
@@ -217,7 +219,7 @@ def in_units_of_rest(y: Array, parts: Sequence[Array], known: int = 0) -> tuple[
     y : (R, 1)
     parts : sequence of (R, k)
     known : int
-        Rows that say what is known of the values of columns, and are no data.
+        Rows that are no data: those that say what is known of values, and where joints dwell.
     """
     Q = orthonormal(np.column_stack(parts))
     dof = max(len(y) - known - Q.shape[1], 1)

@@ -271,7 +271,7 @@ def _gather(
     candidates = tuple(number([c for c in listed if c.group not in hidden]))
     held = tables.held(candidates, None)
     rows = held.train
-    noise = fit_noise(rows.tau, lambda j: family_blocks(rows, candidates, j), rows.runs)
+    noise = fit_noise(rows.tau, lambda j: family_blocks(rows, candidates, j), rows.moving)
     bench = Bench.of(rows, noise, draws, rng)
     held = HeldOut.weighed(rows, held.choosing, held.verifying, held.real, noise)
     return Material(setting, tables, held, candidates, tuple(aliases), tuple(refused), bench)

@@ -4,8 +4,6 @@ An error that was minimised, be it by a fit or by the choice of a name, is no ev
 on which the gap is quoted therefore does neither. Whole logs are kept apart where there are
 enough; else a log is divided into stretches of time, with a pause between that nobody looks at.
 A diagnosis asks few rows many questions, so long logs are looked at in evenly spaced stretches.
-Short stops are left out: the sign of a speed that only touches zero is noise, which looks like
-friction that rises with speed.
 """
 
 from __future__ import annotations
@@ -21,7 +19,6 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, checks, signals
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.longsamples import prepare_samples
-from identifiability.logs.prepare.plan import choose_rest_rule
 from identifiability.logs.prepare.preparation import make_plan
 from identifiability.logs.prepare.samples import check_left, join_motions
 from identifiability.logs.prepare.samples import prepare_rows as prepare_stretch
@@ -45,12 +42,6 @@ LEAST = 100
 #: are thinned to stretches.
 MOST_SAMPLES, MOST_IN_ALL = 6000, 8000
 STRETCH = 300
-#: Shorter stops, in units of those that every workflow leaves out, are reversals. In periods of the
-#: fastest motion it is 0.05; a sinusoid turns in 0.003, and motion that `excite` lets begin and end
-#: at rest stops for 0.06 and more.
-STOP = 0.1
-#: Share of the rows that must be left without stops.
-LEFT = 0.5
 #: Samples of a long log that are read for each of these: of one that is logged far faster than the
 #: robot moves fewer are looked at, so that neither time nor memory grow without end.
 READ = 40
@@ -214,24 +205,7 @@ def thin(samples: Samples, most: int = MOST_SAMPLES) -> Samples:
     windows = _stretches(samples.decimation, len(samples.tau), most)
     rows = np.concatenate([np.arange(a, b) for a, b in windows])
     notes = (*samples.notes, _note(len(windows)))
-    return replace(samples, motion=samples.motion[rows], tau=samples.tau[rows], notes=notes)
-
-
-def leave_stops(samples: Samples) -> Samples:
-    """Return samples without short stops of all joints, unless little is left between them."""
-    m = samples.motion
-    ends = np.flatnonzero(np.diff(m.kept) != 1) + 1
-    q, v = (np.split(x, ends) for x in (m.actuated_q, m.actuated_v))
-    rule = choose_rest_rule(q, v, float(np.median(np.diff(m.t))))
-    if rule is None:
-        return samples
-    rule = replace(rule, least=STOP * rule.least)
-    moves = ~np.concatenate([rule.find(x) for x in v])
-    if moves.all():
-        return samples
-    notes = (*samples.notes, "short stops of all joints were left out, too")
-    out = replace(samples, motion=m[moves], tau=samples.tau[moves], notes=notes)
-    return out if out.outputs >= LEFT * samples.outputs else samples
+    return replace(samples.take(rows), notes=notes)
 
 
 def _stretches(
@@ -275,8 +249,7 @@ def prepare_thin(
     LogError, ClosureError
     """
     if isinstance(log, Log):
-        samples = prepare_samples(robot, change(log), how)
-        return thin(samples if how.keep_rest else leave_stops(samples), most)
+        return thin(prepare_samples(robot, change(log), how), most)
     plan = make_plan(robot, log, how)
     d = plan.decimation
     most = max(STRETCH, int(most * min(1.0, READ / plan.factor)))
@@ -296,5 +269,6 @@ def prepare_thin(
     notes = notes if every else (*notes, _note(len(windows)))
     check_left(log.name, len(motion), sum(b - a for a, b in windows), notes)
     samples = Samples(log.name, motion, tau, plan.decimation, notes, log.sha256)
-    samples = replace(samples, cutoff=plan.cutoff, breaks=parts[0].breaks, hints=plan.hints)
-    return samples if how.keep_rest else leave_stops(samples)
+    dwells = [p.dwells for p in parts if p.dwells is not None]
+    samples = replace(samples, dwells=np.concatenate(dwells) if dwells else None)
+    return replace(samples, cutoff=plan.cutoff, breaks=parts[0].breaks, hints=plan.hints)

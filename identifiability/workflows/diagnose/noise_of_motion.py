@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from identifiability.estimation.noise.ar_noise import ARNoise, fit_noise
-from identifiability.estimation.noise.autoregression import Runs
+from identifiability.estimation.noise.autoregression import JointRuns
 from identifiability.estimation.noise.residual_noise import find_runs
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -69,9 +69,11 @@ class Told:
         return rows.T @ rows / PREPARED, 2 * each * step / path.period
 
 
-def _rows(question: Question, d: Findings, samples: Sequence[Samples]) -> tuple[Array, Array, Runs]:
+def _rows(
+    question: Question, d: Findings, samples: Sequence[Samples]
+) -> tuple[Array, Array, JointRuns]:
     """Return columns (N, n, k), torque (N, n) and stretches of samples."""
     regression = Regression(d.robot, question.model, tuple(samples), question.columns)
-    chunks = [(c.W.copy(), c.tau) for part in regression.parts() for c in part.chunks()]
-    W, tau = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
-    return W, tau, find_runs(samples)
+    chunks = [(c.W.copy(), c.tau, c.data) for part in regression.parts() for c in part.chunks()]
+    W, tau, data = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
+    return W, tau, JointRuns.of(find_runs(samples), data)

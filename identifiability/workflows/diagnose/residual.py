@@ -59,13 +59,18 @@ def find_discrepancies(rows: Rows, residual: Array, joints: Sequence[str]) -> li
     memory = autocorrelation_time(residual)
     out = []
     for j, joint in enumerate(joints):
-        r, v, square = residual[:, j], rows.dq[:, j], residual[:, j] ** 2
+        data = rows.data[:, j]
+        r, v = residual[data, j], rows.dq[data, j]
+        if not len(r):
+            out.append(Discrepancy(joint, 0.0, 0.0, float("nan"), {}, float(memory[j])))
+            continue
+        square = r**2
         near = np.abs(v) < NEAR * (float(np.sqrt(np.mean(v**2))) or 1.0)
         far = float(square[~near].mean()) if (~near).any() else 0.0
         ratio = float(square[near].mean()) / far if near.any() and far > 0 else float("nan")
-        explained = {name: explained_share(x, r) for name, x in rows.along(j).items()}
+        explained = {name: explained_share(x[data], r) for name, x in rows.along(j).items()}
         size = float(np.sqrt(square.mean()))
-        whole = float(np.sqrt(np.mean(rows.measured[:, j] ** 2))) or 1.0
+        whole = float(np.sqrt(np.mean(rows.measured[data, j] ** 2))) or 1.0
         out.append(Discrepancy(joint, size, size / whole, ratio, explained, float(memory[j])))
     return out
 

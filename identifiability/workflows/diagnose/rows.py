@@ -14,7 +14,7 @@ import numpy as np
 
 from identifiability.effects import Effect, Family, Part, Span
 from identifiability.effects.family import measure_spans
-from identifiability.estimation.noise.autoregression import Runs
+from identifiability.estimation.noise.autoregression import JointRuns, Runs
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot
@@ -117,6 +117,9 @@ class Rows:
         Measured torque, all of it: filtered like the columns, and as it was measured.
     session : (N,) or None [s]
         Time of the session, where logs share a clock.
+    moves : (N, n) bool or None
+        Where torque of each joint is data; elsewhere all columns and torque are zero. None where
+        all is.
     root : (d, b) or None
         What is known beforehand of the values of the model: observations of zero, each in units of
         its standard deviation. None where nothing is, or they are no question at all.
@@ -135,6 +138,7 @@ class Rows:
     raw: Array
     root: Array | None = None
     session: Array | None = None
+    moves: np.ndarray | None = None
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -144,6 +148,27 @@ class Rows:
     def joints(self) -> int:
         """Number of actuated joints."""
         return int(self.tau.shape[1])
+
+    @cached_property
+    def data(self) -> np.ndarray:
+        """Where torque of each joint is data, (N, n) bool."""
+        return np.ones(self.tau.shape, bool) if self.moves is None else self.moves
+
+    @cached_property
+    def counts(self) -> np.ndarray:
+        """Rows of each joint that are data, one at least, (n,)."""
+        rows: np.ndarray = np.maximum(self.data.sum(0), 1)
+        return rows
+
+    @property
+    def silent(self) -> int:
+        """Number of rows of all joints that are no data."""
+        return int(self.data.size - self.data.sum())
+
+    @cached_property
+    def moving(self) -> JointRuns:
+        """Stretches without gaps at which torque of each joint is data."""
+        return JointRuns.of(self.runs, self.data)
 
     def columns(self, chosen: Sequence[Candidate]) -> Array:
         """Return the columns of the model with some candidates, (N, n, b + …)."""

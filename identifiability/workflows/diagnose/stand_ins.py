@@ -63,7 +63,7 @@ def find_stand_ins(
     torque = rows.tau - material.held.fitted_residual(chosen)
 
     def whiten(columns: Array) -> Array:
-        return noise.whiten(columns, rows.runs).reshape(-1, columns.shape[2])
+        return noise.whiten(columns, rows.moving).reshape(-1, columns.shape[2])
 
     def inside(columns: Array) -> Array:
         out = np.zeros((*rows.tau.shape, columns.shape[1]))

@@ -53,11 +53,11 @@ class Table:
         """Return the rows of some logs, without candidates; arguments are those of `build_rows`."""
         regression = replace(structure.regression(samples, keep=True), echo=None, instruments=None)
         chunks = [
-            (np.full(len(c.tau), c.log), c.W.copy(), c.tau, c.raw)
+            (np.full(len(c.tau), c.log), c.W.copy(), c.tau, c.raw, c.data)
             for part in regression.parts()
             for c in part.chunks()
         ]
-        log, X, tau, raw = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
+        log, X, tau, raw, data = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
         target, root = tau, None
         if fixed and known is None:
             target, X = tau - X @ structure.nominal_base, X[:, :, :0]
@@ -70,7 +70,7 @@ class Table:
         if has_session([s.motion for s in samples]):
             session = np.concatenate([s.output_times() + (s.motion.start or 0.0) for s in samples])
         bare = Rows(target, X, D, t, log, find_runs(samples), q, dq, ddq, tau, raw, root)
-        return Table(structure.robot, tuple(samples), replace(bare, session=session))
+        return Table(structure.robot, tuple(samples), replace(bare, session=session, moves=data))
 
     def rows(self, candidates: Sequence[Candidate], *, later: bool = False) -> Rows:
         """Return the rows with the columns of some candidates, by the numbers that these have.
@@ -103,8 +103,8 @@ class Table:
     def rows_with(self, candidates: Sequence[Candidate], samples: Sequence[Samples]) -> Rows:
         """Return the rows of some candidates along the same motion, with the torque of samples."""
         pieces = [piece for s in samples for piece in s.pieces(max(len(s.tau), 1))]
-        measured = np.concatenate([piece.down(piece.tau) for piece in pieces])
-        raw = np.concatenate([piece.tau[piece.at] for piece in pieces])
+        measured = np.concatenate([piece.torque for piece in pieces])
+        raw = np.concatenate([piece.raw for piece in pieces])
         tau = measured - (self.bare.measured - self.bare.tau)
         return replace(self.rows(candidates), tau=tau, measured=measured, raw=raw)
 

@@ -302,11 +302,12 @@ def _differences(
     pair: Pair, fit: Fit, rubbing: Rubbing, both: Array, bare: Array, names: Sequence[str]
 ) -> Information:
     """Return the information of what a pair's two residuals differ by."""
-    W, tau, other, below = pair.rows(fit.structure, rubbing.regression)
+    W, tau, other, below, data = pair.rows(fit.structure, rubbing.regression)
     columns = W @ both - other @ bare
     torque = tau - below - (W[:, :, : len(bare)] - other) @ fit.base
     size = -(-len(tau) // BLOCKS)
-    return Information.of_rows(names, columns, torque, np.zeros(len(tau), int), size)
+    log = np.zeros(len(tau), int)
+    return Information.of_rows(names, columns, torque, log, size, moves=data)
 
 
 def _measure(part: Information) -> Noise:

@@ -41,14 +41,16 @@ def torque_budget(fit: Fit, samples: Sequence[Prepared]) -> pd.DataFrame:
         Prepared logs; torque is taken as it was measured, not low-passed.
     """
     step = max(1, -(-sum(s.survey.kept for s in samples) // ENOUGH))
-    squares, count = np.zeros((1 + len(PARTS), len(fit.robot.joints))), 0
+    n = len(fit.robot.joints)
+    squares, count = np.zeros((1 + len(PARTS), n)), np.zeros(n)
     for s in samples:
         thinned = s.thin(step)
         parts = _split(fit, thinned.motion)
         left = thinned.tau - sum(parts)
-        squares += [(part**2).sum(0) for part in (thinned.tau, *parts, left)]
-        count += len(thinned.tau)
-    rms = np.sqrt(squares / max(count, 1))
+        data = np.ones(left.shape) if thinned.dwells is None else ~thinned.dwells
+        squares += [(part**2 * data).sum(0) for part in (thinned.tau, *parts, left)]
+        count += data.sum(0)
+    rms = np.sqrt(squares / np.maximum(count, 1))
     rms[rms < ROUNDING * rms.max(axis=0)] = 0.0
     named = dict(zip(("measured", *PARTS), rms, strict=True))
     robot = fit.robot

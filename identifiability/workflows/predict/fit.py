@@ -147,7 +147,8 @@ class Fit(Covaries):
         self, samples: list[Prepared], measured: tuple[bool, ...], hints: tuple[str, ...]
     ) -> TorquePrediction:
         base = self.structure.base
-        regression = Regression(self.robot, self.structure.model, tuple(samples), base.kept)
+        what = self.robot, self.structure.model, tuple(samples), base.kept
+        regression = Regression(*what, dwelling=True)
         found: list[tuple[Array, ...]] = []
         for part in regression.parts(whole=True):
             for chunk in part.chunks():
@@ -156,8 +157,8 @@ class Fit(Covaries):
                 log = np.full(len(chunk.t), chunk.log)
                 known = 1.0 if measured[chunk.log] else np.nan
                 given = (chunk.t.copy(), known * chunk.tau, known * chunk.raw)
-                found.append((log, *given, predicted, *reach))
-        names = ("log", "t", "tau", "raw", "predicted", "mean", "low", "new")
+                found.append((log, *given, predicted, *reach, chunk.data))
+        names = ("log", "t", "tau", "raw", "predicted", "mean", "low", "new", "data")
         joined = map(np.concatenate, zip(*found, strict=True))
         return TorquePrediction(
             robot=self.robot,

@@ -67,6 +67,7 @@ class TorquePrediction(Result):
     mean: Array
     low: Array
     new: Array
+    data: np.ndarray
     notes: Mapping[str, tuple[str, ...]]
     hints: tuple[str, ...] = ()
     origin: str = "result.json"
@@ -81,7 +82,7 @@ class TorquePrediction(Result):
         log = np.searchsorted(known, self.log[rows])
         times = [self.t[self.log == k] for k in known]
         low, raw = (
-            Prediction.of(times, tau[rows], self.predicted[rows, :, None], log)
+            Prediction.of(times, tau[rows], self.predicted[rows, :, None], log, self.data[rows])
             for tau in (self.tau, self.raw)
         )
         return low, raw
@@ -102,7 +103,9 @@ class TorquePrediction(Result):
         rows = np.isin(self.log, np.flatnonzero(self.measured))
         if not rows.any():
             return np.full(len(self.robot.joints), np.nan)
-        share: Array = (np.abs(self.tau - self.predicted) <= self.low)[rows].mean(0)
+        data = self.data[rows]
+        hit = (np.abs(self.tau - self.predicted) <= self.low)[rows] & data
+        share: Array = hit.sum(0) / np.maximum(data.sum(0), 1)
         return share
 
     @property

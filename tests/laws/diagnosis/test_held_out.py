@@ -139,10 +139,15 @@ def test_a_fit_that_was_fitted_has_the_smallest_error_where_it_was_fitted(rng, r
     assert np.sum(left**2) < np.sum(held.gap([c]).residual[:, :, 0] ** 2)
 
 
+def rows_with(tau, **more):
+    data = np.ones(tau.shape, bool)
+    return SimpleNamespace(measured=tau, data=data, counts=data.sum(0), **more)
+
+
 def test_the_relative_error_is_the_papers_sum_of_deviations_from_the_mean(rng, rows_of):
     tau = rng.standard_normal((50, 2)) + 3.0
     residual = rng.standard_normal((50, 2, 2))
-    gap = Gap(rows=SimpleNamespace(measured=tau), residual=residual)
+    gap = Gap(rows=rows_with(tau), residual=residual)
     spread = np.abs(tau - tau.mean()).sum()
     expected = [np.abs(residual[:, :, k]).sum() / spread for k in range(2)]
     np.testing.assert_allclose(gap.relative_error(), expected)
@@ -154,7 +159,7 @@ def test_the_interval_of_a_change_is_that_of_whole_stretches_drawn_again(rng):
     tau = np.where(np.arange(n) % 2, 1.0, -1.0)[:, None]
     change = np.sign(np.sin(2 * np.pi * np.arange(n) / n))[:, None] * 0.2 - 0.1
     residual = np.stack([np.full((n, 1), 1.0), 1.0 + change], axis=2)
-    gap = Gap(rows=SimpleNamespace(measured=tau), residual=residual)
+    gap = Gap(rows=rows_with(tau), residual=residual)
     low, high = gap.interval(0, 1, np.random.default_rng(0))
     parts = np.array([p.mean() for p in np.array_split(change, 24)])
     sd = np.std(parts) / np.sqrt(24)
@@ -171,11 +176,11 @@ def test_the_expected_change_is_that_of_torque_which_is_really_there(rng):
     n = 200_000
     tau, noise = rng.standard_normal((2, n, 2)) * [[[1.0, 30.0]]]
     added = np.column_stack([0.4 * rng.standard_normal(n), np.zeros(n)])
-    gap = Gap(SimpleNamespace(measured=tau), np.stack([noise + added, noise], axis=2))
+    gap = Gap(rows_with(tau), np.stack([noise + added, noise], axis=2))
     before, after = gap.error_over_joints()
     assert gap.expected_change(0, 1) == pytest.approx(after - before, rel=0.03)
     # An effect that is not there is expected to help as much, and does the opposite.
-    wrong = Gap(SimpleNamespace(measured=tau), np.stack([noise, noise - added], axis=2))
+    wrong = Gap(rows_with(tau), np.stack([noise, noise - added], axis=2))
     before, after = wrong.error_over_joints()
     assert wrong.expected_change(0, 1) < 0 < after - before
     assert gap.expected_change(1, 1) == 0
@@ -185,7 +190,7 @@ def test_errors_of_the_raw_torque_hold_what_the_filter_took_away():
     rng = np.random.default_rng(3)
     tau, noise = rng.standard_normal((2, 50, 2))
     residual = 0.1 * rng.standard_normal((50, 2, 2))
-    gap = Gap(rows=SimpleNamespace(measured=tau, raw=tau + noise), residual=residual)
+    gap = Gap(rows=rows_with(tau, raw=tau + noise), residual=residual)
     raw = tau + noise
     left, own = residual[:, :, 1] + noise, raw - raw.mean(0)
     expected = np.sqrt((left**2).sum(0) / (own**2).sum(0))

@@ -1,7 +1,5 @@
 """Who fits, chooses and verifies; stretches of long logs; motion gaps and false names."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -14,7 +12,7 @@ from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.diagnose.false_names import FalseNames
 from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.material import family_blocks
-from identifiability.workflows.diagnose.motion import assign_roles, divide, leave_stops, thin
+from identifiability.workflows.diagnose.motion import assign_roles, divide, thin
 
 
 def log(name="log", n=1000):
@@ -111,36 +109,6 @@ def test_the_gap_in_motion_is_a_share_of_the_distance_that_each_joint_moves():
     assert not nothing.measured
     assert np.isnan(nothing.error_before)
     assert nothing.statement == ""
-
-
-def touching_zero(rest: float):
-    """Two joints that reverse after each second, every other time from rest to rest; samples."""
-    robot, t = Robot.load("two-link"), np.arange(0.0, 8.0, 0.005)
-    w = np.pi
-    speed = np.sin(w * t) * (1 - rest * np.cos(w * t))
-    q = (1 - np.cos(w * t)) / w + rest * (np.cos(2 * w * t) - 1) / (4 * w)
-    both = [np.column_stack([x, 0.7 * x]) for x in (q, speed, np.gradient(speed, t))]
-    motion = complete_motion(robot, t, *both)
-    return Samples("log", motion, np.zeros((len(t), 2)), None, (), "")
-
-
-def test_where_all_speeds_only_touch_zero_nothing_is_looked_at_and_reversals_are():
-    samples = touching_zero(1.0)
-    moves = leave_stops(samples)
-    gone = np.setdiff1d(samples.motion.t, moves.motion.t)
-    away = np.abs(gone / 2 - np.round(gone / 2)) * 2  # seconds from a rest, of which there are 4
-    assert away.max() < 0.1
-    assert 3 * 0.1 < 0.005 * len(gone) < 5 * 0.2
-    assert len(moves.tau) == len(moves.motion)
-    assert "stops" in moves.notes[-1]
-    assert leave_stops(touching_zero(0.0)).notes == ()
-    # Where stops are most of what is there they stay; with enough motion beside them they go.
-    still = ~np.isin(samples.motion.t, moves.motion.t)
-    for share, stay in ((0.5, True), (2.0, False)):
-        moving = np.flatnonzero(~still)[: int(share * still.sum())]
-        rows = np.sort(np.concatenate([np.flatnonzero(still), moving]))
-        part = replace(samples, motion=samples.motion[rows], tau=samples.tau[rows])
-        assert (len(leave_stops(part).tau) == len(rows)) == stay
 
 
 def test_a_rate_of_false_names_has_the_interval_of_its_number_of_trials():

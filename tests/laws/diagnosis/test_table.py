@@ -3,16 +3,20 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from identifiability.effects import find_families
 from identifiability.effects.rigid_body import RigidBody
-from identifiability.logs.prepare import Samples
+from identifiability.estimation.prediction import predict
+from identifiability.logs import Log
+from identifiability.logs.prepare import Samples, prepare_samples
 from identifiability.logs.signals import Decimation
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.diagnose import table
+from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.material import Setting, gather
 from identifiability.workflows.diagnose.options import find_same
 from identifiability.workflows.diagnose.rows import list_candidates
@@ -176,3 +180,26 @@ def test_all_bodies_alike_are_pulled_at_as_by_another_gravity(made):
     K, named = Model.of("rigid_body").regressor(robot, rest), RigidBody().parameters(robot)
     torque = K @ [robot.nominal[p.name] for p in named]
     np.testing.assert_allclose(field @ extra, torque, rtol=1e-6, atol=1e-9)
+
+
+def test_a_diagnosis_and_an_analysis_state_one_error_of_the_same_values_and_log():
+    robot, rng = Robot.load("two-link"), np.random.default_rng(5)
+    t = np.arange(0, 12, 0.005)
+    phase = np.cumsum(np.clip(0.5 + np.sin(2 * np.pi * t / 3), 0, 1)) * 0.005  # it stops at times
+    frame = {"t": t}
+    for k, joint in enumerate(robot.joints):
+        frame[f"{joint}.q"] = 0.6 * np.sin((3 + k) * phase)
+        frame[f"{joint}.tau"] = np.sin(2 * phase + k) + 0.1 * rng.standard_normal(len(t)) + k
+    samples = prepare_samples(robot, Log.from_frame(pd.DataFrame(frame)))
+    assert 0.1 < samples.dwells.mean() < 0.6
+    structure = Structure.of(robot, Model.of("rigid_body", "viscous_friction", "coulomb_friction"))
+    values = rng.standard_normal(len(structure.base))
+    rows = build_rows(structure, [], [samples])
+    gap = Gap(rows, (rows.tau - rows.X @ values)[:, :, None])
+    found = predict(structure.regression([samples]), values[:, None])
+    for raw in (False, True):
+        close = 1e-4 if raw else 1e-9  # of raw torque about the mean of low-passed torque
+        pair = gap.joint_error(raw=raw), found.joint_error(raw=raw)
+        np.testing.assert_allclose(*pair, rtol=close)
+    np.testing.assert_allclose(gap.relative_error(), found.relative_error(), rtol=1e-9)
+    np.testing.assert_allclose(gap.joint_rms(), found.joint_rms(), rtol=1e-9)

@@ -258,6 +258,7 @@ class Rows:
             SimpleNamespace(
                 survey=SimpleNamespace(
                     outputs=b - a,
+                    rows=np.full(2, b - a),
                     torque=tau[a:b].sum(0),
                     low=np.full((3, 2), -1.0),
                     high=np.ones((3, 2)),

@@ -40,7 +40,18 @@ class Piece:
     def actuated_v(self):
         return np.zeros(self.tau.shape)
 
+    moves = dwells = None
+
     def down(self, values):
+        return values
+
+    @property
+    def torque(self):
+        return self.tau
+
+    raw = torque
+
+    def masked(self, values):
         return values
 
 

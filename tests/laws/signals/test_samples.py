@@ -1,4 +1,4 @@
-"""From a log to samples: the grid, gaps, rests, and columns that contradict each other."""
+"""From a log to samples: the grid, gaps, and columns that contradict each other."""
 
 from dataclasses import replace
 
@@ -9,7 +9,6 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, Samples, prepare_samples
-from identifiability.logs.prepare.plan import RestRule, choose_rest_rule
 from identifiability.logs.prepare.survey import Survey, explain_silence, find_signal
 from identifiability.logs.signals import Decimation
 from identifiability.logs.units import check_units, find_contradictions
@@ -119,27 +118,6 @@ def test_a_fourier_series_of_the_log_starts_at_its_first_time(two):
         np.testing.assert_allclose(found, x, atol=1e-6 * np.abs(x).max())
 
 
-def test_a_rest_lasts_longer_than_its_least_number_of_samples():
-    rule = RestRule(limit=np.array([0.1, np.inf]), least=4.0)
-    speed = np.ones((30, 2))
-    speed[3:7, 0], speed[10:15, 0], speed[20:30, 0] = 0.1, -0.1, 0.0
-    found = rule.find(speed)
-    assert np.flatnonzero(found).tolist() == [*range(10, 15), *range(20, 30)]
-    assert rule.reach == 6
-
-
-def test_standing_still_is_one_per_cent_of_the_largest_speed_for_half_a_period():
-    dt, n = 0.01, 2000
-    t = dt * np.arange(n)
-    q = np.stack([np.sin(2 * np.pi * 2 * t), np.full(n, 3.0)], 1)
-    dq = np.stack([4 * np.pi * np.cos(4 * np.pi * t), np.full(n, 1e-12)], 1)
-    rule = choose_rest_rule([q, q], [dq, 0.5 * dq], dt)
-    assert rule.limit[0] == pytest.approx(0.01 * 4 * np.pi, rel=1e-3)
-    assert rule.limit[1] == np.inf  # a joint that never moves always stands still
-    assert rule.least == pytest.approx(0.5 / (2 * dt), rel=0.05)
-    assert choose_rest_rule([q], [np.zeros_like(dq)], dt) is None
-
-
 def test_the_survey_of_two_parts_is_that_of_both(two):
     m = complete_motion(two, 0.01 * np.arange(50), *wave(0.01 * np.arange(50)))
     m = replace(m, dropped=np.array([3, 4, 5, 6, 7, 8, 30]), near_singular=np.array([9, 40]),
@@ -162,7 +140,6 @@ def test_the_survey_of_two_parts_is_that_of_both(two):
     assert notes[0].startswith("7 of 60 samples were dropped")
     assert "data rows 4, 5, 6, 7, 8 …" in notes[0]
     assert "first in data row 10" in notes[1]
-    assert notes[2].startswith("3 of 60 samples were left out")
     # The first joint's torque changes, the second one's does not; no torque matters at rest.
     assert find_signal([whole]).tolist() == [True, False]
     assert find_signal([parts[0], parts[1]]).tolist() == [True, False]

@@ -1,0 +1,123 @@
+"""Where a joint stands its torque is no data; where it reverses it is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from identifiability.logs import Log
+from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.regression.gather import gather_information
+from identifiability.regression.model import Model
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
+
+RATE = 500.0
+#: Errors of the records: none, an encoder, white noise.
+ERRORS = {
+    "none": lambda x, rng: x,
+    "encoder": lambda x, rng: 1e-4 * np.rint(x / 1e-4),
+    "noise": lambda x, rng: x + 3e-5 * rng.standard_normal(x.shape),
+}
+
+
+@pytest.fixture(scope="module")
+def two():
+    return Robot.load("two-link")
+
+
+def stop_and_go(rest: float = 0.6):
+    """Return times (N,), the positions of a joint, and where it stands: a stop at each reversal."""
+    move, still = np.arange(0, 0.8, 1 / RATE), round(rest * RATE)
+    swing = 0.5 * (1 - np.cos(np.pi * move / 0.8))
+    parts = [np.concatenate([s, np.full(still, s[-1])]) for s in (swing, swing[-1] - swing)] * 3
+    stands = np.tile(np.arange(len(parts[0])) >= len(move), 6)
+    q = np.concatenate(parts)
+    return np.arange(len(q)) / RATE, q, stands
+
+
+def samples_of(two, t, q, other, how=None, **channels):
+    frame = {"t": t}
+    for joint, x in zip(two.joints, (q, other), strict=True):
+        frame |= {f"{joint}.q": x, f"{joint}.tau": np.ones(len(t)) + x}
+    for kind, columns in channels.items():
+        frame |= {f"{j}.{kind}": x for j, x in zip(two.joints, columns, strict=True)}
+    return prepare_samples(two, Log.from_frame(pd.DataFrame(frame)), how or Preparation())
+
+
+@pytest.mark.parametrize("error", ERRORS)
+def test_a_joint_that_stands_dwells_and_one_that_reverses_does_not(two, error):
+    t, q, stands = stop_and_go()
+    rng = np.random.default_rng(1)
+    make = ERRORS[error]
+    s = samples_of(two, t, make(q, rng), make(0.6 * np.sin(2 * np.pi * 0.9 * t), rng))
+    assert s.dwells is not None
+    found, other = s.dwells[s.motion.kept].T
+    reach = round(1.2 * RATE / s.cutoff)  # what the filters mix with a dwell, and a little more
+    beside = np.convolve(stands, np.ones(2 * reach + 1), "same") > 0.5
+    inside = np.convolve(~stands, np.ones(2 * reach + 1), "same") < 0.5
+    assert found[inside].mean() > 0.98
+    assert not found[~beside].any()
+    assert not other.any()
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_recorded_speeds_tell_without_positions(two, noise):
+    t, q, stands = stop_and_go(1.5)
+    rng = np.random.default_rng(2)
+    both = np.stack([q, 0.6 * np.sin(2 * np.pi * 0.9 * t)])
+    dq = np.gradient(both, t, axis=1)
+    ddq = np.gradient(dq, t, axis=1)
+    dq = dq + noise * dq.std(1, keepdims=True) * rng.standard_normal(dq.shape)
+    s = samples_of(two, t, *both * (1 + 0.04 * rng.standard_normal(both.shape)), dq=dq, ddq=ddq)
+    inside = np.convolve(~stands, np.ones(11), "same") < 0.5
+    assert s.dwells[inside, 0].mean() > 0.98
+    assert s.dwells[~stands, 0].mean() < 0.1
+    assert s.dwells[:, 1].mean() < 0.01
+
+
+def test_fourier_motion_has_no_dwells_whatever_its_errors(two):
+    t, rng = np.arange(0, 20, 0.01), np.random.default_rng(3)
+    w = 2 * np.pi * np.arange(1, 6) / 10
+    shares = []
+    for error in ERRORS.values():
+        for _ in range(4):
+            q = [np.sin(np.outer(t, w) + rng.uniform(0, 7, 5)) @ (1 / w) for _ in two.joints]
+            shares.append(samples_of(two, t, *(error(x, rng) for x in q)).dwells.mean())
+    assert np.mean(shares) < 0.03  # of all reversals 5 % are so slow
+
+
+def test_torque_of_a_dwelling_joint_is_in_no_row_and_that_of_others_is(two):
+    t, q, _ = stop_and_go()
+    swing = 0.6 * np.sin(2 * np.pi * 0.9 * t)
+    structure = Structure.of(two, Model.of("rigid_body", "viscous_friction", "coulomb_friction"))
+    rng = np.random.default_rng(4)
+    found = []
+    for size in (0.0, 50.0):
+        s = samples_of(two, t, q, swing)
+        tau = s.tau.copy()
+        tau[:, 0] += size * s.dwells[:, 0] * rng.standard_normal(len(tau))
+        s = replace(s, tau=tau, decimation=None)
+        found.append(gather_information(structure.regression([s])))
+    plain, spoilt = found
+    np.testing.assert_allclose(spoilt.factor(), plain.factor(), rtol=1e-9, atol=1e-9)
+    moving, every = plain.data.sum(0)
+    assert every == plain.samples > moving > 0
+    assert plain.rows == moving + every
+
+
+def test_a_joint_that_never_moves_says_nothing_and_nothing_fails(two):
+    t = np.arange(0, 6, 0.01)
+    s = samples_of(two, t, np.full(len(t), 0.3), 0.6 * np.sin(2 * np.pi * 0.9 * t))
+    assert s.dwells[:, 0].all()
+    assert not s.dwells[:, 1].any()
+    assert s.survey.rows.tolist() == [0, s.outputs]
+    assert any(f"{two.joints[0]} 100 %" in note for note in s.notes)
+
+
+def test_robots_without_dry_friction_keep_what_stands(two):
+    t, q, _ = stop_and_go()
+    s = samples_of(two, t, q, 0.6 * np.sin(2 * np.pi * 0.9 * t), Preparation(keep_rest=True))
+    assert s.dwells is None
+    assert not any("stands" in note for note in s.notes)
