@@ -77,9 +77,21 @@ class JointTerms:
         )
 
     def friction(self, speed: Array) -> Array:
-        """Return viscous and Coulomb friction at speeds (N,), (N,)."""
+        """Return viscous and Coulomb friction at the speeds of a motion (N,), (N,).
+
+        A joint that stands sticks, and what its motor then supplies is anything within the levels:
+        the motion does not say it. It begins with what it was when the joint stopped, for torque
+        does not jump, ends with what makes the joint break away, and goes evenly between, as that
+        of a controller does whose integral acts. Before the first motion and behind the last one
+        nothing pulls.
+        """
         dry = np.where(speed > 0, self.forward, np.where(speed < 0, -self.backward, 0.0))
-        return self.viscous * speed + dry
+        rests = np.concatenate([[False], speed == 0, [False]])
+        known = ~rests[1:-1] | ~(rests[:-2] | rests[2:])  # one zero alone is a reversal
+        known[[0, -1]] = True
+        at = np.arange(len(speed))
+        friction: Array = self.viscous * speed + np.interp(at, at[known], dry[known])
+        return friction
 
     def force(self, stretch: Array, speed: Array, acceleration: Array) -> Array:
         """Return friction, inertia and spring (N,) of a motion (N,) about the spring's rest."""

@@ -216,3 +216,14 @@ def test_simulated_noise_is_relative_on_motion_and_a_share_of_the_rms_on_torque(
     many = ar1((2, 50_000), 0.6, rng)  # stationary from the first sample
     np.testing.assert_allclose(np.std(many, axis=1), 1.0, rtol=0.02)
     np.testing.assert_allclose(Noise(encoder=0.1).on_encoder(np.array([0.14, -0.27])), [0.1, -0.3])
+
+
+def test_dry_friction_sticks_where_a_prescribed_motion_stands():
+    terms = JointTerms(viscous=0.5, forward=2.0, backward=3.0, inertia=0.0, stiffness=0.0, offset=0)
+    speed = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, -1.0, 0.0, -2.0, 0.0, 0.0])
+    found = terms.friction(speed) - 0.5 * speed
+    np.testing.assert_allclose(
+        found, [0, 1, 2, 2, 0.75, -0.5, -1.75, -3, 0, -3, -1.5, 0], atol=1e-12
+    )
+    assert (found <= 2.0).all()
+    assert (found >= -3.0).all()
