@@ -136,6 +136,11 @@ class Numbers:
         return self.bad == self.empty and self._large is None
 
     @property
+    def lost(self) -> bool:
+        """Whether cells are empty, and nothing else is wrong."""
+        return self.clean and self.bad > 0
+
+    @property
     def usable(self) -> bool:
         """Whether every value so far is a finite number of a size that can be."""
         return self._first is None and self._large is None

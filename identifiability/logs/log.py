@@ -58,6 +58,9 @@ class Log:
         What was read otherwise than literally, half a sentence each.
     motion_alone : bool
         Whether it came without torque, for which zeros stand.
+    unmeasured : (N, n) bool or None
+        Where torque was not measured, for which what lies between its neighbours stands, or zeros;
+        None where all was.
     start : float or None [s]
         What its times count from, on a clock that other logs share, such as seconds since 1970.
     """
@@ -74,6 +77,7 @@ class Log:
     q_ref: Array | None = None
     motion_alone: bool = False
     start: float | None = None
+    unmeasured: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -173,6 +177,8 @@ class Log:
     def each(self, change: Callable[[Array], Array], **others: Any) -> Log:
         """Return the log with all its channels changed alike, and other fields as given."""
         others |= {channel: change(getattr(self, channel)) for channel in self.channels}
+        if self.unmeasured is not None:
+            others["unmeasured"] = change(self.unmeasured.astype(float)) > 0
         return replace(self, **others)
 
     def without(self, channels: Sequence[str]) -> Log:
@@ -238,6 +244,8 @@ class Log:
         columns = {"t": self.t}
         for kind in self.channels:
             values = getattr(self, kind)
+            if kind == "tau" and self.unmeasured is not None:
+                values = np.where(self.unmeasured, np.nan, values)
             columns |= {f"{j}.{kind}": values[:, k] for k, j in enumerate(self.joints)}
         return pd.DataFrame(columns)
 
@@ -292,6 +300,7 @@ class Log:
 def join_logs(logs: Sequence[Log]) -> Log:
     """Return stretches of one log as a log with gaps."""
     kinds = ("t", *logs[0].channels)
+    kinds += ("unmeasured",) if logs[0].unmeasured is not None else ()
     joined: dict[str, Any] = {k: np.concatenate([getattr(x, k) for x in logs]) for k in kinds}
     return replace(logs[0], **joined)
 
@@ -302,4 +311,31 @@ def build_log(name: str, naming: Naming, values: Mapping[str, Array], digest: st
     joints, notes = naming.joints, naming.notes
     for kind in find_channels(joints, values):
         channels[kind] = np.stack([values[f"{j}.{kind}"] for j in joints]).T
-    return Log(name=name, joints=joints, t=values["t"], sha256=digest, notes=notes, **channels)
+    t, gone = values["t"], np.isnan(channels["tau"])
+    if gone.any():
+        notes = (*notes, *_tell_unmeasured(joints, gone))
+        channels["unmeasured"] = gone
+        pairs = zip(channels["tau"].T, gone.T, strict=True)
+        channels["tau"] = np.stack([_bridge(t, x, lost) for x, lost in pairs], 1)
+    return Log(name=name, joints=joints, t=t, sha256=digest, notes=notes, **channels)
+
+
+def _bridge(t: Array, x: Array, lost: np.ndarray) -> Array:
+    """Return a column (N,) with straight lines where it is lost, zeros if all of it is."""
+    return np.zeros(len(x)) if lost.all() else np.interp(t, t[~lost], x[~lost])
+
+
+def _tell_unmeasured(joints: Sequence[str], gone: np.ndarray) -> list[str]:
+    """Return what a note says of torque that was not measured, (N, n) bool."""
+    share, notes = gone.mean(0), []
+    never = [f"'{j}.tau'" for j, s in zip(joints, share, strict=True) if s == 1.0]
+    some = [f"'{j}.tau' in {n} rows" for j, n in zip(joints, gone.sum(0), strict=True)
+            if 0 < n < len(gone)]  # fmt: skip
+    if never:
+        notes.append(
+            f"{listing(never, 6)} was not measured: motion counts, the equations of "
+            f"{'that joint are' if len(never) == 1 else 'those joints are'} left out"
+        )
+    if some:
+        notes.append(f"torque is missing ({listing(some, 4)}), and these equations are left out")
+    return notes

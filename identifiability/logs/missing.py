@@ -8,7 +8,7 @@ from os.path import commonprefix
 from typing import NoReturn
 
 from identifiability.foundation.errors import LogError, listing, near_match
-from identifiability.logs.aliases import COMMANDED, KINDS, guess_column, words_of
+from identifiability.logs.aliases import CHANNEL_WORDS, COMMANDED, KINDS, guess_column, words_of
 from identifiability.logs.checks import CHANNELS, find_joints
 from identifiability.logs.conventions import Conventions
 
@@ -82,6 +82,18 @@ def refuse_missing(
         f"{listing(missing)}; every actuated joint needs '<joint>.q' and '<joint>.tau'"
         f"{locks or f'. It has the columns {listing(list(names))}'}."
     )
+
+
+def may_be_torque(column: str, joint: str) -> bool:
+    """Whether a column that is nothing else may be a joint's torque, misspelt or a command."""
+    owner, _, kind = column.rpartition(".")
+    if owner == joint:
+        return kind not in CHANNELS
+    words = {*words_of(column)}
+    if {*words_of(joint)} <= words:
+        return bool(words & {*COMMANDED} and _kind(column) == "tau") or not _kind(column)
+    alike = bool(owner) and near_match(owner, [joint]).endswith("?")
+    return alike and kind in ("tau", *CHANNEL_WORDS["tau"])
 
 
 def _kind(column: str) -> str:

@@ -16,7 +16,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.aliases import INDEX, KINDS, Guess, guess_column, unread_unit
 from identifiability.logs.checks import CHANNELS, find_joints
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.missing import refuse_missing, several
+from identifiability.logs.missing import may_be_torque, refuse_missing, several
 from identifiability.logs.numbered import find_entries, settle_numbers
 from identifiability.logs.stated_units import Unit, find_unit, split_unit
 
@@ -210,6 +210,8 @@ def _name_otherwise(
     settled, labels, how = settle_numbers(guesses, source, known, names, first)
     taken = _choose(settled, known, source)
     wanted = _needed(["t", *taken], known)
+    if time and not wanted:
+        wanted = _needed(["t", *taken, *_unmeasured(names, taken, known)], known)
     if not time or not wanted:
         refuse_missing(
             names,
@@ -293,6 +295,22 @@ def _column(name: str, guess: Guess) -> Column:
         return Column(name, guess.source, current=guess.current)
     entry = guess.entry
     return Column(name, guess.source, entry.factor, low=entry.low, high=entry.high)
+
+
+def _unmeasured(
+    names: Mapping[str, str], taken: Mapping[str, Guess], known: Conventions
+) -> list[str]:
+    """Return the torques that a table lacks of joints whose positions it has.
+
+    None where it has no torque of any joint, or a column that may be one of them.
+    """
+    joints = known.motors if any(f"{m}.q" in taken for m in known.motors) else known.joints
+    lacking = [j for j in joints if f"{j}.q" in taken and f"{j}.tau" not in taken]
+    used = {g.source for g in taken.values()}
+    others = [name for column, name in names.items() if column not in used]
+    if len(lacking) == len(joints) or any(may_be_torque(c, j) for c in others for j in lacking):
+        return []
+    return [f"{j}.tau" for j in lacking]
 
 
 def _choose(guesses: Sequence[Guess], known: Conventions, source: str) -> dict[str, Guess]:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identifiability.foundation.errors import LogError
+from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.logs.aliases import INDEX, guess_column
 from identifiability.logs.angles import settle_angles
-from identifiability.logs.checks import Clock, Numbers, to_floats
+from identifiability.logs.checks import FEWEST, Clock, Numbers, to_floats
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
 from identifiability.logs.measured import call_currents, missing_torque, settle_torque
@@ -28,6 +28,12 @@ if TYPE_CHECKING:
 
 #: A joint that is held moves less than this [rad or m].
 PLAY = 0.01
+
+
+def _gaps(x: Array) -> int:
+    """Return the number of stretches in which a column (N,) is missing."""
+    gone = np.isnan(x).astype(int)
+    return int(gone[:1].sum() + (np.diff(gone) > 0).sum())
 
 
 class MixedRatesError(LogError):
@@ -95,6 +101,8 @@ class Reading:
         Whether any torque is not zero.
     made : list of str
         Columns of zeros that stand for the torque of a table that holds motion alone.
+    absent : list of str
+        Columns of torque that a table lacks, of joints whose motion it has.
     start : float or None [s]
         As of a `Log`: what the times count from, by themselves or as the table says (``attrs``).
     """
@@ -108,6 +116,7 @@ class Reading:
         self.turns: dict[str, WrapFinder] = {}
         self.clock, self.torque, self.made = Clock(source), False, list[str]()
         self._kept: dict[str, list[Array]] = {}
+        self.absent: list[str] = []
         self._held: dict[str, tuple[float, float]] = {}
 
     def add(self, frame: pd.DataFrame, form: Form = PLAIN) -> None:
@@ -154,6 +163,8 @@ class Reading:
                 self.finders[column].add(values)
                 if column in self.turns:
                     self.turns[column].add(values)
+        for column in self.absent if self.keep else ():
+            self._kept[column].append(np.full(len(frame), np.nan))
 
     @property
     def naming(self) -> Naming:
@@ -175,7 +186,8 @@ class Reading:
         self._naming = naming
         names = [c.name for c in naming.columns]
         self.numbers = {c: Numbers(c, self.source) for c in names}
-        self._kept = {c: [] for c in names}
+        self.absent = [c for j in naming.joints if (c := f"{j}.tau") not in names]
+        self._kept = {c: [] for c in (*names, *self.absent)}
         self.finders = {} if self.keep else {c: SpikeFinder() for c in names if c != "t"}
         self.turns = {c: WrapFinder() for c in self.finders if c.endswith(".q")}
 
@@ -249,8 +261,22 @@ class Reading:
             del self.numbers[column], self._kept[column]
         columns = tuple(c for c in self._naming.columns if c.name not in gaps)
         self._naming = replace(self._naming, columns=columns)
-        for numbers in self.numbers.values():
-            numbers.finish()
+        lost = [c for c, x in self.numbers.items() if c.endswith(".tau") and x.lost]
+        if len(lost) + len(self.absent) == len(self._naming.joints) and all(
+            self.numbers[c].bad == self.numbers[c].rows for c in lost
+        ):
+            raise LogError(
+                f"{self.source} has no torque: every '<joint>.tau' is empty; give what was "
+                "measured, of some joints at least."
+            )
+        if not self.keep and (lost or self.absent):
+            raise LogError(
+                f"{self.source} lacks torque ({listing([*lost, *self.absent], 4)}) and is too long "
+                "to be held in memory: give stretches of it."
+            )
+        for column, numbers in self.numbers.items():
+            if column not in lost:
+                numbers.finish()
         self.clock.finish()
         return {c: np.concatenate(kept) for c, kept in self._kept.items() if kept}
 
@@ -267,9 +293,14 @@ class Reading:
         if self.numbers["t"].bad or not all(x.clean for x in self.numbers.values()):
             return
         values = {c: np.concatenate(kept) for c, kept in self._kept.items()}
-        found, note = unify_rates(values)
+        # Torque that is missing for a while, or altogether, comes at no rate of its own.
+        gone = {c for c, x in values.items() if c.endswith(".tau") and 2 * _gaps(x) < FEWEST}
+        gone = {c for c in gone if np.isnan(values[c]).any()}
+        found, note = unify_rates({c: x for c, x in values.items() if c not in gone})
         if not note:
             return
+        near = np.searchsorted(values["t"], found["t"]).clip(0, len(values["t"]) - 1)
+        found |= {c: values[c][near] for c in gone}
         self.numbers = {c: Numbers(c, self.source) for c in found}
         self._kept = {c: [x] for c, x in found.items()}
         columns = tuple(c for c in self._naming.columns if c.name in found)

@@ -28,7 +28,7 @@ from identifiability.logs.logfile import LogFile, open_log
 from identifiability.logs.mend import mend_logs
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.longsamples import LongSamples, Prepared
-from identifiability.logs.prepare.survey import explain_silence, torque_varies
+from identifiability.logs.prepare.survey import explain_silence, stands_still, torque_varies
 from identifiability.logs.repeats import Recording, check_held_out, drop_repeats
 from identifiability.logs.session import share_clock
 from identifiability.logs.units import drop_contradictions
@@ -337,7 +337,8 @@ def find_hints(robot: Robot, samples: Sequence[Prepared]) -> tuple[str, ...]:
     varies = torque_varies(surveys)
     rows = np.sum([s.rows for s in surveys], axis=0)
     dead = [j for j, v, r in zip(robot.joints, varies, rows, strict=True) if r and not v]
-    still = [j for j, r in zip(robot.joints, rows, strict=True) if not r]
+    idle = stands_still(surveys)
+    still = [j for j, r, s in zip(robot.joints, rows, idle, strict=True) if not r and s]
     found = [find_impossible_bodies(robot), _find_turned_signs(robot, samples)]
     if robot.outside:
         found.append(

@@ -2,7 +2,7 @@
 
 from foreign.case import Case
 from foreign.clocks import CLOCKS
-from foreign.effort import DERIVATIVES, EFFORT, LOCKS
+from foreign.effort import DERIVATIVES, EFFORT, LOCKS, PARTIAL
 from foreign.locales import LOCALES
 from foreign.physics import ANGLES, TORQUE
 from foreign.scenes import ENDINGS, SCENES
@@ -11,5 +11,5 @@ from foreign.tables import CONTAINERS, NAMES, TEXT
 CASES: tuple[Case, ...] = (*TEXT, *CONTAINERS, *NAMES, *CLOCKS, *ANGLES, *TORQUE)
 
 #: What is read, and what is read as what.
-READ: tuple[Case, ...] = (*EFFORT, *LOCKS, *DERIVATIVES, *LOCALES, *SCENES, *ENDINGS)
+READ: tuple[Case, ...] = (*EFFORT, *PARTIAL, *LOCKS, *DERIVATIVES, *LOCALES, *SCENES, *ENDINGS)
 CASES += READ

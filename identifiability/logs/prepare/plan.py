@@ -274,6 +274,17 @@ class Plan:
             parts.append(self.smoothing.apply(fill(log.dq[a:b], at), self.step)[at])
         return np.concatenate(parts)
 
+    def lacking(self, unmeasured: np.ndarray) -> np.ndarray:
+        """Return where torque is no data, from where it was not measured, (N, n) bool.
+
+        A decimation filter mixes it with what is beside. What lacks less than an output's step is
+        known from there.
+        """
+        if self.factor == 1:
+            return unmeasured
+        short = _reached(~_reached(~unmeasured, self.factor // 2), self.factor // 2) & unmeasured
+        return _reached(short, self.factor)
+
     def stretches(self, rows: int, origin: int) -> list[tuple[int, int]]:
         """Return the stretches without a long gap of so many rows from `origin` on."""
         return [(0, rows)] if self.grid is None else self.grid.stretches(origin, origin + rows)
@@ -296,6 +307,12 @@ class Plan:
         return (q, dq, ddq) if len(q) == len(log) else (q[at], dq[at], ddq[at])
 
 
+def _reached(x: np.ndarray, reach: int) -> np.ndarray:
+    """Return (N, n) bool true within some samples of where it is."""
+    out: np.ndarray = maximum_filter1d(x, 2 * reach + 1, axis=0)
+    return out
+
+
 def joint_log(robot: Robot, log: Log) -> Log:
     """Return a log with its joints in the robot's order, motors converted to joints.
 
@@ -316,6 +333,8 @@ def joint_log(robot: Robot, log: Log) -> Log:
 
     q_ref = None if log.q_ref is None else gear.joint_side(log.q_ref, log.tau)[0]
     log = replace(log, joints=robot.joints, tau=tau, q_ref=q_ref)
+    if log.unmeasured is not None:  # torque of a joint is what all its motors give
+        log = replace(log, unmeasured=log.unmeasured @ (gear.coupling != 0))
     return replace(log, q=q, dq=rate(log.dq), ddq=rate(log.ddq))
 
 

@@ -281,6 +281,9 @@ def prepare_rows(
         motion = replace(motion, smooth_v=smooth[part][motion.kept])
     tau = log.tau[part][motion.kept] - _known_torque(robot, log.name, motion)
     dwells = None if plan.dwells is None else plan.dwells.find(log, dq)[part][motion.kept]
+    if log.unmeasured is not None:
+        lacking = plan.lacking(log.unmeasured)[part][motion.kept]
+        dwells = lacking if dwells is None else dwells | lacking
     lost, breaks = 0, np.empty(0, int)
     if plan.grid is not None:
         apart = plan.grid.left_out(origin, origin + len(log))

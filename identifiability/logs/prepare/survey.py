@@ -148,11 +148,16 @@ class Survey:
         return [f"{DWELLS}: {', '.join(told)} of the time"] if told else []
 
 
-def robot_moves(surveys: Sequence[Survey]) -> bool:
-    """Return whether any actuated joint is at two places in these logs."""
+def stands_still(surveys: Sequence[Survey]) -> np.ndarray:
+    """Return which actuated joints are at one place in these logs, (n,) bool."""
     low = np.min([s.low[0] for s in surveys], axis=0)
     high = np.max([s.high[0] for s in surveys], axis=0)
-    return not never_moves(low, high).all()
+    return never_moves(low, high)
+
+
+def robot_moves(surveys: Sequence[Survey]) -> bool:
+    """Return whether any actuated joint is at two places in these logs."""
+    return not stands_still(surveys).all()
 
 
 def torque_varies(surveys: Sequence[Survey]) -> np.ndarray:

@@ -22,7 +22,8 @@ def find_weightless(evidence: Evidence) -> tuple[str, ...]:
     measured = np.sqrt(np.mean(evidence.torque**2, 0))
     units = np.array(evidence.robot.torque_units)
     most = np.array([weight[units == u].max() for u in units])
-    light = (measured < CARRIED * weight) & (weight > FELT * most) & (weight > 0)
+    felt = (weight > FELT * most) & (weight > 0) & evidence.measured
+    light = (measured < CARRIED * weight) & felt
     if not light.any():
         return ()
     said = [

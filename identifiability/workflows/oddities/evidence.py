@@ -68,6 +68,12 @@ class Evidence:
         few = [s.thin(max(1, s.survey.kept // each)) for s in self.samples]
         return join_motions([s.motion for s in few]), np.concatenate([s.tau for s in few])
 
+    @cached_property
+    def measured(self) -> np.ndarray:
+        """At which joints there is torque that is data, (n,) bool."""
+        found: np.ndarray = np.sum([s.survey.rows for s in self.samples], axis=0) > 0
+        return found
+
     @property
     def motion(self) -> Motion:
         """Some samples of all logs."""

@@ -81,7 +81,7 @@ def measure_carried(evidence: Evidence) -> list[Carried]:
     units = np.array(evidence.robot.torque_units)
     most = np.array([size[units == u].max() for u in units])
     found = []
-    for k in np.flatnonzero((size > FELT * most) & (size > 0)):
+    for k in np.flatnonzero((size > FELT * most) & (size > 0) & evidence.measured):
         moving = evidence.predicted[:, k] - weight[:, k]
         own = np.column_stack([weight[:, k], moving, evidence.ordinary(int(k))])
         value, half = regress(own, evidence.torque[:, k])

@@ -100,7 +100,8 @@ def find_path(
     kept = list(full.kept)
     part = information.select(kept)
     seen = None if unseen is None else unseen[:, :, kept]
-    folds = gather_folds(part, full, np.asarray(nonnegative)[kept], seen, variation)
+    own = full if len(kept) == information.size else estimate(part, method)
+    folds = gather_folds(part, own, np.asarray(nonnegative)[kept], seen, variation)
     plan = _plan(suggested, forbid, force, part.columns)
     walked = walk(folds.fit(), plan)
     search = Search(full, folds, plan, walked)
