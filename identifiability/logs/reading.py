@@ -286,7 +286,7 @@ class Reading:
             return False
         if any(x.bad > LACKING * x.rows for x in self.numbers.values()):
             return True
-        return bool(unify_rates({c: kept[0] for c, kept in self._kept.items()})[1])
+        return bool(unify_rates({c: kept[0] for c, kept in self._kept.items() if kept})[1])
 
     def _unify(self) -> None:
         """Bring columns at rates of their own to the same times, if all that is wrong is that."""

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from identifiability import analyze, diagnose, prune
 from identifiability.cli import app
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.logfile import LogFile
+from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.robot import Robot
 from identifiability.workflows.opening import read_recordings
 
@@ -72,8 +74,8 @@ def test_a_rule_that_is_none_is_refused_where_it_stands(write, refused):
 
 
 def test_a_needed_column_that_is_missing_is_refused_though_others_are_there(foreign):
-    with pytest.raises(LogError, match=r"has 'elbow.q' but no torque column 'elbow.tau'"):
-        Log.from_frame(foreign.drop(columns="fer_elbow.tau"), "log", known(columns=MAP))
+    with pytest.raises(LogError, match=r"has 'elbow.tau' but no position column 'elbow.q'"):
+        Log.from_frame(foreign.drop(columns="fer_elbow.q"), "log", known(columns=MAP))
 
 
 def test_currents_under_usual_names_need_gains_and_take_stated_units(bare, write):
@@ -120,3 +122,73 @@ def test_what_another_device_has_is_not_proposed_for_a_joint(arm):
     every = frame.rename(columns=lambda c: c.replace("shoulder", "thumb"))
     with pytest.raises(LogError, match="--map 'thumb=shoulder' --map 'finger=elbow'"):
         Log.from_frame(every, "log", known())
+
+
+def partly(frame, tau):
+    """Samples of the two-link arm of which the elbow's torque is so."""
+    spoilt = frame.drop(columns="elbow.tau") if tau is None else frame.assign(**{"elbow.tau": tau})
+    log = Log.from_frame(spoilt, "log", known())
+    return log, prepare_samples(Robot.load("two-link"), log, Preparation(keep_rest=True))
+
+
+@pytest.mark.parametrize("tau", [None, np.nan])
+def test_a_joint_without_torque_keeps_its_motion_and_loses_its_equations(tau, arm):
+    log, samples = partly(arm, tau)
+    assert log.unmeasured[:, 1].all()
+    assert not log.unmeasured[:, 0].any()
+    assert "'elbow.tau' was not measured: motion counts" in log.notes[-1]
+    how = Preparation(keep_rest=True)
+    whole = prepare_samples(Robot.load("two-link"), Log.from_frame(arm), how)
+    np.testing.assert_array_equal(samples.motion.q, whole.motion.q)
+    assert samples.dwells[:, 1].all()
+    again = log.to_frame()
+    assert again["elbow.tau"].isna().all()
+    assert Log.from_frame(again, "log", known()).rows(3, 9).unmeasured[:, 1].all()
+    result = analyze("two-link", arm.assign(**{"elbow.tau": np.nan}), replicates=0)
+    full = analyze("two-link", arm, replicates=0)
+    ours, theirs = (r.to_frame().set_index("name")["value"] for r in (result, full))
+    for name in ("link1.mx", "link2.mx", "link1.Iyy"):  # the shoulder's torque has them, too
+        assert ours[name] == pytest.approx(theirs[name], rel=1e-6)
+    assert not any("never" in hint for hint in result.hints)
+
+
+def test_torque_that_is_missing_for_a_while_is_left_out_there(arm):
+    gone = np.isin(np.arange(len(arm)), [7, *range(60, 90)])
+    log, samples = partly(arm, np.where(gone, np.nan, arm["elbow.tau"]))
+    np.testing.assert_array_equal(samples.dwells[:, 1], gone)
+    assert not samples.dwells[:, 0].any()
+    assert "torque is missing ('elbow.tau' in 31 rows)" in log.notes[-1]
+    assert np.isfinite(log.tau).all()
+    # Decimated, the filter mixes what is missing with what is beside; one value alone is known.
+    how = Preparation(derivatives="butterworth", cutoff=5.0, decimate=4, keep_rest=True)
+    found = prepare_samples(Robot.load("two-link"), log, how).dwells[:, 1]
+    assert found[56:94].all()
+    assert not found[:50].any()
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda f: f.assign(**{"elbow.tau": np.nan, "shoulder.tau": np.nan}), "log has no torque"),
+        (lambda f: f.drop(columns=["elbow.tau", "shoulder.tau"]), "no torque column"),
+        (lambda f: f.rename(columns={"elbow.tau": "elbow.tua"}), "did you mean 'elbow.tua'"),
+        (lambda f: f.rename(columns={"elbow.tau": "elbov.tau"}), "elbow.tau"),
+        (lambda f: f.rename(columns={"elbow.tau": "elbow_tau_desired"}), "elbow"),
+        (lambda f: f.assign(**{"elbow.tau": ["?", *f["elbow.tau"][1:]]}), r"data row 1 \('\?'\)"),
+    ],
+)
+def test_torque_that_may_be_another_column_or_is_no_number_is_refused(change, sentence, arm):
+    with pytest.raises(LogError, match=sentence):
+        Log.from_frame(change(arm), "log", known())
+
+
+def test_a_long_log_without_some_torque_is_refused(arm, write):
+    with pytest.raises(LogError, match=r"lacks torque .* give stretches of it"):
+        LogFile.read(write("log.csv", arm.drop(columns="elbow.tau")), known())
+
+
+def test_a_joint_without_torque_breaks_neither_pruning_nor_diagnosis(simulated):
+    log = simulated("two-link", 600, additive=0.02).drop(columns="elbow.tau")
+    pruned = prune("two-link", log, quick=True)
+    assert not {n for n in pruned.to_frame()["name"] if n.startswith("elbow.")}
+    assert diagnose("two-link", log, quick=True).statement

@@ -73,7 +73,7 @@ def test_wrong_columns_are_named_with_the_near_match(change, sentence, refuses, 
 @pytest.mark.parametrize(
     ("lost", "sentence"),
     [
-        (["elbow.tau"], "has 'elbow.q' but no torque column 'elbow.tau'. Every actuated joint"),
+        (["elbow.tau", "shoulder.tau"], "has 'shoulder.q' but no torque column 'shoulder.tau'."),
         (["elbow.q"], "has 'elbow.tau' but no position column 'elbow.q'. Every actuated joint"),
         (["elbow.q", "shoulder.q"], "has no position column; expected '<joint>.q'"),
         (
