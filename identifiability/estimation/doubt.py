@@ -30,6 +30,7 @@ from identifiability.effects.load_dependent_friction import carried_load
 from identifiability.effects.nominal import has_masses, rigid_torque
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise, fit_joint
+from identifiability.estimation.noise.autoregression import JointRuns
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -173,15 +174,18 @@ class Rows:
     B : (N, n, c)
         Of the joint's own functions.
     y : (N, n) [N·m or N]
-    runs : sequence of (start, stop)
-        Stretches without gaps.
+    data : (N, n) bool
+        Where torque of each joint is data; elsewhere its rows are zero.
+    runs : JointRuns
+        Stretches of data without gaps, of each joint.
     log : (N,) int
     """
 
     X: Array
     B: Array
     y: Array
-    runs: tuple[tuple[int, int], ...]
+    data: np.ndarray
+    runs: JointRuns
     log: np.ndarray
 
     @staticmethod
@@ -215,8 +219,9 @@ class Rows:
             cuts = cuts + (a + 1 + np.flatnonzero(signals.has_gap(t[a:b]))).tolist()
         starts = sorted(set(cuts))
         runs = tuple(zip(starts, [*starts[1:], len(at)], strict=True))
-        X, y = (np.concatenate([getattr(c, k) for c in chunks]) for k in ("W", "tau"))
-        return Rows(X, np.concatenate(B), y, runs, log), ranges
+        X, y, data = (np.concatenate([getattr(c, k) for c in chunks]) for k in ("W", "tau", "data"))
+        own = np.concatenate(B) * data[:, :, None]
+        return Rows(X, own, y, data, JointRuns.of(runs, data), log), ranges
 
     def noise(self, joint: int, taken: Sequence[int] = ()) -> JointNoise:
         """Return the noise of a joint beside the model and the functions that it took.
@@ -225,7 +230,7 @@ class Rows:
         """
         X, B, y = self.X[:, joint], self.B[:, joint], self.y[:, joint]
         own = [B[:, _OWN[i % len(KINDS)]] for i in taken if i // len(KINDS) == joint]
-        found = fit_joint(y, [X[:, X.any(0)], *own], self.runs)
+        found = fit_joint(y, [X[:, X.any(0)], *own], self.runs.each[joint])
         silent = found.left <= ROUNDING**2 * float(np.mean(y**2))
         return replace(found, sigma=np.inf) if silent else found
 
@@ -612,7 +617,7 @@ class Search:
         for u, out in ((np.zeros(len(self.S)), before), (whole, after)):
             beta = self.products.solve(u)
             left = seen.y - seen.X @ beta - np.einsum("njc,jc->nj", seen.B, u.reshape(n, -1))
-            out[:] = np.mean(left**2, axis=0)
+            out[:] = np.sum(left**2, axis=0) / np.maximum(seen.data.sum(0), 1)
         functions, columns = [], []
         for i, p, gain in zip(self.taken, self.p_values, self.unseen, strict=True):
             j = i // len(KINDS)
