@@ -63,6 +63,8 @@ class Prediction:
         Which stretch of consecutive samples.
     velocity : (N, n) [rad/s or m/s]
         Of the actuated joints.
+    data : (N, n) bool
+        Where torque is data; elsewhere measured and predicted torque are zero.
     """
 
     total: int
@@ -74,6 +76,7 @@ class Prediction:
     log: np.ndarray
     series: np.ndarray
     velocity: Array
+    data: np.ndarray
 
     @staticmethod
     def of(
@@ -102,7 +105,7 @@ class Prediction:
         layout = Layout.of(counts, torque, ~is_constant(low, high), rows)
         parts = ((k, 0, *(x[log == k] for x in (tau, predicted, data))) for k in range(len(t)))
         sums = reduce(add, (ErrorSums.of(layout, *part) for part in parts))
-        held = tuple(t), tau, predicted, log, log, np.zeros_like(tau)
+        held = tuple(t), tau, predicted, log, log, np.zeros_like(tau), data
         return Prediction(len(tau), sums, sums, *held)
 
     @property
@@ -119,6 +122,13 @@ class Prediction:
     def residual(self) -> Array:
         """Measured less predicted torque, (N, n, m)."""
         return self.tau[:, :, None] - self.predicted
+
+    def to_draw(self, model: int) -> tuple[Array, Array]:
+        """Return measured torque and that of one model, (N, n), NaN where torque is no data."""
+        return (
+            np.where(self.data, self.tau, np.nan),
+            np.where(self.data, self.predicted[:, :, model], np.nan),
+        )
 
     @property
     def rms(self) -> Array:
@@ -281,8 +291,8 @@ def predict_all(
 #: Errors of the low-passed and of the measured torque.
 Both = tuple[ErrorSums, ErrorSums]
 
-#: Time, torque, prediction, velocity, log and series of some samples.
-Held = tuple[Array, Array, Array, Array, np.ndarray, np.ndarray]
+#: Time, torque, prediction, velocity, log, series and what is data of some samples.
+Held = tuple[Array, Array, Array, Array, np.ndarray, np.ndarray, np.ndarray]
 
 
 def _predict_part(
@@ -293,7 +303,7 @@ def _predict_part(
     for m in (task.values.shape[2] for task in tasks):
         tau, predicted, none = np.empty((0, n)), np.empty((0, n, m)), np.empty(0, int)
         sums.append([ErrorSums.of(layout, 0, 0, tau, predicted)] * 2)
-        held.append([(np.empty(0), tau, predicted, tau, none, none)])
+        held.append([(np.empty(0), tau, predicted, tau, none, none, tau > 0)])
     for chunk in part.shown():
         before = int(layout.counts[: chunk.log].sum())
         log = np.full(len(chunk.t), chunk.log)
@@ -308,13 +318,13 @@ def _predict_part(
                     sums[k][which] += ErrorSums.of(layout, chunk.log, start, tau, predicted, data)
                 if task.held:
                     some = chunk.t[at], chunk.tau[at], predicted, chunk.velocity[at]
-                    held[k].append((*some, log[at], series[at]))
+                    held[k].append((*some, log[at], series[at], data))
     return [((low, raw), some) for (low, raw), some in zip(sums, held, strict=True)]
 
 
 def _join(found: Sequence[tuple[Both, list[Held]]], counts: Sequence[int]) -> Prediction:
     sums, raw = (reduce(add, parts) for parts in zip(*(both for both, _ in found), strict=True))
     held = [some for _, several in found for some in several]
-    t, tau, predicted, velocity, log, series = map(np.concatenate, zip(*held, strict=True))
+    t, tau, predicted, velocity, log, series, data = map(np.concatenate, zip(*held, strict=True))
     times = tuple(t[log == k] for k in range(len(counts)))
-    return Prediction(sum(counts), sums, raw, times, tau, predicted, log, series, velocity)
+    return Prediction(sum(counts), sums, raw, times, tau, predicted, log, series, velocity, data)

@@ -148,13 +148,20 @@ def thin(t: Array, y: Array, most: int) -> tuple[Array, Array]:
 
 
 def peak_rows(lines: Sequence[Array], most: int) -> np.ndarray:
-    """Return rows that keep the peaks of lines (N,), at most `most` for each of them, ascending."""
+    """Return rows that keep the peaks of lines (N,), at most `most` for each of them, ascending.
+
+    Values that are NaN are no peaks, but kept where there are no others: they break the line.
+    """
     count = len(lines[0])
     if count <= most:
         return np.arange(count)
     edges = np.linspace(0, count, max(most // 2, 1) + 1).astype(int)
-    pick = (np.argmin, np.argmax)
-    found = {a + int(p(y[a:b])) for y in lines for a, b in pairwise(edges) for p in pick}
+    found = {
+        a + int(np.argmax(np.where(np.isnan(y[a:b]), -np.inf, sign * y[a:b])))
+        for y in lines
+        for a, b in pairwise(edges)
+        for sign in (1.0, -1.0)
+    }
     return np.array(sorted(found))
 
 

@@ -71,13 +71,13 @@ def _tell_windows(analysis: Analysis) -> str:
 def torque_traces(analysis: Analysis) -> Traces:
     """Return the torque of each joint along the whole first unseen log, to zoom and read off."""
     out, m = analysis.held_out, analysis.selected
-    t = out.t[0]
+    t, whole = out.t[0], out.to_draw(m)
     most = max(300, LINE_POINTS // (2 * len(analysis.robot.joints)))
     groups = []
     for k, (joint, unit) in enumerate(
         zip(analysis.robot.joints, torque_units(analysis.robot), strict=True)
     ):
-        measured, predicted = out.tau[: len(t), k], out.predicted[: len(t), k, m]
+        measured, predicted = (x[: len(t), k] for x in whole)
         rows = peak_rows((measured, predicted, measured - predicted), most)
         lines = {"measured": measured, "predicted": predicted, "left over": measured - predicted}
         groups.append(Trace.of(joint, unit, t[rows], {n: y[rows] for n, y in lines.items()}))
@@ -89,8 +89,7 @@ def torque_pictures(analysis: Analysis, part: slice) -> tuple[Block, ...]:
     joints, units = analysis.robot.joints, torque_units(analysis.robot)
     out = analysis.held_out
     t = out.t[0][part]
-    tau = out.tau[: len(out.t[0])][part]
-    predicted = out.predicted[: len(out.t[0]), :, analysis.selected][part]
+    tau, predicted = (x[: len(out.t[0])][part] for x in out.to_draw(analysis.selected))
     errors = out.joint_error()[:, analysis.selected]
     most = int(np.clip(LINE_POINTS // (3 * len(joints)), 200, 1500))
     width = {1: 720, 2: 500}.get(len(joints), 400)
@@ -154,8 +153,11 @@ def noise_pictures(analysis: Analysis) -> Gallery:
     """Return the distribution and the autocorrelation of the residual on the fitted motion."""
     fitted = analysis.fitted
     residual = fitted.residual[:, :, analysis.selected]
-    spread = residual.std(0)
-    scaled = (residual - residual.mean(0)) / np.where(spread > 0, spread, np.nan)
+    rows = fitted.data.sum(0)
+    centred = residual - residual.sum(0) / np.maximum(rows, 1)
+    spread = np.sqrt((centred**2 * fitted.data).sum(0) / np.maximum(rows, 1))
+    usable = fitted.data & (spread > 0)
+    scaled = np.divide(centred, spread, out=np.full(centred.shape, np.nan), where=usable)
     times = analysis.chosen.autocorrelation_time
     worst = int(np.argmax(times))
     lags = int(np.clip(LAGS[2] * times[worst], *LAGS[:2]))
@@ -181,7 +183,8 @@ def velocity_pictures(analysis: Analysis) -> tuple[Block, ...]:
     """Return the residual on unseen motion over velocity, one picture for each joint."""
     out, robot = analysis.held_out, analysis.robot
     velocity = out.velocity
-    residual = out.residual[:, :, analysis.selected]
+    measured, predicted = out.to_draw(analysis.selected)
+    residual = measured - predicted
     speeds, forces = velocity_units(robot), torque_units(robot)
     most = int(np.clip(SCATTER_POINTS // len(robot.joints), 150, 700))
     pictures = []
