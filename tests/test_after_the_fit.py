@@ -44,7 +44,7 @@ def test_a_fit_read_back_has_the_same_tables_and_a_short_name(result, robot, tmp
     back = Analysis.from_json(result.to_json(tmp_path / "result.json"), robot)
     np.testing.assert_allclose(back.covariance_frame(), result.covariance_frame(), rtol=1e-12)
     table = back.to_frame().set_index("name")
-    np.testing.assert_allclose(table["value"], result.to_frame()["value"], rtol=1e-12)
+    np.testing.assert_allclose(table["value"], result.fit.values, rtol=1e-12)
     np.testing.assert_allclose(table["sigma"], np.sqrt(np.diag(result.covariance_frame())))
     assert table.loc["slider1.Fc", "unit"] == "N"
     assert repr(back) == f"<Fit: {len(table)} values of '{result.chosen.name}' for 3-rps>"

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.errors import RobotError
+from identifiability.foundation.names import INERTIAL_KINDS
 
 #: Degrees of freedom of the joints that move; memory grows faster than their number.
 MOST_JOINTS = 100
@@ -68,7 +69,7 @@ def check_nominal(path: Path, values: Mapping[str, float], positive: Collection[
     """
     for name, value in values.items():
         joint, _, kind = name.rpartition(".")
-        if not abs(value) < LARGEST:
+        if kind not in INERTIAL_KINDS and not abs(value) < LARGEST:  # bodies were asked before
             raise RobotError(f"{path}: {name} = {value:g} is no number of a robot; give SI units.")
         if value < 0 and kind in positive:
             raise RobotError(

@@ -110,7 +110,7 @@ def test_every_line_to_copy_is_a_command_with_options_that_it_has(kinds, verbs, 
     later = {} if kinds else request.getfixturevalue("later_reports")
     for page in (*map(reports.__getitem__, kinds or reports.makers), *later.values()):
         texts = re.findall(r'data-copy="([^"]*)"', page.read_text(encoding="utf-8"))
-        lines |= {html.unescape(text) for text in texts}
+        lines |= {part for text in texts for part in html.unescape(text).split(" && ")}
     assert len({line.split()[1] for line in lines}) >= verbs
     for line in lines:
         _, name, *words = shlex.split(line)
