@@ -86,8 +86,9 @@ def conclude(monkeypatch, candidate):
         robot = SimpleNamespace(joints=tuple(PLACES))
         own = SimpleNamespace(robot=robot, present=frozenset(), model=SimpleNamespace(effects=()))
         material = SimpleNamespace(
-            setting=SimpleNamespace(structure=own), train=None, white=None, candidates=(),
-            aliases=(), refusals=(), remains=lambda _: SimpleNamespace(joints=()),
+            setting=SimpleNamespace(structure=own), train=SimpleNamespace(counts=np.full(2, 3)),
+            white=None, candidates=(), aliases=(), refusals=(),
+            remains=lambda _: SimpleNamespace(joints=()),
             held=SimpleNamespace(fitted_residual=lambda _: np.zeros((3, 2))),
         )  # fmt: skip
         naming = Naming(chosen, dict.fromkeys((c.group for c in chosen), 0.01), ())

@@ -43,7 +43,7 @@ def cost(data: LeastSquares, phi: np.ndarray, weight: float) -> float:
 @pytest.mark.parametrize("weight", [0.1, 1.0, 10.0])
 @pytest.mark.parametrize("seed", range(6))
 def test_newton_reaches_the_optimum_by_itself(seed, weight, monkeypatch):
-    monkeypatch.setattr(project, "_solve_program", None)  # there is no other solver to ask
+    monkeypatch.setattr(project, "_Program", None)  # there is no other solver to ask
     data = problem(seed, 14)
     found = Projection(REGION, prior=CadPrior(FILE, weight)).solve(data)
     assert found.accurate
@@ -59,7 +59,7 @@ def test_newton_reaches_the_optimum_by_itself(seed, weight, monkeypatch):
 
 
 def test_newton_keeps_what_is_held_and_stops_friction_at_zero(monkeypatch):
-    monkeypatch.setattr(project, "_solve_program", None)
+    monkeypatch.setattr(project, "_Program", None)
     row = np.zeros((1, 22))
     row[0, 20:] = 1.0, -1.0  # both levels alike
     data = problem(1, 40)
@@ -127,13 +127,15 @@ def test_every_model_has_its_own_and_predictions_keep_to_it():
     assert [each.index(c) for each, c in zip(both, chosen, strict=True)] == [0, 1]
     wanted = held_out.predicted[:, :, [0, 1, 2, 5]]
     np.testing.assert_array_equal(kept.predicted, wanted)
-    files = predicted(*range(1, 15))
+    files = predicted(*range(1, 21))  # and by what two formats of robot files hold of each robot
     _, (whole,) = settle_robots(both, held_out, [files])
-    np.testing.assert_array_equal(whole.predicted, files.predicted[:, :, [0, 1, 2, 5, 8, 11]])
+    np.testing.assert_array_equal(
+        whole.predicted, files.predicted[:, :, [0, 1, 2, 5, 8, 11, 14, 17]]
+    )
 
 
 def test_a_hundred_kinds_of_friction_do_not_keep_newton_from_its_end(monkeypatch):
-    monkeypatch.setattr(project, "_solve_program", None)
+    monkeypatch.setattr(project, "_Program", None)
     many = 130
     region = PhysicalSet(
         REGION.bodies,

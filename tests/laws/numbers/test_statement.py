@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.verdict import Class
-from identifiability.foundation.names import INERTIAL
 from identifiability.logs.prepare.survey import explain_silence
 from identifiability.workflows.analyze.words import doubt, state_answer, state_physics
 
@@ -28,7 +27,6 @@ class Judged:
     unjudged: str = ""
     found: object = "a nearest real robot"
     certificate: object = field(default=object)
-    weighs: float = 2.0
 
     @property
     def rung(self):
@@ -42,7 +40,6 @@ class Judged:
     def physical(self):
         return SimpleNamespace(
             certificate=self.certificate, nearest=self.found, cad_weight=0.0, sentence="Not found.",
-            parameters=lambda: {"arm.m": self.weighs},
         )  # fmt: skip
 
     withdrawn: str = ""
@@ -54,21 +51,12 @@ class Judged:
         return self.identifiable if kind is Class.IDENTIFIABLE else 0
 
 
-#: A robot of one body of 2 kg.
-ROBOT = SimpleNamespace(
-    bodies=("arm",),
-    nominal={f"arm.{k}": v for k, v in zip(INERTIAL, [0.1, 0, 0, 0.1, 0, 0.1, 0, 0, 0, 2.0],
-                                           strict=True)},
-)  # fmt: skip
-
 BASE = SimpleNamespace(parameters=range(40), rank=12)
 
 
 def said(full=None, chosen=None, nothing="", between=()):
     full, chosen = full or Judged("full", 2, 12, kept=12), chosen or Judged()
-    return state_answer(
-        BASE, (full, *between, chosen), chosen, state_physics(ROBOT, chosen), nothing
-    )
+    return state_answer(BASE, (full, *between, chosen), chosen, state_physics(chosen), nothing)
 
 
 def test_the_answer_counts_what_is_determined_and_names_the_model_to_use():
@@ -145,19 +133,12 @@ def test_some_identifiable_parameter_of_either_model_is_something():
 
 
 def test_physics_says_what_is_impossible_and_how_near_the_nearest_is():
-    assert state_physics(ROBOT, Judged()) == "A real robot can have its values."
-    signs = state_physics(ROBOT, Judged(feasible=False, infeasible=("a.m", "b.Fv")))
+    assert state_physics(Judged()) == "A real robot can have its values."
+    signs = state_physics(Judged(feasible=False, infeasible=("a.m", "b.Fv")))
     assert "2 of its values have a sign that physics forbids (a.m" in signs
     assert "the nearest real robot errs by 20 %." in signs
-    bodies = state_physics(ROBOT, Judged(feasible=False))
+    bodies = state_physics(Judged(feasible=False))
     assert "No real robot has exactly its values, although each sign is possible" in bodies
-    open_ = state_physics(ROBOT, Judged(feasible=False, certificate=None))
+    open_ = state_physics(Judged(feasible=False, certificate=None))
     assert "The motion leaves some of its parameters open" in open_
-    assert state_physics(ROBOT, Judged(feasible=False, found=None)) == "Not found."
-
-
-def test_more_than_three_times_the_files_mass_is_spoken_of():
-    assert state_physics(ROBOT, Judged(weighs=6.0)) == "A real robot can have its values."
-    heavy = state_physics(ROBOT, Judged(weighs=6.1))
-    assert "weighs 6.1 kg, that of the robot file 2 kg" in heavy
-    assert "--cad-prior 1 keeps it nearer to the file" in heavy
+    assert state_physics(Judged(feasible=False, found=None)) == "Not found."
