@@ -13,7 +13,7 @@ import pinocchio as pin
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
 from identifiability.foundation.renames import Renames
-from identifiability.robot.actuation import choose_joints
+from identifiability.robot.actuation import choose_joints, position_limits
 from identifiability.robot.axes import combine_joints, motor_tendons
 from identifiability.robot.bounds import read_bounds
 from identifiability.robot.description import Description
@@ -112,7 +112,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     robot = replace(
         robot,
         nominal=_nominal(robot, extra, stated, {**axes, **driven}),
-        limits=_position_limits(robot, limits),
+        limits=position_limits(robot, robot.joints, extra.limits),
         speed_limits=np.array([np.inf if limit.v is None else limit.v for limit in limits]),
         acceleration_limits=np.array([np.inf if limit.a is None else limit.a for limit in limits]),
         transmission=_transmission(robot, extra),
@@ -222,24 +222,6 @@ def _nominal(
             values |= name_numbers(joint, {"frictionloss": value}, parts)
     check_nominal(robot.path, values | given, ("Fv", "Fc", "Fc+", "Fc-", *parts[:1]))
     return values | given
-
-
-def _position_limits(robot: Description, given: list[LimitEntry]) -> Array:
-    """Return the position limits of the actuated joints, (n, 2)."""
-    out = np.tile([-np.inf, np.inf], (len(robot.actuated), 1))
-    for row, (name, limit) in enumerate(zip(robot.joints, given, strict=True)):
-        iq = robot.tree.single[name].iq
-        pulling = [cable for cable in robot.cables if cable.name == name]
-        if pulling:
-            out[row] = pulling[0].limits if limit.q is None else limit.q
-            continue
-        lower = float(robot.model.lowerPositionLimit[iq])
-        upper = float(robot.model.upperPositionLimit[iq])
-        if lower < upper and max(abs(lower), abs(upper)) < 1e6:
-            out[row] = lower, upper
-        if limit.q is not None:
-            out[row] = limit.q
-    return out
 
 
 def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:

@@ -95,6 +95,7 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         couplings=couplings,
         actuated=actuated,
         home=np.append(home[kept], np.zeros(len(cables))),
+        posed=m.nkey > 0,
         springs=forces.springs,
         undriven=other,
         locked=locked,

@@ -10,7 +10,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from identifiability.foundation.errors import RobotError, near_match
+from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.renames import Renames
 from identifiability.foundation.values import frozen
@@ -85,6 +85,8 @@ class Description:
         The closures.
     home : (nq,)
         The configuration that selects the assembly of a closed chain.
+    assembled : bool
+        Whether the loops were closed to find `home`, of which the files say nothing.
     nominal : mapping
         Parameter values stated in the file (``slider1.Fv`` …) beside the inertial ones.
     body_order : tuple of str
@@ -178,6 +180,7 @@ class Description:
     placed: tuple[str, ...] = ()
     cables: tuple[Cable, ...] = ()
     outside: tuple[str, ...] = ()
+    assembled: bool = False
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
     upright: Array | None = None
 
@@ -213,6 +216,7 @@ class Description:
         said |= {"gravity": self.tilt.to_dict()} if self.tilt is not None else {}
         said |= {"locked": dict(self.locked)} if self.locked else {}
         said |= {"left_out": list(self.outside)} if self.outside else {}
+        said |= {"home": self.home_table} if self.assembled else {}
         known = [k.text for k in self.known_torque]
         return said | ({"known_torque": known} if known else {})
 
@@ -319,6 +323,22 @@ class Description:
         """Return the home positions of the actuated joints as ``slider1 = 0.7, …``."""
         at = self.actuated_positions(self.home[None])[0]
         return ", ".join(f"{n} = {x:.4g}" for n, x in zip(self.joints, at, strict=True))
+
+    def describe_assembly(self) -> str:
+        """Return a sentence on a home that was computed, or nothing."""
+        if not self.assembled:
+            return ""
+        at = listing(f"{name} = {x:.4g}" for name, x in self.home_table.items())
+        return (
+            f"{self.path.name} states no home position: the nearest one that closes its loops is "
+            f"used ({at}). If the robot is assembled otherwise, what follows is wrong: state its "
+            "home position."
+        )
+
+    @property
+    def home_table(self) -> dict[str, float]:
+        """Home positions of the joints that turn or slide [rad or m]."""
+        return {name: float(self.home[joint.iq]) for name, joint in self.tree.single.items()}
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:

@@ -248,6 +248,8 @@ class Stated:
         None where the file names no actuator.
     home : (nq,) or None
         None is the zero configuration.
+    posed : bool
+        Whether a keyframe states `home`.
     springs : mapping
         Joint to stiffness [N·m/rad or N/m] and position at which it is relaxed.
     undriven : str
@@ -273,6 +275,7 @@ class Stated:
     couplings: list[Coupling]
     actuated: list[str] | None
     home: Array | None = None
+    posed: bool = False
     springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     undriven: str = ""
     locked: Mapping[str, float] = field(default_factory=dict)

@@ -339,7 +339,11 @@ def find_hints(robot: Robot, samples: Sequence[Prepared]) -> tuple[str, ...]:
     dead = [j for j, v, r in zip(robot.joints, varies, rows, strict=True) if r and not v]
     idle = stands_still(surveys)
     still = [j for j, r, s in zip(robot.joints, rows, idle, strict=True) if not r and s]
-    found = [find_impossible_bodies(robot), _find_turned_signs(robot, samples)]
+    found = [
+        find_impossible_bodies(robot),
+        robot.describe_assembly(),
+        _find_turned_signs(robot, samples),
+    ]
     if robot.outside:
         found.append(
             f"Of {robot.path.name}, {listing(robot.outside, 6)} and what hangs there was left out: "

@@ -251,19 +251,6 @@ def test_a_bad_closed_chain_is_refused(case, write):
         Robot.load(write("robot.xml", changed(FIVE, *change)), side)
 
 
-@pytest.mark.parametrize("name", ["five-bar", "3-rps"])
-def test_a_closed_chain_without_a_home_is_told_how_to_give_one(name, write):
-    text = locate_robot(name).read_text()
-    side = locate_robot(name).with_suffix(".toml")
-    path = write("robot.xml", re.sub(r"(?s)<keyframe>.*?</keyframe>", "", text))
-    sentence = (
-        r"robot.xml: the loops are open by 0\.\d+ m at the home position \(.* = 0, .* = 0\), so .* "
-        r'<keyframe><key name="home" qpos="…"/></keyframe> in MJCF, or a table \[home\] in the side'
-    )
-    with pytest.raises(RobotError, match=sentence):
-        Robot.load(path, side)
-
-
 def test_bodies_and_joints_without_names_are_given_some(write):
     text = TWO.replace(' name="link1"', "").replace(' name="link2"', "")
     robot = Robot.load(write("robot.xml", text))

@@ -144,6 +144,10 @@ def find_needs(robot: Robot) -> tuple[Need, ...]:
     wrong = find_impossible_bodies(robot)
     if wrong:
         needs.append(Need(wrong))
+    if robot.assembled:
+        table = [f"{_key(name)} = {x:.6g}" for name, x in robot.home_table.items()]
+        whole = len(table) == len(robot.tree.joints)
+        needs.append(Need(robot.describe_assembly(), "\n".join(["[home]", *table] * whole)))
     grippers = [j for j in robot.joints if _GRIPPER.search(j)]
     if grippers and len(grippers) < len(robot.joints):
         names = ", ".join(f'"{j}"' for j in grippers)
