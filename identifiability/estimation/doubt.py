@@ -38,7 +38,7 @@ from identifiability.logs import signals
 from identifiability.logs.prepare.samples import Piece
 from identifiability.regression.reduction import Rung
 from identifiability.regression.regression import Regression
-from identifiability.regression.windows import choose_windows, inside
+from identifiability.regression.windows import choose_within, inside
 from identifiability.robot import Motion, Robot
 
 #: Chance by which some function is taken where none is missing.
@@ -191,8 +191,15 @@ class Rows:
     @staticmethod
     def of(regression: Regression, ranges: Ranges | None = None) -> tuple[Rows, Ranges]:
         """Return the rows of a regression, and the ranges: its own, or those that are given."""
-        windows = choose_windows([s.outputs for s in regression.samples], *EXCERPT)
-        parts, pieces = regression.parts(), list[tuple[Piece, list[slice]]]()
+        windows = choose_within(regression.windows, EXCERPT)
+        # Motion is not kept beside the chunks, so stretches of long logs that no window reaches
+        # into are not read again.
+        parts = [
+            part
+            for part in regression.parts()
+            if inside(windows[part.log], part.start, part.start + part.samples.outputs)
+        ]
+        pieces = list[tuple[Piece, list[slice]]]()
         for part in parts:
             start = part.start
             for piece in part.samples.pieces(PIECE):
@@ -467,7 +474,7 @@ def find_doubt(regression: Regression, unseen: Regression | None = None) -> Doub
         Of others; without them stretches of the fitted ones take turns.
     """
     joints = regression.robot.joints
-    plain = replace(regression, instruments=None, echo=None)
+    plain = _plain(regression)
     search, other = _search(plain, unseen)
     smoothed = None if regression.echo is None else regression.echo.samples[::ECHOES]
     record = regression.instruments or smoothed
@@ -476,6 +483,13 @@ def find_doubt(regression: Regression, unseen: Regression | None = None) -> Doub
         places = {i // len(KINDS) for i in second.taken}
         search = search.keep([i for i in search.taken if i // len(KINDS) in places])
     return search.conclude(joints, other or search.rows) if search.taken else NO_DOUBT
+
+
+def _plain(regression: Regression) -> Regression:
+    """Return a regression by least squares: itself, with the chunks that it keeps, where it is."""
+    if regression.instruments is None and regression.echo is None:
+        return regression
+    return replace(regression, instruments=None, echo=None)
 
 
 def _search(regression: Regression, unseen: Regression | None) -> tuple[Search, Rows | None]:
@@ -488,7 +502,7 @@ def _search(regression: Regression, unseen: Regression | None) -> tuple[Search, 
         return search, None
     other = None
     if unseen is not None:
-        other, _ = Rows.of(replace(unseen, instruments=None, echo=None), ranges)
+        other, _ = Rows.of(_plain(unseen), ranges)
     return search.confirm(other), other
 
 

@@ -21,7 +21,7 @@ LATER = (5**0.5 - 1) / 2
 
 
 def choose_windows(
-    counts: Sequence[int], excerpt: int = EXCERPT, windows: int = WINDOWS, size: int = WINDOW
+    counts: Sequence[int], sizes: tuple[int, int, int] | None = None
 ) -> tuple[np.ndarray, ...]:
     """Return the samples [start, stop) of each log that are looked at one by one, (w, 2) each.
 
@@ -29,11 +29,11 @@ def choose_windows(
     ----------
     counts : sequence of int
         Samples of each log.
-    excerpt : int
-        Up to so many of all logs all are looked at.
-    windows, size : int
-        Of more so many windows of so many samples.
+    sizes : (excerpt, windows, size) int, optional
+        Up to so many samples of all logs all are looked at, of more so many windows of so many
+        samples; `EXCERPT`, `WINDOWS` and `WINDOW` by default.
     """
+    excerpt, windows, size = sizes or (EXCERPT, WINDOWS, WINDOW)
     total = sum(counts)
     if total <= excerpt:
         return tuple(np.array([[0, c]]) for c in counts)
@@ -43,6 +43,24 @@ def choose_windows(
         own, part = min(size, count), count / len(k)
         starts = (k * part + (LATER * k) % 1.0 * (part - own)).astype(int)
         out.append(np.stack([starts, starts + own], 1))
+    return tuple(out)
+
+
+def choose_within(
+    windows: Sequence[np.ndarray], sizes: tuple[int, int, int]
+) -> tuple[np.ndarray, ...]:
+    """Return fewer of the samples that windows (w, 2) of each log show, as `choose_windows` does.
+
+    What is chosen across the border of two windows becomes a window in either.
+    """
+    out = []
+    counts = [int(np.diff(own).sum()) for own in windows]
+    for own, chosen in zip(windows, choose_windows(counts, sizes), strict=True):
+        before = np.cumsum([0, *np.diff(own)[:-1, 0]])
+        low = np.maximum(chosen[:, None, 0], before)
+        high = np.minimum(chosen[:, None, 1], before + np.diff(own)[:, 0])
+        found = np.stack([low, high], 2) + (own[:, 0] - before)[:, None]
+        out.append(found[low < high])
     return tuple(out)
 
 

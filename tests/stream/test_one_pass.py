@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
+from identifiability.estimation import doubt
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, run_limited
@@ -15,7 +16,7 @@ from identifiability.logs.prepare.longsamples import Stretch, prepare_log
 from identifiability.regression.gather import gather_information
 from identifiability.regression.part import Part
 from identifiability.regression.regression import Model, Regression
-from identifiability.regression.windows import choose_windows
+from identifiability.regression.windows import choose_windows, choose_within
 from identifiability.robot import Robot
 
 
@@ -82,6 +83,39 @@ def test_errors_of_windows_are_the_same_from_what_was_kept(sizes, frame_of, save
         np.testing.assert_array_equal(found.series, anew.series)
         np.testing.assert_allclose(found.predicted, anew.predicted, rtol=1e-13)
         np.testing.assert_allclose(found.sums.absolute, anew.sums.absolute, rtol=1e-12)
+
+
+def test_doubt_looks_at_rows_that_were_kept(made, sizes, frame_of, saved, monkeypatch):
+    sizes(window=150)
+    robot, model = Robot.load("two-link"), Model.of("rigid_body", "viscous_friction")
+    file = LogFile.read(saved(frame_of("two-link", periods=6)))
+    regression = Regression(robot, model, (prepare_log(robot, file, engine=Serial()),))
+    gather_information(regression)
+    made.clear()
+    for excerpt in (doubt.EXCERPT, (600, 3, 100)):
+        monkeypatch.setattr(doubt, "EXCERPT", excerpt)
+        rows, ranges = doubt.Rows.of(regression)
+        assert len(rows.y) == (1500 if excerpt[0] > 1500 else 300) == len(rows.B)
+        assert ranges.speed.all()
+    assert not made
+
+
+@pytest.mark.parametrize("counts", [(10,), (3, 0, 5), (2000, 70_000), (10**6, 10**5)])
+@pytest.mark.parametrize("sizes", [(6_000, 6, 1_000), (10, 2, 5)])
+def test_fewer_rows_lie_in_those_that_are_shown(counts, sizes):
+    windows = choose_windows(counts)
+    shown = [{k for a, b in own.tolist() for k in range(a, b)} for own in windows]
+    chosen = [
+        [k for a, b in own.tolist() for k in range(a, b)] for own in choose_within(windows, sizes)
+    ]
+    for every, own in zip(shown, chosen, strict=True):
+        assert own == sorted(set(own))
+        assert every.issuperset(own)
+    total = sum(map(len, shown))
+    assert (
+        sum(map(len, chosen)) == total
+        or 0 < sum(map(len, chosen)) <= sizes[1] * sizes[2] + sizes[2]
+    )
 
 
 @pytest.mark.parametrize("counts", [(10,), (3, 0, 5), (2000, 70_000), (99_999, 2), (10**8, 20, 3)])
