@@ -58,6 +58,8 @@ def test_a_joint_that_stands_dwells_and_one_that_reverses_does_not(two, error):
     beside = np.convolve(stands, np.ones(2 * reach + 1), "same") > 0.5
     inside = np.convolve(~stands, np.ones(2 * reach + 1), "same") < 0.5
     assert found[inside].mean() > 0.98
+    mixed = 2 * (round(0.5 * RATE / s.cutoff) - 2) + 1  # half a period of the cut-off on each side
+    assert found[np.convolve(stands, np.ones(mixed), "same") > 0.5].mean() > 0.98
     assert not found[~beside].any()
     assert not other.any()
 
