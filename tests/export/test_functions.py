@@ -60,11 +60,13 @@ def test_a_file_holds_what_is_best_without_the_function(learned):
     result, _ = learned
     plain = analyze("two-link", make_log(result.robot), ladder=LadderEntry(
         models=[RungEntry(name="plain", effects=list(USUAL))]), replicates=0)  # fmt: skip
-    values = result.chosen.physical.parameters()
+    values, simple = (r.chosen.physical.parameters() for r in (result, plain))
     for name in ("elbow.Fv", "elbow.Fc"):
-        expected = plain[name]
-        assert values[name] == pytest.approx(expected["value"], rel=0.1)
-        assert result[name]["value"] == pytest.approx(values[name], rel=0.05)
+        expected, said = plain[name], result[name]
+        assert values[name] == pytest.approx(simple[name], rel=0.05)
+        # A table states the value beside what the splines leave, a function that is missing still.
+        apart = said["value"] - values[name]
+        assert abs(apart) < max(0.01 * abs(values[name]), 2 * said["sigma_doubt"])
         label = f"{name[-2:]}(elbow) with its share of function_of_velocity"
         assert result[name]["label"] == label
         sigma = abs(result[name]["sigma_robust_percent"] * result[name]["value"])
