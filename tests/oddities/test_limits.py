@@ -33,6 +33,7 @@ def evidence(**given):
         is_prismatic=lambda _: False, torque_units=("N·m",) * 2, speed_limits=[1.0, 2.0],
     )  # fmt: skip
     usual = {"robot": robot, "joints": ("a", "b"), "weighs": False, "recordings": ()}
+    usual["measured"] = np.ones(2, bool)
     return SimpleNamespace(**usual | given)
 
 

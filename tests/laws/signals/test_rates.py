@@ -125,11 +125,14 @@ def test_logs_of_one_rate_stay_as_they_are():
         np.testing.assert_array_equal(log.q[:, 0], table["a.q"])
 
 
-def test_single_empty_cells_are_broken_rows_still():
+def test_single_empty_cells_are_broken_rows_still_but_of_torque_they_leave_an_equation_out():
     t = 0.001 * np.arange(1000)
     frame = merged(topic(t, "q"), topic(t, "tau"))
     frame.loc[17, "a.tau"] = np.nan
-    with pytest.raises(LogError, match=r"column 'a.tau' is not a finite number in 1 of 1000"):
+    unmeasured = Log.from_frame(frame, "log").unmeasured
+    assert np.argwhere(unmeasured).tolist() == [[17, 0]]
+    frame.loc[17, "a.q"] = np.nan
+    with pytest.raises(LogError, match=r"column 'a.q' is not a finite number in 1 of 1000"):
         Log.from_frame(frame, "log")
     text = merged(topic(t, "q"), topic(t, "tau")).astype({"b.tau": object})
     text.loc[:600, "b.tau"] = "none"
