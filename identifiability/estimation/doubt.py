@@ -10,7 +10,7 @@ what both explain is what is in doubt.
 A function is taken where its likelihood ratio is larger than chance gives [Self & Liang 1987] under
 noise that was measured beside the model *alone*, and where it makes unseen motion likelier. Noise
 measured beside all functions would be what they leave of it: too fast and too small, so that slow
-noise looks like them (of 20 robots without any, 3 to 5 were doubted). Beside the model alone a
+noise looks like them (of 20 robots without any, 2 to 5 were doubted). Beside the model alone a
 missing function counts as noise until it is taken, which costs little while it is small.
 """
 
