@@ -175,7 +175,7 @@ def test_parameters_that_the_motion_leaves_open_can_be_ranked(analysis):
     fit = full.estimate
     determined = np.arange(37) > 2
     blind = replace(fit, determined=determined)
-    spread = replace(full.uncertainty, inflated=np.where(determined, fit.sigma, np.inf))
+    spread = replace(full.uncertainty, white=np.where(determined, fit.sigma, np.inf))
     result = replace(full, estimate=blind, uncertainty=spread)
     information = full.rung.reduce(analysis.information)
     target, start = build_target(result, information)

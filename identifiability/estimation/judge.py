@@ -181,26 +181,21 @@ def _decide(
     if evidence.unjudged or np.isnan(recurrence):
         why = evidence.unjudged or "No logs were resampled, so nothing can be said of it."
         return Class.NOT_JUDGED, why
-    known = certain and percent <= rules.sigma_percent
-    about, often = digits(percent), f"{100 * recurrence:.0f} %"
-    least = f"{100 * rules.recurrence:.0f} %"
+    about, again = digits(percent), ""
+    if recurrence < rules.recurrence:
+        again = f" Of the resampled logs {100 * recurrence:.0f} % say so, too."
     cases = (
         (
-            known and recurrence >= rules.recurrence,
+            certain and percent <= rules.sigma_percent,
             Class.IDENTIFIABLE,
-            f"Known to ±{about} % (limit {rules.sigma_percent:g} %) and its sign is certain.",
+            f"Known to ±{about} % (limit {rules.sigma_percent:g} %) and its sign is certain."
+            + again,
         ),
         (
             effect <= rules.negligible_share and not certain,
             Class.NEGLIGIBLE,
             "No value in its interval moves the torque of any joint by more than "
             f"{100 * effect:.2g} % of its residual: about zero for this motion, safe to leave out.",
-        ),
-        (
-            known,
-            Class.WEAK,
-            f"Its sign is certain and it is known to ±{about} %, but only {often} of the resampled "
-            f"logs say so (limit {least}).",
         ),
         (certain, Class.WEAK, f"Its sign is certain, but it is known only to ±{about} %."),
         (

@@ -46,7 +46,8 @@ class Thresholds:
     sign_level : float
         Family-wise level at which the sign must be certain (Holm over all parameters).
     recurrence : float
-        Share of bootstrap replicates in which an identifiable parameter must be one again.
+        Share of bootstrap replicates that call an identifiable parameter well known, too, below
+        which the share is said: it is information, no condition.
     negligible_share : float
         A parameter is negligible if its sign is not certain and no value in its 95 % interval
         moves the torque of any joint by more than this share of the joint's residual.
