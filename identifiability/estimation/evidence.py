@@ -1,0 +1,558 @@
+"""`Evidence`: is A a better account of this robot than B? One judge, asked by everybody.
+
+Accounts are compared by what they predict of motion that did not choose them. Three steps::
+
+    folds = Folds.of(information, memory)              # who tests what, whose rest is fitted
+    held = Held.of(information, noise, folds)          # sums over each fold, whitened; once
+    a = held.score_fit(fit)                            # `Score` of a model: what it predicts
+    b = held.score_fit(smaller, rung.M, rung.held)     # of one that has fewer parameters
+    Evidence.of(a, b).level                            # better, as good, worse, not told apart
+
+What to use when:
+
+- *A choice* (a model, a weight of a prior, an estimator) is made on blocked folds of the fitted
+  logs. `Held.score_fit` asks the estimator for its fits to each fold's rest; `Held.score` takes
+  values ``(F, k)`` that somebody else has fitted to these (`Folds.train`), over the k columns of
+  the regression, so a reduced model's are ``held + M x``, its covariance ``M Σ Mᵀ``. The smallest
+  within two nats of the best is `choose_smallest`; weights of all are `weigh_models`.
+- *A veto or a statement* on logs that are held out: ``Held.of(validation, noise)`` and
+  ``score(value, covariance)``: one model for all folds, and folds do not share data.
+- *Candidates that have no information in common* (bands of a low-pass, exported files): squared
+  errors against the same torque, ``Score.of_errors(squares, variation, ratio)``; they have no
+  density, only errors.
+
+The predictive log density of a fold is that of its torque under ``τ ~ N(W φ, S + W Σ Wᵀ)`` with the
+errors Σ of all values, noise ``S = σ² κ`` of each joint (its memory κ tempers the likelihood as the
+weights of the fit do), up to a constant that accounts with the same noise share: judge both with
+the noise of the richer. Each fold leaves out the noise's memory on both sides.
+
+A gain is ``Σ ln p_A - ln p_B`` [nats], or ``ln(e_B / e_A)`` of the error over each joint's own
+scale, so that A against B is minus B against A. Folds share the data of their fits, and standard
+errors know it: ``SE² = s² (1/K + n_test/n_train)`` of the mean over K folds [Nadeau & Bengio 2003].
+Limits are those of Student's t of K - 1; those of n joints hold together [Bonferroni]. Whether a
+robot can have the values is no matter of prediction: `margins` are handed in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from scipy.special import stdtrit
+
+from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.memory import Noise
+from identifiability.estimation.updated_refits import RIDGE
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.regression.information import Information
+
+
+class Level(StrEnum):
+    """What prediction says of one account against another; the value is the public word."""
+
+    BETTER = "better"
+    AS_GOOD = "as good"
+    WORSE = "worse"
+    OPEN = "not told apart"
+
+
+@frozen
+class Levels:
+    """What evidence is called; reports print it under "how it was judged".
+
+    Attributes
+    ----------
+    confidence : float
+        *Better* if the lower limit of the gain at this confidence is above 0, *worse* if the upper
+        one is below.
+    rise : float
+        *As good* if neither, and the error surely rises by less than this share.
+    nats : float
+        Of models the smallest within so many nats of the best predictive log density is used.
+    folds, fewest : int
+        Folds of a choice, and the fewest with which one is made.
+    draws : int
+        Of the Bayesian bootstrap over folds that weights of models are averaged over.
+    """
+
+    confidence: float = 0.95
+    rise: float = 0.02
+    nats: float = 2.0
+    folds: int = 10
+    fewest: int = 5
+    draws: int = 1000
+
+    def rows(self) -> tuple[tuple[str, str], ...]:
+        """Return each level, and what a choice rests on, in words."""
+        sure, rise = f"{100 * self.confidence:g} %", f"{100 * self.rise:g} %"
+        return (
+            (Level.BETTER.value, f"the lower {sure} limit of the gain on unseen motion is above 0"),
+            (Level.WORSE.value, "its upper limit is below 0"),
+            (Level.AS_GOOD.value, f"neither, and the error surely rises by less than {rise}"),
+            (Level.OPEN.value, "otherwise"),
+            (
+                "the model to use",
+                f"the smallest within {self.nats:g} nats of the best predictive log density of "
+                f"blocked folds, {self.fewest} to {self.folds} of them",
+            ),
+        )
+
+
+LEVELS = Levels()
+
+
+@frozen
+class Folds:
+    """Which blocks of time each of F fits predicts, and which it is fitted to.
+
+    Attributes
+    ----------
+    test : (B,) int
+        Fold in which a block is predicted.
+    train : (F, B) bool
+        Blocks that the fit of each fold rests on: all others but those within the memory of it.
+    ratio : float
+        Samples that are predicted over samples that are fitted, on average.
+    """
+
+    test: np.ndarray
+    train: np.ndarray
+    ratio: float
+
+    @property
+    def count(self) -> int:
+        """Number of folds F."""
+        return len(self.train)
+
+    @staticmethod
+    def of(information: Information, memory: float = 0.0, levels: Levels = LEVELS) -> Folds:
+        """Return folds of logs: whole logs where there are enough of them, else stretches.
+
+        Parameters
+        ----------
+        information : Information
+        memory : float [samples]
+            Autocorrelation time of the noise, the longest of the actuators'.
+        levels : Levels
+
+        Raises
+        ------
+        LogError
+            If the logs are too short.
+        """
+        log, counts = information.log, information.counts
+        names, lengths = np.unique(log), np.bincount(log, counts).astype(int)
+        lengths = lengths[names]
+        wanted = _divide(lengths, memory, levels)
+        if wanted.sum() < levels.fewest:
+            raise LogError(
+                f"{int(lengths.sum())} samples whose noise is remembered for {memory:.0f} make "
+                f"{int(wanted.sum())} stretches that can be predicted from the others; a choice "
+                f"needs {levels.fewest}: give longer or more logs, or a higher cut-off."
+            )
+        ends = np.cumsum(counts)
+        test, before = np.empty(len(counts), int), 0
+        for name, pieces in zip(names, wanted.tolist(), strict=True):
+            rows = np.flatnonzero(log == name)
+            middle = ends[rows] - 0.5 * counts[rows] - (ends[rows[0]] - counts[rows[0]])
+            test[rows] = before + (middle * pieces / counts[rows].sum()).astype(int)
+            before += pieces
+        test = np.unique(test, return_inverse=True)[1]
+        train = np.ones((test.max() + 1, len(test)), bool)
+        starts = ends - counts
+        for f, row in enumerate(train):
+            own = np.flatnonzero(test == f)
+            near = (starts < ends[own[-1]] + memory) & (ends > starts[own[0]] - memory)
+            row[own] = False
+            row[near & (log == log[own[0]])] = False
+        tested = np.array([counts[test == f].sum() for f in range(len(train))])
+        return Folds(test, train, float(np.mean(tested / np.maximum(train @ counts, 1))))
+
+
+def _divide(lengths: np.ndarray, memory: float, levels: Levels) -> np.ndarray:
+    """Return how many folds each log makes, (L,)."""
+    if len(lengths) >= levels.fewest:
+        return np.ones(len(lengths), int)
+    most = np.maximum(lengths // max(memory, 1.0), 1).astype(int)
+    share = np.round(levels.folds * lengths / lengths.sum()).astype(int)
+    pieces: np.ndarray = np.clip(share, 1, most)
+    return pieces
+
+
+@frozen
+class Score:
+    """What an account predicts of F folds that its values have not seen.
+
+    Attributes
+    ----------
+    density : (F,) [nats]
+        Predictive log density, up to a constant; NaN where there is none.
+    joint_density : (F, n) [nats]
+        Of each joint by itself.
+    squares : (F, n) [(N·m)² or N²]
+        Sums of squared errors.
+    variation : (n,) [(N·m)² or N²]
+        Sum of squares of each joint's torque about its mean, over all folds: its own scale. A joint
+        without any has no say.
+    ratio : float
+        Samples predicted over samples fitted; 0 where nothing was fitted anew.
+    """
+
+    density: Array
+    joint_density: Array
+    squares: Array
+    variation: Array
+    ratio: float
+
+    @staticmethod
+    def of_errors(squares: Array, variation: Array, ratio: float) -> Score:
+        """Return the score of squared errors alone."""
+        nothing = np.full(squares.shape, np.nan)
+        return Score(nothing[:, 0], nothing, squares, variation, ratio)
+
+    @property
+    def shares(self) -> Array:
+        """Squared errors of each joint over its own scale, (F, n); zero without a scale."""
+        acts = self.variation > 0
+        found: Array = np.where(acts, self.squares, 0.0) / np.where(acts, self.variation, 1.0)
+        return found
+
+    @property
+    def error(self) -> float:
+        """The error over each joint's own scale, root mean square over the joints."""
+        acts = max(int((self.variation > 0).sum()), 1)
+        return float(np.sqrt(self.shares.sum() / acts))
+
+    @property
+    def joint_error(self) -> Array:
+        """The same of each joint, (n,)."""
+        found: Array = np.sqrt(self.shares.sum(0))
+        return found
+
+
+@frozen
+class Held:
+    """Sums over the folds of a regression, in which any number of its models are scored.
+
+    Attributes
+    ----------
+    information : Information
+        About k columns.
+    folds : Folds
+    noise : (n,) [torque²]
+        σ² κ of each joint.
+    bases : tuple of (r, k + 1)
+        ``[W τ] = Z basis`` of each joint.
+    tests, rests : tuple of (F, r, r)
+        ``Zᵀ Z`` of what each fold predicts, and of what its fit rests on.
+    variation : (n,)
+    """
+
+    information: Information
+    folds: Folds
+    noise: Array
+    bases: tuple[Array, ...]
+    tests: tuple[Array, ...]
+    rests: tuple[Array, ...]
+    variation: Array
+
+    @staticmethod
+    def of(
+        information: Information,
+        noise: Noise,
+        folds: Folds | None = None,
+        variation: Array | None = None,
+    ) -> Held:
+        """Return the sums.
+
+        Parameters
+        ----------
+        information : Information
+        noise : Noise
+            Of the richest of the accounts: its `Estimate` has `variance` and `times`.
+        folds : Folds, optional
+            By default `Folds.of` with the memory of the noise.
+        variation : (n,), optional [(N·m)² or N²]
+            Of the torque of each joint about its mean; by default its sum of squares.
+        """
+        folds = folds or Folds.of(information, float(np.max(noise.times)))
+        k, squares = information.size, information.torque
+        floor = 1e-18 * squares.max(initial=0.0) + 1e-300
+        own = np.maximum(noise.variance * noise.times, floor)
+        bases, tests, rests = [], [], []
+        for part, basis in information.of_actuators(np.eye(k + 1)):
+            bases.append(basis)
+            tests.append(_sum_blocks(part, folds.test == np.arange(folds.count)[:, None]))
+            rests.append(_sum_blocks(part, folds.train))
+        spread = squares if variation is None else variation
+        return Held(information, folds, own, tuple(bases), tuple(tests), tuple(rests), spread)
+
+    def score_fit(self, fit: Estimate, M: Array | None = None, held: Array | None = None) -> Score:
+        """Return what a model predicts, fitted to each fold's rest.
+
+        Parameters
+        ----------
+        fit : Estimate
+            Of the m columns ``W M``; its estimator fits them to each fold's rest.
+        M : (k, m), optional
+            The model among the k columns; by default it has all of them.
+        held : (k,), optional
+            Values that it holds fixed.
+        """
+        part, M_ = self.information, np.eye(self.information.size) if M is None else M
+        if M is not None:
+            part = part.reduce(M, fit.columns, held)
+        values = fit.estimator.refit(part, fit, self.folds.train.astype(float)) @ M_.T
+        kept = M_[:, list(fit.kept)]
+        return self._score(values if held is None else values + held, self.roots(kept))
+
+    def roots(self, M: Array) -> Array:
+        """Return roots L of the errors of a model fitted to each fold's rest, (F, k, m).
+
+        Of a fit with weights 1/(σ² κ): ``Σ = L Lᵀ``.
+        """
+        k = self.information.size
+        R = self.information.factor(1.0 / self.noise)[:k, :k] @ M
+        length = np.maximum(np.linalg.norm(R, axis=0), 1e-300)
+        _, s, Vt = np.linalg.svd(R / length, full_matrices=False)
+        seen = s > RIDGE * s.max(initial=0.0)  # coordinates in which all information is a unit
+        turn = M @ ((Vt[seen].T / s[seen]) / length[:, None])
+        precision = np.zeros((self.folds.count, turn.shape[1], turn.shape[1]))
+        for basis, rest, own in zip(self.bases, self.rests, self.noise, strict=True):
+            columns = basis[:, :-1] @ turn
+            precision += columns.T @ rest @ columns / own
+        values, vectors = np.linalg.eigh(precision)
+        found: Array = turn @ (vectors / np.sqrt(np.maximum(values, RIDGE))[:, None, :])
+        return found
+
+    def score(self, values: Array, covariance: Array) -> Score:
+        """Return what an account predicts.
+
+        Parameters
+        ----------
+        values : (F, k) or (k,)
+            Of the fit to each fold's rest; or of one that has seen none of the folds.
+        covariance : (F, k, k) or (k, k)
+            Errors of the values, with what the noise remembers.
+        """
+        return self._score(values, _root(covariance))
+
+    def _score(self, values: Array, roots: Array) -> Score:
+        F, k = self.folds.count, self.information.size
+        change = np.zeros((F, k + 1, roots.shape[-1] + 1))
+        change[:, :k, :-1] = roots
+        change[:, :k, -1] = -values
+        change[:, k, -1] = 1.0
+        grams = np.stack(
+            [
+                np.swapaxes(basis @ change, 1, 2) @ test @ (basis @ change) / own
+                for basis, test, own in zip(self.bases, self.tests, self.noise, strict=True)
+            ],
+            1,
+        )
+        both = np.concatenate([grams, grams.sum(1, keepdims=True)], 1)
+        density = predictive_density(both)
+        ratio = self.folds.ratio if np.ndim(values) > 1 else 0.0
+        squares = grams[:, :, -1, -1] * self.noise
+        return Score(density[:, -1], density[:, :-1], squares, self.variation, ratio)
+
+
+def predictive_density(grams: Array) -> Array:
+    """Return the log density of whitened residuals under the errors of all values, (...,) [nats].
+
+    Parameters
+    ----------
+    grams : (..., q + 1, q + 1)
+        ``[W L e]ᵀ [W L e]``, whitened, of residuals e and a root L of the values' covariance.
+    """
+    inner = grams[..., :-1, :-1] + np.eye(grams.shape[-1] - 1)
+    cross = grams[..., :-1, -1:]
+    taken = np.swapaxes(cross, -1, -2) @ np.linalg.solve(inner, cross)
+    square = grams[..., -1, -1] - taken[..., 0, 0]
+    found: Array = -0.5 * (square + np.linalg.slogdet(inner)[1])
+    return found
+
+
+def _sum_blocks(part: Any, members: np.ndarray) -> Array:
+    """Return ``Zᵀ Z`` over some of the blocks, (F, r, r), for members (F, B)."""
+    group = np.zeros(len(part.blocks), int)
+    sums = [part.merge_weighted(group, row.astype(float)) for row in members]
+    return np.concatenate(sums)
+
+
+def _root(covariance: Array) -> Array:
+    """Return L with ``L Lᵀ`` the covariance, which may be singular."""
+    scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 0.0))
+    unit = np.where(scale > 0, scale, 1.0)
+    values, vectors = np.linalg.eigh(covariance / unit[..., None, :] / unit[..., :, None])
+    found: Array = unit[..., None] * vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
+    return found
+
+
+@frozen
+class Gain:
+    """A gain with its standard error.
+
+    Attributes
+    ----------
+    value, se : float
+    """
+
+    value: float
+    se: float
+
+
+@frozen
+class Evidence:
+    """What prediction says of account A against account B.
+
+    Attributes
+    ----------
+    density : Gain [nats]
+        Of the predictive log density; NaN without one.
+    error : Gain
+        ``ln(e_B / e_A)`` of the error over each joint's own scale: .1 is about 10 % less error.
+    joint_errors : tuple of Gain
+        Of each joint.
+    folds : int
+        That it rests on.
+    levels : Levels
+    margins : (float, float)
+        Margins of A and B on the physical set, where somebody has asked; else NaN.
+    """
+
+    density: Gain
+    error: Gain
+    joint_errors: tuple[Gain, ...]
+    folds: int
+    levels: Levels = LEVELS
+    margins: tuple[float, float] = (float("nan"), float("nan"))
+
+    @staticmethod
+    def of(
+        a: Score,
+        b: Score,
+        levels: Levels = LEVELS,
+        margins: tuple[float, float] = (float("nan"), float("nan")),
+    ) -> Evidence:
+        """Return the evidence of two scores of the same folds."""
+        ratio = max(a.ratio, b.ratio)
+        density = _sum_gain(a.density - b.density, ratio)
+        error = _error_gain(a.shares.sum(1), b.shares.sum(1), ratio)
+        pairs = zip(a.shares.T, b.shares.T, strict=True)
+        joints = tuple(_error_gain(x, y, ratio) for x, y in pairs)
+        return Evidence(density, error, joints, len(a.density), levels, margins)
+
+    @property
+    def level(self) -> Level:
+        """What the error over all joints says."""
+        return self._level(self.error, 1)
+
+    @property
+    def joint_levels(self) -> tuple[Level, ...]:
+        """What the error of each joint says; right for all of them together."""
+        return tuple(self._level(gain, len(self.joint_errors)) for gain in self.joint_errors)
+
+    @property
+    def vetoed(self) -> bool:
+        """Whether A is worse than B over all joints, or at any one."""
+        return Level.WORSE in (self.level, *self.joint_levels)
+
+    def interval(self, gain: Gain, among: int = 1) -> tuple[float, float]:
+        """Return the limits of a gain, so that those of so many hold together."""
+        if self.folds < 2 or np.isnan(gain.value):
+            return -np.inf, np.inf
+        tail = 0.5 * (1.0 - self.levels.confidence) / max(among, 1)
+        reach = float(-stdtrit(self.folds - 1, tail)) * gain.se
+        return gain.value - reach, gain.value + reach
+
+    def _level(self, gain: Gain, among: int) -> Level:
+        low, high = self.interval(gain, among)
+        if low > 0:
+            return Level.BETTER
+        if high < 0:
+            return Level.WORSE
+        return Level.AS_GOOD if low > -np.log1p(self.levels.rise) else Level.OPEN
+
+    def statement(self) -> str:
+        """Return what it says in one sentence: change of the error, and the level."""
+        low, high = self.interval(self.error)
+        ends = sorted(100 * np.expm1([-low, -high]))
+        change = 100 * np.expm1(-self.error.value)
+        word = "falls" if change < 0 else "rises"
+        return (
+            f"{self.level.value}: the error on unseen motion {word} by {abs(change):.2g} % "
+            f"({ends[0]:+.2g} to {ends[1]:+.2g} %)"
+        )
+
+
+def _sum_gain(each: Array, ratio: float) -> Gain:
+    """Return the sum of gains of K folds, (K,), with its standard error."""
+    K = len(each)
+    spread = float(np.var(each, ddof=1)) if K > 1 else np.inf
+    return Gain(float(each.sum()), float(K * np.sqrt(spread * (1.0 / K + ratio))))
+
+
+def _error_gain(a: Array, b: Array, ratio: float) -> Gain:
+    """Return ``½ ln(Σb / Σa)`` of squares of K folds, (K,), with its standard error."""
+    sums = float(a.sum()), float(b.sum())
+    if min(sums) <= 0.0:
+        same = 0.0 if max(sums) <= 0.0 else float(np.copysign(np.inf, sums[1] - sums[0]))
+        return Gain(same, 0.0)
+    each = 0.5 * (b / sums[1] - a / sums[0])  # what each fold does to the logarithm
+    return Gain(0.5 * float(np.log(sums[1] / sums[0])), _sum_gain(each, ratio).se)
+
+
+def weigh_models(
+    densities: Sequence[Array] | Array, rng: np.random.Generator, levels: Levels = LEVELS
+) -> Array:
+    """Return pseudo-BMA+ weights of M models, (M,) [Yao 2018].
+
+    Softmax of the summed log densities, averaged over a Bayesian bootstrap of the folds.
+
+    Parameters
+    ----------
+    densities : (M, F) [nats]
+    rng : numpy.random.Generator
+    levels : Levels
+    """
+    each = np.asarray(densities, float)
+    drawn = rng.dirichlet(np.ones(each.shape[1]), levels.draws) * each.shape[1]
+    total = drawn @ each.T
+    odds = np.exp(total - total.max(1, keepdims=True))
+    weights: Array = (odds / odds.sum(1, keepdims=True)).mean(0)
+    return weights
+
+
+def near_best(densities: Sequence[Array] | Array, levels: Levels = LEVELS) -> np.ndarray:
+    """Return which of M models (M, F) are within some nats of the best, (M,) bool."""
+    total = np.asarray(densities, float).sum(1)
+    near: np.ndarray = total >= total.max() - levels.nats
+    return near
+
+
+def choose_smallest(
+    densities: Sequence[Array] | Array, sizes: Sequence[int], levels: Levels = LEVELS
+) -> int:
+    """Return the smallest of M models within some nats of the best; of equals the better."""
+    total = np.asarray(densities, float).sum(1)
+    near = np.flatnonzero(near_best(densities, levels)).tolist()
+    return int(min(near, key=lambda m: (sizes[m], -total[m])))
+
+
+def mix_labels(weights: Array, values: Array, sigmas: Array) -> tuple[Array, Array]:
+    """Return value and standard deviation of labels over M models, (k,) each.
+
+    Parameters
+    ----------
+    weights : (M,)
+    values, sigmas : (M, k)
+        Of each label in each model.
+    """
+    mean = weights @ values
+    variance = weights @ (sigmas**2 + (values - mean) ** 2)
+    return mean, np.sqrt(variance)
