@@ -1,0 +1,434 @@
+"""Cases of another physics: a robot file, five logs of a machine that differs from it, the truth.
+
+    python studies/hidden_physics_cases.py FOLDER --cases 40 [--first 0] [--stream 0]
+
+A case is a folder of plain files: the robot as its maker says it is (masses wrong by 10–30 %),
+`fit1`, `fit2`, `fit3`, `unseen` and `sealed` as Parquet, and `truth.json`. The same stream and
+number give the same bytes. `z` in the truth is what an oracle would get that knows family, place,
+shape and noise: the hidden torque outside the base model over the noise's standard deviation, on
+the three fitted logs, up to `BAND`, without the samples at which a joint stands. Effects are as
+large as machines have them; the level of the noise is set so that z is what was drawn.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from drawn_robots import draw_arm
+from hidden_physics import STEP, Machine, Runs, add_mass, torque_between
+from hidden_physics_laws import INSIDE, OUTSIDE, Hidden, Joint
+
+from identifiability.effects import FAMILIES, default_effects
+from identifiability.foundation.names import Array
+from identifiability.logs import Log
+from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.regression.model import Model
+from identifiability.regression.reduction import USUAL_EFFECTS
+from identifiability.robot import Robot
+from identifiability.simulation import random_trajectory
+from identifiability.simulation.mujoco_robot import MujocoRobot
+
+LOGS = ("fit1", "fit2", "fit3", "unseen", "sealed")
+FITTED = 3
+#: What every ten cases are.
+KINDS = ("inside", "outside", "null", "inside", "two", "outside", "inside", "null", "outside",
+         "inside")  # fmt: skip
+#: Length of a log and time before it [s], pause between two logs [s].
+SECONDS, SETTLE, PAUSE = 10.0, 1.0, 5.0
+#: The oracle's band [Hz].
+BAND = 10.0
+#: z that is drawn, and noise as a share of the torque's rms.
+Z, NOISE = (3.0, 40.0), (0.002, 0.03)
+#: Sizes as shares of those that `hidden_physics_laws` draws.
+SIZES = (0.03, 0.6)
+#: Steps of encoders: bits of a turn, and metres.
+BITS, LINE = (16, 19), (1e-6, 5e-6)
+
+SCARA = """<mujoco model="scara"><compiler angle="radian"/><worldbody>
+<body name="arm1" pos="0 0 .4">
+<joint name="shoulder" axis="0 0 1" range="-2 2" armature=".3"/>
+<inertial mass="6" pos=".16 .01 .03" diaginertia=".02 .09 .095"/>
+<body name="arm2" pos=".32 0 0"><joint name="elbow" axis="0 0 1" range="-2 2" armature=".1"/>
+<inertial mass="4.4" pos=".11 -.01 -.05" diaginertia=".017 .042 .04"/>
+<body name="quill" pos=".22 0 0">
+<joint name="lift" type="slide" axis="0 0 1" range="-.15 0" armature="3"/>
+<inertial mass="1.2" pos="0 0 -.1" diaginertia=".006 .006 .0005"/>
+<body name="flange"><joint name="spin" axis="0 0 1" range="-3 3" armature=".003"/>
+<inertial mass=".9" pos=".03 .01 -.2" diaginertia=".002 .002 .002"/></body></body></body></body>
+</worldbody><actuator><motor joint="shoulder"/><motor joint="elbow"/><motor joint="lift"/>
+<motor joint="spin"/></actuator></mujoco>"""
+
+
+def _legs() -> str:
+    """Return four legs of three joints on a stand."""
+    bodies, motors = [], []
+    for leg, x, y in (("fl", 0.2, 0.1), ("fr", 0.2, -0.1), ("rl", -0.2, 0.1), ("rr", -0.2, -0.1)):
+        side = np.sign(y)
+        bodies.append(f"""<body name="{leg}_hip" pos="{x} {y} 0.6">
+<joint name="{leg}_hip" axis="1 0 0" range="-.7 .7" armature=".02"/>
+<inertial mass=".7" pos="{-0.02 * np.sign(x)} {0.01 * side} 0" diaginertia=".0005 .0008 .0006"/>
+<body name="{leg}_thigh" pos="0 {0.08 * side} 0">
+<joint name="{leg}_thigh" axis="0 1 0" range="-.5 1.5" armature=".02"/>
+<inertial mass="1.1" pos="-.004 {-0.02 * side} -.03" diaginertia=".006 .006 .001"/>
+<body name="{leg}_calf" pos="0 0 -.21">
+<joint name="{leg}_calf" axis="0 1 0" range="-2.4 -.7" armature=".04"/>
+<inertial mass=".25" pos=".006 .001 -.12" diaginertia=".0025 .0025 .00005"/>
+</body></body></body>""")
+        motors += [f'<motor joint="{leg}_{part}"/>' for part in ("hip", "thigh", "calf")]
+    return (
+        f'<mujoco model="legs"><compiler angle="radian"/><worldbody>{"".join(bodies)}</worldbody>'
+        f"<actuator>{''.join(motors)}</actuator></mujoco>"
+    )
+
+
+#: Shipped names, MJCF, and kinds of the joints of arms that are drawn.
+ROBOTS = {
+    "two-link": "two-link", "six-dof-arm": "six-dof-arm", "scara": SCARA, "five-bar": "five-bar",
+    "3-rrr": "3-rrr", "3-rps": "3-rps", "delta": "delta", "arm": "RRRR", "gantry": "PPRR",
+    "legs": _legs(),
+}  # fmt: skip
+
+
+def stream_number(text: str) -> int:
+    """Return the number of a stream of seeds: 0 to develop on, or that of a commit."""
+    return int(text) if text == "0" else int(hashlib.sha256(text.encode()).hexdigest()[:15], 16)
+
+
+def make_case(folder: Path, stream: str, number: int, kind: str | None = None) -> Path:
+    """Write a case into a folder of `folder`, unless it is there; return its folder."""
+    kind = kind or KINDS[number % len(KINDS)]
+    path = folder / f"{stream}-{number:04d}-{kind}"
+    if (path / "truth.json").is_file():
+        return path
+    rng = np.random.default_rng([stream_number(stream), number, *map(ord, kind)])
+    shutil.rmtree(path, ignore_errors=True)
+    path.mkdir(parents=True)
+    name = str(rng.choice(list(ROBOTS)))
+    robot = _write_robot(path, name, rng)
+    truth = _Case(robot, kind, rng).write(path)
+    head = {"stream": stream, "number": number, "kind": kind, "robot": name}
+    (path / "truth.json").write_text(json.dumps({**head, **truth}, indent=1, default=float) + "\n")
+    return path
+
+
+def load_robot(path: Path) -> Robot:
+    """Return the robot of a case."""
+    return Robot.load(next(p for p in sorted(path.glob("robot.*")) if p.suffix != ".toml"))
+
+
+def load_logs(path: Path) -> list[Log]:
+    """Return the logs of a case in the order of `LOGS`."""
+    starts = json.loads((path / "truth.json").read_text())["starts"]
+    logs = []
+    for name, start in zip(LOGS, starts, strict=True):
+        frame = pd.read_parquet(path / f"{name}.parquet")
+        frame.attrs["start"] = start
+        logs.append(Log.from_frame(frame, name))
+    return logs
+
+
+def _write_robot(path: Path, name: str, rng: np.random.Generator) -> Robot:
+    text = ROBOTS[name]
+    if text.startswith("<"):
+        (path / "robot.xml").write_text(text)
+    elif set(text) <= {"R", "P"}:
+        with TemporaryDirectory() as folder:
+            drawn = draw_arm(rng, Path(folder), text)
+            shutil.copy(drawn.path, path / "robot.xml")
+    else:
+        source = Robot.load(text).path
+        shutil.copy(source, path / f"robot{source.suffix}")
+        if source.with_suffix(".toml").is_file():
+            shutil.copy(source.with_suffix(".toml"), path / "robot.toml")
+    return load_robot(path)
+
+
+class _Case:
+    """One draw: the machine, its motions, what is hidden in it."""
+
+    def __init__(self, robot: Robot, kind: str, rng: np.random.Generator) -> None:
+        self.robot, self.kind, self.rng, self.n = robot, kind, rng, len(robot.joints)
+        self.every = int(rng.choice([4, 5, 10]))
+        self.motions = [random_trajectory(robot, rng, period=SECONDS) for _ in LOGS]
+        pace = rng.uniform(0.5, 0.95)
+        self.motions = [replace(m, sin=pace * m.sin, cos=pace * m.cos) for m in self.motions]
+        self.stops = bool(rng.random() < 0.4)
+        self.wanted = self._wanted()
+        self.machine = self._machine()
+
+    def _wanted(self) -> Array:
+        """Return positions (L, N, n) that are asked for: from rest, some with stops."""
+        t = np.arange(0.0, SETTLE + SECONDS, STEP)
+        x = np.clip(t / SETTLE, 0.0, 1.0)
+        pace = x * x * (3 - 2 * x)
+        if self.stops:
+            period = self.rng.uniform(2.0, 5.0)
+            pace = pace * np.clip(0.5 + np.sin(2 * np.pi * t / period), 0.0, 1.0)
+        way = STEP * np.cumsum(pace)
+        return np.stack([m.motion(way % SECONDS)[0] for m in self.motions])
+
+    def _machine(self) -> Machine:
+        """Return the machine as it is: other masses and rotors than its file, and friction."""
+        rng, m, n = self.rng, Machine.of(self.robot), self.n
+        model = m.model
+        factor = 1 + rng.uniform(0.1, 0.3, model.nbody) * rng.choice([-1, 1], model.nbody)
+        self.masses = factor[1:]
+        model.body_mass[:] *= factor
+        model.body_inertia[:] *= (factor * rng.uniform(0.9, 1.1, model.nbody))[:, None]
+        model.body_ipos[:] *= rng.uniform(0.85, 1.15, (model.nbody, 1))
+        q = self.wanted[:, 1000::500].reshape(-1, n)
+        rate = np.gradient(self.wanted, STEP, axis=1)
+        v, a = (x[:, 1000::500].reshape(-1, n) for x in (rate, np.gradient(rate, STEP, axis=1)))
+        rigid = MujocoRobot(self.robot).inverse_dynamics(q, v, a)
+        size = np.sqrt((rigid.tau**2).mean(0)) + 1e-9
+        rotor = rng.uniform(0.1, 0.4, n) * size / np.sqrt((a**2).mean(0))
+        model.dof_armature[m.dofs[:n]] = (
+            model.dof_armature[m.dofs[:n]] * rng.uniform(0.7, 1.3, n) + rotor
+        )
+        dry, viscous = np.zeros((2, len(m.axes)))
+        dry[:n] = rng.uniform(0.1, 0.5, n) * size
+        viscous[:n] = rng.uniform(0.1, 0.4, n) * size / np.abs(v).max(0)
+        self.peak = np.abs(rigid.tau).max(0) + dry[:n]
+        self.torque = np.sqrt(size**2 + dry[:n] ** 2)
+        self.q, self.v = q, v
+        ways = zip(self.robot.passive, rigid.passive_q.T, rigid.passive_v.T, strict=True)
+        self.passive = {name: (x, rate) for name, x, rate in ways}
+        return replace(m, dry=dry, viscous=viscous)
+
+    def joint(self, name: str) -> Joint:
+        """Return what the motion of an axis is like."""
+        k, rng = self.machine.axes.index(name), self.rng
+        q, v = (self.q[:, k], self.v[:, k]) if k < self.n else self.passive[name]
+        others = [i for i in range(self.n) if i != k]
+        other = int(rng.choice(others)) if others else k
+        at = min(k, self.n - 1)
+        torque, speed = float(self.torque[at]), float(np.sqrt((v**2).mean()))
+        if k >= self.n:  # what takes as much power as a motor has
+            torque = float((self.torque * np.sqrt((self.v**2).mean(0))).mean() / speed)
+        part = float(np.exp(rng.uniform(*np.log(SIZES))))
+        return Joint(
+            axis=k,
+            dry=part * float(self.machine.dry[k]),
+            viscous=part * float(self.machine.viscous[k]),
+            torque=part * torque,
+            speed=speed,
+            fastest=float(np.abs(v).max()),
+            low=float(q.min()),
+            high=float(q.max()),
+            other=other,
+            other_speed=float(np.sqrt((self.v[:, other] ** 2).mean())),
+            other_torque=part * float(self.torque[other]),
+            seconds=SECONDS,
+        )
+
+    def places(self, family: str) -> list[str]:
+        """Return where a family can be hidden."""
+        if family in OUTSIDE:
+            return ["base"] if family == "grip" else list(self.robot.joints)
+        known = FAMILIES[family]
+        if family == "passive_joint_friction":
+            return list(self.passive)
+        can = [p for p in known.places(self.robot) if p in (*self.robot.joints, "base")]
+        return [p for p in can if not known.refuse(self.robot, p)]
+
+    def draw(self) -> list[tuple[Hidden, str]]:
+        """Return what is hidden, each with its place."""
+        source = list(OUTSIDE) if self.kind == "outside" else list(INSIDE)
+        count = {"null": 0, "two": 2}.get(self.kind, 1)
+        can = [f for f in source if self.places(f)]
+        out: list[tuple[Hidden, str]] = []
+        while len(out) < count:
+            family = str(self.rng.choice(can))
+            place = str(self.rng.choice(self.places(family)))
+            if any(h.family == family or p == place for h, p in out) and self.n > 1:
+                continue
+            unit = self.joint(place if place != "base" else self.robot.joints[0])
+            make = OUTSIDE[family][0] if family in OUTSIDE else INSIDE[family]
+            out.append((make(self.rng, unit), place))
+        return out
+
+    def write(self, path: Path) -> dict[str, Any]:
+        """Simulate, write the logs, return the truth."""
+        rng, rate = self.rng, 1.0 / (STEP * self.every)
+        found = self.draw()
+        machine, change, other = self.machine, np.full(len(LOGS), np.inf), None
+        for hidden, place in found:
+            numbers = hidden.numbers
+            if hidden.family == "gravity_tilt":
+                other = machine.model.__copy__()
+                g = np.array(other.opt.gravity)
+                way = [np.cos(numbers["direction"]), np.sin(numbers["direction"]), 0.0]
+                other.opt.gravity[:] = g + numbers["angle"] * np.cross(way, g)
+                change = np.full(len(LOGS), -np.inf)
+            if hidden.family == "grip":
+                body = machine.model.nbody - 1
+                mass = numbers["share"] * float(machine.model.body_mass[1:].mean())
+                numbers["mass"] = mass
+                numbers["body"] = machine.model.body(body).name
+                other = add_mass(machine.model, body, mass, 2 * machine.model.body_ipos[body])
+                change[numbers["log"]] = numbers["from"]
+            if hidden.family == "saturation":
+                k = self.robot.joints.index(place)
+                limits = np.full(self.n, 1e9)
+                limits[k] = numbers["limit"] * self.peak[k]
+                machine = replace(machine, limits=limits)
+        machine = replace(machine, changed=other)
+        session = (SECONDS + PAUSE) * np.arange(len(LOGS))
+        laws = [h.law for h, _ in found if h.law is not None]
+        settle = round(SETTLE / STEP)
+        often = {"every": self.every, "settle": settle}
+        runs = machine.run(self.wanted, laws, **often, session=session, change=change)
+        if not np.isfinite(runs.tau).all():
+            raise FloatingPointError(f"{path.name}: the simulation diverged")
+        parts = self._parts(found, machine, other, change, runs, rate)
+        recorded = runs.tau
+        for hidden, _ in found:
+            recorded = recorded if hidden.record is None else hidden.record(recorded, rate)
+        rms = np.sqrt((runs.tau[:FITTED] ** 2).mean((0, 1)))
+        rho = float(rng.choice([0.3, 0.6, 0.9, 0.95]))
+        memory = rho ** (100.0 / rate)
+        size = self._whiten_and_fit(runs, parts, rms, memory, rate)
+        level = float(np.exp(rng.uniform(*np.log(NOISE))))
+        wanted = float(np.exp(rng.uniform(*np.log(Z))))
+        if found:
+            level = float(np.clip(min(size) / wanted, *NOISE))
+        encoder = self._write_logs(path, runs, recorded, level * rms, memory, rate)
+        return {
+            "joints": list(self.robot.joints),
+            "effects": [
+                {
+                    "family": h.family,
+                    "place": p,
+                    "shape": h.shape,
+                    "numbers": h.numbers,
+                    "z": z / level,
+                    "share": float(np.sqrt((s[:FITTED] ** 2).mean((0, 1)).max() / (rms**2).max())),
+                    "fits": list(OUTSIDE[h.family][1]) if h.family in OUTSIDE else [h.family],
+                }
+                for (h, p), z, s in zip(found, size, parts, strict=True)
+            ],
+            "starts": session.tolist(),
+            "rate": rate,
+            "stops": self.stops,
+            "noise": {"level": level, "rho at 100 Hz": rho},
+            "encoder": encoder,
+            "dry": machine.dry[: self.n].tolist(),
+            "viscous": machine.viscous[: self.n].tolist(),
+            "masses": self.masses.tolist(),
+            "stands": runs.stuck[:, :, : self.n].mean((0, 1)).tolist(),
+            "rms": rms.tolist(),
+        }
+
+    def _parts(
+        self, found: list[tuple[Hidden, str]], machine: Machine, other: Any, change: Array,
+        runs: Runs, rate: float,
+    ) -> list[Array]:  # fmt: skip
+        """Return the torque of each hidden effect as it is recorded, (L, N, n)."""
+        out, number = [], 0
+        for hidden, place in found:
+            part = np.zeros_like(runs.tau)
+            if hidden.record is not None:
+                part = hidden.record(runs.tau, rate) - runs.tau
+            elif hidden.family == "saturation":
+                part = runs.tau - machine.give(runs.tau)
+            elif hidden.law is None:
+                on = runs.t[None] >= change[:, None]
+                part = torque_between(machine, other, runs) * on[:, :, None]
+            else:
+                force = runs.forces[:, :, number]
+                number += 1
+                if hidden.law.axis < self.n:
+                    part[:, :, hidden.law.axis] = force
+                else:
+                    part = machine.project(runs, hidden.law.axis, force)
+            out.append(part)
+        return out
+
+    def _whiten_and_fit(
+        self, runs: Runs, parts: list[Array], rms: Array, memory: float, rate: float
+    ) -> list[float]:
+        """Return each effect's z at a noise of one rms: its part outside the others and the base.
+
+        Rows are Fourier coefficients up to `BAND` over the noise's, real and imaginary.
+        """
+        if not parts:
+            return []
+        model = Model.of(*default_effects(self.robot, USUAL_EFFECTS))
+        blocks = []
+        for k in range(FITTED):
+            frame = {"t": runs.t}
+            for j, name in enumerate(self.robot.joints):
+                motion = {"q": runs.q, "dq": runs.v, "ddq": runs.a, "tau": runs.tau}
+                frame |= {f"{name}.{word}": x[k, :, j] for word, x in motion.items()}
+            how = Preparation(derivatives="given", keep_rest=True)
+            motion = prepare_samples(self.robot, Log.from_frame(pd.DataFrame(frame)), how).motion
+            W = model.regressor(self.robot, motion)
+            hidden = np.stack([p[k][motion.kept] for p in parts], 2)
+            moves = ~runs.stuck[k][motion.kept][:, : self.n]
+            moves[1:-1] &= moves[:-2] & moves[2:]
+            both = np.concatenate([W, hidden], 2) * moves[:, :, None]
+            f = np.fft.rfftfreq(len(both), 1 / rate)
+            f = f[f <= BAND]
+            spectrum = (1 - memory**2) / np.abs(1 - memory * np.exp(-2j * np.pi * f / rate)) ** 2
+            rows = np.fft.rfft(both, axis=0)[: len(f)]
+            rows = rows / (np.sqrt(0.5 * len(both) * spectrum)[:, None] * rms)[:, :, None]
+            blocks += [rows.real.reshape(-1, rows.shape[2]), rows.imag.reshape(-1, rows.shape[2])]
+        every = np.concatenate(blocks)
+        scale = np.linalg.norm(every, axis=0)
+        every = every / np.where(scale > 0, scale, 1.0)
+        first, out = every.shape[1] - len(parts), []
+        for k in range(len(parts)):
+            rest = np.delete(every, first + k, axis=1)
+            y = every[:, first + k]
+            left = y - rest @ np.linalg.lstsq(rest, y, rcond=1e-8)[0]
+            out.append(float(np.linalg.norm(left) * scale[first + k]))
+        return out
+
+    def _write_logs(
+        self, path: Path, runs: Runs, tau: Array, sd: Array, memory: float, rate: float
+    ) -> list[float]:
+        """Write what sensors say; return the encoders' steps."""
+        del rate
+        rng, slides = self.rng, [self.robot.is_prismatic(int(k)) for k in self.robot.actuated]
+        turns = 2 * np.pi / 2.0 ** rng.integers(*BITS, self.n, endpoint=True)
+        step = np.where(slides, rng.uniform(*LINE, self.n), turns)
+        for k, name in enumerate(LOGS):
+            e = rng.standard_normal((len(runs.t) + 400, self.n)) * np.sqrt(1 - memory**2)
+            noise = np.zeros_like(e)
+            for i in range(1, len(e)):
+                noise[i] = memory * noise[i - 1] + e[i]
+            frame = {"t": runs.t}
+            for j, joint in enumerate(self.robot.joints):
+                frame[f"{joint}.q"] = step[j] * np.rint(runs.q[k, :, j] / step[j])
+                frame[f"{joint}.tau"] = tau[k, :, j] + sd[j] * noise[400:, j]
+            pd.DataFrame(frame).to_parquet(path / f"{name}.parquet")
+        return [float(s) for s in step]
+
+
+def main() -> None:
+    """Write cases."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--cases", type=int, default=40)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--stream", default="0")
+    parser.add_argument("--only", choices=sorted(set(KINDS)))
+    asked = parser.parse_args()
+    for number in range(asked.first, asked.first + asked.cases):
+        path = make_case(asked.folder, asked.stream, number, asked.only)
+        truth = json.loads((path / "truth.json").read_text())
+        what = ", ".join(f"{e['family']}@{e['place']} z {e['z']:.1f}" for e in truth["effects"])
+        print(path.name, truth["robot"], what, f"noise {truth['noise']['level']:.4f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
