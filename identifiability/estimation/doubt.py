@@ -345,7 +345,8 @@ class MissingFunction:
     error : float
         Of the joint without any function, over its noise.
     explained : float
-        Share of the squares of that error that all functions of the joint explain.
+        Share of the squares of that error that all functions of the joint explain; zero where they
+        make the torque likelier and its squares no less.
     """
 
     joint: str
@@ -636,7 +637,7 @@ class Search:
         for i, p, gain in zip(self.taken, self.p_values, self.unseen, strict=True):
             j = i // len(KINDS)
             noise = self.noise.joints[j].left
-            ratio = float(np.sqrt(before[j] / noise)), float(1.0 - after[j] / before[j])
+            ratio = float(np.sqrt(before[j] / noise)), max(float(1.0 - after[j] / before[j]), 0.0)
             functions.append(MissingFunction(joints[j], [*KINDS][i % len(KINDS)], p, gain, *ratio))
             columns.append(np.flatnonzero(np.isin(on, own_columns(i))))
         X, XB = self.rows.X, np.zeros((n, self.rows.X.shape[2], len(on)))

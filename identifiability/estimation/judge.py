@@ -278,15 +278,19 @@ def judge_rung(
         What functions that are missing do to them.
     """
     omitted = 0.0 if left_out is None else left_out.sigma
+    often = recurrence(fit, uncertainty, thresholds, omitted)
+    unjudged = uncertainty.why_unjudged(len(fit.kept), thresholds)
+    if unjudged or np.isnan(often).all():
+        doubt = None  # values that no verdict stands on are those of the fit
     evidence = Evidence(
         fit,
         uncertainty.robust,
-        recurrence(fit, uncertainty, thresholds, omitted),
+        often,
         column_rms(information),
         column_noise(information, fit),
         torque,
         tuple(aliases),
-        uncertainty.why_unjudged(len(fit.kept), thresholds),
+        unjudged,
         left_out,
         rung.nonnegative & fit.determined & (settle_signs(information, fit, rung.nonnegative) < 0),
         doubt,

@@ -94,6 +94,16 @@ def test_columns_of_a_template_are_those_that_a_log_is_read_by(tmp_path, gripper
     assert path.read_bytes() == kept
 
 
+def test_a_joint_without_torque_excites_nothing_of_its_drive(run):
+    frame = run.to_frame()
+    joint = run.joints[-1]
+    frame[f"{joint}.tau"] = np.nan
+    whole, part = look(run), look(Log.from_frame(frame))
+    drives = [n for n in whole.base.names if n.startswith(f"{joint}.")]
+    assert whole.excited.rank == whole.base.rank
+    assert part.excited.rank <= whole.base.rank - len(drives)
+
+
 def test_motors_that_mix_joints_name_what_is_theirs():
     robot = Robot.load("two-link")
     gear = Transmission(("m1", "m2"), np.array([[1.0, 0.0], [1.0, 1.0]]), np.ones(2), np.zeros(2))

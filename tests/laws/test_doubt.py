@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from identifiability import Log, Robot, analyze, calibrate
+from identifiability import Log, Robot, analyze, calibrate, export
 from identifiability.estimation.doubt import EVEN, find_size, interpolate, pinned_walk
 from identifiability.estimation.verdict import Class
 from identifiability.report.sections.answer import answer_notes, answer_questions
 from identifiability.simulation import Noise
 from identifiability.simulation.noise import ar1
 from identifiability.workflows.analyze.next_steps import next_commands
+from identifiability.workflows.predict.fit import read_fit
 
 
 def test_the_walk_is_zero_somewhere_in_its_range_nobody_knows_where():
@@ -56,12 +57,21 @@ def test_slow_noise_is_no_function(logs, rho):
         assert "only if nothing is missing" not in found.statement
 
 
-def test_a_function_that_is_missing_reaches_the_card_the_labels_and_the_next_command(logs):
+def test_a_function_that_is_missing_reaches_the_card_the_labels_and_the_next_command(
+    logs, tmp_path
+):
     found = analyze("two-link", logs(0.5, 1, stribeck=2.0), validate=logs(0.5, 2, stribeck=2.0))
     (function,) = found.missing.functions
     assert (function.joint, function.of) == ("elbow", "a function of its velocity")
     assert function.p_value < 0.01
     assert function.unseen > 0
+    assert found.fit.missing == ("a function of its velocity in elbow",)
+    read_back = read_fit(found.to_json(tmp_path / "result.json"), "two-link")
+    for fit in (found.fit, read_back):
+        said = fit.predict(logs(0.5, 3)).statement
+        assert "a function of its velocity in elbow is missing in its model" in said
+    exported = export("two-link", tmp_path / "result.json", tmp_path / "fitted.xml")
+    assert "a function of its velocity in elbow is missing in its model" in exported.statement
     answer = answer_questions(found, answer_notes(found)).answers[2]
     assert answer.short == "Only if nothing is missing."
     assert answer.text.startswith("Elbow errs ")
@@ -78,6 +88,16 @@ def test_a_function_that_is_missing_reaches_the_card_the_labels_and_the_next_com
     low, high = verdict.interval95
     assert low < truth < high or verdict.verdict is Class.IN_DOUBT
     assert verdict.verdict is not Class.IDENTIFIABLE or low < truth < high
+
+
+def test_values_of_a_model_that_is_not_judged_are_those_of_the_fit(logs):
+    found = analyze("two-link", logs(0.5, 1, stribeck=2.0), replicates=0)
+    assert found.missing.functions
+    assert found.missing.functions[0].explained >= 0
+    kinds = {v.verdict for v in found.chosen.verdicts}
+    assert kinds == {Class.NOT_JUDGED}
+    values = [v.value for v in found.chosen.verdicts]
+    np.testing.assert_array_equal(values, found.chosen.estimate.value)
 
 
 def test_a_sign_that_physics_forbids_is_in_doubt_however_certain(logs):

@@ -114,6 +114,7 @@ class Laddered(Result, Opening, Predicts):
             preparation=settled(self.settings.get("preparation"), self.samples),
             base_covariance=M @ covariance @ M.T,
             base_unknown=M @ unknown,
+            missing=tuple(f.text for f in self.missing.functions),
         )
 
     def ladder_frame(self) -> "pd.DataFrame":

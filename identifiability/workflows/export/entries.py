@@ -15,7 +15,7 @@ from identifiability.logs.mend import REPLACED
 from identifiability.logs.prepare.instruments import STANDS
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.robot import Robot
-from identifiability.workflows.predict.about import Entry, RobotEntry
+from identifiability.workflows.predict.about import Entry, MissingEntry, RobotEntry
 
 #: A body with less than this share of the robot's mass weighs nothing: some formats want a number.
 NOTHING = 1e-9
@@ -49,6 +49,7 @@ class Result(Entry):
     robot: RobotEntry
     physical: PhysicalEntry
     nothing: str | None = None
+    missing_functions: list[MissingEntry] = []
     hints: tuple[str, ...] = ()
     preparation: Mapping[str, tuple[str, ...]] = Field(default_factory=dict)
 

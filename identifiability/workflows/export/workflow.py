@@ -27,6 +27,7 @@ from identifiability.workflows.export.as_json import write_parameters_json
 from identifiability.workflows.export.code import write_code
 from identifiability.workflows.export.entries import PhysicalEntry, Result, check_result
 from identifiability.workflows.export.parameters import write_parameters
+from identifiability.workflows.predict.about import state_missing
 
 #: Times the error of all that was fitted beyond which what a file alone holds is another robot, if
 #: it is an error that is spoken of.
@@ -66,6 +67,8 @@ class Exported:
         Where it points, if not as the robot's own file says.
     mended : bool
         Whether samples of the logs were replaced: the errors are of the logs after that.
+    missing : tuple of str
+        Functions of a joint's motion or load that the result says are missing.
     """
 
     robot: Path
@@ -78,6 +81,7 @@ class Exported:
     known: tuple[str, ...] = ()
     gravity: str = ""
     mended: bool = False
+    missing: tuple[str, ...] = ()
 
     @property
     def statement(self) -> str:
@@ -115,7 +119,8 @@ class Exported:
                 f"{self.robot.name} is of another format than the robot's own file: it has no "
                 "geometry, so nothing is seen and nothing collides."
             )
-        return " ".join(parts)
+        parts.append(state_missing(self.missing))
+        return " ".join(filter(None, parts))
 
     def _repr_html_(self) -> str:
         files = " and ".join(str(path) for path in (self.robot, self.sidecar) if path is not None)
@@ -163,6 +168,7 @@ def export(
             "other logs."
         )
     physical = content.physical
+    missing = tuple(f.text for f in content.missing_functions)
     shapes = physical.shapes
     effect_of = {n: FAMILIES[p.group] for n, p in every_parameter(robot, shapes).items()}
     check_result(robot, Path(result), content, {*effect_of, *robot.nominal})
@@ -189,6 +195,7 @@ def export(
             mass=state_mass(robot, given, physical.cad_prior),
             gravity="" if robot.tilt is None else robot.tilt.text,
             mended=content.mended,
+            missing=missing,
         )
     assert wanted in ("mjcf", "urdf")
     alone = _error_of_file(robot, physical, wanted)
@@ -213,6 +220,7 @@ def export(
         error_ra_file=alone,
         mass=state_mass(robot, given, physical.cad_prior),
         mended=content.mended,
+        missing=missing,
     )
 
 

@@ -160,9 +160,10 @@ def _odd_alone(evidence: Evidence, said: tuple[str, ...]) -> list[str]:
 
 
 def _measure(evidence: Evidence) -> Excited:
-    """Return what the motion of some logs excites."""
+    """Return what the motion of some logs excites where there is torque."""
     structure = evidence.structure
     W = structure.model.regressor(structure.robot, evidence.motion)[:, :, structure.base.kept]
+    W = W * evidence.data[:, :, None]
     kept = [structure.parameters[k] for k in structure.base.kept]
     groups = group_columns(W.reshape(-1, W.shape[2]), kept)
     s = groups.singular_values[: groups.rank]

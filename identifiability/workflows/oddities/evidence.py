@@ -63,10 +63,12 @@ class Evidence:
                 yield start, log.rows(start, stop)
 
     @cached_property
-    def _thinned(self) -> tuple[Motion, Array]:
+    def _thinned(self) -> tuple[Motion, Array, np.ndarray]:
         each = max(1, ENOUGH // len(self.samples))
         few = [s.thin(max(1, s.survey.kept // each)) for s in self.samples]
-        return join_motions([s.motion for s in few]), np.concatenate([s.tau for s in few])
+        data = [np.ones(s.tau.shape, bool) if s.dwells is None else ~s.dwells for s in few]
+        motion, tau = join_motions([s.motion for s in few]), np.concatenate([s.tau for s in few])
+        return motion, tau, np.concatenate(data)
 
     @cached_property
     def measured(self) -> np.ndarray:
@@ -83,6 +85,11 @@ class Evidence:
     def torque(self) -> Array:
         """Measured torque at them, (N, n) [N·m or N]."""
         return self._thinned[1]
+
+    @property
+    def data(self) -> np.ndarray:
+        """Where it is data, (N, n) bool."""
+        return self._thinned[2]
 
     @cached_property
     def weighs(self) -> bool:

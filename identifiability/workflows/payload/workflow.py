@@ -36,6 +36,7 @@ from identifiability.workflows.payload.body import nearest_body, state_quantitie
 from identifiability.workflows.payload.estimate import Rubbing, estimate_load
 from identifiability.workflows.payload.result import Load
 from identifiability.workflows.predict import FitLike, find_fit
+from identifiability.workflows.predict.about import state_missing
 
 #: How often the load is found: friction that follows it takes what it was found to be before.
 WEIGHED = 2
@@ -121,7 +122,7 @@ def payload(
         parameters=nearest,
         quantities=state_quantities(found, nearest, length),
         usual=fit.spread.low,
-        hints=tuple(dict.fromkeys(hints)),
+        hints=tuple(dict.fromkeys(filter(None, (state_missing(fit.missing), *hints)))),
         origin=fit.origin,
     )
 

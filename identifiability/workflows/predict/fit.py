@@ -41,7 +41,12 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.sidecar import Held
 from identifiability.workflows.opening import Logs, read_recordings
-from identifiability.workflows.predict.about import Entry, RobotEntry
+from identifiability.workflows.predict.about import (
+    Entry,
+    MissingEntry,
+    RobotEntry,
+    state_missing,
+)
 from identifiability.workflows.predict.frames import Covaries, square_frame
 from identifiability.workflows.predict.result import TorquePrediction
 
@@ -68,6 +73,8 @@ class Fit(Covaries):
         takes what it leaves out as known. The latter are directions that the motion never showed.
     origin : str
         Name of the file that it was read from (reports tell no paths of a machine).
+    missing : tuple of str
+        Functions of a joint's motion or load that the result says are missing.
     """
 
     structure: Structure
@@ -78,6 +85,7 @@ class Fit(Covaries):
     base_covariance: Array
     base_unknown: Array
     origin: str = "result.json"
+    missing: tuple[str, ...] = ()
 
     @property
     def robot(self) -> Robot:
@@ -167,7 +175,7 @@ class Fit(Covaries):
             logs=tuple(s.name for s in samples),
             measured=measured,
             notes={s.name: s.notes for s in samples},
-            hints=hints,
+            hints=tuple(filter(None, (state_missing(self.missing), *hints))),
             **dict(zip(names, joined, strict=True)),
         )
 
@@ -223,6 +231,7 @@ class ResultEntry(Entry):
     robot: RobotEntry
     fit: FitEntry | None = None
     nothing: str | None = None
+    missing_functions: list[MissingEntry] = []
 
 
 @checked
@@ -254,7 +263,8 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
         )
     content.robot.check_locked(robot, path)
     fit = _build(content.fit, robot, f"{path} is about '{content.robot.name}'")
-    return replace(fit, origin=Path(path).name)
+    missing = tuple(f.text for f in content.missing_functions)
+    return replace(fit, origin=Path(path).name, missing=missing)
 
 
 def _build(entry: FitEntry, robot: Robot, where: str) -> Fit:
