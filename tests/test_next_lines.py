@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from identifiability import Robot, simulate
 from identifiability.cli import app
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability.workflows.commands import name_export
 
 COMMANDS = vars(typer.main.get_command(app))["commands"]
 
@@ -30,6 +31,10 @@ TYPED = [
     "excite robot.xml --evaluations 50 --out mine.csv --report page.html",
     "compare robot.xml a.csv loaded.csv --report page.html",
     "calibrate robot.xml a.csv --replicates 4 --names 0 --no-sbc --report page.html",
+    "predict robot.xml result.json a.csv --report page.html",
+    "predict robot.xml result.json loaded.csv --report page.html",
+    "payload robot.xml result.json loaded.csv --body link2 --report page.html",
+    "payload robot.xml result.json loaded.csv --body link2 --without a.csv --report page.html",
 ]
 #: What `make test` runs of it.
 FEW = TYPED[2:3]
@@ -92,6 +97,8 @@ def test_every_line_that_is_proposed_works_where_it_is_printed(typed, logs, tmp_
     (tmp_path / "robot.xml").write_bytes(Robot.load("two-link").path.read_bytes())
     for name, log in logs.items():
         log.write(tmp_path / f"{name}.csv")
+    if "result.json" in typed:
+        call(shlex.split(f"analyze {GIVEN} --json result.json"))
     lines = check(typed, tmp_path)
     if "mine.json" in typed and typed.startswith(("diagnose", "prune")):
         assert not any(line.startswith(f"identifiability {typed.split()[0]}") for line in lines)
@@ -105,3 +112,28 @@ def test_the_lines_of_the_demo_work_in_its_folder(tmp_path, monkeypatch):
         for part in line.split(" && "):
             monkeypatch.chdir(tmp_path if "look/" in part else tmp_path / "look")
             call(shlex.split(part)[1:])
+
+
+@pytest.mark.parametrize(
+    "own", [[], pytest.param(["a.csv", "b.csv"], marks=pytest.mark.everything)]
+)
+def test_the_line_that_a_new_study_begins_with_works_where_it_says(
+    own, logs, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "robot.xml").write_bytes(Robot.load("two-link").path.read_bytes())
+    for name in ("a", "b"):
+        logs[name].write(tmp_path / f"{name}.csv")
+    said = call(["new", "mine", *own, "--robot", "robot.xml"])
+    folder, line = re.search(r"Begin with: cd (\S+) && identifiability (.*)", said).groups()
+    monkeypatch.chdir(tmp_path / folder)
+    call(shlex.split(line))
+
+
+def test_a_model_is_exported_to_a_file_that_alone_errs_little_more_than_all_that_was_fitted():
+    robot = Robot.load("two-link")
+    for columns in (["elbow.Fc"], ["elbow.Fc", "elbow.B1"]):
+        assert name_export(robot, columns, (0.02, 0.03))[1] == "fitted.xml"
+        assert name_export(robot, columns, (0.02, 0.1))[1] == "fitted.json"
+    assert name_export(robot, ["elbow.Fc", "elbow.off"])[1] == "fitted.xml"
+    assert name_export(robot, ["elbow.B1"], (np.nan, np.nan))[1] == "fitted.json"

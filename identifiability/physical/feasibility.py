@@ -26,6 +26,15 @@ from identifiability.robot import Robot
 #: Share of the torque from which on what a model leaves out, and bodies need, is spoken of.
 LEFT_OUT = 1e-3
 
+#: Times the error of all that was fitted beyond which what a file alone holds is another robot, if
+#: it is an error that is spoken of.
+ANOTHER = 3.0
+
+
+def is_another(whole: float, alone: float) -> bool:
+    """Return whether what errs so much alone is another robot than what errs so as a whole."""
+    return alone > max(ANOTHER * whole, LEFT_OUT)
+
 
 @frozen
 class PhysicalResult:

@@ -6,11 +6,14 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import fields
 
+import numpy as np
+
 from identifiability.effects.holding import held_by_file
 from identifiability.foundation.result import Result
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.prepare.preparation import SettledPreparation
+from identifiability.physical.feasibility import is_another
 from identifiability.regression.reduction import LadderSource, ladder_path
 from identifiability.robot import Robot
 from identifiability.robot.locate import shipped_folder
@@ -101,13 +104,26 @@ def on_file(result: Result, kind: str, name: str, make: str, use: str) -> str:
     return line if there else f"{make} {name} && {line}"
 
 
-def name_export(robot: Robot, columns: Iterable[str]) -> tuple[str, str]:
+def name_export(
+    robot: Robot, columns: Iterable[str], errors: tuple[float, float] | None = None
+) -> tuple[str, str]:
     """Return what a fitted model is exported for, and to: no simulator has all parameters.
 
-    Torque offsets do not count: they are the sensors'.
+    Parameters
+    ----------
+    robot : Robot
+    columns : iterable of str
+        Parameters of the model. Torque offsets do not count: they are the sensors'.
+    errors : (float, float), optional
+        Of all parameters on the fitted logs, and of those that an MJCF alone holds. Where they are
+        not known it must hold all.
     """
     values = {name: 1.0 for name in columns if not name.endswith(".off")}
-    if all(held_by_file(robot, values, "mjcf").values()):
+    if errors is not None and np.isfinite(errors).all():
+        held = not is_another(*errors)
+    else:
+        held = all(held_by_file(robot, values, "mjcf").values())
+    if held:
         return "Take the robot into a simulator:", "fitted.xml"
     return "Take its parameters along, more than robot files hold:", "fitted.json"
 

@@ -84,8 +84,8 @@ def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
             ),
             table,
         ]
-    simulator = f"identifiability export {robot} {given} --out fitted.xml"
-    return [table, ("Take the robot into a simulator:", simulator)]
+    text, name = result.onward
+    return [table, (text, f"identifiability export {robot} {given} --out {name}")]
 
 
 def _sketch(result: TorquePrediction) -> Sketch | None:

@@ -114,6 +114,7 @@ class Laddered(Result, Opening, Predicts):
             preparation=settled(self.settings.get("preparation"), self.samples),
             base_covariance=M @ covariance @ M.T,
             base_unknown=M @ unknown,
+            errors=(self.real_robot["error_ra"], self.real_robot["error_ra_files"]["mjcf"]),
             missing=tuple(f.text for f in self.missing.functions),
         )
 
@@ -132,6 +133,15 @@ class Laddered(Result, Opening, Predicts):
         torque does not vary.
         """
         return tell_errors(self.robot, self.samples, self.validation, *self._alone)
+
+    @cached_property
+    def real_robot(self) -> dict[str, Any]:
+        """The nearest real robot as plain values, as `export` reads them."""
+        used, real = self._used, self._used.physical
+        errors = used.error_ra_real, used.error_ra_file, used.error_ra_other
+        return real_robot_dict(
+            self.structure, real.parameters(), errors, self.samples, real.cad_weight
+        )
 
     @property
     def mass_statement(self) -> str:
@@ -153,8 +163,7 @@ class Laddered(Result, Opening, Predicts):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
-        used, real = self._used, self._used.physical
-        errors = used.error_ra_real, used.error_ra_file, used.error_ra_other
+        used = self._used
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
@@ -173,9 +182,7 @@ class Laddered(Result, Opening, Predicts):
                 "margin": used.margin,
                 "infeasible": list(used.infeasible),
                 "error_ra_validation": used.error_ra_physical,
-                **real_robot_dict(
-                    self.structure, real.parameters(), errors, self.samples, real.cad_weight
-                ),
+                **self.real_robot,
             },
             "hints": list(self.hints),
             "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},

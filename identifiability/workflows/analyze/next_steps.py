@@ -46,7 +46,8 @@ def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
         out.append((text, f"identifiability excite {robot} {begun} --out next.json"))
     again = f"identifiability analyze {robot} {logs}{held}"
     again += f"{ladder_option(analysis.robot, analysis.source)} --json"
-    text, name = name_export(analysis.robot, analysis.chosen.rung.columns)
+    fit = analysis.fit
+    text, name = name_export(analysis.robot, fit.names, fit.errors)
     use = f"identifiability export {robot} {{file}} --out {name}"
     line = on_file(analysis, "json", "result.json", again, use)
     out.append((text, line))

@@ -49,7 +49,7 @@ class Result(Entry):
     robot: RobotEntry
     physical: PhysicalEntry
     nothing: str | None = None
-    missing_functions: list[MissingEntry] = []
+    missing_functions: tuple[MissingEntry, ...] = ()
     hints: tuple[str, ...] = ()
     preparation: Mapping[str, tuple[str, ...]] = Field(default_factory=dict)
 

@@ -20,7 +20,7 @@ from identifiability.foundation.options import FilePath, checked
 from identifiability.foundation.output import check_ending
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
-from identifiability.physical.feasibility import LEFT_OUT
+from identifiability.physical.feasibility import ANOTHER, is_another
 from identifiability.physical.mass import state_mass
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.export.as_json import write_parameters_json
@@ -28,10 +28,6 @@ from identifiability.workflows.export.code import write_code
 from identifiability.workflows.export.entries import PhysicalEntry, Result, check_result
 from identifiability.workflows.export.parameters import write_parameters
 from identifiability.workflows.predict.about import state_missing
-
-#: Times the error of all that was fitted beyond which what a file alone holds is another robot, if
-#: it is an error that is spoken of.
-ANOTHER = 3.0
 
 #: What is written, and the ending of its file.
 Format = Literal["mjcf", "urdf", "json", "python", "c"]
@@ -257,7 +253,7 @@ def _refuse_another(
     IdentifiabilityError
     """
     whole = physical.error_ra
-    if whole is None or alone is None or alone <= max(ANOTHER * whole, LEFT_OUT):
+    if whole is None or alone is None or not is_another(whole, alone):
         return
     other = next(k for k in file_kinds(robot) if k != kind)
     error = _error_of_file(robot, physical, other)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from identifiability.estimation.spread import Spread
 from identifiability.foundation.documents import read_document
@@ -40,6 +41,7 @@ from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.sidecar import Held
+from identifiability.workflows.commands import name_export
 from identifiability.workflows.opening import Logs, read_recordings
 from identifiability.workflows.predict.about import (
     Entry,
@@ -73,6 +75,8 @@ class Fit(Covaries):
         takes what it leaves out as known. The latter are directions that the motion never showed.
     origin : str
         Name of the file that it was read from (reports tell no paths of a machine).
+    errors : (float, float) or None
+        ε_RA on the fitted logs of the nearest real robot, and of what an MJCF alone holds of it.
     missing : tuple of str
         Functions of a joint's motion or load that the result says are missing.
     """
@@ -85,6 +89,7 @@ class Fit(Covaries):
     base_covariance: Array
     base_unknown: Array
     origin: str = "result.json"
+    errors: tuple[float, float] | None = None
     missing: tuple[str, ...] = ()
 
     @property
@@ -172,6 +177,7 @@ class Fit(Covaries):
             robot=self.robot,
             model=self.rung.name,
             origin=self.origin,
+            onward=name_export(self.robot, self.names, self.errors),
             logs=tuple(s.name for s in samples),
             measured=measured,
             notes={s.name: s.notes for s in samples},
@@ -225,13 +231,21 @@ class FitEntry(Entry):
     preparation: PreparationEntry
 
 
+class RealEntry(Entry):
+    """How much the nearest real robot errs."""
+
+    error_ra: float | None = None
+    error_ra_files: dict[str, float | None] = Field(default={})
+
+
 class ResultEntry(Entry):
     """The part of a result that is read back."""
 
     robot: RobotEntry
     fit: FitEntry | None = None
     nothing: str | None = None
-    missing_functions: list[MissingEntry] = []
+    physical: RealEntry = RealEntry()
+    missing_functions: tuple[MissingEntry, ...] = ()
 
 
 @checked
@@ -264,7 +278,9 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
     content.robot.check_locked(robot, path)
     fit = _build(content.fit, robot, f"{path} is about '{content.robot.name}'")
     missing = tuple(f.text for f in content.missing_functions)
-    return replace(fit, origin=Path(path).name, missing=missing)
+    real, alone = content.physical.error_ra, content.physical.error_ra_files.get("mjcf")
+    errors = None if real is None or alone is None else (real, alone)
+    return replace(fit, origin=Path(path).name, errors=errors, missing=missing)
 
 
 def _build(entry: FitEntry, robot: Robot, where: str) -> Fit:

@@ -51,6 +51,8 @@ class TorquePrediction(Result):
     hints : tuple of str
     origin : str
         Name of the file of the result that predicts.
+    onward : (str, str)
+        What it is exported for, and to.
     """
 
     schema: ClassVar[str] = "identifiability/prediction/1"
@@ -71,6 +73,7 @@ class TorquePrediction(Result):
     notes: Mapping[str, tuple[str, ...]]
     hints: tuple[str, ...] = ()
     origin: str = "result.json"
+    onward: tuple[str, str] = ("Take its parameters along:", "fitted.json")
 
     @cached_property
     def errors(self) -> tuple[Prediction, Prediction] | None:
