@@ -72,6 +72,7 @@ def test_what_is_called_identifiable_is_seldom_wrong_by_half(red):
     assert red.wrong < 0.02
 
 
+@pytest.mark.everything
 def test_at_low_noise_as_many_are_found_as_by_the_10x_rule(analysis):
     cell = calibrate(
         analysis, noise=(0.3,), rho=(0.0,), replicates=3, refits=50, sbc=0, names=0
@@ -113,6 +114,8 @@ def test_the_command_writes_a_report(simulated_session, tmp_path):
             "two-link",
             str(log),
             "--quick",
+            "--engine",
+            "serial",
             "--replicates",
             "4",
             "--names",

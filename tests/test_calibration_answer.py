@@ -69,6 +69,7 @@ def test_no_where_the_motion_errs_and_instruments_mend_it(log):
     assert mended.coverage_robust - cell.coverage_robust > 3 * error
 
 
+@pytest.mark.everything
 def test_no_where_the_model_leaves_out_what_no_file_states(log):
     """Coulomb friction of the elbow is in the log, not in the model and not in the file."""
     effects = ["rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia"]

@@ -36,6 +36,7 @@ def test_simulate_then_analyze_writes_report_and_json(run, few_draws, tmp_path):
     assert "<html" in report.read_text()
 
 
+@pytest.mark.everything
 def test_demo_writes_its_report_and_ends_with_the_path(run, tmp_path):
     out = run("demo", "--quick", "--folder", tmp_path / "reports")
     assert out.exit_code == 0, out.output

@@ -122,6 +122,7 @@ def test_a_motion_separates_it_from_another(folder, plugin):
     assert (folder / "motion.json").exists()
 
 
+@pytest.mark.everything
 def test_workers_know_it(folder, plugin):
     """A null repetition of the whole diagnosis gives the same on another process."""
     load_plugin(plugin)

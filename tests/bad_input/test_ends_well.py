@@ -69,7 +69,8 @@ def hear():
 
 
 @pytest.mark.parametrize(
-    "name", ["SIGTERM", pytest.param("SIGHUP", marks=pytest.mark.everything), "SIGINT"]
+    "name",
+    [pytest.param(n, marks=pytest.mark.everything) for n in ("SIGTERM", "SIGHUP")] + ["SIGINT"],
 )
 def test_a_command_that_is_ended_leaves_nothing_and_prints_no_traceback(name, tmp_path):
     out = tmp_path / "work"

@@ -27,6 +27,7 @@ from .conftest import condition, regressor
 FULL = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
 
+@pytest.mark.everything
 def test_the_3_rps_reaches_the_papers_condition_number_inside_its_limits(paper):
     robot = paper.robot
     base = find_base_parameters(robot, Model.of("rigid_body"))

@@ -21,7 +21,7 @@ def information_of(W, tau):
     return Information.of_rows("abc", W[:, None], tau[:, None], np.zeros(len(tau), int), BLOCK)
 
 
-@pytest.mark.parametrize("rho", [0.0, 0.8])
+@pytest.mark.parametrize("rho", [pytest.param(0.0, marks=pytest.mark.everything), 0.8])
 def test_each_column_gets_its_own(rho):
     rng, W, trials = np.random.default_rng(5), columns(), 300
     time = (1 + rho) / (1 - rho)

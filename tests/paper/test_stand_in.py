@@ -15,6 +15,7 @@ def records():
     return record_all("3-rps", TRAJECTORIES, 2)
 
 
+@pytest.mark.everything
 def test_loops_stay_closed_and_periods_repeat(records):
     for record in records.values():
         assert record.gap < 5e-6

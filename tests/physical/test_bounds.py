@@ -162,6 +162,7 @@ def test_a_certificate_says_by_what_bounds_refuse(problem):
     assert "within the bounds" in answer.sentence(region.columns)
 
 
+@pytest.mark.everything
 def test_a_posterior_draws_within_the_bounds_alone(problem, rng):
     region, data, truth = problem
     prior = Prior(truth, np.full(len(truth), 0.3))

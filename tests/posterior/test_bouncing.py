@@ -121,6 +121,7 @@ def test_the_first_exit_is_the_first_one_on_a_fine_grid(rng):
         assert not falls or y[k, row[k]] + time[k] * dy[k, row[k]] == pytest.approx(0, abs=1e-12)
 
 
+@pytest.mark.everything
 def test_the_spread_does_not_depend_on_where_chains_start(posteriors, rng):
     target, start = posteriors.sign_target(rng, variance=1.0)
     far = start + np.array([30.0, 40.0, 50.0, 0, 0, 0])

@@ -32,6 +32,7 @@ def test_emcee_and_the_exact_sampler_agree_and_no_proposal_is_refused(kind, post
     posteriors.assert_same_distribution(chains(found), other)
 
 
+@pytest.mark.everything
 def test_emcee_corrects_when_the_model_is_not_the_whole_truth(posteriors, rng, monkeypatch):
     # A prior given as a further factor must act like the same prior inside the model.
     narrow, start = posteriors.sign_target(rng, prior_sd=1.0)
@@ -49,6 +50,7 @@ def test_emcee_corrects_when_the_model_is_not_the_whole_truth(posteriors, rng, m
     posteriors.assert_same_distribution(chains(found), other)
 
 
+@pytest.mark.everything
 def test_crank_nicolson_alone_samples_the_same_posterior(posteriors, rng, monkeypatch):
     target, start = posteriors.sign_target(rng)
     other = sample_exact(target, start, 400, rng, chains=128)

@@ -70,7 +70,9 @@ def test_given_derivatives(name, form, sizes, frame_of, saved):
     assert_same(*both(name, saved(frame_of(name, periods=4, samples=900), form)))
 
 
-@pytest.mark.parametrize("name", ["3-rps", "six-dof-arm"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("3-rps", marks=pytest.mark.everything), "six-dof-arm"]
+)
 def test_filtered_derivatives_and_decimation(name, sizes, frame_of, saved):
     frame = frame_of(name, periods=4, samples=1500, derivatives=False)
     whole, parts = both(name, saved(frame))

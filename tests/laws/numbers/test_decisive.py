@@ -42,7 +42,7 @@ def fitted(W, tau) -> tuple[Information, Estimate]:
     return information, WLS.fit(information)
 
 
-@pytest.mark.parametrize("memory", [0.0, 0.9])
+@pytest.mark.parametrize("memory", [pytest.param(0.0, marks=pytest.mark.everything), 0.9])
 def test_noise_is_not_told(memory):
     found = [find_decisive(*fitted(*rows(seed, memory))) for seed in range(100)]
     assert found == [None] * 100

@@ -199,7 +199,7 @@ def test_intervals_hold_a_motion_that_is_half_noise():
 
 
 def test_the_mean_of_many_estimates_is_the_truth_and_intervals_hold_it():
-    trials, held, values, plain, means = 200, [], [], [], []
+    trials, held, values, plain, means = 80, [], [], [], []
     for seed in range(trials):
         rng = np.random.default_rng([seed, 11])
         information = compress(*planted(rng, 240, 0.2), size=4)

@@ -54,7 +54,7 @@ def shifted(logs, odd, change):
 
 @pytest.mark.parametrize("logs", [2, pytest.param(3, marks=pytest.mark.everything)])
 def test_logs_of_one_robot_are_seldom_said_to_differ_and_then_add_nothing(logs):
-    trials = 100
+    trials = 40
     found = [compare(np.tile(VALUES, (logs, 1)), [logs, seed])[0] for seed in range(trials)]
     fired = sum(not m.agree for m in found)
     assert fired <= binom.ppf(0.999, trials, 2 * LEVEL)  # two tests
@@ -87,6 +87,7 @@ def test_the_joint_whose_error_grows_in_a_log_is_seen():
     np.testing.assert_allclose(m.errors, [[0.1, 0.1], [0.1, 1.0], [0.1, 0.1]], rtol=0.1)
 
 
+@pytest.mark.everything
 def test_the_interval_holds_another_motions_values_where_motions_scatter():
     held, plain, alone = [], [], []
     for seed in range(40):

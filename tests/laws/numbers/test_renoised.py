@@ -112,7 +112,7 @@ def test_the_loss_is_least_at_the_fit_and_measures_in_its_covariance(rows):
 
 
 def test_the_mean_of_many_estimates_is_the_truth_and_intervals_hold_it():
-    trials, held, values, plain, means = 200, [], [], [], []
+    trials, held, values, plain, means = 80, [], [], [], []
     for seed in range(trials):
         rng = np.random.default_rng([seed, 12])
         # The motion is the same; the echo knows it, not the noise.
