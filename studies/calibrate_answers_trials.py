@@ -122,7 +122,7 @@ class Bench:
             robust=(ends[:, 1] - ends[:, 0]) / (2 * REACH),
             identifiable=np.array(called),
             paper=model.estimate.paper_rule,
-            judged=not model.uncertainty.why_unjudged(len(model.estimate.kept), rules),
+            judged=not all(model.uncertainty.why_unjudged(rules)),
         )
         return outcome, label
 

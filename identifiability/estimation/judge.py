@@ -54,8 +54,8 @@ class Evidence:
         Of the measured torque.
     aliases : tuple of str
         For columns that are not determined: what they cannot be told from.
-    unjudged : str
-        Why nothing can be said of those that are; nothing if it can.
+    unjudged : tuple of str
+        Why nothing can be said of each of those that are; nothing where it can.
     left_out : LeftOut or None
         What the parameters that the model leaves out do to its own.
     forbidden : (k,) bool or None
@@ -71,7 +71,7 @@ class Evidence:
     column_noise: Array
     tau_rms: float
     aliases: tuple[str, ...]
-    unjudged: str = ""
+    unjudged: tuple[str, ...]
     left_out: LeftOut | None = None
     forbidden: np.ndarray | None = None
     doubt: LabelDoubt | None = None
@@ -178,9 +178,8 @@ def _decide(
     if not evidence.estimate.determined[k]:
         return Class.NOT_IDENTIFIABLE, evidence.aliases[k]
     recurrence = float(evidence.recurrence[k])
-    if evidence.unjudged or np.isnan(recurrence):
-        why = evidence.unjudged or "No logs were resampled, so nothing can be said of it."
-        return Class.NOT_JUDGED, why
+    if evidence.unjudged[k]:
+        return Class.NOT_JUDGED, evidence.unjudged[k]
     about, again = digits(percent), ""
     if recurrence < rules.recurrence:
         again = f" Of the resampled logs {100 * recurrence:.0f} % say so, too."
@@ -279,8 +278,8 @@ def judge_rung(
     """
     omitted = 0.0 if left_out is None else left_out.sigma
     often = recurrence(fit, uncertainty, thresholds, omitted)
-    unjudged = uncertainty.why_unjudged(len(fit.kept), thresholds)
-    if unjudged or np.isnan(often).all():
+    unjudged = uncertainty.why_unjudged(thresholds)
+    if all(unjudged):
         doubt = None  # values that no verdict stands on are those of the fit
     evidence = Evidence(
         fit,

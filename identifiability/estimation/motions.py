@@ -21,11 +21,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtrc, chdtri, fdtrc, stdtrit
 
-from identifiability.estimation.estimate import forget_noise
+from identifiability.estimation.estimate import ENOUGH, forget_noise
 from identifiability.estimation.estimator import NOTHING, Estimate
 from identifiability.estimation.holm import holm
 from identifiability.estimation.scores import FEWEST, MEMORIES, scatter_scores
-from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import ENDS, REACH
 from identifiability.foundation.values import frozen
@@ -205,9 +204,9 @@ def compare_motions(
 def compare_halves(information: Information, fit: Estimate) -> Motions | None:
     """Return what the halves of one log say of each other; None where they are too short.
 
-    Each must have what a verdict asks of a log, and what scores need: so many independent outputs a
-    parameter, and so many stretches that are longer than its noise remembers at any actuator. The
-    fit to both does not tell how long: what changes between them is slow.
+    Each must have what noise beside all columns asks of a log, and what scores need: so many
+    independent outputs a parameter, and so many stretches that are longer than its noise remembers
+    at any actuator. The fit to both does not tell how long: what changes between them is slow.
 
     Parameters
     ----------
@@ -225,7 +224,7 @@ def compare_halves(information: Information, fit: Estimate) -> Motions | None:
         times = forget_noise(fit.estimator).fit(half).times
         independent = half.samples * float(np.sum(1.0 / times))
         least = FEWEST * MEMORIES * float(times.max())
-        if half.samples < least or independent < Thresholds().outputs_per_parameter * len(fit.kept):
+        if half.samples < least or independent < ENOUGH * len(fit.kept):
             return None
         time = max(time, float(times.max()))
     return compare_motions(information, fit, time, later.astype(int), SURE)

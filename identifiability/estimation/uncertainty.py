@@ -36,8 +36,6 @@ class Uncertainty:
         Autocorrelation time of each actuator's noise, that of the fit [samples].
     block : float
         Block length of the bootstrap [samples].
-    independent : float
-        Outputs of all actuators that count as independent: samples over `times`, summed.
     note : str
         Why something is missing, if it is.
     motions : Motions or None
@@ -49,7 +47,6 @@ class Uncertainty:
     scores: ScoreScatter | None
     times: Array
     block: float
-    independent: float
     note: str = ""
     motions: Motions | None = None
 
@@ -67,25 +64,26 @@ class Uncertainty:
         largest = np.where(np.isfinite(self.white), largest, np.inf)
         return largest if self.motions is None else np.hypot(largest, self.motions.between)
 
-    def why_unjudged(self, parameters: int, rules: Thresholds) -> str:
-        """Return why nothing can be said of a model's parameters, or nothing if it can.
+    def why_unjudged(self, rules: Thresholds) -> tuple[str, ...]:
+        """Return why nothing can be said of each parameter, or nothing where it can, (k,).
 
         Parameters
         ----------
-        parameters : int
-            That the fit determined.
         rules : Thresholds
         """
+        if self.bootstrap is None or self.scores is None:
+            why = self.note or "Too few blocks of time to say how values scatter: give longer logs."
+            return (why,) * len(self.white)
         least = rules.outputs_per_parameter
-        if self.independent < least * parameters:
-            return (
-                f"The logs have only {int(self.independent)} independent outputs for {parameters} "
-                f"parameters, fewer than {least:g} for each: give longer or more logs, or a higher "
-                "cut-off."
+        return tuple(
+            ""
+            if freedom >= least
+            else (
+                f"The logs have only {freedom:.1f} independent outputs that say how much its value "
+                f"scatters, fewer than {least:g}: give longer or more logs, or a higher cut-off."
             )
-        if parameters and (self.bootstrap is None or self.scores is None):
-            return self.note or "Too few blocks of time to say how they scatter: give longer logs."
-        return ""
+            for freedom in self.scores.freedom
+        )
 
 
 def assess_uncertainty(
@@ -149,9 +147,8 @@ def resample(
         except IdentifiabilityError as error:
             note = str(error)
     scores = scatter_scores(information, fit, fit.memory)
-    independent = float(np.sum(information.rows_each / fit.times))
     motions = compare_motions(information, fit, fit.memory)
-    return Uncertainty(fit.sigma, drawn, scores, fit.times, length, independent, note, motions)
+    return Uncertainty(fit.sigma, drawn, scores, fit.times, length, note, motions)
 
 
 def remembering_covariance(information: Information, fit: Estimate) -> Array:

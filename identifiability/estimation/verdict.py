@@ -57,8 +57,8 @@ class Thresholds:
     contraction : float
         A posterior that is narrower than the prior by less than this share repeats the prior.
     outputs_per_parameter : float
-        Fewest independent outputs a parameter with which anything is judged: torques after
-        decimation, of all actuators, each divided by the autocorrelation time of its residual.
+        Fewest independent outputs with which a parameter is judged: degrees of freedom of the
+        scatter of its scores over stretches of time.
     """
 
     sigma_percent: Positive = 20.0

@@ -49,7 +49,7 @@ def test_few_stretches_widen_the_interval():
     few, many = scatter_scores(information, fit, 1e6), scatter_scores(information, fit, 1.0)
     assert few.stretches == FEWEST
     assert many.stretches > 200
-    assert few.widened == pytest.approx(few.sd * 2.201 / 1.960, rel=1e-3)  # t with 11 degrees
+    assert few.widened == pytest.approx(few.sd * 2.201 / 1.960, rel=1e-2)  # t with 11 degrees
     assert many.widened == pytest.approx(many.sd, rel=0.01)
 
 

@@ -150,6 +150,9 @@ def _fit_notes(analysis: Analysis) -> Iterator[Note]:
     chosen, full = analysis.chosen, analysis.full
     if chosen.unjudged:
         yield note("unjudged", why=chosen.unjudged)
+    elif chosen.some_unjudged:
+        count, size = chosen.count(Class.NOT_JUDGED), len(chosen.rung)
+        yield note("some_unjudged", count=str(count), size=str(size), why=chosen.some_unjudged)
     if full.unjudged and full is not chosen:
         title = f"The unpruned {model_title(full)} is not judged."
         yield Note("warning" if chosen.unjudged else "note", title, full.unjudged)

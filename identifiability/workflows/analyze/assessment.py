@@ -92,7 +92,13 @@ class JudgedModel:
 
     @property
     def unjudged(self) -> str:
-        """Why its parameters are not judged; nothing if they are."""
+        """Why none of its parameters is judged; nothing if some are."""
+        whole = self.count(Class.NOT_JUDGED) >= self.estimate.determined.sum()
+        return self.some_unjudged if whole else ""
+
+    @property
+    def some_unjudged(self) -> str:
+        """Why some of its parameters are not judged, the first reason; nothing if all are."""
         return next((v.reason for v in self.verdicts if v.verdict is Class.NOT_JUDGED), "")
 
     def count(self, kind: Class) -> int:

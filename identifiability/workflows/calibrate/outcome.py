@@ -166,7 +166,7 @@ class Experiment:
             robust=(ends[:, 1] - ends[:, 0]) / (2 * REACH),
             identifiable=np.array([v.verdict is Class.IDENTIFIABLE for v in verdicts]),
             paper=fit.paper_rule,
-            judged=not spread.why_unjudged(len(fit.kept), rules),
+            judged=not all(spread.why_unjudged(rules)),
         )
 
 

@@ -215,8 +215,8 @@ def test_what_scatters_between_logs_is_in_the_robust_deviation():
     m, _ = compare(shifted(2, 1, [0, 0, 2.0, 0]), 0)
     own = np.full(4, 0.1)
     found = Uncertainty(
-        white=own, bootstrap=None, scores=ScoreScatter(own, 10**6),
-        times=np.ones(2), block=1.0, independent=np.inf, motions=m,
+        white=own, bootstrap=None, scores=ScoreScatter(own, 1, np.full(4, 1e6)),
+        times=np.ones(2), block=1.0, motions=m,
     )  # fmt: skip
     np.testing.assert_allclose(found.robust, np.hypot(own, m.between), rtol=1e-5)
     assert found.robust[2] > 0.9  # both values, two apart, are within 1.96 of it

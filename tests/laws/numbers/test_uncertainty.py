@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from identifiability.estimation.bootstrap import Bootstrap, bootstrap
 from identifiability.estimation.estimate import estimate
@@ -25,20 +26,21 @@ from .made import ar1, fit_of, gather
 
 
 def replicates(sd, count=5):
-    """Return replicates with exactly these standard deviations around zero."""
+    """Return replicates whose central 68 % are exactly so far from zero."""
     unit = np.linspace(-1, 1, count)
-    return np.outer(unit / unit.std(ddof=1), sd)
+    return np.outer(unit / np.quantile(unit, norm.cdf(1)), sd)
 
 
-def roads(white, resampled, scores, stretches=10**6):
+def roads(white, resampled, scores, freedom=1e6):
     names = tuple("abcd"[: len(white)])
     return Uncertainty(
         white=np.array(white, float),
         bootstrap=None if resampled is None else Bootstrap(names, replicates(resampled), 20),
-        scores=None if scores is None else ScoreScatter(np.array(scores, float), stretches),
+        scores=None
+        if scores is None
+        else ScoreScatter(np.array(scores, float), 1, np.array([freedom])),
         times=np.ones(1),
         block=1.0,
-        independent=np.inf,
     )
 
 
@@ -50,7 +52,7 @@ def test_the_robust_deviation_is_the_larger_of_two_roads():
 
 
 def test_the_score_road_counts_with_students_width():
-    assert roads([1], [1], [1], stretches=12).robust[0] == pytest.approx(1.123, abs=1e-3)
+    assert roads([1], [1], [1], freedom=11).robust[0] == pytest.approx(1.123, abs=1e-3)
 
 
 def test_what_is_not_determined_is_infinitely_uncertain_on_every_road():
@@ -116,7 +118,7 @@ def test_blocks_of_two_memories_do_where_longer_ones_are_too_few(rows, memory, b
     rng = np.random.default_rng(0)
     drawn = bootstrap(information, fit, rng, replicates=10, length=block)
     assert (found.bootstrap.sd > 1.001 * drawn.sd).all()  # longer blocks would scatter more
-    assert found.why_unjudged(2, Thresholds()) == ""
+    assert found.why_unjudged(Thresholds()) == ("", "")
 
 
 def test_a_log_of_few_memories_holds_the_truth_as_often_as_promised():
@@ -131,7 +133,7 @@ def test_a_log_of_few_memories_holds_the_truth_as_often_as_promised():
         fit = estimate(information)
         residual, one = tau - W @ fit.value, np.zeros(N, int)
         found = assess_uncertainty(information, fit, residual, one, rng, 100)
-        judged += not found.why_unjudged(4, Thresholds())
+        judged += not any(found.why_unjudged(Thresholds()))
         held.append(np.abs(fit.value - 1) <= 1.96 * found.robust)
     share = np.mean(held, axis=1)
     error = share.std(ddof=1) / np.sqrt(len(share))
@@ -173,10 +175,10 @@ def test_the_autocorrelation_is_that_of_definition():
 
 
 def recurring(value, resampled, robust, **rules):
+    scores = ScoreScatter(np.array([robust]), 1, np.array([1e6]))
     uncertain = Uncertainty(
-        white=np.array([robust]), scores=ScoreScatter(np.array([robust]), 10**6), times=np.ones(1),
+        white=np.array([robust]), scores=scores, times=np.ones(1),
         bootstrap=Bootstrap(("a",), np.array(resampled, float)[:, None], 20), block=1.0,
-        independent=np.inf,
     )  # fmt: skip
     return recurrence(fit_of([value], [robust]), uncertain, Thresholds(**rules))[0]
 

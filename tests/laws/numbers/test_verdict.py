@@ -22,6 +22,7 @@ def verdicts(value, robust, *, white=None, recurrence=1.0, noise=1.0, known=None
         column_noise=np.broadcast_to(noise, k).astype(float),
         tau_rms=12.0,
         aliases=(alias,) * k,
+        unjudged=("",) * k,
     )
     return judge([f"label {j}" for j in range(k)], ["kg"] * k, evidence, **rest)
 
