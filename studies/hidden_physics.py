@@ -160,8 +160,11 @@ class Machine:
         return np.array([state.qpos for state in states])
 
     def project(self, runs: Runs, axis: int, force: Array) -> Array:
-        """Return what the motors take for forces (L, N) at a passive axis, (L, N, n)."""
+        """Return what the motors take for forces (L, N) at an axis, (L, N, n)."""
         n, out = len(self.robot.joints), np.zeros_like(runs.tau)
+        if axis < n:
+            out[:, :, axis] = force
+            return out
         data = mujoco.MjData(self.model)
         for index in np.ndindex(*force.shape):
             data.qpos[: self.model.nv] = runs.full[index][0]
@@ -300,6 +303,7 @@ class _Simulation:
         rate = np.gradient(self.wanted, STEP, axis=1)
         stiff, damp, integral = self.gains()
         acceleration, behind = np.zeros_like(self.V), np.zeros_like(self.V)
+        levels = np.tile(machine.dry, (2, len(self.Q), 1))
         rotors = machine.model.dof_armature[dofs]
         for k in range(self.wanted.shape[1]):
             time = STEP * (k - settle)
@@ -316,7 +320,7 @@ class _Simulation:
             integral = integral + STEP / RESET * error
             force = -machine.viscous * state.v
             force[:, :n] += machine.give(motor)
-            up, down = np.tile(machine.dry, (2, len(force), 1))
+            up, down = levels.copy()
             taken = self.ask(force, up, down)
             ahead, f, rests = self.move(behind, force, up, down)
             acceleration = (ahead - behind) / STEP
@@ -346,11 +350,15 @@ def stick(free: Array, A: Array, up: Array, down: Array, v: Array) -> tuple[Arra
     v : (L, m)
         Velocities before the step: who moved is first taken to go on.
     """
-    up, down = np.maximum(up, 0.0), np.maximum(down, 0.0)
-    dry, way = up + down > 0, np.sign(v)
+    way = np.sign(v)
+    f = np.where(way > 0, -up, down * (way < 0))
+    rests = way == 0
+    if not rests.any() and ((free + times(A, f)) * way >= 0).all():
+        return f, rests  # all slide on
+    dry = up + down > 0
     for _ in range(ROUNDS):
         rests = dry & (way == 0)
-        f = np.where(way > 0, -up, down) * (way != 0)
+        f = np.where(way > 0, -up, down * (way < 0))
         if rests.any():
             needed = np.where(rests, -free - times(A, f), f)
             both = rests[:, :, None] & rests[:, None, :]

@@ -1,0 +1,333 @@
+"""Examine `diagnose` on robots of another physics: what it names, and whether that helps.
+
+    python studies/hidden_physics_exam.py --cases 40 --folder SCRATCH --out reports
+    python studies/hidden_physics_exam.py --commit HASH --cases 240 --folder SCRATCH
+
+`hidden_physics_cases` draws and simulates the cases (kept in the scratch folder), `diagnose` gets
+the robot file, three logs to fit and one that vetoes; a fifth, sealed log only scores. One case
+after another; a stopped run goes on with the same command. Shares have Wilson's 95 % intervals.
+An effect counts as visible where an oracle's z is at least 4 (`hidden_physics_cases`).
+
+Outcomes of effects with a name: *exact* (family and place, nothing else), *A or B* (the truth is
+among names that are said not to be told apart; friction that rises with speed and sigmoid friction
+are one curve), *truth and more*, *function* (in the right joint, without a name), *wrong*, *missed*
+and, below z = 4, *silent*. Outside the dictionary a name is wrong where neither it nor its joint
+describes what is hidden; presliding in a joint that sticks is none where the sealed error falls.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from hidden_physics_cases import FITTED, KINDS, load_logs, load_robot, make_case
+
+from identifiability import diagnose
+from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.output import plain, write_json
+from identifiability.report import Check, Prose, Section, frame_table, write_page
+
+ROOT = Path(__file__).resolve().parents[1]
+#: z from which on an effect counts as visible, and weight from which on a name is sure.
+VISIBLE, SURE = 4.0, 0.95
+#: Names of one curve.
+CURVE = {"sigmoid_friction": "rising_friction"}
+#: What must hold: of which cases, which rows are hits, share, whether at most.
+Rule = tuple[str, Callable[[pd.DataFrame], pd.Series], Callable[[pd.DataFrame], pd.Series], float,
+             bool]  # fmt: skip
+
+
+def examine(path: Path) -> dict[str, Any]:
+    """Return what a diagnosis says of a case, and how it is judged."""
+    truth = json.loads((path / "truth.json").read_text())
+    robot, logs = load_robot(path), load_logs(path)
+    fitted, unseen, sealed = logs[:FITTED], logs[FITTED : FITTED + 1], logs[FITTED + 1 :]
+    begin = time.process_time()
+    d = diagnose(robot, fitted, unseen, forward=False)
+    seconds = time.process_time() - begin
+    error = [float("nan")] * 2
+    if d.effects:
+        bare = diagnose(robot, fitted, unseen, forward=False, effects=())
+        error = [sealed_error(x, sealed) for x in (bare, d)]
+    named = [
+        {
+            "family": e.name,
+            "unnamed": bool(e.unnamed),
+            "joint": p.place,
+            "shape": float(p.shape),
+            "weight": float(getattr(p, "weight", np.nan)),
+            "or": [[r.family, r.place] for r in p.rivals if r.undecided],
+        }
+        for e in d.effects
+        for p in e.placements
+    ]
+    effects = truth["effects"]
+    row = {
+        "case": path.name,
+        **{k: truth[k] for k in ("number", "kind", "robot")},
+        "hidden": "; ".join(f"{e['family']}@{e['place']}" for e in effects),
+        "z": min((e["z"] for e in effects), default=0.0),
+        "noise": truth["noise"]["level"],
+        "stands": float(np.mean(truth["stands"])),
+        "said": "; ".join(_say(n) for n in named),
+        "refuted": "; ".join(f"{e.name}@{'+'.join(e.joints)}" for e in d.refuted),
+        "before": error[0],
+        "after": error[1],
+        "held_before": d.held_before,
+        "held_after": d.held_after,
+        "seconds": seconds,
+    }
+    return {**row, **judge(truth, named, falls=error[1] < error[0]), "named": named}
+
+
+def sealed_error(d: Any, sealed: Sequence[Any]) -> float:
+    """Return the error of a result's model over each joint's own scale, where joints move."""
+    p = d.predict(sealed)
+    data = p.data & np.isfinite(p.tau)
+    left = np.where(data, p.tau - p.predicted, 0.0)
+    centred = p.tau - np.where(data, p.tau, 0.0).sum(0) / np.maximum(data.sum(0), 1)
+    scale = (np.where(data, centred, 0.0) ** 2).sum(0)
+    known = scale > 0
+    return float(np.sqrt(np.mean((left**2).sum(0)[known] / scale[known])))
+
+
+def _say(named: dict[str, Any]) -> str:
+    rest = "".join(f" or {family}@{place}" for family, place in named["or"])
+    return f"{named['family']}@{named['joint']}{rest}"
+
+
+def _is(family: str, place: str, effect: dict[str, Any]) -> bool:
+    """Whether a name in a place says what is hidden."""
+    whole = "base" in (place, effect["place"])
+    fits = {CURVE.get(f, f) for f in effect["fits"]}
+    return CURVE.get(family, family) in fits and (whole or place == effect["place"])
+
+
+def judge(truth: dict[str, Any], named: Sequence[dict[str, Any]], *, falls: bool) -> dict[str, Any]:
+    """Return the outcome of a case, wrong names among what is said, and the sure ones.
+
+    Parameters
+    ----------
+    truth : dict
+        With `effects` and how much each joint `stands`.
+    named : sequence of dict
+        family, joint, unnamed, weight, and the others (`or`) that are not told apart.
+    falls : bool
+        Whether the sealed error does.
+    """
+    effects, kind = truth["effects"], truth["kind"]
+    places = {e["place"] for e in effects}
+    stands = dict(zip(truth["joints"], truth["stands"], strict=True))
+
+    def exact(n: dict[str, Any]) -> bool:
+        return any(_is(n["family"], n["joint"], e) for e in effects)
+
+    def among(n: dict[str, Any]) -> bool:
+        return exact(n) or any(_is(f, p, e) for f, p in n["or"] for e in effects)
+
+    def harmless(n: dict[str, Any]) -> bool:
+        return kind == "outside" and (
+            bool(n["unnamed"])
+            or (n["family"] == "hysteresis" and falls and stands.get(n["joint"], 0.0) > 0)
+        )
+
+    found = [any(_is(f, p, e) for n in named for f, p in ([n["family"], n["joint"]], *n["or"]))
+             for e in effects]  # fmt: skip
+    wrong = [n for n in named if not among(n) and not harmless(n)]
+    right = bool(effects) and all(found)
+    if not named:
+        seen = any(e["z"] >= VISIBLE for e in effects)
+        outcome = "missed" if seen else "silent"
+    elif kind == "null":
+        outcome = "wrong"
+    elif kind == "outside":
+        outcome = "wrong" if wrong else "described" if any(found) else "elsewhere"
+    elif right and len(named) == len(effects):
+        outcome = "exact" if all(n["family"] == e["family"] and exact(n) for n, e in
+                                 _pair(named, effects)) else "A or B"  # fmt: skip
+    elif right:
+        outcome = "truth and more"
+    elif all(n["unnamed"] and (n["joint"] in places or "base" in places) for n in named):
+        outcome = "function"
+    elif kind == "two" and any(found) and not wrong:
+        outcome = "one of two"
+    else:
+        outcome = "wrong"
+    sure = [n for n in named if n["weight"] >= SURE and not n["unnamed"]]
+    return {
+        "outcome": outcome,
+        "wrong": "; ".join(f"{n['family']}@{n['joint']}" for n in wrong),
+        "described": any(found),
+        "sure": len(sure),
+        "sure_right": sum(exact(n) for n in sure),
+    }
+
+
+def _pair(named: Sequence[Any], effects: Sequence[Any]) -> list[tuple[Any, Any]]:
+    """Return names with the effects in their places, in one order."""
+    ordered = [sorted(x, key=lambda y: (y["family"], y.get("joint", y.get("place"))))
+               for x in (named, effects)]  # fmt: skip
+    return list(zip(*ordered, strict=True))
+
+
+def _right(f: pd.DataFrame) -> pd.Series:
+    return f.outcome.isin(["exact", "A or B"])
+
+
+#: What must hold.
+RULES: tuple[Rule, ...] = (
+    ("nulls that stick: named", lambda f: f.kind == "null", lambda f: f.said != "", 0.05, True),
+    ("inside, visible: exact or A or B", lambda f: (f.kind == "inside") & (f.z >= VISIBLE), _right,
+     0.70, False),
+    ("inside, visible: truth and more", lambda f: (f.kind == "inside") & (f.z >= VISIBLE),
+     lambda f: f.outcome == "truth and more", 0.10, True),
+    ("inside, visible: wrong", lambda f: (f.kind == "inside") & (f.z >= VISIBLE),
+     lambda f: f.outcome == "wrong", 0.05, True),
+    ("two at once, both visible: both named", lambda f: (f.kind == "two") & (f.z >= VISIBLE),
+     lambda f: _right(f) | (f.outcome == "truth and more"), 0.60, False),
+    ("outside: a wrong name", lambda f: f.kind == "outside", lambda f: f.outcome == "wrong",
+     0.20, True),
+    ("outside, visible: described in its joint", lambda f: (f.kind == "outside") & (f.z >= VISIBLE),
+     lambda f: f.described, 0.65, False),
+    ("the sealed error falls where something is named", lambda f: f.said != "",
+     lambda f: f.after < f.before, 0.90, False),
+)  # fmt: skip
+
+
+def wilson(hits: float, of: float) -> tuple[float, float]:
+    """Return Wilson's 95 % interval of a share [Wilson 1927]."""
+    z2, share = 1.96**2, hits / of
+    middle = (share + z2 / (2 * of)) / (1 + z2 / of)
+    half = 1.96 / (1 + z2 / of) * np.sqrt(share * (1 - share) / of + z2 / (4 * of * of))
+    return float(middle - half), float(middle + half)
+
+
+def check(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return what must hold: hits, cases, share with its interval, limit."""
+    counts = [
+        (what, int(hits(part).sum()), len(part), limit, most)
+        for what, of, hits, limit, most in RULES
+        for part in [frame[of(frame)]]
+    ]
+    right, sure = int(frame.sure_right.sum()), int(frame.sure.sum())
+    counts.append((f"names of weight ≥ {SURE:g} that are right", right, sure, 0.93, False))
+    out = []
+    for what, hits, of, limit, most in counts:
+        row = {"what": what, "hits": hits, "of": of, "limit": limit, "most": most}
+        if of:
+            low, high = wilson(hits, of)
+            holds = hits / of <= limit if most else hits / of >= limit
+            row |= {"share": hits / of, "low": low, "high": high, "holds": holds}
+        out.append(row)
+    return out
+
+
+def read_rows(path: Path) -> list[dict[str, Any]]:
+    """Return the cases of a file; a last line that was cut off is left out."""
+    rows = []
+    for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else ():
+        try:
+            rows.append(json.loads(line))
+        except json.JSONDecodeError:
+            continue
+    return rows
+
+
+def show(frame: pd.DataFrame, out: Path, told: str) -> None:
+    """Print the table, write it with all cases as JSON and as a page."""
+    rows = check(frame)
+    for r in rows:
+        text = "no cases"
+        if r["of"]:
+            need = f"{'≤' if r['most'] else '≥'} {r['limit']:.2f}"
+            text = f"{r['hits']:3d} of {r['of']:3d}  {r['share']:.2f} [{r['low']:.2f}, {r['high']:.2f}]"  # noqa: E501
+            text += f"  {need} {'holds' if r['holds'] else 'FAILS'}"
+        print(f"{r['what']:52s} {text}")
+    print(frame.groupby(["kind", "outcome"]).size().unstack(fill_value=0).to_string())
+    spent = f"processor time a case: median {frame.seconds.median():.1f} s, most {frame.seconds.max():.1f} s"  # noqa: E501
+    print(spent)
+    failed = [r["what"] for r in rows if r.get("holds") is False]
+    verdict = f"Not met: {'; '.join(failed)}." if failed else "All that was asked for holds."
+    statement = f"{len(frame)} cases, {told}. {verdict}"
+    trials = frame.drop(columns="named")
+    data = {"schema": "identifiability/study/hidden-physics/1", "statement": statement,
+            "checks": rows, "trials": trials.to_dict("records")}  # fmt: skip
+    write_json(out, plain(data))
+    table = pd.DataFrame([
+        {"what": r["what"], "of": f"{r['hits']} of {r['of']}",
+         "share": Check(f"{100 * r['share']:.0f} % ({100 * r['low']:.0f} … {100 * r['high']:.0f})",
+                        r["holds"], f"limit {100 * r['limit']:.0f} %") if r["of"] else "–"}
+        for r in rows
+    ])  # fmt: skip
+    what = trials[["robot", "hidden", "z", "outcome", "said", "refuted", "before", "after"]]
+    what = what.round({"z": 1, "before": 4, "after": 4})
+    sections = (
+        Section("checks", "What must hold", spent, (frame_table(table),)),
+        Section("cases", "Cases", "", (frame_table(what),)),
+        Section("method", "Method", "", (Prose((str(__doc__).partition("\n\n")[2],)),)),
+    )  # fmt: skip
+    page = out.with_suffix(".html")
+    print(
+        write_page("Hidden effects, another physics", statement, sections, page, overline="Study")
+    )
+
+
+def stream_of(commit: str) -> str:
+    """Return the stream of a commit, which must be what is checked out.
+
+    Raises
+    ------
+    IdentifiabilityError
+    """
+    ask = ["git", "-C", str(ROOT), "rev-parse", "--verify", f"{commit}^{{commit}}"]
+    found = subprocess.run(ask, capture_output=True, text=True, check=False)
+    whole = found.stdout.strip()
+    same = ["git", "-C", str(ROOT), "diff", "--quiet", whole, "--", "identifiability", "studies"]
+    if found.returncode or subprocess.run(same, check=False).returncode:
+        raise IdentifiabilityError(
+            f"The checkout is not that of the commit '{commit}'; check it out before it is judged."
+        )
+    return whole
+
+
+def main() -> None:
+    """Run the cases that are missing, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--commit", help="the commit that is judged; its hash draws the cases")
+    which.add_argument("--stream", default="0", help="seeds of the cases; 0 while developing")
+    parser.add_argument("--cases", type=int, default=40)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--only", choices=sorted(set(KINDS)), help="cases of one kind")
+    parser.add_argument("--folder", type=Path, required=True, help="scratch folder of the cases")
+    parser.add_argument("--out", type=Path, default=ROOT / "reports", help="folder of the results")
+    asked = parser.parse_args()
+    stream = stream_of(asked.commit) if asked.commit else asked.stream
+    asked.out.mkdir(parents=True, exist_ok=True)
+    out = asked.out / "hidden_physics.json"
+    done = {r["case"] for r in read_rows(out.with_suffix(".jsonl"))}
+    numbers = [k for k in range(asked.first, asked.first + asked.cases)
+               if asked.only in (None, KINDS[k % len(KINDS)])]  # fmt: skip
+    for number in numbers:
+        path = make_case(asked.folder, stream[:12], number)
+        if path.name in done:
+            continue
+        row = examine(path)
+        with out.with_suffix(".jsonl").open("a", encoding="utf-8") as file:
+            file.write(json.dumps(plain(row)) + "\n")
+        print(f"{row['case']} {row['robot']}: {row['hidden']} (z {row['z']:.1f}): {row['outcome']} "
+              f"[{row['said']}] {row['before']:.4f} → {row['after']:.4f}, {row['seconds']:.1f} s",
+              flush=True)  # fmt: skip
+    told = f"drawn by commit {stream}" if asked.commit else f"stream {stream}"
+    show(pd.DataFrame(read_rows(out.with_suffix(".jsonl"))), out, told)
+
+
+if __name__ == "__main__":
+    main()
