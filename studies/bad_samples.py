@@ -56,7 +56,7 @@ from identifiability.simulation import (
     simulate,
 )
 from identifiability.workflows.analyze import Analysis, analyze
-from identifiability.workflows.analyze.decisive import state_decisive, weigh_rows
+from identifiability.workflows.analyze.decisive import weigh_rows
 
 ROBOTS = {"3-rps": "601", "five-bar": "a", "two-link": "a", "six-dof-arm": "a"}
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
@@ -120,13 +120,10 @@ def fit(
 ) -> tuple[Samples, Information, Estimate, str]:
     """Return the prepared log, its information, the fit, and what is said of a stretch."""
     samples, wls = prepare_samples(structure.robot, log), find_estimator("wls")
-    information, said = gather_information(structure.regression((samples,))), ""
-    if treated:
-        joints = structure.robot.joints
-        information, said = weigh_rows(joints, (samples,), information, wls)
-    found = wls.fit(information)
-    said = said or state_decisive(structure.robot.joints, (samples,), information, found)
-    return samples, information, found, said
+    information = gather_information(structure.regression((samples,)))
+    weighed, said = weigh_rows(structure.robot.joints, (samples,), information, wls)
+    information = weighed if treated else information
+    return samples, information, wls.fit(information), said
 
 
 def noisy(clean: Log, noise: Noise, rng: np.random.Generator, *, derivatives: bool) -> Log:

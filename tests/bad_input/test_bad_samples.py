@@ -86,7 +86,7 @@ def test_a_burst_that_is_no_single_sample_is_told_by_every_verb(frame):
         prune("two-link", log, replicates=20),
         diagnose("two-link", log, quick=True, forward=False),
     ):
-        (hint,) = (h for h in found.hints if " and decides: without it " in h)
+        (hint,) = (h for h in found.hints if " is weighed down in the fit: " in h)
         assert "the torque of elbow is up to " in hint
         assert hint.startswith(("a from t = 2.", "a, part 1 from t = 2."))
 

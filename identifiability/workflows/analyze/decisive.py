@@ -1,4 +1,4 @@
-"""What rows count: stretches that no model follows are left out where they would decide."""
+"""What rows count: by their noise, and outlying stretches less."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from identifiability.estimation.decisive import Decisive, find_decisive, leave_out_bursts
-from identifiability.estimation.estimate import weigh_logs
-from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.estimate import forget_noise, weigh_logs
+from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.outliers import Outliers, weigh_outliers
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
+from identifiability.foundation.shares import REACH
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.information import Information
@@ -20,75 +21,54 @@ from identifiability.regression.information import Information
 LISTED = 3
 
 
-def state_decisive(
-    joints: Sequence[str], samples: Sequence[Prepared], information: Information, fit: Estimate
-) -> str:
-    """Return one sentence on stretches that decide a value though no model follows them, or none.
-
-    Parameters
-    ----------
-    joints : sequence of str
-        The n actuated ones.
-    samples : sequence of Samples
-        The logs that were fitted.
-    information : Information
-        About the fitted columns.
-    fit : Estimate
-    """
-    found = find_decisive(information, fit)
-    if found is None:
-        return ""
-    name = information.columns[found.parameter]
-    return (
-        f"{_where(joints, samples, found)} decides: without it {name} moves by "
-        f"{found.moved:.1f} of the standard deviations that the rest of the logs leaves. Look at "
-        "what happened there, and cut it out if it is no motion of this robot."
-    )
-
-
 def weigh_rows(
     joints: Sequence[str],
     samples: Sequence[Prepared],
     information: Information,
     estimator: Estimator,
 ) -> tuple[Information, str]:
-    """Return the information without stretches that would decide, and a sentence on them if any.
+    """Return the information with rows weighed by their noise, and a sentence on outliers if any.
 
-    Logs are weighed by their noise.
+    Outlying stretches are weighed down, and logs count by their noise. Said is what would have
+    moved a value out of its interval.
 
     Parameters
     ----------
-    joints, samples
-        As in `state_decisive`.
+    joints : sequence of str
+        The n actuated ones.
+    samples : sequence of Samples
+        The logs that are fitted.
     information : Information
         About all columns.
     estimator : Estimator
     """
-    kept, found = leave_out_bursts(information, estimator)
-    kept = weigh_logs(kept, estimator)
-    if found is None:
-        return kept, ""
-    return kept, (
-        f"{_where(joints, samples, found)} would decide: with it "
-        f"{information.columns[found.parameter]} moves by {found.moved:.1f} of the standard "
-        "deviations that the rest of the logs leaves. It was left out of the fit; errors count it. "
-        "Look at what happened there."
+    weighed, found = weigh_outliers(information, forget_noise(estimator))
+    weighed = weigh_logs(weighed, estimator)
+    if found is None or found.moved.max() <= REACH:
+        return weighed, ""
+    most = int(np.argmax(found.moved))
+    return weighed, (
+        f"{_where(joints, samples, found)} is weighed down in the fit: with its whole weight "
+        f"{information.columns[most]} moves by {found.moved[most]:.1f} of its standard deviations. "
+        "Errors count it. Look at what happened there."
     )
 
 
-def _where(joints: Sequence[str], samples: Sequence[Prepared], found: Decisive) -> str:
-    """Return where stretches are and how far from the model, up to what they do."""
+def _where(joints: Sequence[str], samples: Sequence[Prepared], found: Outliers) -> str:
+    """Return where outliers are, the farthest first, and how far from the model."""
     ends = np.flatnonzero((np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])) + 1
     stretches = list(pairwise([0, *ends.tolist(), len(found.log)]))
+    stretches.sort(key=lambda ab: -float(found.beyond[ab[0] : ab[1]].max()))
     named = []
     for a, b in stretches:
         log = samples[int(found.log[a])]
         start, stop = _times(log, int(found.first[a]), int(found.last[b - 1]))
         named.append(f"{log.name} from t = {start:.5g} to {stop:.5g} s")
-    worst = int(np.argmax(found.beyond))
+    beyond = found.beyond.max(0)
+    worst = int(np.argmax(beyond))
     return (
         f"{listing(named, LISTED)}: the torque of {joints[worst]} is up to "
-        f"{np.sqrt(found.beyond[worst]):.0f} times farther from the model than usual, and"
+        f"{np.sqrt(beyond[worst]):.0f} times farther from the model than usual, and"
     )
 
 

@@ -36,7 +36,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.assessment import assess_ladder, select_model
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.decisive import state_decisive, weigh_rows
+from identifiability.workflows.analyze.decisive import weigh_rows
 from identifiability.workflows.analyze.fit import (
     base_values,
     fit_ladder,
@@ -184,7 +184,6 @@ def analyze(
         at = select_model(results)
         results, nothing = doubt(silence or opening.misread, results, at, out)
         leaning, leans = _seek_leaning(opening, recordings.fitted, nothing)
-        fit, part = results[at].estimate, results[at].rung.reduce(information)
         several = compare_logs(robot.joints, opening.samples, information, results[at])
         belief = None
         if posterior:
@@ -214,7 +213,6 @@ def analyze(
                         *leans,
                         *opening.hints,
                         burst,
-                        state_decisive(robot.joints, opening.samples, part, fit),
                         *check_cutoff(opening, recordings, results[at], how),
                         *after,
                         belief.hint if belief else None,

@@ -34,7 +34,7 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import say_band
-from identifiability.workflows.analyze.decisive import state_decisive
+from identifiability.workflows.analyze.decisive import weigh_rows
 from identifiability.workflows.diagnose.goes_on import Before, read_earlier
 from identifiability.workflows.diagnose.known_values import (
     Given,
@@ -246,7 +246,7 @@ def diagnose(
 
 
 def _doubt_logs(opening: Opening) -> tuple[OddLog | None, str]:
-    """Return the log that disagrees, if one does, and a sentence on what decides a value.
+    """Return the log that disagrees, if one does, and a sentence on outlying stretches.
 
     A log that is not fitted is asked for only where the fitted ones agree.
     """
@@ -260,8 +260,7 @@ def _doubt_logs(opening: Opening) -> tuple[OddLog | None, str]:
     if odd is None:
         odd = describe_odd_log(regression, every, estimator.fit(every))
         odd = None if odd is None or odd.number < fitted else odd
-    decided = state_decisive(opening.robot.joints, opening.samples, information, fit)
-    return odd, decided
+    return odd, weigh_rows(opening.robot.joints, opening.samples, information, estimator)[1]
 
 
 def _settle_values(

@@ -42,7 +42,7 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.decisive import state_decisive, weigh_rows
+from identifiability.workflows.analyze.decisive import weigh_rows
 from identifiability.workflows.analyze.several_logs import compare_logs
 from identifiability.workflows.analyze.words import state_weak
 from identifiability.workflows.instruments import add_instruments
@@ -200,9 +200,7 @@ def prune(
         several = filter(None, [compared.hint])
         part, full = start.reduce(information), measured.rungs[0].estimate
         result = measured.result
-        reduced = result.rung.reduce(information)
-        decided = state_decisive(robot.joints, opening.samples, reduced, result.estimate)
-        said = filter(None, (burst, decided, state_weak(result)))
+        said = filter(None, (burst, state_weak(result)))
         return Ladder(
             structure=structure,
             samples=opening.samples,

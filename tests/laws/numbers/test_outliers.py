@@ -1,0 +1,125 @@
+"""Outlying stretches are weighed down as far as they lie out; without any nothing changes."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identifiability.estimation.estimate import find_estimator, weigh_logs
+from identifiability.estimation.outliers import weigh_outliers
+from identifiability.foundation.shares import REACH
+from identifiability.regression.information import Information
+from identifiability.workflows.analyze.decisive import weigh_rows
+
+from .made import ar1
+
+ROWS, SIZE, TRUTH = 600, 5, np.array([1.0, -1.0, 0.5])
+WLS = find_estimator("wls")
+LOGS = [
+    SimpleNamespace(name=n, survey=SimpleNamespace(start=10.0, stop=12.0, outputs=k))
+    for n, k in (("one", 400), ("two", 200))
+]
+
+
+def rows(seed=0, rho=0.0):
+    """Two actuators, three columns, two logs of 400 and 200 samples; torque of size one."""
+    rng = np.random.default_rng(seed)
+    W = rng.standard_normal((ROWS, 2, 3)) * np.array([[1, 1, 0], [0, 1, 1]])
+    return W, W @ TRUTH + 0.05 * ar1(rng, rho, ROWS, 2)
+
+
+def gathered(W, tau, size=SIZE) -> Information:
+    return Information.of_rows(["a", "b", "c"], W, tau, np.repeat([0, 1], [400, 200]), size)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.9])
+def test_without_outliers_nothing_changes(rho):
+    plain, weighed, touched = [], [], 0
+    for seed in range(40):
+        information = gathered(*rows(seed, rho))
+        kept, found = weigh_outliers(information, WLS)
+        plain.append(WLS.fit(information).value - TRUTH)
+        weighed.append(WLS.fit(kept).value - TRUTH)
+        touched += found is not None
+        assert found is not None or kept is information
+    assert np.square(plain).sum() >= 0.97 * np.square(weighed).sum()
+    assert touched < 27  # one block or none is expected to pass its limit
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.9])
+@pytest.mark.parametrize("size", [20, pytest.param(1, marks=pytest.mark.everything)])
+def test_a_stretch_a_hundred_times_off_moves_values_by_less_than_a_third_of_sigma(rho, size):
+    """Beside the fit that never saw it."""
+    off, clean = [], []
+    for seed in range(40):
+        W, tau = rows(seed, rho)
+        tau[480:510, 0] += 100 * 0.05
+        rest = np.delete(np.arange(ROWS), np.arange(480, 510))
+        log = np.repeat([0, 1], [400, 200])[rest]
+        never = Information.of_rows(["a", "b", "c"], W[rest], tau[rest], log, size)
+        off.append(WLS.fit(weigh_outliers(gathered(W, tau, size), WLS)[0]).value - TRUTH)
+        clean.append(WLS.fit(never).value - TRUTH)
+    sd = np.std(clean, axis=0)
+    moved = np.mean(np.subtract(off, clean), axis=0) / sd
+    assert np.abs(moved).max() < 0.3
+    assert np.square(off).sum() < 1.25 * np.square(clean).sum()
+
+
+def test_one_actuator_is_weighed_down_where_it_lies_out_and_no_other():
+    W, tau = rows()
+    tau[500:510, 0] += 5.0 * W[500:510, 0, 0]
+    kept, found = weigh_outliers(gathered(W, tau), WLS)
+    assert found.log.tolist() == [1, 1]
+    assert (found.first.tolist(), found.last.tolist()) == ([100, 105], [105, 110])
+    assert (found.beyond[:, 0] > 100).all()
+    assert (kept.weights[0, [100, 101]] < 0.01).all()
+    assert (np.delete(kept.weights[0], [100, 101]) == 1.0).all()
+    assert (kept.weights[1] == 1.0).all()
+    assert found.moved[0] > REACH
+    assert kept.samples == ROWS
+
+
+def test_an_outlier_that_is_hidden_by_a_larger_one_is_found():
+    W, tau = rows()
+    tau[500:510, 0] += 50.0 * W[500:510, 0, 0]
+    tau[520:525, 1] += 3.0
+    kept, _ = weigh_outliers(gathered(W, tau), WLS)
+    assert kept.weights[1, 104] < 0.05
+    np.testing.assert_allclose(WLS.fit(kept).value, TRUTH, atol=0.02)
+
+
+def test_what_is_too_much_of_the_logs_for_an_accident_decides_no_more_either():
+    W, tau = rows()
+    tau[440:520, 0] += 50.0 * W[440:520, 0, 0]
+    kept, _ = weigh_outliers(gathered(W, tau), WLS)
+    np.testing.assert_allclose(WLS.fit(kept).value, TRUTH, atol=0.02)
+
+
+def test_a_noisy_log_is_no_outlier_and_does_no_harm():
+    """The usual block is that of its own log; what logs are worth is said by their noise."""
+    alone, both = [], []
+    for seed in range(20):
+        W, tau = rows(seed)
+        tau[400:] += 11 * (tau - W @ TRUTH)[400:]
+        information = gathered(W, tau)
+        kept, _ = weigh_outliers(information, WLS)
+        alone.append(WLS.fit(information.take(information.log == 0)).value - TRUTH)
+        both.append(WLS.fit(weigh_logs(kept, WLS)).value - TRUTH)
+    assert np.square(both).sum() < 1.1 * np.square(alone).sum()
+
+
+def test_exact_logs_and_too_few_blocks_are_left_alone():
+    W, tau = rows()
+    exact = gathered(W, W @ TRUTH)
+    assert weigh_outliers(exact, WLS) == (exact, None)
+    short = Information.of_rows(["a", "b", "c"], W[:25], tau[:25], np.zeros(25, int), SIZE)
+    assert weigh_outliers(short, WLS) == (short, None)
+
+
+def test_the_sentence_names_log_time_joint_and_parameter():
+    W, tau = rows()
+    tau[500:510, 1] += 5.0 * W[500:510, 1, 2]
+    _, text = weigh_rows(["shoulder", "elbow"], LOGS, gathered(W, tau), WLS)
+    assert text.startswith("two from t = 11 to 11.1 s: the torque of elbow is up to ")
+    assert " is weighed down in the fit: with its whole weight c moves by " in text
+    assert weigh_rows(["shoulder", "elbow"], LOGS, gathered(*rows()), WLS)[1] == ""
