@@ -27,6 +27,7 @@ import pandas as pd
 from drawn_robots import draw_arm
 from hidden_physics import STEP, Machine, Runs, add_mass, torque_between
 from hidden_physics_laws import INSIDE, OUTSIDE, Hidden, Joint
+from scipy.signal import lfilter
 
 from identifiability.effects import FAMILIES, default_effects
 from identifiability.foundation.names import Array
@@ -116,8 +117,8 @@ def make_case(folder: Path, stream: str, number: int, kind: str | None = None) -
     shutil.rmtree(path, ignore_errors=True)
     path.mkdir(parents=True)
     name = str(rng.choice(list(ROBOTS)))
-    robot = _write_robot(path, name, rng)
-    truth = _Case(robot, kind, rng).write(path)
+    robot = write_robot(path, name, rng)
+    truth = Case(robot, kind, rng).write(path)
     head = {"stream": stream, "number": number, "kind": kind, "robot": name}
     (path / "truth.json").write_text(json.dumps({**head, **truth}, indent=1, default=float) + "\n")
     return path
@@ -139,7 +140,7 @@ def load_logs(path: Path) -> list[Log]:
     return logs
 
 
-def _write_robot(path: Path, name: str, rng: np.random.Generator) -> Robot:
+def write_robot(path: Path, name: str, rng: np.random.Generator) -> Robot:
     text = ROBOTS[name]
     if text.startswith("<"):
         (path / "robot.xml").write_text(text)
@@ -155,7 +156,7 @@ def _write_robot(path: Path, name: str, rng: np.random.Generator) -> Robot:
     return load_robot(path)
 
 
-class _Case:
+class Case:
     """One draw: the machine, its motions, what is hidden in it."""
 
     def __init__(self, robot: Robot, kind: str, rng: np.random.Generator) -> None:
@@ -360,8 +361,7 @@ class _Case:
     def oracle(self, runs: Runs, parts: Sequence[Array], memory: float) -> list[float]:
         """Return each effect's z at a noise of one rms: its part outside the others and the base.
 
-        Rows are Fourier coefficients up to `BAND` over the noise's, real and imaginary; memory is
-        the correlation of the noise of neighbouring samples.
+        Memory is the correlation of the noise of neighbouring samples.
         """
         if not parts:
             return []
@@ -379,12 +379,7 @@ class _Case:
             moves = ~runs.stuck[k][motion.kept][:, : self.n]
             moves[1:-1] &= moves[:-2] & moves[2:]
             both = np.concatenate([W, hidden], 2) * moves[:, :, None]
-            f = np.fft.rfftfreq(len(both), 1 / self.rate)
-            f = f[f <= BAND]
-            turn = np.exp(-2j * np.pi * f / self.rate)
-            sd = np.sqrt(0.5 * len(both) * (1 - memory**2)) / np.abs(1 - memory * turn)
-            rows = np.fft.rfft(both, axis=0)[: len(f)] / (sd[:, None] * rms)[:, :, None]
-            blocks += [rows.real.reshape(-1, rows.shape[2]), rows.imag.reshape(-1, rows.shape[2])]
+            blocks.append(whitened(both, rms, memory, self.rate))
         every = np.concatenate(blocks)
         scale = np.linalg.norm(every, axis=0)
         every = np.linalg.qr(every / np.where(scale > 0, scale, 1.0), mode="r")
@@ -403,16 +398,34 @@ class _Case:
         turns = 2 * np.pi / 2.0 ** rng.integers(*BITS, self.n, endpoint=True)
         step = np.where(slides, rng.uniform(*LINE, self.n), turns)
         for k, name in enumerate(LOGS):
-            e = rng.standard_normal((len(runs.t) + 400, self.n)) * np.sqrt(1 - memory**2)
-            noise = np.zeros_like(e)
-            for i in range(1, len(e)):
-                noise[i] = memory * noise[i - 1] + e[i]
+            noise = sd * coloured(rng, len(runs.t), self.n, memory)
             frame = {"t": runs.t}
             for j, joint in enumerate(self.robot.joints):
                 frame[f"{joint}.q"] = step[j] * np.rint(runs.q[k, :, j] / step[j])
-                frame[f"{joint}.tau"] = tau[k, :, j] + sd[j] * noise[400:, j]
+                frame[f"{joint}.tau"] = tau[k, :, j] + noise[:, j]
             pd.DataFrame(frame).to_parquet(path / f"{name}.parquet")
         return [float(s) for s in step]
+
+
+def coloured(rng: np.random.Generator, samples: int, joints: int, memory: float) -> Array:
+    """Return noise (N, n) of unit variance that remembers a share of the sample before."""
+    e = rng.standard_normal((samples, joints))
+    e[1:] *= np.sqrt(1 - memory**2)
+    noise: Array = lfilter([1.0], [1.0, -memory], e, axis=0)
+    return noise
+
+
+def whitened(rows: Array, sd: Array, memory: float, rate: float) -> Array:
+    """Return Fourier coefficients of rows (N, n, p) up to `BAND` over those of the noise, (k, p).
+
+    Real and imaginary parts apart, where noise of standard deviation sd (n,) has unit variance.
+    """
+    f = np.fft.rfftfreq(len(rows), 1 / rate)
+    f = f[f <= BAND]
+    turn = np.exp(-2j * np.pi * f / rate)
+    noise = np.sqrt(0.5 * len(rows) * (1 - memory**2)) / np.abs(1 - memory * turn)
+    found = np.fft.rfft(rows, axis=0)[: len(f)] / (noise[:, None] * sd)[:, :, None]
+    return np.concatenate([found.real, found.imag]).reshape(-1, rows.shape[2])
 
 
 def main() -> None:
@@ -422,7 +435,7 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=40)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--stream", default="0")
-    parser.add_argument("--only", choices=sorted(set(KINDS)))
+    parser.add_argument("--only", choices=sorted(set(KINDS)), help="make all of one kind")
     asked = parser.parse_args()
     for number in range(asked.first, asked.first + asked.cases):
         path = make_case(asked.folder, asked.stream, number, asked.only)

@@ -305,7 +305,7 @@ def main() -> None:
     which.add_argument("--stream", default="0", help="seeds of the cases; 0 while developing")
     parser.add_argument("--cases", type=int, default=40)
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--only", choices=sorted(set(KINDS)), help="cases of one kind")
+    parser.add_argument("--only", choices=sorted(set(KINDS)), help="make all of one kind")
     parser.add_argument("--folder", type=Path, required=True, help="scratch folder of the cases")
     parser.add_argument("--out", type=Path, default=ROOT / "reports", help="folder of the results")
     asked = parser.parse_args()
@@ -313,10 +313,8 @@ def main() -> None:
     asked.out.mkdir(parents=True, exist_ok=True)
     out = asked.out / "hidden_physics.json"
     done = {r["case"] for r in read_rows(out.with_suffix(".jsonl"))}
-    numbers = [k for k in range(asked.first, asked.first + asked.cases)
-               if asked.only in (None, KINDS[k % len(KINDS)])]  # fmt: skip
-    for number in numbers:
-        path = make_case(asked.folder, stream[:12], number)
+    for number in range(asked.first, asked.first + asked.cases):
+        path = make_case(asked.folder, stream[:12], number, asked.only)
         if path.name in done:
             continue
         row = examine(path)
