@@ -6,7 +6,8 @@
 `hidden_physics_cases` draws and simulates the cases (kept in the scratch folder), `diagnose` gets
 the robot file, three logs to fit and one that vetoes; a fifth, sealed log only scores. One case
 after another; a stopped run goes on with the same command. Shares have Wilson's 95 % intervals.
-An effect counts as visible where an oracle's z is at least 4 (`hidden_physics_cases`).
+An effect counts as visible where an oracle's z is at least 4 (`hidden_physics_cases`). Where
+nothing is hidden, the trust card of `analyze` is asked, too.
 
 Outcomes of effects with a name: *exact* (family and place, nothing else), *A or B* (the truth is
 among names that are said not to be told apart; friction that rises with speed and sigmoid friction
@@ -29,10 +30,11 @@ import numpy as np
 import pandas as pd
 from hidden_physics_cases import FITTED, KINDS, load_logs, load_robot, make_case
 
-from identifiability import diagnose
+from identifiability import analyze, diagnose
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.output import plain, write_json
 from identifiability.report import Check, Prose, Section, frame_table, write_page
+from identifiability.report.sections.answer import answer_notes, answer_questions
 
 ROOT = Path(__file__).resolve().parents[1]
 #: z from which on an effect counts as visible, and weight from which on a name is sure.
@@ -69,6 +71,10 @@ def examine(path: Path) -> dict[str, Any]:
         for p in e.placements
     ]
     effects = truth["effects"]
+    card = ""
+    if truth["kind"] == "null":
+        a = analyze(robot, fitted, unseen, quick=True)
+        card = answer_questions(a, answer_notes(a)).answers[2].tone
     row = {
         "case": path.name,
         **{k: truth[k] for k in ("number", "kind", "robot")},
@@ -83,6 +89,7 @@ def examine(path: Path) -> dict[str, Any]:
         "held_before": d.held_before,
         "held_after": d.held_after,
         "seconds": seconds,
+        "card": card,
     }
     return {**row, **judge(truth, named, falls=error[1] < error[0]), "named": named}
 
@@ -184,6 +191,8 @@ def _right(f: pd.DataFrame) -> pd.Series:
 #: What must hold.
 RULES: tuple[Rule, ...] = (
     ("nulls that stick: named", lambda f: f.kind == "null", lambda f: f.said != "", 0.05, True),
+    ("nulls that stick: the trust card is green", lambda f: f.kind == "null",
+     lambda f: f.card == "green", 0.95, False),
     ("inside, visible: exact or A or B", lambda f: (f.kind == "inside") & (f.z >= VISIBLE), _right,
      0.70, False),
     ("inside, visible: truth and more", lambda f: (f.kind == "inside") & (f.z >= VISIBLE),

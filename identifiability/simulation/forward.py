@@ -25,7 +25,7 @@ from identifiability.simulation.mujoco_robot import MujocoRobot
 STEP = 5e-4
 
 #: Impedance of dry friction: how little a joint that sticks creeps.
-HARD = (0.99, 0.9999)
+HARD = (0.9999, 0.9999)
 
 #: Positions farther than this many times the range of the motion, and a metre or radian, have
 #: diverged.

@@ -12,6 +12,7 @@ from identifiability.robot import Robot, complete_motion
 from identifiability.robot.parts import Transmission
 from identifiability.simulation.forces import both_directions
 from identifiability.simulation.forward import ForwardRobot
+from identifiability.simulation.mujoco_robot import MujocoRobot
 
 NUMBERS = 'stiffness="9" springlength="0.2" damping="1.1" armature="0.3" frictionloss="0.7"'
 CABLE = (
@@ -127,3 +128,13 @@ def test_a_coupling_that_mujoco_does_not_have_is_refused(follows, reason, load_t
     robot = load_text(arm(inside=BODY), sidecar=follows)
     with pytest.raises(RobotError, match=f"'w' follows others by {reason}, and MuJoCo has one"):
         ForwardRobot(robot, {})
+
+
+def test_a_joint_that_sticks_creeps_by_less_than_an_encoder_sees():
+    """MuJoCo's own friction is soft: as hard as it can be, a joint at .9 of its level stands."""
+    robot, q = Robot.load("two-link"), np.array([[0.3, 0.4]])
+    levels = np.array([60.0, 20.0])
+    names = dict(zip((f"{j}.Fc" for j in robot.joints), levels.tolist(), strict=True))
+    hold = MujocoRobot(robot).inverse_dynamics(q, 0 * q, 0 * q).tau + 0.9 * levels
+    way = ForwardRobot(robot, names).run(q, 0 * q, np.repeat(hold[:, None], 100, axis=1), 5e-3)[0]
+    assert np.abs(way[-1] - way[0]).max() < 2 * np.pi / 2**17
