@@ -182,13 +182,13 @@ def question_4(data: Path) -> dict[str, Any]:
         logs = {
             k: kuka_lwr4.load_log(data, robot, k, derivatives=derivatives, end=end) for k in (1, 3)
         }
-        for fitted, other, reach in ((3, 1, 1.0), (1, 3, 1.0), (1, 3, 2.0)):
+        for fitted, other in ((3, 1), (1, 3)):
             for name, ladder in (("offsets", kuka_lwr4.LADDER), ("default", None)):
                 out = prune(
-                    robot, logs[fitted], logs[other], ladder, reach=reach, preparation=how,
+                    robot, logs[fitted], logs[other], ladder, preparation=how,
                     replicates=0,
                 )  # fmt: skip
-                key = f"{processing}, {fitted} → {other}, {name} model, reach {reach:g}"
+                key = f"{processing}, {fitted} → {other}, {name} model"
                 result[key] = compare(out)
     return result
 

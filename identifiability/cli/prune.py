@@ -64,11 +64,11 @@ def prune(
     force
         Parameter that must go; may be given several times.
     criterion
-        How much held-out error a smaller model may cost.
+        How much predictive density a smaller model may cost: by default 2 nats.
     propose
         Try the symmetries that the robot's joints suggest.
     reach
-        How many times faster than in the logs it will move.
+        Does nothing any more: models are chosen by what they predict of the logs.
     out
         Write the chosen model here, as a model file for every other verb.
     replicates

@@ -14,7 +14,7 @@ What to use when:
   logs. `Held.score_fit` asks the estimator for its fits to each fold's rest; `Held.score` takes
   values ``(F, k)`` that somebody else has fitted to these (`Folds.train`), over the k columns of
   the regression, so a reduced model's are ``held + M x``, its covariance ``M Σ Mᵀ``. The smallest
-  within two nats of the best is `choose_smallest`; weights of all are `weigh_models`.
+  that may stand for the best is `choose_smallest`; weights of all are `weigh_models`.
 - *A veto or a statement* on logs that are held out: ``Held.of(validation, noise)`` and
   ``score(value, covariance)``: one model for all folds, and folds do not share data.
 - *Candidates that have no information in common* (bands of a low-pass, exported files): squared
@@ -40,6 +40,7 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.special import stdtrit
 
 from identifiability.estimation.estimator import Estimate
@@ -72,7 +73,8 @@ class Levels:
     rise : float
         *As good* if neither, and the error surely rises by less than this share.
     nats : float
-        Of models the smallest within so many nats of the best predictive log density is used.
+        Of models the smallest within so many nats of the best predictive log density is used, or
+        one that is as good as the best.
     folds, fewest : int
         Folds of a choice, and the fewest with which one is made.
     draws : int
@@ -97,7 +99,7 @@ class Levels:
             (
                 "the model to use",
                 f"the smallest within {self.nats:g} nats of the best predictive log density of "
-                f"blocked folds, {self.fewest} to {self.folds} of them",
+                f"{self.fewest} to {self.folds} blocked folds, or as good as the best",
             ),
         )
 
@@ -377,6 +379,49 @@ def predictive_density(grams: Array) -> Array:
     return found
 
 
+def nested_density(
+    gram: Array, precision: Array, delta: Array, turn: Array, free: np.ndarray
+) -> Array:
+    """Return the predictive log density of F folds under M nested models, (M, F) [nats].
+
+    The leading part of one triangular factor belongs to each of them: ``ln p`` of what is predicted
+    is that of everything less that of what was fitted.
+
+    Parameters
+    ----------
+    gram : (F, k + 1, k + 1)
+        ``[Y e]ᵀ [Y e]`` of each fold, whitened: columns, and what the largest model leaves.
+    precision : (F, k, k)
+        Of the values of the largest model, fitted to each fold's rest.
+    delta : (M, F, k)
+        Values of each model's fits to the rests, less those of the largest to everything.
+    turn : (k, k)
+        Orthonormal; its first columns span what a model leaves free.
+    free : (M,) int
+        How many.
+    """
+    k = gram.shape[1] - 1
+    inside = np.arange(k)[:, None] < free
+    out = np.empty(delta.shape[:2])
+    for f, (G, P) in enumerate(zip(gram, precision, strict=True)):
+        A, known = turn.T @ G[:k, :k] @ turn, turn.T @ P @ turn
+        ridge = RIDGE * (np.trace(known) / max(k, 1) + 1e-300)
+        try:
+            before = np.linalg.cholesky(known + ridge * np.eye(k))
+        except np.linalg.LinAlgError:  # instruments of a part may leave less than no information
+            values, vectors = np.linalg.eigh(known)
+            known = (vectors * np.maximum(values, 0.0)) @ vectors.T
+            before = np.linalg.cholesky(known + ridge * np.eye(k))
+        both = np.linalg.cholesky(A + known + ridge * np.eye(k))
+        volume = 2.0 * np.cumsum(np.log(np.diag(both) / np.diag(before)))
+        moved = delta[:, f] @ G[:k, :k]
+        square = G[k, k] - 2.0 * delta[:, f] @ G[:k, k] + (moved * delta[:, f]).sum(1)
+        score = np.where(inside, turn.T @ (G[:k, [k]] - moved.T), 0.0)
+        taken = np.where(inside, solve_triangular(both, score, lower=True), 0.0)
+        out[:, f] = -0.5 * (square - (taken**2).sum(0) + np.append(0.0, volume)[free])
+    return out
+
+
 def _sum_blocks(part: Any, members: np.ndarray) -> Array:
     """Return ``Zᵀ Z`` over some of the blocks, (F, r, r), for members (F, B)."""
     group = np.zeros(len(part.blocks), int)
@@ -462,6 +507,15 @@ class Evidence:
         """Whether A is worse than B over all joints, or at any one."""
         return Level.WORSE in (self.level, *self.joint_levels)
 
+    @property
+    def replaceable(self) -> bool:
+        """Whether A may stand for B: as good over all joints, and none surely errs much more."""
+        lost = -float(np.log1p(self.levels.rise))
+        if self.interval(self.error)[0] <= lost:
+            return False
+        among = len(self.joint_errors)
+        return all(self.interval(gain, among)[1] >= lost for gain in self.joint_errors)
+
     def interval(self, gain: Gain, among: int = 1) -> tuple[float, float]:
         """Return the limits of a gain, so that those of so many hold together."""
         if self.folds < 2 or np.isnan(gain.value):
@@ -528,20 +582,25 @@ def weigh_models(
     return weights
 
 
-def near_best(densities: Sequence[Array] | Array, levels: Levels = LEVELS) -> np.ndarray:
-    """Return which of M models (M, F) are within some nats of the best, (M,) bool."""
-    total = np.asarray(densities, float).sum(1)
+def near_best(scores: Sequence[Score], levels: Levels = LEVELS) -> np.ndarray:
+    """Return which of M models may stand for the best of them, (M,) bool.
+
+    Those within some nats of the best predictive log density; and those as good as it, where no
+    joint's error surely rises by more than that: of many samples nats tell apart what no error
+    shows.
+    """
+    total = np.array([s.density.sum() for s in scores])
+    best = scores[int(np.argmax(total))]
     near: np.ndarray = total >= total.max() - levels.nats
+    for m in np.flatnonzero(~near).tolist():
+        near[m] = Evidence.of(scores[m], best, levels).replaceable
     return near
 
 
-def choose_smallest(
-    densities: Sequence[Array] | Array, sizes: Sequence[int], levels: Levels = LEVELS
-) -> int:
-    """Return the smallest of M models within some nats of the best; of equals the better."""
-    total = np.asarray(densities, float).sum(1)
-    near = np.flatnonzero(near_best(densities, levels)).tolist()
-    return int(min(near, key=lambda m: (sizes[m], -total[m])))
+def choose_smallest(scores: Sequence[Score], sizes: Sequence[int], levels: Levels = LEVELS) -> int:
+    """Return the smallest of M models that may stand for the best; of equals the better."""
+    near = np.flatnonzero(near_best(scores, levels)).tolist()
+    return int(min(near, key=lambda m: (sizes[m], -scores[m].density.sum())))
 
 
 def mix_labels(weights: Array, values: Array, sigmas: Array) -> tuple[Array, Array]:

@@ -27,6 +27,10 @@ class Refits(Protocol):
         """``y - centre`` of each fit, (R, k)."""
 
     @property
+    def grams(self) -> Array:
+        """Curvature of each fit's loss without constraints, (R, k, k)."""
+
+    @property
     def C(self) -> Array:
         """Inverse curvature of the first fit's loss under the constraints so far, (k, k)."""
 
@@ -120,6 +124,13 @@ class AskedRefits:
     curvature: Array
     C: Array
 
+    @property
+    def grams(self) -> Array:
+        """Curvature of each fit's loss, by how much of the logs it rests on, (R, k, k)."""
+        share = self.counts @ self.asked.information.counts / self.asked.information.samples
+        each: Array = np.multiply.outer(share, self.curvature)
+        return each
+
     def constrain(self, _L: Array, model: Array) -> AskedRefits:
         """Return the fits of a smaller model; see `Refits.constrain`."""
         free = np.linalg.qr(np.linalg.solve(self.asked.inverse, model))[0]
@@ -168,22 +179,25 @@ class Equations:
         grams = information.products(full.weights, inverse, inverse)
         return Equations(information, full, R, grams)
 
-    def of_folds(self, fold: np.ndarray, counts: Array | None = None) -> Array:
-        """Return the sums over the blocks of each fold, (F, k + 1, k + 1).
+    def of_rests(self, train: np.ndarray, counts: Array | None = None) -> Array:
+        """Return the sums over all blocks, and over those of each fit, (F + 1, k + 1, k + 1).
 
         Parameters
         ----------
-        fold : (B,) int
-            Ascending from 0.
+        train : (F, B) bool
+            Blocks that each fit rests on.
         counts : (B,), optional
             How often each block is drawn, once each without.
         """
         estimator = self.full.estimator
+        member = np.vstack([np.ones(train.shape[1]), train])
         if isinstance(estimator, InstrumentalVariables):
             drawn = self.information if counts is None else self.information.weigh(counts)
-            merged = drawn.merge(np.flatnonzero(np.diff(fold, prepend=-1)))
-            return estimator.moments(merged, self.full, self.R, anew=counts is not None)
-        weights = np.ones(len(fold)) if counts is None else counts
-        member = (np.arange(fold.max() + 1)[:, None] == fold) * weights
-        held: Array = np.tensordot(member, self.grams, 1)
-        return held
+            edges = np.flatnonzero((np.diff(member, axis=1, prepend=-1.0) != 0).any(0))
+            moments = estimator.moments(
+                drawn.merge(edges), self.full, self.R, anew=counts is not None
+            )
+            return np.asarray(np.tensordot(member[:, edges], moments, 1))
+        weights = np.ones(train.shape[1]) if counts is None else counts
+        sums: Array = np.tensordot(member * weights, self.grams, 1)
+        return sums

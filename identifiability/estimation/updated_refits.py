@@ -27,7 +27,7 @@ EACH = ("grams", "right", "delta", "inverses", "largest")
 
 @frozen
 class UpdatedRefits:
-    """Fits to everything (first) and without each of F folds, under linear constraints.
+    """Fits to everything (first) and to the rest of each of F folds, under linear constraints.
 
     A constraint costs k², for all folds at once. Coordinates are ``y = R x`` in which the
     information of everything is the unit matrix, so nothing is lost by squaring. Where updates
@@ -61,21 +61,20 @@ class UpdatedRefits:
     largest: Array
 
     @staticmethod
-    def of(held: Array, centre: Array, scale: float) -> UpdatedRefits:
+    def of(equations: Array, centre: Array, scale: float) -> UpdatedRefits:
         """Return the unconstrained fits.
 
         Parameters
         ----------
-        held : (F, k + 1, k + 1)
-            Gram matrix Z of each fold; the residual is ``Z (centre - y, scale)``.
+        equations : (F + 1, k + 1, k + 1)
+            Gram matrix Z of what each fit rests on; the residual is ``Z (centre - y, scale)``.
         centre : (k,)
         scale : float
             Root of the residual sum of squares of the fit to everything.
         """
         k = len(centre)
-        whole = held.sum(0)
-        A = np.concatenate([whole[None], whole - held])
-        return UpdatedRefits._solve(centre, A[:, :k, :k], A[:, :k, k] * scale, np.empty((0, k)))
+        grams, right = equations[:, :k, :k], equations[:, :k, k] * scale
+        return UpdatedRefits._solve(centre, grams, right, np.empty((0, k)))
 
     @staticmethod
     def _solve(centre: Array, grams: Array, right: Array, held: Array) -> UpdatedRefits:

@@ -209,6 +209,8 @@ MOVES = columns(
     Column("fitted", error_text, "error_ra"),
     Column("unseen", error_text, "error_ra_unseen"),
     Column("± SE", "error", _spread_cell, detail=True),
+    Column("density [nats]", digits(3), "density"),
+    Column("weight", digits(2), "weight", detail=True),
     Column("squares", digits(3), "error_squares", detail=True),
     Column("worst σ%", "number", _worst_cell),
     Column("signs", "badge", _signs_cell),

@@ -9,9 +9,10 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import null_space
 
+from identifiability.estimation.evidence import Score
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.prune.elimination import Path, walk
-from identifiability.workflows.prune.folds import Errors, Fit, Folds
+from identifiability.workflows.prune.folds import Fit, WhitenedRegression
 from identifiability.workflows.prune.moves import Move
 from identifiability.workflows.prune.proposals import propose_moves
 from identifiability.workflows.prune.search import find_path
@@ -24,17 +25,18 @@ class RowRefits:
 
     Attributes
     ----------
-    folds : Folds
+    folds : WhitenedRegression
     Y, target : (R, k), (R,)
         Rows in the coordinates of the folds.
     stretch, joint : (R,) int
+        Block and joint of each row.
     own : (R,)
-        What the square of a weighted row counts on its joint's own scale.
+        What the square of a weighted row counts in the units of its joint.
     held : (r, k)
         Constraints so far, ``held @ y = 0``.
     """
 
-    folds: Folds
+    folds: WhitenedRegression
     Y: Array
     target: Array
     stretch: np.ndarray
@@ -61,8 +63,7 @@ class RowRefits:
     @cached_property
     def delta(self) -> Array:
         """Each fit less that of all columns, (F + 1, k)."""
-        fold = self.folds.fold[self.stretch]
-        rest = [self.solve(fold != k) for k in range(self.folds.count)]
+        rest = [self.solve(train[self.stretch]) for train in self.folds.folds.train]
         return np.array([self.solve(), *rest]) - self.folds.centre
 
     @cached_property
@@ -88,14 +89,14 @@ class RowFit(Fit):
         rises = [self._rise(self.rows(m)) for m in moves]
         return np.array([rise / max(rank, 1) for rise, rank in rises])
 
-    def errors(self) -> Errors:
-        """Return the held-out errors."""
-        rows, y = self.refits, self.y[1:]
-        residual = rows.target - np.einsum("rk,rk->r", rows.Y, y[self.folds.fold[rows.stretch]])
-        shape = (len(self.folds.fold), int(rows.joint.max()) + 1)
-        held = np.zeros(shape)
-        np.add.at(held, (rows.stretch, rows.joint), rows.own * residual**2)
-        return Errors(held, super().errors().scatter)
+    @property
+    def score(self) -> Score:
+        """What the model predicts of each fold; its squares are all that is compared."""
+        rows, y, test = self.refits, self.y[1:], self.whitened.folds.test[self.refits.stretch]
+        residual = rows.target - np.einsum("rk,rk->r", rows.Y, y[test])
+        squares = np.zeros((len(y), int(rows.joint.max()) + 1))
+        np.add.at(squares, (test, rows.joint), rows.own * residual**2)
+        return replace(super().score, squares=squares)
 
 
 def measure(analysis: Analysis, repeats: int) -> Pair:
@@ -106,26 +107,25 @@ def measure(analysis: Analysis, repeats: int) -> Pair:
     nonnegative = np.asarray(full.rung.nonnegative)
 
     search = find_path(information, nonnegative, suggested=suggested)
-    ours, path = timed(lambda: walk(search.folds.fit(), search.plan), repeats)
+    ours, path = timed(lambda: walk(search.whitened.fit(), search.plan), repeats)
 
-    folds, kept = search.folds, list(search.full.kept)
+    folds, kept = search.whitened, list(search.full.kept)
     rows = all_rows(analysis, full.rung, information)
     W, tau = rows.weighted(search.full.weights)
     samples, n = rows.tau.shape
-    stretch, joint = np.repeat(folds.stretch[rows.block], n), np.tile(np.arange(n), samples)
-    scale = 1.0 / (n * (rows.tau**2).sum(0))  # all joints alike in all
-    own = np.tile(scale / search.full.weights, samples)
+    stretch, joint = np.repeat(rows.block, n), np.tile(np.arange(n), samples)
+    own = np.tile(1.0 / search.full.weights, samples)
     none = np.empty((0, folds.size))
     some = folds.fit()
 
     def naive() -> Path:
         refits = RowRefits(folds, W[:, kept] @ folds.inverse, tau, stretch, joint, own, none)
-        return walk(RowFit(folds, some.partition, some.scored, refits), search.plan)
+        return walk(RowFit(folds, some.partition, some.tests, some.seen, refits), search.plan)
 
     slow, other = timed(naive)
     return Pair(
         "pruning", "every candidate and every fold refitted to all rows",
-        f"{len(path.steps)} models of up to {folds.size} parameters, {folds.fold.max() + 1} folds",
+        f"{len(path.steps)} models of up to {folds.size} parameters, {folds.folds.count} folds",
         ours, slow, _apart(path, other), 1e-6, "held-out errors; the moves must be the same",
     )  # fmt: skip
 
@@ -137,4 +137,4 @@ def _apart(a: Path, b: Path) -> float:
     ]
     if moves[0] != moves[1]:
         return float("inf")
-    return difference([s.errors.by_joint for s in a.steps], [s.errors.by_joint for s in b.steps])
+    return difference([s.score.squares for s in a.steps], [s.score.squares for s in b.steps])

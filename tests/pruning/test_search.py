@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
-from identifiability.workflows.prune.folds import gather_folds
+from identifiability.workflows.prune.folds import whiten_regression
 from identifiability.workflows.prune.moves import Kind, Move, Partition
 from identifiability.workflows.prune.search import find_path
 
@@ -16,28 +16,34 @@ FREE = np.zeros(20, bool)
 
 
 def recovered(rho, precision, problems=24, seed=1):
+    """Return how often all that acts is chosen, and how many columns more on average."""
     rng = np.random.default_rng(seed)
-    hits = []
+    hits, more = [], []
     for _ in range(problems):
         information, true = plant(rng, rho, precision)
-        hits.append(chosen_set(find_path(information, FREE)) == true)
-    return float(np.mean(hits))
+        chosen = chosen_set(find_path(information, FREE))
+        hits.append(chosen >= true)
+        more.append(len(chosen - true))
+    return float(np.mean(hits)), float(np.mean(more))
 
 
-def test_planted_parameters_are_recovered_exactly_under_white_noise():
-    # 60 of 60 in a longer run: at 24 problems a true rate of .9 gives 20 or more in 91 %.
-    assert recovered(0.0, 10.0) >= 20 / 24
+def test_planted_parameters_are_recovered_under_white_noise_with_few_of_thirteen_nulls():
+    # What predicts best keeps a null at times: 54 % of the problems have none of them.
+    kept, more = recovered(0.0, 10.0)
+    assert kept >= 23 / 24
+    assert more <= 1.0
 
 
 def test_planted_parameters_are_mostly_recovered_under_autocorrelated_noise():
-    # .87 ± .04 in a longer run; 16 of 24 is four standard errors below.
-    assert recovered(0.9, 40.0) >= 16 / 24
+    kept, more = recovered(0.9, 40.0)
+    assert kept >= 22 / 24
+    assert more <= 1.5
 
 
 def test_the_constrained_fit_by_updates_is_the_refit():
     information, _ = plant(np.random.default_rng(0))
     full = estimate(information)
-    folds = gather_folds(information, full, FREE)
+    folds = whiten_regression(information, full, FREE)
     moves = [Move(Kind.DROP, ("p3",)), Move(Kind.TIE, tie=(("p1", "p2", "p9"),))]
     fit, partition = folds.fit(), Partition.of(information.columns)
     for move in moves:
@@ -45,7 +51,7 @@ def test_the_constrained_fit_by_updates_is_the_refit():
     M = np.stack([partition.group == g for g in partition.leaders], 1).astype(float)
     # The same weights: refitted on the reduced columns, all blocks or all but one fold's.
     for f in range(-1, 3):
-        kept = folds.fold[folds.stretch] != f
+        kept = folds.folds.train[f] if f >= 0 else np.ones(len(information.counts), bool)
         rest = information.take(kept)
         R = rest.reduce(M, [f"c{j}" for j in range(M.shape[1])]).factor(full.weights)
         x = M @ np.linalg.solve(R[:-1, :-1], R[:-1, -1])
@@ -57,17 +63,16 @@ def test_held_out_squares_are_those_of_predictions():
     W = rng.normal(size=(640, 2, 4))
     tau = W @ np.arange(4.0) + rng.normal(size=(640, 2))
     information = gather(W, tau, blocks=64)
-    folds = gather_folds(information, estimate(information, "ols"), np.zeros(4, bool))
+    folds = whiten_regression(information, estimate(information, "ols"), np.zeros(4, bool))
     fit = folds.fit()
-    of_sample = np.repeat(folds.fold[folds.stretch], information.counts)
+    of_sample = np.repeat(folds.folds.test, information.counts)
     expected = 0.0
     for f in range(len(fit.values) - 1):
-        mine = of_sample == f
-        x = np.linalg.lstsq(W[~mine].reshape(-1, 4), tau[~mine].ravel(), rcond=None)[0]
+        mine, rest = of_sample == f, np.repeat(folds.folds.train[f], information.counts)
+        x = np.linalg.lstsq(W[rest].reshape(-1, 4), tau[rest].ravel(), rcond=None)[0]
         np.testing.assert_allclose(fit.values[f + 1], x, rtol=1e-6)
         expected = expected + ((tau[mine] - W[mine] @ x) ** 2).sum(0)
-    expected = expected / (tau**2).sum(0) / 2  # each joint on its own scale
-    np.testing.assert_allclose(fit.errors().by_joint, expected, rtol=1e-6)
+    np.testing.assert_allclose(fit.score.squares.sum(0), expected, rtol=1e-6)
 
 
 def test_of_two_nearly_equal_columns_the_ladder_says_either():
@@ -130,19 +135,6 @@ def test_columns_in_another_unit_or_order_are_pruned_alike():
     plain = chosen_set(find_path(gather(W, tau), np.zeros(8, bool)))
     other = chosen_set(find_path(gather((W * units)[:, :, order], tau), np.zeros(8, bool)))
     assert {f"p{order[int(c[1:])]}" for c in other} == plain
-
-
-@pytest.mark.parametrize(("logs", "whole"), [(4, True), (2, False)])
-def test_several_logs_are_left_out_one_by_one_and_few_are_divided(logs, whole):
-    """Two folds cannot contradict a move; stretches of the two logs can."""
-    rng = np.random.default_rng(7)
-    W = rng.normal(size=(1200, 1, 5))
-    tau = W @ np.array([1.0, 2, 0, 0, 3]) + rng.normal(size=(1200, 1))
-    information = gather(W, tau, blocks=120, log=np.arange(1200) * logs // 1200)
-    folds = gather_folds(information, estimate(information, "ols"), np.zeros(5, bool))
-    assert (folds.fold.max() + 1 == logs) == whole
-    assert len(folds.fold) >= 12
-    assert chosen_set(find_path(information, np.zeros(5, bool))) >= {"p0", "p1", "p4"}
 
 
 def test_the_search_does_not_know_the_number_of_samples():

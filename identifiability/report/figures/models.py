@@ -178,7 +178,7 @@ def draw_ladder(
     spread : (m,)
         Standard error of the difference of `unseen` to the selected rung's.
     selected, least : int
-        The rung to use, and the one with the least error by the criterion.
+        The rung to use, and the one with the best predictive log density.
     """
     figure, (axes,) = canvas(720, 320, (62, 16, 40, 44))
     fitted, unseen, spread = 100 * fitted, 100 * unseen, 100 * np.nan_to_num(spread)
@@ -198,7 +198,7 @@ def draw_ladder(
     write_near(axes, f"use {chosen:.0f}", (chosen, 1.0), (4, 4), fontweight="bold", **above)
     if least != selected:
         ring: Any = {"color": COLOURS["amber"], "markersize": 9, "fillstyle": "none"}
-        axes.plot(sizes[least], unseen[least], "o", label="least error", **ring)
+        axes.plot(sizes[least], unseen[least], "o", label="best density", **ring)
     shown = np.concatenate([unseen[: selected + 1], fitted[: selected + 1]])
     shown = shown[np.isfinite(shown)]
     if len(shown) and shown.max() > 0:

@@ -6,8 +6,8 @@ What to use when:
 - `search.find_path` walks the path of any linear regression from its `Information`;
 - `proposals.propose_moves` says what the robot's joints suggest about the shape of its bodies.
 
-The method, in the order of the files: what a move is (`moves`), held-out errors from Gram matrices
-(`folds`), states that the logs lack (`unseen`), symmetries (`geometry`, `proposals`), the way down
+The method, in the order of the files: what a move is (`moves`), what models predict of folds, from
+Gram matrices (`folds`), symmetries (`geometry`, `proposals`), the way down
 (`elimination`), the path and which rung of it to use (`search`), and what to think of it (`rung`,
 `stability`, `absorption`).
 """

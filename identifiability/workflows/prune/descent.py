@@ -55,7 +55,7 @@ def descend(fit: Fit, pairs: Sequence[Move], kept: Collection[str]) -> Iterator[
     kept : collection of str
         Columns that must not be dropped.
     """
-    fit, X = fit.alone, fit.folds.inverse
+    fit, X = fit.alone, fit.whitened.inverse
     square, spread = (X**2).sum(1), measure_spread(fit)
     while True:
         free = spread > HELD * square
@@ -82,7 +82,7 @@ def descend(fit: Fit, pairs: Sequence[Move], kept: Collection[str]) -> Iterator[
 
 def measure_spread(fit: Fit) -> Array:
     """Return the inverse information of each column's value, (k,)."""
-    X = fit.folds.inverse
+    X = fit.whitened.inverse
     spread: Array = ((X @ fit.refits.C) * X).sum(1)
     return spread
 
@@ -141,7 +141,7 @@ def find_either(fit: Fit, move: Move, spread: Array | None = None) -> str:
     others = [g for g in partition.leaders if g not in gone]
     if len(gone) != 1 or not others:
         return ""
-    X = fit.folds.inverse
+    X = fit.whitened.inverse
     square = measure_spread(fit) if spread is None else spread
     size = np.sqrt(np.maximum(square, 1e-300))
     rho = np.abs(X[others] @ (fit.refits.C @ X[gone[0]])) / (size[gone[0]] * size[others])

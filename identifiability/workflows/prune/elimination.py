@@ -2,8 +2,8 @@
 
 1. What this motion never excites, or excites only together with something else, goes first.
 2. Moves that knowledge of the robot suggests, in the order merge, zero, tie: each is made unless
-   the data contradict it (held-out error up by more than one standard error, and the difference
-   it denies is significant) or it makes the model less feasible.
+   the data contradict it (the predictive log density falls by more than its standard error, and the
+   difference that it denies is significant) or it surely makes the model less feasible.
 3. Then the group whose loss raises the sum of squares least, until nothing is left. A joint's two
    Coulomb levels are merged or dropped together, never torn apart.
 
@@ -18,11 +18,11 @@ from dataclasses import field
 import numpy as np
 from scipy.stats import f as f_distribution
 
+from identifiability.estimation.evidence import Evidence, Score
 from identifiability.estimation.updated_refits import UpdatedRefits
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.workflows.prune.descent import descend, find_cheapest, find_either
-from identifiability.workflows.prune.errors import Errors
 from identifiability.workflows.prune.folds import Fit
 from identifiability.workflows.prune.moves import Kind, Move, Partition
 
@@ -53,7 +53,7 @@ class Plan:
 
 
 @frozen
-class Evidence:
+class MoveTest:
     """What the data say of a move.
 
     Attributes
@@ -64,8 +64,8 @@ class Evidence:
         Of what the move denies being zero, by the scatter between folds.
     sigma_percent : float
         Standard deviation of what the move denies, by the same scatter, relative to its value [%].
-    rise, rise_se : float
-        Rise of the held-out error and its standard error, relative to the full model's.
+    gain, gain_se : float
+        Of the predictive log density of stretches that the fits have not seen [nats].
     either : str
         The parameter that these logs can hardly tell it from.
     """
@@ -73,18 +73,16 @@ class Evidence:
     cost: float
     p_value: float
     sigma_percent: float
-    rise: float
-    rise_se: float
+    gain: float
+    gain_se: float
     either: str = ""
 
-    def say_rise(self, mood: str = "") -> str:
-        """Return what becomes of the held-out squares, in words."""
-        if self.rise > 10:
-            times = f"{1 + self.rise:.0f}" if self.rise < 1e6 else "more than a million"
-            return f"the held-out squares {mood}become {times} times as large"
-        change = "rise" if self.rise > 0 else "fall"
-        size = f"{100 * abs(self.rise):.3g} ± {100 * self.rise_se:.3g} %"
-        return f"the held-out squares {mood}{change} by {size}"
+    def say_gain(self, mood: str = "") -> str:
+        """Return what becomes of the predictive density, in words."""
+        change = "rise" if self.gain > 0 else "fall"
+        change = change if mood else f"{change}s"
+        size = f"{abs(self.gain):.3g} ± {self.gain_se:.2g} nats"
+        return f"the predictive log density of unseen stretches {mood}{change} by {size}"
 
 
 @frozen
@@ -94,27 +92,33 @@ class Step:
     Attributes
     ----------
     partition : Partition
-    errors : Errors
+    score : Score
+        What it predicts of each fold, fitted to the rest.
     violations : int
         Free parameters with a sign that physics forbids.
     values : (F + 1, k)
         Parameters fitted to everything, then to the rest of each fold.
     move : Move or None
         What led here; None for the start.
-    evidence : Evidence or None
+    evidence : MoveTest or None
     """
 
     partition: Partition
-    errors: Errors
+    score: Score
     violations: int
     values: Array
     move: Move | None = None
-    evidence: Evidence | None = None
+    evidence: MoveTest | None = None
+
+    @property
+    def density(self) -> float:
+        """Predictive log density of all folds [nats]."""
+        return float(self.score.density.sum())
 
     @staticmethod
-    def of(fit: Fit, move: Move | None = None, evidence: Evidence | None = None) -> Step:
+    def of(fit: Fit, move: Move | None = None, evidence: MoveTest | None = None) -> Step:
         """Return the step to the model of some fits."""
-        return Step(fit.partition, fit.errors(), fit.violations(), fit.values, move, evidence)
+        return Step(fit.partition, fit.score, fit.violations(), fit.values, move, evidence)
 
 
 def explain(step: Step) -> str:
@@ -122,13 +126,13 @@ def explain(step: Step) -> str:
     move, evidence = step.move, step.evidence
     if move is None or evidence is None:
         return f"{move.why}." if move is not None else "Every base parameter of the model."
-    rise = evidence.say_rise()
+    change = evidence.say_gain()
     if move.kind is Kind.FORCED:
-        return f"{move.why}; {rise}."
+        return f"{move.why}; {change}."
     if move.kind is Kind.DROP:
         text = (
             "Not significant" if evidence.p_value > 0.05 else "The least costly of what is left"
-        ) + f" (p = {evidence.p_value:.2g}); {rise}."
+        ) + f" (p = {evidence.p_value:.2g}); {change}."
         if evidence.either:
             text += (
                 f" These logs hardly tell it from {evidence.either}: either of the two can stand "
@@ -137,11 +141,11 @@ def explain(step: Step) -> str:
         return text
     if evidence.p_value > 0.05:
         verdict = "the data do not contradict it"
-    elif evidence.rise <= evidence.rise_se:
+    elif evidence.gain >= -evidence.gain_se:
         verdict = "the difference is significant but does not help on unseen motion"
     else:
         verdict = "the data speak against it, but not clearly enough to refuse it"
-    return f"{move.why}; {verdict} (p = {evidence.p_value:.2g}); {rise}."
+    return f"{move.why}; {verdict} (p = {evidence.p_value:.2g}); {change}."
 
 
 @frozen
@@ -149,7 +153,7 @@ class Refusal:
     """A suggested move that was not made."""
 
     move: Move
-    evidence: Evidence
+    evidence: MoveTest
     reason: str
 
 
@@ -184,8 +188,7 @@ class _Walker:
 
     def __init__(self, fit: Fit, plan: Plan) -> None:
         self.fit, self.plan = fit, plan
-        self.unit = max(fit.errors().total, 1e-300)
-        self.base = max(fit.folds.scale**2, 1e-300)
+        self.base = max(fit.whitened.scale**2, 1e-300)
         self.steps = [Step.of(fit)]
         self.refused: list[Refusal] = []
 
@@ -195,7 +198,7 @@ class _Walker:
             after = self.fit.after(move)
             self._step(after, move, self._evidence(move, after))
 
-    def _step(self, after: Fit, move: Move, evidence: Evidence) -> None:
+    def _step(self, after: Fit, move: Move, evidence: MoveTest) -> None:
         self.fit = after
         self.steps.append(Step.of(after, move, evidence))
 
@@ -208,13 +211,13 @@ class _Walker:
     def _try(self, move: Move) -> None:
         after = self.fit.after(move)
         evidence = self._evidence(move, after)
-        significant = evidence.p_value < LEVEL
-        if significant and not after.errors().as_good(self.fit.errors()):
+        sure = evidence.p_value < LEVEL
+        if sure and evidence.gain < -evidence.gain_se:
             reason = (
-                f"The data contradict it: {evidence.say_rise('would ')}, and what it denies is "
+                f"The data contradict it: {evidence.say_gain('would ')}, and what it denies is "
                 f"significant (p = {evidence.p_value:.2g})."
             )
-        elif significant and after.violations() > self.fit.violations():
+        elif sure and after.violations() > self.fit.violations():
             reason = "It would give another parameter a sign that physics forbids."
         else:
             self._step(after, move, evidence)
@@ -235,19 +238,19 @@ class _Walker:
         ):
             self._step(after, d.move, self._weigh(d.move, after, d.cost, d.either))
 
-    def _evidence(self, move: Move, after: Fit) -> Evidence:
+    def _evidence(self, move: Move, after: Fit) -> MoveTest:
         fit = self.fit
         return self._weigh(move, after, fit.cost(move), find_either(fit, move))
 
-    def _weigh(self, move: Move, after: Fit, cost: float, either: str) -> Evidence:
-        rise, spread = after.errors().above(self.fit.errors())
-        p_value, percent = _significance(*self.fit.jackknife(move), self.fit.folds.count)
-        return Evidence(
+    def _weigh(self, move: Move, after: Fit, cost: float, either: str) -> MoveTest:
+        gain = Evidence.of(after.score, self.fit.score).density
+        p_value, percent = _significance(*self.fit.jackknife(move), self.fit.whitened.folds.count)
+        return MoveTest(
             cost=cost / self.base,
             p_value=p_value,
             sigma_percent=percent,
-            rise=rise / self.unit,
-            rise_se=spread / self.unit,
+            gain=gain.value,
+            gain_se=gain.se,
             either=either,
         )
 

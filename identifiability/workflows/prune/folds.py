@@ -1,14 +1,9 @@
-"""Held-out errors of many models of one regression, from `Information` alone.
+"""What many models of one regression predict of folds, from `Information` alone.
 
 Every model is the full one under linear constraints (a column zero, two columns equal); its fits
-to everything and without each fold are the estimator's own (`estimation.refits`). The coordinates
-are those in which the full information is the unit matrix: nothing is lost by squaring.
-
-Two things make up the error of a model on motion that it was not fitted to. Stretches of the log
-that a fit has not seen show what the model lacks and what noise does to it along *this* motion. A
-log is one path through the joints' ranges, though: what the fits to its parts disagree on weighs
-more on another. So the scatter of the fits (jackknife) is also weighed on states in which all
-joints take positions, velocities and accelerations within the ranges of the log independently.
+to everything and to each fold's rest are the estimator's own (`estimation.refits`). The coordinates
+are those in which the full information is the unit matrix: nothing is lost by squaring. Models of a
+path are nested, so one triangular factor a fold scores them all (`evidence.nested_density`).
 """
 
 from __future__ import annotations
@@ -19,22 +14,17 @@ from functools import cached_property
 
 import numpy as np
 
+from identifiability.estimation.combined import combine
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.layout import divide_blocks
+from identifiability.estimation.evidence import Folds, Score, nested_density
+from identifiability.estimation.instrumental import InstrumentalVariables
+from identifiability.estimation.least_squares import noise_scale
 from identifiability.estimation.refits import Asked, Equations, Refits
-from identifiability.estimation.torque_errors import joint_weights
 from identifiability.estimation.updated_refits import UpdatedRefits
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.regression.actuator_blocks import ActuatorBlocks
 from identifiability.regression.information import Information
-from identifiability.workflows.prune.errors import (
-    Errors,
-    Scored,
-    Unseen,
-    factor_unseen,
-    measure_errors,
-    score_joints,
-)
 from identifiability.workflows.prune.moves import Move, Partition
 
 #: A constraint whose share of its first variance is below this holds already.
@@ -42,7 +32,7 @@ HELD = 1e-10
 
 
 @frozen(kw_only=True)
-class Folds:
+class WhitenedRegression:
     """Blocks of a regression in coordinates ``y = R x`` in which the full information is I.
 
     Attributes
@@ -54,17 +44,20 @@ class Folds:
         y of the full fit.
     scale : float
         Root of its residual sum of squares.
-    scored : tuple of (ActuatorBlocks, (r, v), (r,))
-        Blocks of each joint without instruments, and their coordinates of the v columns that it
-        can see and of the full fit's residual, on the joint's own scale: fits weigh joints by
-        their noise, but that says nothing of how much an error matters.
-    stretch : (B,) int
-        Stretch that a block belongs to.
-    fold : (S,) int
-        Fold that a stretch belongs to.
-    unseen : tuple of ((r, v), (v,) int)
-        Factor of the Gram matrix of as many states drawn from the ranges of the log, each joint on
-        its own scale, and the columns that act on it there; without any r = 0.
+    noise : (n,) [torque²]
+        σ² κ of each joint, beside the full model.
+    unit : float
+        Variance of noise of weight 1: the errors of y of the full fit.
+    parts : tuple of ActuatorBlocks
+        Blocks of each joint, without instruments.
+    bases : tuple of (r, k + 1)
+        ``[W R⁻¹, e] = Z basis`` of each joint, e being what the full fit leaves.
+    seen : (B, k, 2k + 1)
+        ``Zᵀ [Z, W R⁻¹, e]`` of each block, whitened, of the instruments Z that the estimator
+        combines; without instruments (0, k, 2k + 1).
+    variation : (n,) [torque²]
+        Of the torque of each joint about its mean: the scale of its errors.
+    folds : Folds
     nonnegative : (k,) bool
     samples : int
         Of the logs.
@@ -77,10 +70,13 @@ class Folds:
     inverse: Array
     centre: Array
     scale: float
-    scored: Scored
-    stretch: np.ndarray
-    fold: np.ndarray
-    unseen: Unseen
+    noise: Array
+    unit: float
+    parts: tuple[ActuatorBlocks, ...]
+    bases: tuple[Array, ...]
+    seen: Array
+    variation: Array
+    folds: Folds
     nonnegative: np.ndarray
     samples: int
     refitter: Equations | Asked
@@ -90,15 +86,61 @@ class Folds:
         """Number of columns k."""
         return len(self.columns)
 
-    @property
-    def count(self) -> int:
-        """Number of folds F."""
-        return int(self.fold.max()) + 1
+    def project(self, weights: Array) -> Array:
+        """Return what instruments see of each fold, ``[Y, e]ᵀ P [Y, e]``, (F, k + 1, k + 1).
 
-    def errors(self, grams: Sequence[Array], delta: Array) -> list[Errors]:
-        """Return the held-out errors of M models, ``y - centre`` (M, F + 1, k) of their fits."""
-        moved = delta[:, 1:] @ self.inverse.T
-        return measure_errors(self.scored, self.unseen, grams, self.fold, moved)
+        Noise in the motion is in columns and errors alike: a model that fits it would predict the
+        log's torque better and the robot's worse. Instruments have no part in it.
+        """
+        k, out = self.size, []
+        for f in range(self.folds.count):
+            own = np.tensordot((self.folds.test == f) * weights, self.seen, 1)
+            values, vectors = np.linalg.eigh(own[:, :k])
+            good = values > HELD * values.max(initial=0.0)
+            half = (vectors[:, good] / np.sqrt(values[good])).T @ own[:, k:]
+            out.append(half.T @ half)
+        return np.stack(out)
+
+    def score(
+        self,
+        tests: Sequence[Array],
+        seen: Array | None,
+        precision: Array,
+        delta: Array,
+        turn: Array,
+        free: Array,
+    ) -> list[Score]:
+        """Return what M nested models predict.
+
+        Parameters
+        ----------
+        tests : sequence of (F, r, r)
+            ``Zᵀ Z`` of what each fold predicts, of each joint.
+        seen : (F, k + 1, k + 1) or None
+            What instruments see of it (`project`).
+        precision : (F, k, k)
+            Of y, fitted to each fold's rest.
+        delta : (M, F, k)
+            ``y - centre`` of each fit.
+        turn : (k, k)
+            Orthonormal; its first columns span what a model leaves free.
+        free : (M,) int
+            How many.
+        """
+        k = self.size
+        change = np.concatenate([-delta, np.ones((*delta.shape[:2], 1))], 2)
+        squares = np.empty((*delta.shape[:2], len(tests)))
+        gram = np.zeros((len(precision), k + 1, k + 1))
+        for a, (test, basis) in enumerate(zip(tests, self.bases, strict=True)):
+            left = (change @ basis.T).swapaxes(0, 1)
+            squares[:, :, a] = ((left @ test) * left).sum(2).T
+            gram += basis.T @ test @ basis / self.noise[a]
+        density = nested_density(gram if seen is None else seen, precision, delta, turn, free)
+        nothing = np.full(squares.shape[1:], np.nan)
+        return [
+            Score(d, nothing, s, self.variation, self.folds.ratio)
+            for d, s in zip(density, squares, strict=True)
+        ]
 
     def whiten(self, rows: Array) -> Array:
         """Return constraints ``L x = 0`` (r, k) in the coordinates y, rows of unit length."""
@@ -114,17 +156,18 @@ class Folds:
         counts : (B,), optional
             How often each block counts, for a bootstrap replicate.
         """
-        weights = np.ones(len(self.stretch)) if counts is None else counts
-        of_joint = [part.merge_weighted(self.stretch, weights) for part, *_ in self.scored]
-        fold = self.fold[self.stretch]
+        folds = self.folds
+        weights = np.ones(len(folds.test)) if counts is None else counts
+        tests = [part.merge_weighted(folds.test, weights) for part in self.parts]
         refits: Refits
         if isinstance(self.refitter, Equations):
-            held = self.refitter.of_folds(fold, counts)
-            refits = UpdatedRefits.of(held, self.centre, self.scale)
+            equations = self.refitter.of_rests(folds.train, counts)
+            refits = UpdatedRefits.of(equations, self.centre, self.scale)
         else:
-            left_out = np.vstack([np.zeros(len(fold)), np.arange(self.count)[:, None] == fold])
-            refits = self.refitter.start(weights, 1.0 - left_out)
-        return Fit(self, Partition.of(self.columns), tuple(of_joint), refits)
+            every = np.ones(len(folds.test), bool)
+            refits = self.refitter.start(weights, np.vstack([every, folds.train]).astype(float))
+        seen = self.project(weights) if len(self.seen) else None
+        return Fit(self, Partition.of(self.columns), tuple(tests), seen, refits)
 
 
 @frozen
@@ -133,28 +176,31 @@ class Fit:
 
     Attributes
     ----------
-    folds : Folds
+    whitened : WhitenedRegression
     partition : Partition
         What became of each column.
-    scored : tuple of (S, r, r)
-        Gram matrix of each stretch, of each joint.
+    tests : tuple of (F, r, r)
+        ``Zᵀ Z`` of what each fold predicts, of each joint.
+    seen : (F, k + 1, k + 1) or None
+        What instruments see of it.
     refits : Refits
     """
 
-    folds: Folds
+    whitened: WhitenedRegression
     partition: Partition
-    scored: tuple[Array, ...]
+    tests: tuple[Array, ...]
+    seen: Array | None
     refits: Refits
 
     @property
     def y(self) -> Array:
-        """Parameters of each fit in the coordinates of the folds, (F + 1, k)."""
-        return self.folds.centre + self.refits.delta
+        """Parameters of each fit in the coordinates of the regression, (F + 1, k)."""
+        return self.whitened.centre + self.refits.delta
 
     @cached_property
     def values(self) -> Array:
         """Parameters of each fit, (F + 1, k)."""
-        x: Array = self.y @ self.folds.inverse.T
+        x: Array = self.y @ self.whitened.inverse.T
         return x
 
     @property
@@ -165,7 +211,7 @@ class Fit:
 
     def rows(self, move: Move) -> Array:
         """Return what a move denies, ``L y = 0`` with L (r, k); none if it is void."""
-        return self.folds.whiten(self.partition.rows(move))
+        return self.whitened.whiten(self.partition.rows(move))
 
     def after(self, move: Move) -> Fit:
         """Return the fits of the model after a move."""
@@ -180,7 +226,7 @@ class Fit:
         rows = [self.partition.rows(m) for m in moves]
         if not rows:
             return np.empty(0)
-        L = self.folds.whiten(np.concatenate(rows))
+        L = self.whitened.whiten(np.concatenate(rows))
         d = L @ self.y[0]
         variance = ((L @ self.refits.C) * L).sum(1)
         free = variance > HELD
@@ -209,17 +255,22 @@ class Fit:
     def jackknife(self, move: Move) -> tuple[Array, Array]:
         """Return what a move denies (r,) and its covariance by leaving out folds (r, r)."""
         y = self.y @ self.rows(move).T
-        F = len(y) - 1
+        F, ratio = len(y) - 1, self.whitened.folds.ratio
         apart = y[1:] - y[1:].mean(0)
-        return y[0], (F - 1) / F * apart.T @ apart
-
-    def errors(self) -> Errors:
-        """Return the held-out errors."""
-        return self._errors
+        # Of fits without a share 1/F this is the (F - 1)/F of the jackknife.
+        return y[0], apart.T @ apart / (F * ratio)
 
     @cached_property
-    def _errors(self) -> Errors:
-        return self.folds.errors(self.scored, self.refits.delta[None])[0]
+    def score(self) -> Score:
+        """What the model predicts of each fold."""
+        free = np.linalg.solve(self.whitened.inverse, self.partition.matrix)
+        turn = np.linalg.qr(free, mode="complete")[0]
+        return self._score(self.refits.delta[None], turn, [free.shape[1]])[0]
+
+    def _score(self, delta: Array, turn: Array, free: Sequence[int]) -> list[Score]:
+        precision = self.refits.grams[1:] / self.whitened.unit
+        own = delta[:, 1:]
+        return self.whitened.score(self.tests, self.seen, precision, own, turn, np.asarray(free))
 
     def along(self, held: Array, models: Sequence[tuple[Partition, int]]) -> list[Fit]:
         """Return the fits of nested models, for what they say and not for more moves.
@@ -233,30 +284,32 @@ class Fit:
         """
         refits = self.refits
         assert isinstance(refits, UpdatedRefits)
-        delta = refits.along(held, [count for _, count in models])
+        counts = [count for _, count in models]
+        delta = refits.along(held, counts)
         fits = [
             replace(self, partition=p, refits=replace(refits, held=held[:r], delta=d))
             for (p, r), d in zip(models, delta, strict=True)
         ]
-        measured = self.folds.errors(self.scored, delta)
-        for fit, errors in zip(fits, measured, strict=True):
-            vars(fit)["_errors"] = errors  # those of all models at once are a tenth of the work
+        turn = np.linalg.qr(held.T, mode="complete")[0][:, ::-1]
+        scores = self._score(delta, turn, [self.whitened.size - count for count in counts])
+        for fit, score in zip(fits, scores, strict=True):
+            vars(fit)["score"] = score  # those of all models at once are a tenth of the work
         return fits
 
     def violations(self) -> int:
         """Return how many free parameters have a sign that physics forbids."""
-        size = max(float(np.linalg.norm(self.folds.centre)), 1e-300)
-        tiny = 1e-9 * np.linalg.norm(self.folds.inverse, axis=1) * size
-        return int((self.folds.nonnegative & (self.values[0] < -tiny)).sum())
+        of = self.whitened
+        size = max(float(np.linalg.norm(of.centre)), 1e-300)
+        tiny = 1e-9 * np.linalg.norm(of.inverse, axis=1) * size
+        return int((of.nonnegative & (self.values[0] < -tiny)).sum())
 
 
-def gather_folds(
+def whiten_regression(
     information: Information,
     full: Estimate,
     nonnegative: np.ndarray,
-    unseen: Array | None = None,
     variation: Array | None = None,
-) -> Folds:
+) -> WhitenedRegression:
     """Return the folds of a regression whose columns are independent.
 
     Parameters
@@ -265,31 +318,50 @@ def gather_folds(
     full : Estimate
         Whose weights (n,) the actuators have, and whose estimator refits.
     nonnegative : (k,) bool
-    unseen : (m, n, k), optional
-        Regressor at states that are not in the logs.
     variation : (n,), optional [(N·m)² or N²]
         Of the torque of each joint about its mean (`torque_errors.joint_weights`); by default the
         torque's sum of squares.
+
+    Raises
+    ------
+    LogError
+        If the logs are too short for folds.
     """
-    k = information.size
-    squares = information.torque if variation is None else variation
-    scale = joint_weights(squares)
+    k, squares = information.size, information.torque
     R = full.estimator.loss(information, full)
     length = float(np.linalg.norm(R[:, k]))
     R[k, k] = max(abs(R[k, k]), 1e-9 * length, 1e-300)
     inverse = np.linalg.inv(R)
-    stretch, fold = divide_blocks(information.log, information.counts)
     centre, turned = R[:k, k].copy(), inverse[:k, :k]
     equations = Equations.of(information, full, R, inverse)
-    return Folds(
+    change = np.column_stack([np.vstack([turned, np.zeros(k)]), inverse[:, k] * R[k, k]])
+    plain, floor = information, 1e-18 * squares.max(initial=0.0) + 1e-300
+    noise, seen = np.maximum(full.variance * full.times, floor), np.empty((0, k, 2 * k + 1))
+    estimator = full.estimator
+    if information.instrumented:  # instruments say nothing of errors and are half of what is held
+        if isinstance(estimator, InstrumentalVariables):
+            left = combine(information, full.weights, estimator.record).left
+            left = np.vstack([left, np.zeros((1, k))])
+            right = np.vstack([np.zeros((k, k + 1)), change])
+            both = np.hstack([left, right])
+            seen = information.joint.products(1.0 / noise, left, both)
+        wanted = np.eye(2 * k + 1)[:, k:]
+        own = tuple(part.reduce(wanted) for part in information.parts)
+        plain = replace(information, parts=own, instrumented=False, echo=None)
+    parts, bases = zip(*plain.of_actuators(change), strict=True)
+    unit = noise_scale(information, full.weights, full.times, full.rss)
+    return WhitenedRegression(
         columns=information.columns,
         inverse=turned,
         centre=centre,
         scale=float(R[k, k]),
-        scored=score_joints(information, np.sqrt(scale), inverse[:, k] * R[k, k]),
-        stretch=stretch,
-        fold=fold,
-        unseen=factor_unseen(unseen, scale, information.samples),
+        noise=noise,
+        unit=max(unit, floor),
+        parts=parts,
+        bases=bases,
+        seen=seen,
+        variation=squares if variation is None else variation,
+        folds=Folds.of(information, float(np.max(full.times))),
         nonnegative=np.asarray(nonnegative, bool),
         samples=information.samples,
         refitter=equations or Asked(full.estimator, information, turned, centre),

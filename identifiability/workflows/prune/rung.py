@@ -10,6 +10,7 @@ import numpy as np
 from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.evidence import Evidence, weigh_models
 from identifiability.estimation.judge import judge_rung
 from identifiability.estimation.layout import take_turns
 from identifiability.estimation.omitted import find_left_out
@@ -34,7 +35,7 @@ from identifiability.workflows.analyze.fit import settle_robots
 from identifiability.workflows.analyze.words import WORSE
 from identifiability.workflows.opening import Opening, find_missing
 from identifiability.workflows.prune.elimination import Step, explain
-from identifiability.workflows.prune.search import Search, least_error
+from identifiability.workflows.prune.search import Search, best_step
 
 
 @frozen(kw_only=True)
@@ -51,9 +52,14 @@ class PrunedRung(JudgedModel):
         ε_RA, and the error over each joint's own scale, on stretches (or logs) that the fits have
         not seen.
     error_squares, error_squares_se : float
-        What the rung was chosen by: held-out squares and scatter on states not in the logs, each
-        joint on its own scale, relative to the unpruned model's; and the standard error of its
-        difference to the least.
+        Squares on stretches that the fits have not seen, each joint on its own scale, relative to
+        the unpruned model's; and the standard error of its difference to the rung with the best
+        predictive log density.
+    density, density_se : float [nats]
+        What the rung was chosen by: predictive log density of these stretches, less that of the
+        best rung; and the standard error.
+    weight : float
+        Of the model in the mixture of all (`evidence.weigh_models`).
     """
 
     step: Step
@@ -61,6 +67,9 @@ class PrunedRung(JudgedModel):
     error_joints_unseen: float
     error_squares: float
     error_squares_se: float
+    density: float
+    density_se: float
+    weight: float
 
     @property
     def reason(self) -> str:
@@ -101,6 +110,9 @@ class PrunedRung(JudgedModel):
             "error_joints_unseen_se": self.error_joints_se,
             "error_squares": self.error_squares,
             "error_squares_se": self.error_squares_se,
+            "density": self.density,
+            "density_se": self.density_se,
+            "weight": self.weight,
             "worst_sigma_robust_percent": self.worst_sigma_percent,
             "feasible": self.feasible,
             "move": move.text if move is not None else "",
@@ -218,16 +230,21 @@ def measure_rungs(
         outside, own_held = predict_all(held, [every, two], engine=engine)
         error_held, joints_held = outside.relative_error(), outside.error_over_joints()
     robot, (own, own_held) = settle_robots([physical], own_held, (own, own_held))
-    best = [question.recall(*fits[chosen])]
+    own_model = [question.recall(*fits[chosen])]
     missing = find_missing(opening)
-    (result,) = assess_ladder(best, robot, own, own_held, Thresholds(), rng, replicates, missing)
+    (result,) = assess_ladder(
+        own_model, robot, own, own_held, Thresholds(), rng, replicates, missing
+    )
     spread = result.uncertainty
     error, error_unseen = fitted.relative_error(), unseen.relative_error()
     joints, joints_unseen = fitted.error_over_joints(), unseen.error_over_joints()
     memory = float(spread.times.mean())
     error_se = standard_error(unseen.sums, memory, chosen)
     joints_se = standard_error_over_joints(unseen.sums, memory, chosen)
-    least, unit = steps[least_error(steps)].errors, max(steps[0].errors.total, 1e-300)
+    best = steps[best_step(steps)].score
+    judged = [Evidence.of(step.score, best) for step in steps]
+    unit = max(steps[0].score.error ** 2, 1e-300)
+    weights = weigh_models([step.score.density for step in steps], rng)
     rungs = tuple(
         PrunedRung(
             step=step,
@@ -242,8 +259,11 @@ def measure_rungs(
             error_joints_unseen=float(joints_unseen[k]),
             error_joints_se=float(joints_se[k]),
             error_joints_validation=float(joints_held[k]),
-            error_squares=step.errors.total / unit,
-            error_squares_se=step.errors.above(least)[1] / unit,
+            error_squares=step.score.error**2 / unit,
+            error_squares_se=2.0 * judged[k].error.se * step.score.error**2 / unit,
+            density=judged[k].density.value,
+            density_se=judged[k].density.se,
+            weight=float(weights[k]),
             infeasible=forbidden_signs(
                 model.told.rung, model.told.information, model.told.estimate
             ),
@@ -274,10 +294,10 @@ def measure_rungs(
 
 def _plan_unseen(question: Question, search: Search) -> Task:
     """Return how stretches (or logs) are predicted by models fitted to the others."""
-    folds, start = search.folds, question.start
+    start = question.start
     fits = np.stack([s.values[1:] for s in search.path.steps], 2)
     values = start.held[:, None] + start.M @ fits
-    turns = take_turns(question.information, folds.fold[folds.stretch])
+    turns = take_turns(question.information, search.whitened.folds.test)
     return Task(values, turns, held=False)
 
 

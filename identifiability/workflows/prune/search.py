@@ -10,21 +10,21 @@ import numpy as np
 
 from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.evidence import Evidence, near_best
 from identifiability.estimation.least_squares import MIXED, dependence
-from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.workflows.prune.elimination import Path, Plan, Step, walk
-from identifiability.workflows.prune.folds import Folds, gather_folds
+from identifiability.workflows.prune.folds import WhitenedRegression, whiten_regression
 from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
 
-#: ``identifiable``: within one standard error of the difference to the least held-out error; then,
-#: as long as the error stays within its own standard error, what is not identifiable goes too.
-#: ``one-se-of-difference``: the former alone; keeps more.
-#: ``one-se`` [Breiman 1984]: within the standard error of the least error; keeps least.
-#: ``best``: the least held-out error itself; keeps most.
+#: ``identifiable``: the smallest within two nats of the best predictive log density, or as good as
+#: the best (`evidence.near_best`).
+#: ``one-se-of-difference``, ``one-se``: the smallest whose density is within one standard error of
+#: the difference to the best; that depends on the scatter between folds, and keeps less.
+#: ``best``: the best predictive log density itself; keeps most.
 Criterion = Literal["identifiable", "one-se-of-difference", "one-se", "best"]
 
 
@@ -36,7 +36,7 @@ class Search:
     ----------
     full : Estimate
         Of the starting model.
-    folds : Folds
+    whitened : WhitenedRegression
         Of its independent columns.
     plan : Plan
     path : Path
@@ -44,7 +44,7 @@ class Search:
     """
 
     full: Estimate
-    folds: Folds
+    whitened: WhitenedRegression
     plan: Plan
     path: Path
 
@@ -70,7 +70,6 @@ def find_path(
     information: Information,
     nonnegative: np.ndarray,
     *,
-    unseen: Array | None = None,
     variation: Array | None = None,
     suggested: Sequence[Move] = (),
     forbid: Sequence[str] = (),
@@ -85,10 +84,8 @@ def find_path(
         About the k columns of the starting model.
     nonnegative : (k,) bool
         Whether physics forbids a value below zero.
-    unseen : (m, n, k), optional
-        Regressor at states that are not in the logs.
     variation : (n,), optional [(N·m)² or N²]
-        Of the torque of each joint about its mean, as in `gather_folds`.
+        Of the torque of each joint about its mean, as in `whiten_regression`.
     suggested : sequence of Move
         What knowledge of the robot suggests.
     forbid, force : sequence of str
@@ -99,12 +96,11 @@ def find_path(
     full = estimate(information, method)
     kept = list(full.kept)
     part = information.select(kept)
-    seen = None if unseen is None else unseen[:, :, kept]
     own = full if len(kept) == information.size else estimate(part, method)
-    folds = gather_folds(part, own, np.asarray(nonnegative)[kept], seen, variation)
+    whitened = whiten_regression(part, own, np.asarray(nonnegative)[kept], variation)
     plan = _plan(suggested, forbid, force, part.columns)
-    walked = walk(folds.fit(), plan)
-    search = Search(full, folds, plan, walked)
+    walked = walk(whitened.fit(), plan)
+    search = Search(full, whitened, plan, walked)
     return replace(search, path=_with_idle(search, walked, information))
 
 
@@ -156,10 +152,10 @@ def _why_idle(information: Information, full: Estimate, idle: Sequence[str]) -> 
     return text[:1].upper() + text[1:]
 
 
-def least_error(steps: Sequence[Step]) -> int:
-    """Return the step with the least held-out error of those that may be used."""
+def best_step(steps: Sequence[Step]) -> int:
+    """Return the step with the best predictive log density of those that may be used."""
     first = _first_allowed(steps)
-    return first + int(np.argmin([s.errors.total for s in steps[first:]]))
+    return first + int(np.argmax([s.density for s in steps[first:]]))
 
 
 def _first_allowed(steps: Sequence[Step]) -> int:
@@ -171,37 +167,21 @@ def _first_allowed(steps: Sequence[Step]) -> int:
 def good_steps(steps: Sequence[Step], criterion: Criterion) -> list[int]:
     """Return the steps that may be used, the preferred one first.
 
-    Preferred is the smallest of those with the fewest forbidden signs. The others follow for the
-    case that no real robot can have its values: smaller ones within the standard error of the least
-    error, then larger ones that are as good.
+    Preferred is the smallest of those with the fewest forbidden signs; the others follow for the
+    case that no real robot can have its values.
     """
-    best = least_error(steps)
-    allowed = range(_first_allowed(steps), len(steps))
-    least = steps[best].errors
-    within = [k for k in allowed if k == best or steps[k].errors.near(least)]
-    equal = [k for k in allowed if k == best or steps[k].errors.as_good(least)]
-    pool = {"one-se": within, "best": [best]}.get(criterion, equal)
-    first = min(pool, key=lambda k: (steps[k].violations, len(steps[k].partition)))
+    first, best = _first_allowed(steps), best_step(steps)
+    if criterion == "best":
+        return [best]
+    scores = [step.score for step in steps[first:]]
     if criterion == "identifiable":
-        first = _drop_passengers(steps, first, within)
-    smaller = [k for k in within if k > first]
-    larger = [k for k in reversed(pool) if k < first]
-    return [first, *smaller, *larger]
+        near = (first + np.flatnonzero(near_best(scores))).tolist()
+    else:
+        gains = [Evidence.of(score, steps[best].score).density for score in scores]
+        near = [first + k for k, gain in enumerate(gains) if gain.value >= -gain.se]
+    return sorted(near, key=lambda k: (steps[k].violations, len(steps[k].partition)))
 
 
 def choose_step(steps: Sequence[Step], criterion: Criterion) -> int:
     """Return the step to use, the physical certificate aside."""
     return good_steps(steps, criterion)[0]
-
-
-def _drop_passengers(steps: Sequence[Step], first: int, within: Sequence[int]) -> int:
-    """Go on dropping what is not identifiable, as long as the error stays within its SE."""
-    limit = Thresholds().sigma_percent
-    while first + 1 in within:
-        following = steps[first + 1]
-        more = following.violations > steps[first].violations
-        evidence = following.evidence
-        if evidence is None or more or evidence.sigma_percent <= limit:
-            break
-        first += 1
-    return first

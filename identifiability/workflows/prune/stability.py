@@ -16,7 +16,7 @@ from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.values import frozen
 from identifiability.workflows.prune.elimination import walk
-from identifiability.workflows.prune.folds import Folds
+from identifiability.workflows.prune.folds import WhitenedRegression
 from identifiability.workflows.prune.moves import Partition
 from identifiability.workflows.prune.search import Criterion, Search, choose_step
 
@@ -101,8 +101,8 @@ def assess_stability(
     engine : Engine, optional
         Where the replicates are walked; by default here.
     """
-    folds = search.folds
-    unit = _units(folds, max(1, round(length * len(folds.stretch) / max(folds.samples, 1))))
+    own = search.whitened
+    unit = _units(own, max(1, round(length * len(own.folds.test) / max(own.samples, 1))))
     count = int(unit.max()) + 1
     # Drawn here, so that a replicate is the same whoever walks it.
     draws = rng.multinomial(count, np.full(count, 1 / count), size=replicates)
@@ -128,18 +128,18 @@ def _walk_again(
     """Return what some replicates choose; `draws` (r, units) says how often they draw a unit."""
     chosen = []
     for row in draws:
-        path = walk(search.folds.fit(row[unit].astype(float)), search.plan)
+        path = walk(search.whitened.fit(row[unit].astype(float)), search.plan)
         steps = search.embed(path).steps
         chosen.append(steps[choose_step(steps, criterion)].partition)
     return chosen
 
 
-def _units(folds: Folds, blocks: int) -> np.ndarray:
-    """Return the unit of resampling of each block: runs of `blocks` within a stretch."""
-    unit = np.empty(len(folds.stretch), int)
-    at = 0
-    for s in range(len(folds.fold)):
-        rows = np.flatnonzero(folds.stretch == s)
+def _units(own: WhitenedRegression, blocks: int) -> np.ndarray:
+    """Return the unit of resampling of each block: runs of `blocks` within a fold."""
+    test, at = own.folds.test, 0
+    unit = np.empty(len(test), int)
+    for f in range(own.folds.count):
+        rows = np.flatnonzero(test == f)
         runs = max(1, len(rows) // blocks)
         unit[rows] = at + np.arange(len(rows)) * runs // len(rows)
         at += runs

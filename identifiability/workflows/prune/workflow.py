@@ -62,15 +62,19 @@ from identifiability.workflows.prune.rung import Question, contradicts, measure_
 from identifiability.workflows.prune.search import (
     Criterion,
     Search,
+    best_step,
     find_path,
     good_steps,
-    least_error,
 )
 from identifiability.workflows.prune.stability import assess_stability
-from identifiability.workflows.prune.unseen import unseen_regressor
 
 #: Rungs as good as the best whose physical certificate is asked for, the preferred one first.
 CERTIFIED = 4
+
+IDLE_REACH = (
+    "The option 'reach' does nothing any more: the model is chosen by what it predicts of "
+    "stretches of the logs; log the faster motion to be sure of it."
+)
 
 
 @renamed(cad_weight="cad_prior")
@@ -117,8 +121,8 @@ def prune(
     propose : bool
         Whether symmetries that the robot's kinematics suggest are tried.
     reach : float
-        How many times faster than in the logs the robot is going to move with the model: what
-        only slow motion shows badly weighs more then.
+        Does nothing any more: models are chosen by what they predict of the logs, not of motion
+        that nobody has seen. Other values than 1 are noted among the hints.
     preparation : Preparation, optional
         How derivatives are made.
     method : str or Estimator
@@ -170,7 +174,6 @@ def prune(
         search = find_path(
             start.reduce(information),
             start.nonnegative,
-            unseen=unseen_regressor(structure, opening.samples, streams[1], reach) @ start.M,
             variation=variation,
             suggested=suggest(structure, start.columns),
             forbid=forbid,
@@ -201,15 +204,16 @@ def prune(
         part, full = start.reduce(information), measured.rungs[0].estimate
         result = measured.result
         said = filter(None, (burst, state_weak(result)))
+        idle = (IDLE_REACH,) if reach != 1.0 else ()
         return Ladder(
             structure=structure,
             samples=opening.samples,
             validation=opening.validation,
-            hints=(*said, *opening.hints, *bands, *several, *unused_ladder(robot, ladder)),
+            hints=(*idle, *said, *opening.hints, *bands, *several, *unused_ladder(robot, ladder)),
             information=information,
             start=start,
             selected=selected,
-            least=least_error(search.path.steps),
+            least=best_step(search.path.steps),
             refused=search.path.refused,
             stability=stability,
             absorption=absorb(part, full, chosen.estimate, chosen.step.partition),

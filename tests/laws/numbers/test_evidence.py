@@ -185,9 +185,18 @@ def test_levels_follow_from_the_limits_of_the_gain():
     assert {name for name, _ in LEVELS.rows()} >= {x.value for x in Level}
 
 
-def test_the_smallest_within_two_nats_is_chosen_and_equal_models_weigh_alike():
+def scores_of(densities, squares):
+    pairs = zip(densities, squares, strict=True)
+    return [Score(d, np.zeros((10, 1)), q[:, None], np.ones(1), 1 / 9) for d, q in pairs]
+
+
+def test_the_smallest_within_two_nats_or_as_good_is_chosen_and_equal_models_weigh_alike():
     densities = np.full((4, 10), -3.0) + np.array([0.0, 0.1, -0.05, -1.0])[:, None]
-    assert choose_smallest(densities, [9, 7, 5, 3]) == 2
+    squares = np.repeat([[1.0], [1.0], [1.0], [1.5]], 10, axis=1)
+    assert choose_smallest(scores_of(densities, squares), [9, 7, 5, 3]) == 2
+    # Of many samples ten nats are no error that anybody would see.
+    squares[3] = np.random.default_rng(0).normal(1.004, 0.004, 10)
+    assert choose_smallest(scores_of(densities, squares), [9, 7, 5, 3]) == 3
     weights = weigh_models(densities[[0, 0, 3]], np.random.default_rng(0))
     np.testing.assert_allclose(weights, [0.5, 0.5, 0.0], atol=1e-3)
 
