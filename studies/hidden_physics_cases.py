@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import re
 import shutil
 from collections.abc import Sequence
 from dataclasses import replace
@@ -147,7 +148,8 @@ def write_robot(path: Path, name: str, rng: np.random.Generator) -> Robot:
     elif set(text) <= {"R", "P"}:
         with TemporaryDirectory() as folder:
             drawn = draw_arm(rng, Path(folder), text)
-            shutil.copy(drawn.path, path / "robot.xml")
+            bare = re.sub(r' (damping|frictionloss)="[^"]*"', "", drawn.path.read_text())
+            (path / "robot.xml").write_text(bare)
     else:
         source = Robot.load(text).path
         shutil.copy(source, path / f"robot{source.suffix}")
@@ -163,9 +165,9 @@ class Case:
         self.robot, self.kind, self.rng, self.n = robot, kind, rng, len(robot.joints)
         self.every = int(rng.choice([4, 5, 10]))
         self.motions = [random_trajectory(robot, rng, period=SECONDS) for _ in LOGS]
-        pace = rng.uniform(0.5, 0.95)
+        pace = rng.uniform(0.35, 0.95)
         self.motions = [replace(m, sin=pace * m.sin, cos=pace * m.cos) for m in self.motions]
-        self.stops = bool(rng.random() < 0.4)
+        self.stops = bool(rng.random() < 0.5)
         self.wanted = self._wanted()
         self.machine = self._machine()
 
@@ -199,7 +201,7 @@ class Case:
             model.dof_armature[m.dofs[:n]] * rng.uniform(0.7, 1.3, n) + rotor
         )
         dry, viscous = np.zeros((2, len(m.axes)))
-        dry[:n] = rng.uniform(0.1, 0.5, n) * size
+        dry[:n] = rng.uniform(0.15, 0.6, n) * size
         viscous[:n] = rng.uniform(0.1, 0.4, n) * size / np.abs(v).max(0)
         self.peak = np.abs(rigid.tau).max(0) + dry[:n]
         self.torque = np.sqrt(size**2 + dry[:n] ** 2)
