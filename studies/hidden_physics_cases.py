@@ -110,7 +110,7 @@ def stream_number(text: str) -> int:
 
 def make_case(folder: Path, stream: str, number: int, kind: str | None = None) -> Path:
     """Write a case into a folder of `folder`, unless it is there; return its folder."""
-    kind = kind or KINDS[number % len(KINDS)]
+    stream, kind = stream[:12], kind or KINDS[number % len(KINDS)]
     path = folder / f"{stream}-{number:04d}-{kind}"
     if (path / "truth.json").is_file():
         return path

@@ -140,10 +140,10 @@ def judge(truth: dict[str, Any], named: Sequence[dict[str, Any]], *, falls: bool
         return exact(n) or any(_is(f, p, e) for f, p in n["or"] for e in effects)
 
     def harmless(n: dict[str, Any]) -> bool:
-        return kind == "outside" and (
-            bool(n["unnamed"])
-            or (n["family"] == "hysteresis" and falls and stands.get(n["joint"], 0.0) > 0)
-        )
+        presliding = n["family"] == "hysteresis" and falls and stands.get(n["joint"], 0.0) > 0
+        if kind == "outside":
+            return bool(n["unnamed"]) or presliding
+        return bool(n["unnamed"]) and (n["joint"] in places or "base" in places)
 
     found = [any(_is(f, p, e) for n in named for f, p in ([n["family"], n["joint"]], *n["or"]))
              for e in effects]  # fmt: skip
@@ -161,7 +161,7 @@ def judge(truth: dict[str, Any], named: Sequence[dict[str, Any]], *, falls: bool
                                  _pair(named, effects)) else "A or B"  # fmt: skip
     elif right:
         outcome = "truth and more"
-    elif all(n["unnamed"] and (n["joint"] in places or "base" in places) for n in named):
+    elif all(n["unnamed"] and harmless(n) for n in named):
         outcome = "function"
     elif kind == "two" and any(found) and not wrong:
         outcome = "one of two"
@@ -323,7 +323,7 @@ def main() -> None:
     out = asked.out / "hidden_physics.json"
     done = {r["case"] for r in read_rows(out.with_suffix(".jsonl"))}
     for number in range(asked.first, asked.first + asked.cases):
-        path = make_case(asked.folder, stream[:12], number, asked.only)
+        path = make_case(asked.folder, stream, number, asked.only)
         if path.name in done:
             continue
         row = examine(path)
