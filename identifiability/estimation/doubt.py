@@ -29,8 +29,12 @@ from identifiability.effects.effect import Along
 from identifiability.effects.load_dependent_friction import carried_load
 from identifiability.effects.nominal import has_masses, rigid_torque
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise, fit_joint
+from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
 from identifiability.estimation.noise.autoregression import JointRuns
+from identifiability.estimation.noise.restricted_likelihood import (
+    LaggedProducts,
+    RestrictedLikelihood,
+)
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -64,6 +68,10 @@ ECHOES = 2
 #: A residual below this share of the torque is rounding; and a direction of unit columns that is
 #: shorter than the root of the other is none.
 ROUNDING, THIN = 1e-8, 1e-10
+
+#: Noise is measured beside directions of unit columns that are longer than this, of which there are
+#: at most so many for each row.
+SHORT, MOST_COLUMNS = 1e-3, 0.45
 
 #: What a function is of, in words, and how many columns it has.
 KINDS = {
@@ -230,16 +238,84 @@ class Rows:
         own = np.concatenate(B) * data[:, :, None]
         return Rows(X, own, y, data, JointRuns.of(runs, data), log), ranges
 
-    def noise(self, joint: int, taken: Sequence[int] = ()) -> JointNoise:
+    @cached_property
+    def columns(self) -> tuple[np.ndarray, ...]:
+        """Columns of the model that act at each joint."""
+        return tuple(np.flatnonzero(x.any(0)) for x in self.X.transpose(1, 0, 2))
+
+    @cached_property
+    def lagged(self) -> tuple[LaggedProducts, ...]:
+        """Products of each joint: of those columns, of its functions and of its torque."""
+        Z = (
+            np.concatenate([self.X[:, j, at], self.B[:, j], self.y[:, j, None]], axis=1)
+            for j, at in enumerate(self.columns)
+        )
+        return tuple(LaggedProducts.of(z, r) for z, r in zip(Z, self.runs.each, strict=True))
+
+    def noise(
+        self, joint: int, taken: Sequence[int] = (), start: Array | None = None
+    ) -> JointNoise:
         """Return the noise of a joint beside the model and the functions that it took.
 
-        What rounding leaves says nothing: it is infinite there.
+        Its order is that of noise that it starts from, if there is any. What rounding leaves says
+        nothing: it is infinite there.
         """
-        X, B, y = self.X[:, joint], self.B[:, joint], self.y[:, joint]
-        own = [B[:, _OWN[i % len(KINDS)]] for i in taken if i // len(KINDS) == joint]
-        found = fit_joint(y, [X[:, X.any(0)], *own], self.runs.each[joint])
-        silent = found.left <= ROUNDING**2 * float(np.mean(y**2))
-        return replace(found, sigma=np.inf) if silent else found
+        lagged, k = self.lagged[joint], len(self.columns[joint])
+        if not lagged.counts:
+            return JointNoise(np.empty(0), np.empty((0, 0)), np.inf, 1.0, 0.0)
+        own = [_OWN[i % len(KINDS)] for i in taken if i // len(KINDS) == joint]
+        blocks = [np.arange(k), *(k + np.arange(WIDTH)[at] for at in own)]
+        y, rows = self.y[:, joint], lagged.rows
+        T = _orthonormal(lagged.plain, blocks, int(MOST_COLUMNS * rows))
+        Z, left, known = (
+            [self.X[:, joint, self.columns[joint]], self.B[:, joint]],
+            y,
+            np.zeros(len(T)),
+        )
+        for _ in range(2):  # once more for the digits that products lose
+            found = T @ (T[:k].T @ (Z[0].T @ left) + T[k:-1].T @ (Z[1].T @ left))
+            left = left - Z[0] @ found[:k] - Z[1] @ found[k:-1]
+            known += found
+        scale = float(np.linalg.norm(y)) or 1.0
+        rest = -known / scale
+        rest[-1] = 1.0 / scale
+        problem = RestrictedLikelihood(
+            lagged.times(np.column_stack([T, rest])), float(left @ left) / scale**2, scale
+        )
+        best = problem.maximise(start)
+        silent = problem.left <= ROUNDING**2 * float(y @ y) / rows
+        sigma = np.inf if silent else problem.sigma(best)
+        unknown = np.zeros((len(best), len(best)))
+        return JointNoise(best, unknown, sigma, float(problem.dof), problem.left)
+
+
+def _orthonormal(products: Array, blocks: Sequence[np.ndarray], most: int) -> Array:
+    """Return combinations of columns that are orthonormal, at most so many, (m, c).
+
+    Block by block; of a block that does not fit whole the directions that stand out most.
+
+    Parameters
+    ----------
+    products : (m, m)
+        Of the columns.
+    blocks : sequence of (b,) int
+        Columns that are taken.
+    most : int
+    """
+    out = np.zeros((len(products), 0))
+    for block in blocks:
+        at = block[np.diag(products)[block] > 0]
+        length = np.sqrt(np.diag(products)[at])
+        K = products[at] @ out
+        squares, vectors = np.linalg.eigh(
+            (products[np.ix_(at, at)] - K @ K.T) / np.outer(length, length)
+        )
+        kept = np.flatnonzero(squares > SHORT**2)[::-1][: most - out.shape[1]]
+        own = np.zeros((len(products), len(kept)))
+        own[at] = vectors[:, kept] / length[:, None]
+        own -= out @ (K.T @ own[at])
+        out = np.column_stack([out, own / np.sqrt(squares[kept])])
+    return out
 
 
 @frozen
@@ -257,18 +333,30 @@ class Products:
     model: int
 
     @staticmethod
-    def of(rows: Rows, noise: ARNoise, which: np.ndarray | None = None) -> Products:
-        """Return those of some rows (N,) bool, or of all."""
-        seen = slice(None) if which is None else which
-        X, B, y = (noise.whiten(a, rows.runs)[seen] for a in (rows.X, rows.B, rows.y[:, :, None]))
-        _, n, k = X.shape
-        c = B.shape[2]
+    def of(rows: Rows, noise: ARNoise) -> Products:
+        """Return those of all rows."""
+        n, k, c = len(rows.lagged), rows.X.shape[2], rows.B.shape[2]
         out = np.zeros((k + n * c + 1,) * 2)
+        for j, (lagged, own) in enumerate(zip(rows.lagged, noise.joints, strict=True)):
+            at = [*rows.columns[j].tolist(), *range(k + j * c, k + (j + 1) * c), k + n * c]
+            if lagged.counts and np.isfinite(own.sigma):
+                out[np.ix_(at, at)] += lagged.whitened(own.pacf) / own.sigma**2
+        return Products(out, k)
+
+    @staticmethod
+    def parts(rows: Rows, noise: ARNoise, parts: int) -> list[Products]:
+        """Return those of so many parts of the rows, one after the other."""
+        X, B, y = (noise.whiten(a, rows.runs) for a in (rows.X, rows.B, rows.y[:, :, None]))
+        N, n, k = X.shape
+        c = B.shape[2]
+        edges = np.ceil(np.arange(parts + 1) * N / parts).astype(int)
+        out = np.zeros((parts, *(k + n * c + 1,) * 2))
         for j in range(n):
             at = [*range(k), *range(k + j * c, k + (j + 1) * c), k + n * c]
             Z = np.concatenate([X[:, j], B[:, j], y[:, j]], axis=1)
-            out[np.ix_(at, at)] += Z.T @ Z
-        return Products(out, k)
+            for own, (start, stop) in zip(out, pairwise(edges.tolist()), strict=True):
+                own[np.ix_(at, at)] += Z[start:stop].T @ Z[start:stop]
+        return [Products(own, k) for own in out]
 
     def __add__(self, other: Products) -> Products:
         """Return those of both."""
@@ -553,7 +641,8 @@ class Search:
         taken, at = (*self.taken, best), best // len(KINDS)
         # What it explains counted as noise until now.
         joints = [
-            self.rows.noise(at, taken) if j == at else x for j, x in enumerate(self.noise.joints)
+            self.rows.noise(at, taken, x.theta) if j == at else x
+            for j, x in enumerate(self.noise.joints)
         ]
         S, noise = self.S.copy(), ARNoise(tuple(joints))
         S[own_columns(best)] = size
@@ -578,10 +667,10 @@ class Search:
             Of unseen motion; None for stretches of the fitted one in turn.
         """
         if other is not None:
-            pairs = [(self.products, self.products + Products.of(other, self.noise))]
+            (new,) = Products.parts(other, self.noise, 1)
+            pairs = [(self.products, self.products + new)]
         else:
-            turn = np.arange(len(self.rows.y)) * FOLDS // len(self.rows.y)
-            folds = [Products.of(self.rows, self.noise, turn == f) for f in range(FOLDS)]
+            folds = Products.parts(self.rows, self.noise, FOLDS)
             pairs = [(self.products - fold, self.products) for fold in folds]
         search = self
         while search.taken:
@@ -640,10 +729,13 @@ class Search:
             ratio = float(np.sqrt(before[j] / noise)), max(float(1.0 - after[j] / before[j]), 0.0)
             functions.append(MissingFunction(joints[j], [*KINDS][i % len(KINDS)], p, gain, *ratio))
             columns.append(np.flatnonzero(np.isin(on, own_columns(i))))
-        X, XB = self.rows.X, np.zeros((n, self.rows.X.shape[2], len(on)))
-        for k, (j, column) in enumerate(divmod(c, WIDTH) for c in on.tolist()):
-            XB[j, :, k] = X[:, j].T @ self.rows.B[:, j, column]
-        XX = np.einsum("ajk,ajl->jkl", X, X, optimize=True)
+        k = self.products.model
+        XX, XB = np.zeros((n, k, k)), np.zeros((n, k, len(on)))
+        for j, (at, lagged) in enumerate(zip(self.rows.columns, self.rows.lagged, strict=True)):
+            if lagged.counts:
+                XX[j][np.ix_(at, at)] = lagged.plain[: len(at), : len(at)]
+                own = np.flatnonzero(on // WIDTH == j)
+                XB[j][np.ix_(at, own)] = lagged.plain[: len(at), len(at) + on[own] % WIDTH]
         return Doubt(tuple(functions), tuple(columns), value, C, XX, XB)
 
 

@@ -2,9 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import approx_fprime
 
 from identifiability import Log, Robot, analyze, calibrate, export
 from identifiability.estimation.doubt import EVEN, find_size, interpolate, pinned_walk
+from identifiability.estimation.noise.autoregression import whiten
+from identifiability.estimation.noise.restricted_likelihood import (
+    LaggedProducts,
+    RestrictedLikelihood,
+)
 from identifiability.estimation.verdict import Class
 from identifiability.report.sections.answer import answer_notes, answer_questions
 from identifiability.simulation import Noise
@@ -32,6 +38,31 @@ def test_the_size_of_a_function_makes_its_data_likeliest():
     assert size == pytest.approx(8.0, rel=0.3)
     assert rise == pytest.approx(9.0 - 1.0 - np.log(9.0), rel=0.02)
     assert find_size(np.eye(1), np.array([0.9])) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("order", range(5))
+def test_lagged_products_whiten_as_rows_do_whatever_the_lengths_of_stretches(order):
+    rng, runs = np.random.default_rng(order), [(0, 40), (40, 41), (43, 45), (45, 48), (48, 52)]
+    Z, T = rng.standard_normal((60, 4)), rng.standard_normal((4, 3))
+    pacf = rng.uniform(-0.9, 0.95, order)
+    rows = whiten(Z, runs, pacf)
+    lagged = LaggedProducts.of(Z, runs)
+    found, white = lagged.whitened(pacf), lagged.weigh(pacf[:, None])[2].item()
+    np.testing.assert_allclose(found, rows.T @ rows, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(lagged.times(T).whitened(pacf), T.T @ found @ T, rtol=1e-8)
+    known = whiten(np.eye(60), runs, pacf)
+    assert white == pytest.approx(np.sum(known**2))
+
+
+def test_derivatives_of_the_restricted_likelihood_are_those_of_its_values():
+    rng, runs = np.random.default_rng(3), [(0, 40), (40, 43), (45, 70)]
+    basis = np.linalg.qr(rng.standard_normal((70, 5)))[0]
+    problem = RestrictedLikelihood.of(np.cumsum(rng.standard_normal(70)), basis, runs)
+    for order in (1, 2, 4):
+        theta = rng.uniform(-1, 1.5, order)
+        value, slope = problem.slope(theta)
+        assert value == pytest.approx(problem.deviance(theta))
+        np.testing.assert_allclose(slope, approx_fprime(theta, problem.deviance, 1e-6), rtol=1e-3)
 
 
 @pytest.fixture(scope="module")

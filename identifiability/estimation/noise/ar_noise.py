@@ -171,7 +171,7 @@ def fit_joint(y: Array, blocks: Sequence[Array], runs: Runs) -> JointNoise:
     runs, (y, *blocks) = take_data(runs, y, *blocks)
     if not len(y):
         return JointNoise(np.empty(0), np.empty((0, 0)), 1.0, 1.0, 0.0)
-    problem = RestrictedLikelihood(y, _span(blocks, int(MOST_COLUMNS * len(y))), runs)
+    problem = RestrictedLikelihood.of(y, _span(blocks, int(MOST_COLUMNS * len(y))), runs)
     best = problem.maximise()
     sigma = problem.sigma(best)
     return JointNoise(best, problem.spread(best), sigma, float(problem.dof), problem.left)

@@ -141,6 +141,6 @@ def _fit(y: Array, X: Array, runs: Runs) -> tuple[Array, float]:
     left = y - basis @ (basis.T @ y)
     if np.linalg.norm(left) <= ROUNDING * np.linalg.norm(y):
         return np.empty(0), float(np.linalg.norm(left) / np.sqrt(max(len(y) - basis.shape[1], 1)))
-    problem = RestrictedLikelihood(y, basis, runs, FLOOR)
+    problem = RestrictedLikelihood.of(y, basis, runs, FLOOR)
     best = problem.maximise()
     return np.tanh(best), problem.sigma(best)

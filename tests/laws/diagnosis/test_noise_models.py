@@ -45,7 +45,7 @@ def test_the_restricted_likelihood_is_that_of_what_no_column_can_explain():
     basis = np.linalg.qr(rng.standard_normal((70, 5)))[0]
     K = np.linalg.svd(basis, full_matrices=True)[0][:, 5:]
     y = np.cumsum(rng.standard_normal(70))
-    problem = RestrictedLikelihood(y, basis, RUNS, floor=0.0)
+    problem = RestrictedLikelihood.of(y, basis, RUNS, floor=0.0)
     assert problem.dof == 65
 
     def exact(pacf):
