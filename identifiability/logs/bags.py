@@ -12,8 +12,10 @@ from __future__ import annotations
 
 import hashlib
 import sqlite3
+import struct
 from collections.abc import Iterable, Sequence
 from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,6 +38,13 @@ JOINT_STATE = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
 
 #: Bytes of a message of joint states: some ten thousand joints.
 MOST_MESSAGE = 1_000_000
+
+#: Bytes of messages of an MCAP that are read together.
+MOST_TOGETHER = 16_000_000
+
+#: Records of an MCAP: a message, and what stands before its data; messages together, and how much
+#: stands before them where they are not compressed.
+_MESSAGE, _HEAD, _CHUNK, _BEFORE_RECORDS = 0x05, struct.Struct("<HIQQ"), 0x06, 40
 
 #: How long the longest is, by what stands before each; nothing of them is read.
 _LONGEST = (
@@ -141,7 +150,45 @@ def _opened(path: Path) -> Iterator[Any]:
         ) from None
     _check_files(path)
     with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+        for part in reader.readers:
+            _pass_over(getattr(part, "storage", None))
         yield reader
+
+
+def _pass_over(storage: Any) -> None:
+    """Let MCAP files pass over large messages of other topics, which else are read with the rest.
+
+    Where messages are compressed together, all of them have to be read.
+    """
+    for part in getattr(storage, "storages", [storage]):
+        chunks = getattr(part, "chunks", None)
+        if chunks is None or any(c.compression for c in chunks):
+            continue
+        if not chunks and not part.statistics.chunk_count:
+            part.messages_scan = partial(_scan, part)
+        elif max((c.uncompressed_size for c in chunks), default=0) > MOST_TOGETHER:
+            part.messages = partial(_scan, part)
+
+
+def _scan(
+    part: Any, connections: Iterable[Any], start: int | None = None, stop: int | None = None
+) -> Iterator[tuple[Any, int, bytes]]:
+    """Yield connection, time of recording [ns] and data of the messages of some connections."""
+    wanted, file = {c.id: c for c in connections}, part.bio
+    file.seek(part.data_start)
+    while file.tell() < part.data_end:
+        kind, length = struct.unpack("<BQ", file.read(9))
+        after = file.tell() + length
+        if kind == _CHUNK:
+            file.seek(_BEFORE_RECORDS, 1)  # its records follow as they do outside of it
+            continue
+        if kind == _MESSAGE:
+            channel, _, recorded, _ = _HEAD.unpack(file.read(_HEAD.size))
+            inside = (start is None or start <= recorded) and (stop is None or recorded < stop)
+            if channel in wanted and inside:
+                _check_length(part.path, length)
+                yield wanted[channel], recorded, file.read(length - _HEAD.size)
+        file.seek(after)
 
 
 def _check_files(path: Path) -> None:
