@@ -252,13 +252,10 @@ class Rows:
         )
         return tuple(LaggedProducts.of(z, r) for z, r in zip(Z, self.runs.each, strict=True))
 
-    def noise(
-        self, joint: int, taken: Sequence[int] = (), start: Array | None = None
-    ) -> JointNoise:
+    def noise(self, joint: int, taken: Sequence[int] = ()) -> JointNoise:
         """Return the noise of a joint beside the model and the functions that it took.
 
-        Its order is that of noise that it starts from, if there is any. What rounding leaves says
-        nothing: it is infinite there.
+        What rounding leaves says nothing: it is infinite there.
         """
         lagged, k = self.lagged[joint], len(self.columns[joint])
         if not lagged.counts:
@@ -282,7 +279,7 @@ class Rows:
         problem = RestrictedLikelihood(
             lagged.times(np.column_stack([T, rest])), float(left @ left) / scale**2, scale
         )
-        best = problem.maximise(start)
+        best = problem.maximise()
         silent = problem.left <= ROUNDING**2 * float(y @ y) / rows
         sigma = np.inf if silent else problem.sigma(best)
         unknown = np.zeros((len(best), len(best)))
@@ -641,8 +638,7 @@ class Search:
         taken, at = (*self.taken, best), best // len(KINDS)
         # What it explains counted as noise until now.
         joints = [
-            self.rows.noise(at, taken, x.theta) if j == at else x
-            for j, x in enumerate(self.noise.joints)
+            self.rows.noise(at, taken) if j == at else x for j, x in enumerate(self.noise.joints)
         ]
         S, noise = self.S.copy(), ARNoise(tuple(joints))
         S[own_columns(best)] = size

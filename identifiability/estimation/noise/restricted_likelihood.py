@@ -256,25 +256,17 @@ class RestrictedLikelihood:
         covariance: Array = (vectors / limited) @ vectors.T
         return covariance
 
-    def maximise(self, start: Array | None = None) -> Array:
-        """Return the transformed partial autocorrelations (p,) of the order with the least BIC.
-
-        Or those of the order of others, (p,), to start from.
-        """
-        if start is not None:
-            return self._climb(start) if len(start) else start
+    def maximise(self) -> Array:
+        """Return the transformed partial autocorrelations (p,) of the order with the least BIC."""
         best = theta = np.empty(0)
         least = self.deviance(theta)
         for order in range(1, HIGHEST_ORDER + 1):
-            theta = self._climb(np.append(theta, 0.3 if order == 1 else 0.0))
-            value = self.deviance(theta) + order * np.log(self.dof)
+            start, bounds = np.append(theta, 0.3 if order == 1 else 0.0), [(-BOUND, BOUND)] * order
+            found = scipy.optimize.minimize(
+                self.slope, start, method="L-BFGS-B", jac=True, bounds=bounds, options=STOP
+            )
+            theta = found.x
+            value = found.fun + order * np.log(self.dof)
             if value < least - 1e-9:
                 best, least = theta, value
         return best
-
-    def _climb(self, start: Array) -> Array:
-        bounds = [(-BOUND, BOUND)] * len(start)
-        found: Array = scipy.optimize.minimize(
-            self.slope, start, method="L-BFGS-B", jac=True, bounds=bounds, options=STOP
-        ).x
-        return found
