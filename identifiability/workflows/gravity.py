@@ -53,13 +53,16 @@ class Leaning:
     information : Information
         About its base parameters.
     sd : float [°]
-        Standard error of the direction.
+        Standard error of the direction, about the axes about which it shows.
+    axes : int
+        About how many of two axes across it the motion shows how it leans.
     """
 
     structure: Structure
     fit: Estimate
     information: Information
     sd: float
+    axes: int = 2
 
     @property
     def tilt(self) -> Tilt:
@@ -71,11 +74,12 @@ class Leaning:
     @property
     def text(self) -> str:
         """Where gravity points and how surely, after "gravity"."""
-        return self.tilt.text.replace("°", f" ± {1.96 * self.sd:.2g}°", 1)
+        part = "" if self.axes == len(TILTS) else ", seen about one axis alone"
+        return self.tilt.text.replace("°", f" ± {1.96 * self.sd:.2g}°", 1) + part
 
     def to_dict(self) -> dict[str, object]:
         """Return it as plain values."""
-        return {**self.tilt.to_dict(), "degrees_sd": self.sd}
+        return {**self.tilt.to_dict(), "degrees_sd": self.sd, "axes": self.axes}
 
 
 def settle_direction(
@@ -101,12 +105,13 @@ def settle_direction(
         value = dict(zip(about.base.names, fit.value, strict=True))
         step = np.array([value.get(name, 0.0) for name in names])
         at = [about.base.names.index(n) for n in names if n in value]
-        sd = np.sqrt(np.diag(remembering_covariance(information, fit))[at])
-        size, error = float(np.linalg.norm(step)), float(np.sqrt(np.mean(sd**2))) if at else 0.0
+        each = np.sqrt(np.diag(remembering_covariance(information, fit))[at])
+        size, error = float(np.linalg.norm(step)), float(np.sqrt(np.mean(each**2))) if at else 0.0
         if size <= max(SETTLED * error, 1e-9):
             break
         direction = turn_gravity(about.robot, step * min(1.0, LONGEST / size)).gravity
-    return Leaning(structure=about, fit=fit, information=information, sd=float(np.degrees(error)))
+    sd, seen = float(np.degrees(error)), int(np.sum(fit.determined[at]))
+    return Leaning(structure=about, fit=fit, information=information, sd=sd, axes=seen)
 
 
 def settle_tilt(structure: Structure, samples: Sequence[Prepared]) -> Leaning | None:

@@ -23,7 +23,12 @@ from identifiability.simulation.mujoco_robot import MujocoRobot
 from identifiability.workflows.analyze.next_steps import next_commands
 from identifiability.workflows.export import export
 from identifiability.workflows.export.parameters import write_parameters
-from identifiability.workflows.gravity import LARGE, find_leaning, state_leaning
+from identifiability.workflows.gravity import (
+    LARGE,
+    find_leaning,
+    settle_direction,
+    state_leaning,
+)
 from identifiability.workflows.oddities import Evidence
 
 ANGLES = (1.0, 30.0, 90.0, 180.0)
@@ -155,6 +160,22 @@ def test_where_nothing_is_believed_and_gravity_disagrees_diagnose_comes_next(on_
     ((_, command),) = next_commands(replace(lost, leaning=None))
     assert command.startswith("identifiability inspect ")
     assert "gravity points along" in state_leaning(lost.leaning)
+
+
+def test_an_arm_in_a_plane_says_that_it_shows_one_axis_alone(on_a_wall):
+    robot = Robot.load("two-link")
+    turned = robot.turned(np.array([-0.6, 0.0, -0.8]))
+    log = simulate(turned, PrescribedMotion.of(shipped_trajectory(robot, "a"), 300))
+    model = Model.of("rigid_body", "viscous_friction", "coulomb_friction")
+    samples = [prepare_samples(robot, log)]
+    found = settle_direction(Structure.of(robot, model), samples, robot.gravity)
+    assert found.axes == 1
+    assert found.text.endswith("from the direction that the file states, seen about one axis alone")
+    robot, (log, _) = on_a_wall
+    samples = [prepare_samples(robot, log)]
+    whole = settle_direction(Structure.of(robot, model), samples, np.array([0.0, 1.0, 0.0]))
+    assert whole.axes == 2
+    assert "one axis" not in whole.text
 
 
 @pytest.mark.parametrize("degrees", [0.0, 5.0, 40.0, 180.0])

@@ -156,11 +156,12 @@ def _multiply(parts: Sequence[Array]) -> Array:
             for z in parts:
                 out[k] += z[: max(len(z) - d, 0)].T @ z[d:]
         else:
-            ends = [place if where == "first" else len(z) - 1 - place for z in parts]
-            ends = [(z, end) for z, end in zip(parts, ends, strict=True) if d <= end < len(z)]
-            if ends:
-                before, row = (np.array([z[end - e] for z, end in ends]) for e in (d, 0))
-                out[k] = before.T @ row
+            at = [place if where == "first" else len(z) - 1 - place for z in parts]
+            known = [(z, i) for z, i in zip(parts, at, strict=True) if d <= i < len(z)]
+            if known:
+                out[k] = np.array([z[i - d] for z, i in known]).T @ np.array(
+                    [z[i] for z, i in known]
+                )
     return 0.5 * (out + out.transpose(0, 2, 1))
 
 

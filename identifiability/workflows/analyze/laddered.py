@@ -114,7 +114,7 @@ class Laddered(Result, Opening, Predicts):
             preparation=settled(self.settings.get("preparation"), self.samples),
             base_covariance=M @ covariance @ M.T,
             base_unknown=M @ unknown,
-            errors=(self.real_robot["error_ra"], self.real_robot["error_ra_files"]["mjcf"]),
+            errors=(self._real_robot["error_ra"], self._real_robot["error_ra_files"]["mjcf"]),
             missing=tuple(f.text for f in self.missing.functions),
         )
 
@@ -135,7 +135,7 @@ class Laddered(Result, Opening, Predicts):
         return tell_errors(self.robot, self.samples, self.validation, *self._alone)
 
     @cached_property
-    def real_robot(self) -> dict[str, Any]:
+    def _real_robot(self) -> dict[str, Any]:
         """The nearest real robot as plain values, as `export` reads them."""
         used, real = self._used, self._used.physical
         errors = used.error_ra_real, used.error_ra_file, used.error_ra_other
@@ -182,7 +182,7 @@ class Laddered(Result, Opening, Predicts):
                 "margin": used.margin,
                 "infeasible": list(used.infeasible),
                 "error_ra_validation": used.error_ra_physical,
-                **self.real_robot,
+                **self._real_robot,
             },
             "hints": list(self.hints),
             "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},
