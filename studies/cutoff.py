@@ -22,22 +22,35 @@ from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
+from scipy.ndimage import gaussian_filter1d
 
+from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.engines.mapping import Serial
 from identifiability.foundation.output import write_json
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, Samples
+from identifiability.logs.prepare import Preparation, Samples, prepare_samples
 from identifiability.logs.prepare.instruments import attach_record
 from identifiability.logs.prepare.plan import joint_log
-from identifiability.logs.prepare.preparation import make_plan
+from identifiability.logs.prepare.preparation import make_plan, settle_cutoff
 from identifiability.logs.prepare.second_record import SecondRecord
 from identifiability.logs.spectrum import LEAST_CUTOFF, NARROW, NOISE_SHARE, WIDE, Spectrum
+from identifiability.regression.gather import gather_information
+from identifiability.regression.reduction import choose_model
+from identifiability.regression.structure import Structure
 from identifiability.report import Check, Prose, Section, frame_table, write_page
 from identifiability.robot import Robot
-from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
+from identifiability.simulation import (
+    Noise,
+    PrescribedMotion,
+    random_trajectory,
+    shipped_trajectory,
+    simulate,
+)
 from identifiability.workflows import instruments
 from identifiability.workflows.analyze import Analysis, analyze
+from identifiability.workflows.band import settle_band
+from identifiability.workflows.diagnose.workflow import usual_effects
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[1]
@@ -146,6 +159,101 @@ def run_cell(name: str, rate: int, step: float, cutoff_name: str, seeds: range) 
     return pd.DataFrame(rows)
 
 
+#: Logs whose cut-off is compared with every fixed one: robot, rate [Hz], bits of the encoders,
+#: whether speeds are measured, and the joint whose encoder is coarse (.003 rad), if one is.
+LOGS: tuple[tuple[str, int, int, bool, int | None], ...] = (
+    ("two-link", 200, 18, False, 1),
+    ("two-link", 50, 12, False, None),
+    ("two-link", 1000, 12, False, None),
+    ("six-dof-arm", 200, 18, False, 5),
+    ("six-dof-arm", 200, 18, False, 3),
+    ("six-dof-arm", 50, 16, False, None),
+    ("six-dof-arm", 100, 14, False, None),
+    ("six-dof-arm", 1000, 20, False, None),
+    ("six-dof-arm", 100, 16, True, None),
+    ("five-bar", 200, 16, True, None),
+    ("scara", 250, 14, False, None),
+    ("scara", 500, 18, True, None),
+)
+
+
+def coarse_log(which: int, number: int, seed: int) -> tuple[Robot, Log]:
+    """Return one of `LOGS`, the first to fit and another motion to predict.
+
+    The coarse joint goes to and fro at .1 rad/s: most positions repeat the one before, and the
+    steps come so evenly that they look like motion of 17 Hz.
+    """
+    name, rate, bits, speeds, joint = LOGS[which]
+    robot, rng = Robot.load(name), np.random.default_rng([seed, which, number])
+    motion = PrescribedMotion.of(
+        random_trajectory(robot, rng, samples=20 * rate, period=20.0, harmonics=10)
+    )
+    q, dq, ddq = (np.array(x) for x in (motion.q, motion.dq, motion.ddq))
+    step = np.full(q.shape[1], 2 * np.pi / 2**bits)
+    if joint is not None:
+        step[joint] = 0.003
+        turns = np.sign(np.sin(2 * np.pi * 0.2 * motion.t + number))
+        dq[:, joint] = 0.1 * gaussian_filter1d(turns, 0.03 * rate)
+        path = np.cumsum(dq[:, joint]) / rate
+        q[:, joint] = q[:, joint].mean() + path - path.mean()
+        ddq[:, joint] = np.gradient(dq[:, joint], 1 / rate)
+    log = simulate(robot, PrescribedMotion(motion.t, q, dq, ddq))
+    noise = Noise(additive=TORQUE, correlation=float(np.exp(-1 / (rate * MEMORY))))
+    q = np.round(log.q / step + rng.random(q.shape[1])) * step
+    assert log.dq is not None
+    noisy = log.dq + 0.01 * log.dq.std(0) * rng.standard_normal(log.dq.shape)
+    found = replace(log, q=q, tau=noise.on_torque(log.tau, rng), ddq=None, sha256=str(number))
+    return robot, replace(found, dq=noisy if speeds else None)
+
+
+def held_out_error(structure: Structure, fitted: Log, unseen: Log, cutoff: float) -> float:
+    """Return the error of the torque of another log as it was measured, every sample of it."""
+    wide = Preparation(cutoff=cutoff, decimate=1, keep_rest=True)
+    samples = prepare_samples(structure.robot, fitted, Preparation(cutoff=cutoff))
+    fit = find_estimator("wls").fit(gather_information(structure.regression([samples])))
+    whole = structure.regression([prepare_samples(structure.robot, unseen, wide)])
+    chunks = [c for part in whole.parts(whole=True) for c in part.chunks()]
+    left = np.concatenate([c.raw - c.W @ fit.value for c in chunks])
+    varies = np.concatenate([c.raw for c in chunks])
+    return float(np.sqrt(np.mean((left**2).mean(0) / varies.var(0))))
+
+
+def compare_fixed(seed: int) -> pd.DataFrame:
+    """Return a row for each of `LOGS`: the cut-off that is chosen beside the best fixed one."""
+    rows = []
+    for which, (name, rate, bits, speeds, joint) in enumerate(LOGS):
+        robot, fitted = coarse_log(which, 0, seed)
+        _, unseen = coarse_log(which, 1, seed)
+        structure = Structure.of(robot, choose_model(None, usual_effects(robot)))
+        by_spectrum, chosen = (
+            find(given, [fitted], None).cutoff or 0.0
+            for find, given in ((settle_cutoff, robot), (settle_band, structure))
+        )
+        fixed = [f for f in 2.5 * 2.0 ** np.arange(8) if f < 0.4 * rate]
+        errors = {
+            c: held_out_error(structure, fitted, unseen, c) for c in (*fixed, by_spectrum, chosen)
+        }
+        best = min(errors, key=lambda c: errors[c])
+        rows.append(
+            {
+                "log": f"{name}, {rate} Hz, {bits} bits"
+                + (", speeds" if speeds else "")
+                + ("" if joint is None else f", joint {joint + 1} coarse"),
+                "by spectra [Hz]": f"{by_spectrum:.3g}",
+                "chosen [Hz]": f"{chosen:.3g}",
+                "best fixed [Hz]": f"{best:.3g}",
+                "error by spectra": f"{100 * errors[by_spectrum]:.3g} %",
+                "error": f"{100 * errors[chosen]:.3g} %",
+                "over the best": Check(
+                    f"{errors[chosen] / errors[best]:.2f}",
+                    errors[chosen] <= 1.1 * errors[best],
+                    "at most 1.1",
+                ),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
 def summarise(cells: dict[tuple[str, int, str, str], pd.DataFrame]) -> pd.DataFrame:
     """Return one row a cell, with what is asked of it."""
     out = []
@@ -223,7 +331,13 @@ def main(argv: Sequence[str] | None = None) -> dict[str, float]:
     parser.add_argument("--out", type=Path, default=ROOT / "reports" / "cutoff.json")
     parser.add_argument("--quick", action="store_true", help="2 logs a cell instead of 40")
     parser.add_argument("--trials", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=0, help="of the twelve logs")
+    parser.add_argument("--fixed", action="store_true", help="only the twelve logs")
     given = parser.parse_args(argv)
+    fixed = compare_fixed(given.seed)
+    print(fixed.to_string(index=False))
+    if given.fixed:
+        return {}
     trials = 2 if given.quick else given.trials
     cells = {
         (name, rate, encoder, cutoff): run_cell(
@@ -243,6 +357,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, float]:
     sections = [
         Section("whole", "All cells", "", (frame_table(whole),)),
         Section("cells", "Cells", "", (frame_table(summarise(cells)),)),
+        Section("fixed", "Twelve logs beside every fixed cut-off", "", (frame_table(fixed),)),
         Section("method", "Method", "", (Prose((method,)),)),
     ]
     given.out.parent.mkdir(parents=True, exist_ok=True)

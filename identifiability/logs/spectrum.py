@@ -203,6 +203,8 @@ class Band:
         Share of the power of an acceleration that noise has at the cut-off, of the worst joint.
     reason : str
         Why the cut-off is there, for the report; nothing where it was given.
+    joints : (n,) [Hz]
+        Bandwidth of each joint, of the fastest log.
     """
 
     cutoff: float
@@ -210,10 +212,14 @@ class Band:
     limit: float
     noise: float
     reason: str
+    joints: Array
 
 
 def choose_band(
-    spectra: Sequence[Spectrum], sliding: Sequence[bool] = (), cutoff: float | None = None
+    spectra: Sequence[Spectrum],
+    sliding: Sequence[bool] = (),
+    cutoff: float | None = None,
+    fastest: float = np.inf,
 ) -> Band:
     """Return the low-pass for all logs that are judged together.
 
@@ -229,14 +235,18 @@ def choose_band(
         Which joints are prismatic: accelerations are compared within a kind.
     cutoff : float or None [Hz]
         One that was given; None chooses it.
+    fastest : float [Hz]
+        Joints that seem to be faster have no say: steps of a coarse encoder may look like motion.
     """
-    band = max(float(s.bandwidths().max(initial=0.0)) for s in spectra)
+    joints = np.max([s.bandwidths() for s in spectra], axis=0)
+    asked = joints <= fastest
+    band = float(joints[asked].max(initial=0.0))
     highest = HIGHEST * min(s.rate for s in spectra)
     most = max(WIDE * band, LOWEST_CUTOFF)
     signal = np.sum([s.acceleration(most) for s in spectra], axis=0)
     kinds = np.array(sliding or [False] * len(signal), bool)
     largest = [signal[kinds == kind].max(initial=0.0) for kind in kinds]
-    counts = (signal > 0) & (signal >= STILL**2 * np.array(largest))
+    counts = asked & (signal > 0) & (signal >= STILL**2 * np.array(largest))
 
     def noise(at: float) -> float:
         power = np.sum([s.noise_in_acceleration(at) for s in spectra], axis=0)
@@ -246,7 +256,7 @@ def choose_band(
     loud = np.flatnonzero([noise(at) > NOISE_SHARE for at in tried])
     limit = float(tried[max(loud[0] - 1, 0)] if len(loud) else tried[-1])
     if cutoff is not None:
-        return Band(cutoff, band, limit, noise(cutoff), "")
+        return Band(cutoff, band, limit, noise(cutoff), "", joints)
     chosen, reason = most, f"10 × the motion's band of {band:.3g} Hz"
     if most == LOWEST_CUTOFF:
         reason = f"the least there is, the motion's band is {band:.2g} Hz"
@@ -259,4 +269,4 @@ def choose_band(
         )
     if highest < chosen:
         chosen, reason = highest, f"a fifth of the sampling rate, the motion reaches {band:.3g} Hz"
-    return Band(chosen, band, limit, noise(chosen), reason)
+    return Band(chosen, band, limit, noise(chosen), reason, joints)

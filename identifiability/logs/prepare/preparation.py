@@ -104,7 +104,10 @@ class SettledPreparation(Preparation):
 
 
 def settle_cutoff(
-    robot: Robot, logs: Sequence[Log | LogFile], how: Preparation | None
+    robot: Robot,
+    logs: Sequence[Log | LogFile],
+    how: Preparation | None,
+    fastest: float = np.inf,
 ) -> Preparation:
     """Return a preparation with one cut-off for all logs: what is compared has one band.
 
@@ -114,6 +117,8 @@ def settle_cutoff(
     logs : sequence of Log or LogFile
         That decide: the fitted ones. What is held out has no say in what is fitted.
     how : Preparation or None
+    fastest : float [Hz]
+        Joints whose band seems to be wider have no say.
 
     Raises
     ------
@@ -124,12 +129,14 @@ def settle_cutoff(
     computed = [log for log in logs if _is_filtered(log, how)]
     if not computed:
         return how
-    return _settle(robot, [Windows.of(log, mend=True) for log in computed], how)
+    return _settle(robot, [Windows.of(log, mend=True) for log in computed], how, fastest)
 
 
-def _settle(robot: Robot, logs: Sequence[Windows], how: Preparation) -> SettledPreparation:
+def _settle(
+    robot: Robot, logs: Sequence[Windows], how: Preparation, fastest: float = np.inf
+) -> SettledPreparation:
     """Return the preparation for logs, from windows of each."""
-    band = _choose_band(robot, logs, how.cutoff)
+    band = _choose_band(robot, logs, how.cutoff, fastest)
     return SettledPreparation(**{**vars(how), "cutoff": band.cutoff, "band": band})
 
 
@@ -139,7 +146,9 @@ def _is_filtered(log: Log | LogFile, how: Preparation) -> bool:
     return how.derivatives == "butterworth" or (how.derivatives == "auto" and not have)
 
 
-def _choose_band(robot: Robot, logs: Sequence[Windows], cutoff: float | None) -> Band:
+def _choose_band(
+    robot: Robot, logs: Sequence[Windows], cutoff: float | None, fastest: float
+) -> Band:
     """Return the band of what is differentiated."""
     spectra: list[Spectrum] = []
     for raw in logs:
@@ -148,7 +157,9 @@ def _choose_band(robot: Robot, logs: Sequence[Windows], cutoff: float | None) ->
         if windows[0].dq is not None:
             source, order = [w.dq for w in windows if w.dq is not None], 1
         spectra += spectra_of(source, raw.gaps.step, order)
-    return choose_band(spectra, [robot.is_prismatic(int(k)) for k in robot.actuated], cutoff)
+    return choose_band(
+        spectra, [robot.is_prismatic(int(k)) for k in robot.actuated], cutoff, fastest
+    )
 
 
 def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:

@@ -21,11 +21,12 @@ from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import REACH
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.logs.prepare.preparation import SettledPreparation, settle_cutoff
+from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.logs.repeats import Recording
 from identifiability.logs.spectrum import NARROW, Band
 from identifiability.regression.gather import gather_information
 from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.band import settle_band
 from identifiability.workflows.instruments import follow
 from identifiability.workflows.opening import Opening, Recordings
 
@@ -66,7 +67,7 @@ def check_cutoff(
     """
     if not isinstance(how, SettledPreparation) or how.band is None:
         return ()
-    held = settle_cutoff(opening.structure.robot, recordings.held, how)
+    held = settle_band(opening.structure, recordings.held, how)
     seen = held.band if isinstance(held, SettledPreparation) else None
     names = " and ".join(log.name for log in recordings.held)
     unseen = _say_cut(seen, names) if seen and not _say_cut(how.band, "") else ""

@@ -23,7 +23,6 @@ from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
-from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.logs.repeats import Recording
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import (
@@ -47,6 +46,7 @@ from identifiability.workflows.analyze.form_belief import believe
 from identifiability.workflows.analyze.result import Analysis
 from identifiability.workflows.analyze.several_logs import compare_logs
 from identifiability.workflows.analyze.words import doubt, state_weak
+from identifiability.workflows.band import settle_band
 from identifiability.workflows.gravity import Leaning, find_leaning, state_leaning
 from identifiability.workflows.instruments import add_instruments
 from identifiability.workflows.oddities import Evidence
@@ -137,7 +137,7 @@ def analyze(
             say("reading logs", 0.0)
             recordings = read_recordings(logs, validate, Conventions.of(robot), preparation)
             structure = Structure.of(robot, ladder_model(source.entry), streams[0])
-            how = settle_cutoff(robot, recordings.fitted, preparation)
+            how = settle_band(structure, recordings.fitted, preparation)
             reading = share(say, "reading logs", 0.1, 0.3)
             opening = open_logs(
                 structure,

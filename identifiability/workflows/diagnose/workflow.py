@@ -22,7 +22,6 @@ from identifiability.foundation.options import (
 from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, Samples
-from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import (
     USUAL_EFFECTS,
@@ -35,6 +34,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import say_band
 from identifiability.workflows.analyze.decisive import weigh_rows
+from identifiability.workflows.band import settle_band
 from identifiability.workflows.diagnose.goes_on import Before, read_earlier
 from identifiability.workflows.diagnose.known_values import (
     Given,
@@ -161,9 +161,9 @@ def diagnose(
         given = read_recordings(logs, validate, Conventions.of(robot), preparation)
         fitted = given.fitted if before is None else halve_new(given.fitted, before.fitted)
         roles = assign_roles(fitted, given.held)
-        settled = settle_cutoff(robot, roles.fit, preparation)
-        how = preparation if settled.cutoff is None else settled
         structure, known = _settle_values(robot, model, fixed)
+        settled = settle_band(structure, roles.fit, preparation)
+        how = preparation if settled.cutoff is None else settled
         most = samples_each(map(len, roles.fit))
         opening = open_logs(
             structure,

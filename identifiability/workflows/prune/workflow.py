@@ -25,7 +25,6 @@ from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
-from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.logs.prepare.survey import find_signal
 from identifiability.physical.feasibility import PhysicalResult, assess_feasibility
 from identifiability.regression.gather import gather_information
@@ -45,6 +44,7 @@ from identifiability.workflows.analyze.cutoff_check import check_cutoff
 from identifiability.workflows.analyze.decisive import weigh_rows
 from identifiability.workflows.analyze.several_logs import compare_logs
 from identifiability.workflows.analyze.words import state_weak
+from identifiability.workflows.band import settle_band
 from identifiability.workflows.instruments import add_instruments
 from identifiability.workflows.opening import (
     Logs,
@@ -157,7 +157,7 @@ def prune(
         recordings = read_recordings(logs, validate, Conventions.of(robot), preparation)
         structure = Structure.of(robot, ladder_model(source.entry), streams[0])
         reading = share(say, "reading logs", 0.0, 0.1)
-        how = settle_cutoff(robot, recordings.fitted, preparation)
+        how = settle_band(structure, recordings.fitted, preparation)
         prepare = partial(prepare_log, robot, how=how, engine=runner, progress=reading)
         opening = open_logs(structure, recordings, prepare, "pruned")
         opening, asked = add_instruments(opening, recordings.fitted, base, estimator)
