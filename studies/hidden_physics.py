@@ -196,7 +196,8 @@ class Machine:
         change : (L,) [s], optional
             When each becomes what `changed` is.
         """
-        return _Simulation(self, wanted, laws, session, change).run(every, settle)
+        with np.errstate(all="ignore"):  # what diverges is found at the end
+            return _Simulation(self, wanted, laws, session, change).run(every, settle)
 
 
 class _Simulation:

@@ -31,6 +31,7 @@ from hidden_physics_laws import INSIDE, OUTSIDE, Hidden, Joint
 from scipy.signal import lfilter
 
 from identifiability.effects import FAMILIES, default_effects
+from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
@@ -55,6 +56,8 @@ Z, NOISE = (3.0, 40.0), (0.002, 0.03)
 SIZES = (0.03, 0.6)
 #: Draws until something is hidden that the base model does not say as well.
 DRAWS = 5
+#: Positions beyond which a simulation has diverged [rad or m].
+FAR = 50.0
 #: Steps of encoders: bits of a turn, and metres.
 BITS, LINE = (16, 19), (1e-6, 5e-6)
 
@@ -119,7 +122,12 @@ def make_case(folder: Path, stream: str, number: int, kind: str | None = None) -
     path.mkdir(parents=True)
     name = str(rng.choice(list(ROBOTS)))
     robot = write_robot(path, name, rng)
-    truth = Case(robot, kind, rng).write(path)
+    truth = None
+    while truth is None:
+        try:
+            truth = Case(robot, kind, rng).write(path)
+        except (ClosureError, FloatingPointError, np.linalg.LinAlgError):
+            continue  # a controller that leaves the workspace: another motion is drawn
     head = {"stream": stream, "number": number, "kind": kind, "robot": name}
     (path / "truth.json").write_text(json.dumps({**head, **truth}, indent=1, default=float) + "\n")
     return path
@@ -325,7 +333,7 @@ class Case:
             session=(SECONDS + PAUSE) * np.arange(len(LOGS)),
             change=change,
         )
-        if not np.isfinite(runs.tau).all():
+        if not np.isfinite(runs.tau).all() or np.abs(runs.q).max() > FAR:
             raise FloatingPointError(f"the simulation of {self.robot.name} diverged")
         parts, number = [], 0
         for hidden, _ in found:
