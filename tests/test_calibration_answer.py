@@ -53,6 +53,7 @@ def test_yes_where_intervals_hold(log):
     assert (told["answer"], told["lines"], told["causes"]) == ("yes", [first, second, third], [])
 
 
+@pytest.mark.everything
 def test_no_where_the_motion_errs_and_instruments_mend_it(log):
     noisy = log(Noise(motion=0.1, torque=0.02))
     found = calibrate(analyze("two-link", noisy, estimator="ls", replicates=60), **FEW)

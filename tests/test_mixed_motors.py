@@ -65,6 +65,7 @@ def test_pruning_makes_levels_equal_that_are_equal(mixed, noisy):
     assert not any("m6" in name for members in ties for name in members)
 
 
+@pytest.mark.everything
 def test_default_calibration_runs(mixed, noisy):
     analysis = analyze(mixed, noisy, replicates=0)
     found = calibrate(analysis, replicates=2, refits=20, sbc=0, names=0)

@@ -80,7 +80,7 @@ def logs(simulated_session):
     return make
 
 
-@pytest.mark.parametrize("rho", [0.0, 0.9, 0.98])
+@pytest.mark.parametrize("rho", [pytest.param(0.0, marks=pytest.mark.everything), 0.9, 0.98])
 def test_slow_noise_is_no_function(logs, rho):
     for seed in range(3):
         found = analyze("two-link", logs(rho, seed), replicates=20)

@@ -15,6 +15,7 @@ def failed(result: StudyResult) -> set[str]:
     return {c.name for c in result.failed}
 
 
+@pytest.mark.everything
 def test_a_platform_edge_one_percent_longer_fails_the_coefficients_of_table_1(changed_robot):
     robot = changed_robot("make_robot.py", "EDGE = 0.4563", "EDGE = 0.4563 * 1.01")
     result = table_1_base_parameters.run(Options(quick=True, robot=robot))

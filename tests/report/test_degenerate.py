@@ -64,6 +64,7 @@ def test_many_logs_get_a_row_each(chain_analysis):
     assert len(blocks["provenance"][0].rows) >= 13  # hashes, although names repeat
 
 
+@pytest.mark.everything
 @pytest.mark.parametrize("joints", [8, pytest.param(24, marks=pytest.mark.everything)])
 def test_many_joints_fit_into_a_page(chain_analysis, one_rung, joints):
     ladder = one_rung.model_copy(deep=True)

@@ -231,9 +231,8 @@ def hits(name, seed, trajectories, samples=None, replicates=1000):
     return (low <= truth) & (truth <= high), frame["value"][at] / truth[at]
 
 
-@pytest.mark.parametrize(
-    "name", ["dvrk-mtm", pytest.param("dvrk-psm", marks=pytest.mark.everything)]
-)
+@pytest.mark.everything
+@pytest.mark.parametrize("name", ARMS)
 def test_an_arm_is_identified_back_from_a_noisy_log(name):
     """`studies/dvrk.py` in short: there 20 seeds cover at least .93."""
     held, spring = hits(name, 0, "abd", samples=500, replicates=50)
