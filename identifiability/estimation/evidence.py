@@ -603,8 +603,37 @@ def choose_smallest(scores: Sequence[Score], sizes: Sequence[int], levels: Level
     return int(min(near, key=lambda m: (sizes[m], -scores[m].density.sum())))
 
 
-def mix_labels(weights: Array, values: Array, sigmas: Array) -> tuple[Array, Array]:
-    """Return value and standard deviation of labels over M models, (k,) each.
+@frozen
+class Mixture:
+    """What models that may all be right say of the k labels of one of them.
+
+    Attributes
+    ----------
+    value, sigma : (k,)
+        Mean and standard deviation of the mixture.
+    low, high : (k,)
+        Values of the models that carry the weight, apart from the lightest `LIGHTEST` of them.
+    """
+
+    value: Array
+    sigma: Array
+    low: Array
+    high: Array
+
+    def disagree(self, sigma: Array, share: float) -> np.ndarray:
+        """Return the labels that models move by more than a share of a standard deviation (k,)."""
+        far: np.ndarray = np.maximum(self.sigma**2 - sigma**2, 0.0) > (share * sigma) ** 2
+        return far
+
+
+#: Share of the weight that models which are not spoken of carry together.
+LIGHTEST = 0.05
+
+
+def mix_labels(weights: Array, values: Array, sigmas: Array) -> Mixture:
+    """Return the mixture of labels over M models.
+
+    Its variance is ``Σ w (σ² + φ²) - φ̄²``. A model that leaves a label open has no say in it.
 
     Parameters
     ----------
@@ -612,6 +641,17 @@ def mix_labels(weights: Array, values: Array, sigmas: Array) -> tuple[Array, Arr
     values, sigmas : (M, k)
         Of each label in each model.
     """
-    mean = weights @ values
-    variance = weights @ (sigmas**2 + (values - mean) ** 2)
-    return mean, np.sqrt(variance)
+    known = np.isfinite(sigmas)
+    w = np.where(known, weights[:, None], 0.0)
+    total = w.sum(0)
+    w = w / np.where(total > 0, total, 1.0)
+    x, s = np.where(known, values, 0.0), np.where(known, sigmas, 0.0)
+    mean = (w * x).sum(0)
+    variance = np.where(total > 0, (w * (s**2 + (x - mean) ** 2)).sum(0), np.inf)
+    order = np.argsort(-w, axis=0, kind="stable")
+    heavy = np.empty(w.shape, bool)
+    before = np.cumsum(np.take_along_axis(w, order, 0), 0) - np.take_along_axis(w, order, 0)
+    np.put_along_axis(heavy, order, before < 1.0 - LIGHTEST, 0)
+    low = np.where(heavy & known, x, np.inf).min(0)
+    high = np.where(heavy & known, x, -np.inf).max(0)
+    return Mixture(mean, np.sqrt(variance), low, high)

@@ -10,10 +10,18 @@ from scipy.special import ndtr
 
 from identifiability.estimation.doubt import LabelDoubt
 from identifiability.estimation.estimator import PAPER_FACTOR, Estimate, settle_signs
+from identifiability.estimation.evidence import Mixture
 from identifiability.estimation.holm import holm
 from identifiability.estimation.omitted import LeftOut
 from identifiability.estimation.uncertainty import Uncertainty, recurrence
-from identifiability.estimation.verdict import Class, Thresholds, Verdict, digits, percent_of
+from identifiability.estimation.verdict import (
+    WORTH_SAYING,
+    Class,
+    Thresholds,
+    Verdict,
+    digits,
+    percent_of,
+)
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import REACH
 from identifiability.foundation.values import frozen
@@ -30,12 +38,9 @@ FORBIDDEN = (
     "axis or a torque has the wrong sign."
 )
 
-#: Share of σ by noise beyond which what is left out is spoken of.
-WORTH_SAYING = 0.5
-
 
 @frozen
-class Evidence:
+class Grounds:
     """What the verdicts of one model rest on, arrays over its k parameters.
 
     Attributes
@@ -62,6 +67,8 @@ class Evidence:
         Whether physics forbids the sign of the value.
     doubt : LabelDoubt or None
         What functions that are missing do to them.
+    models : Mixture or None
+        What all models of a path say of the labels.
     """
 
     estimate: Estimate
@@ -75,11 +82,12 @@ class Evidence:
     left_out: LeftOut | None = None
     forbidden: np.ndarray | None = None
     doubt: LabelDoubt | None = None
+    models: Mixture | None = None
 
     @property
     def value(self) -> Array:
-        """Values of the labels: beside the functions that are missing, (k,)."""
-        value = self.estimate.value
+        """Values of the labels: over models, beside the functions that are missing, (k,)."""
+        value = self.estimate.value if self.models is None else self.models.value
         return value if self.doubt is None else value - self.doubt.shift
 
     @property
@@ -100,45 +108,46 @@ class Evidence:
     @property
     def sigma_label(self) -> Array:
         """Standard deviations from what the labels say, (k,)."""
-        sigma = np.hypot(self.sigma_robust, self.sigma_omit)
+        sigma = self.sigma_robust if self.models is None else self.models.sigma
+        sigma = np.hypot(sigma, self.sigma_omit)
         return sigma if self.doubt is None else np.hypot(sigma, self.doubt.sigma)
 
 
 def judge(
     labels: Sequence[str],
     units: Sequence[str],
-    evidence: Evidence,
+    grounds: Grounds,
     nominal: Array | None = None,
     thresholds: Thresholds | None = None,
 ) -> tuple[Verdict, ...]:
     """Return the verdict on every parameter of a model."""
     rules = thresholds or Thresholds()
-    e, value, doubt = evidence.estimate, evidence.value, evidence.doubt
-    sigma, left = evidence.sigma_label, evidence.left_out
+    e, value, doubt = grounds.estimate, grounds.value, grounds.doubt
+    sigma, left = grounds.sigma_label, grounds.left_out
     without: tuple[Verdict, ...] = ()
     if doubt is not None:  # what would be said if nothing were missing
-        without = judge(labels, units, replace(evidence, doubt=None), nominal, thresholds)
+        without = judge(labels, units, replace(grounds, doubt=None), nominal, thresholds)
     with np.errstate(divide="ignore", invalid="ignore"):
         z = np.where(e.determined & (sigma > 0), np.abs(value) / sigma, 0.0)
         z = np.where(e.determined & (sigma == 0) & (value != 0), np.inf, z)
     certain = holm(2 * ndtr(-z)) < rules.sign_level
     paper = e.paper_rule
     least = float(e.sigma_percent.min(initial=np.inf))
-    out, moved = [], evidence.bias_sigma
+    out, moved = [], grounds.bias_sigma
     for k, name in enumerate(e.columns):
         reach = abs(value[k]) + REACH * sigma[k] if np.isfinite(sigma[k]) else 0.0
         percent = percent_of(float(sigma[k]), float(value[k]))
         kind, reason = _decide(
-            evidence, k, bool(certain[k]), percent, float(reach * evidence.column_noise[k]), rules
+            grounds, k, bool(certain[k]), percent, float(reach * grounds.column_noise[k]), rules
         )
-        if kind in SURE and evidence.forbidden is not None and evidence.forbidden[k]:
+        if kind in SURE and grounds.forbidden is not None and grounds.forbidden[k]:
             kind, reason = Class.IN_DOUBT, FORBIDDEN
         elif doubt is not None and without[k].verdict in LOST and kind is not without[k].verdict:
             kind, reason = Class.IN_DOUBT, _say_doubt(doubt.names[k], without[k], percent)
         if kind not in (Class.NOT_JUDGED, Class.NEGLIGIBLE) and e.determined[k]:
-            reason += _condition(evidence, k)
+            reason += _condition(grounds, k)
         reason += _compare(kind, bool(paper[k]), float(e.sigma_percent[k]), least)
-        share = abs(value[k]) * evidence.column_rms[k] / max(evidence.tau_rms, 1e-300)
+        share = abs(value[k]) * grounds.column_rms[k] / max(grounds.tau_rms, 1e-300)
         out.append(
             Verdict(
                 name=name,
@@ -146,14 +155,15 @@ def judge(
                 unit=units[k],
                 value=float(value[k]),
                 sigma=float(e.sigma[k]),
-                sigma_robust=float(evidence.sigma_robust[k]),
+                sigma_robust=float(grounds.sigma_robust[k]),
                 share=float(share),
                 paper_rule=bool(paper[k]),
                 verdict=kind,
                 reason=reason,
                 nominal=None if nominal is None else float(nominal[k]),
-                sigma_omit=float(evidence.sigma_omit[k]),
+                sigma_omit=float(grounds.sigma_omit[k]),
                 sigma_doubt=0.0 if doubt is None else float(doubt.sigma[k]),
+                sigma_models=None if grounds.models is None else float(grounds.models.sigma[k]),
                 stands_for="" if left is None else left.stands_for[k],
                 projected=None if left is None or nominal is None else float(left.projected[k]),
                 bias_sigma=moved[k],
@@ -173,13 +183,13 @@ def _say_doubt(name: str, without: Verdict, percent: float) -> str:
 
 
 def _decide(
-    evidence: Evidence, k: int, certain: bool, percent: float, effect: float, rules: Thresholds
+    grounds: Grounds, k: int, certain: bool, percent: float, effect: float, rules: Thresholds
 ) -> tuple[Class, str]:
-    if not evidence.estimate.determined[k]:
-        return Class.NOT_IDENTIFIABLE, evidence.aliases[k]
-    recurrence = float(evidence.recurrence[k])
-    if evidence.unjudged[k]:
-        return Class.NOT_JUDGED, evidence.unjudged[k]
+    if not grounds.estimate.determined[k]:
+        return Class.NOT_IDENTIFIABLE, grounds.aliases[k]
+    recurrence = float(grounds.recurrence[k])
+    if grounds.unjudged[k]:
+        return Class.NOT_JUDGED, grounds.unjudged[k]
     about, again = digits(percent), ""
     if recurrence < rules.recurrence:
         again = f" Of the resampled logs {100 * recurrence:.0f} % say so, too."
@@ -208,9 +218,14 @@ def _decide(
     return next(found, (Class.NOT_IDENTIFIABLE, otherwise))
 
 
-def _condition(evidence: Evidence, k: int) -> str:
+def _condition(grounds: Grounds, k: int) -> str:
     """Return what a verdict owes to the model that it is made in, if anything."""
-    left = evidence.left_out
+    left, models = grounds.left_out, grounds.models
+    if models is not None and models.disagree(grounds.sigma_robust, WORTH_SAYING)[k]:
+        return (
+            f" Models that predict alike disagree on it: they put it between {models.low[k]:.3g} "
+            f"and {models.high[k]:.3g}, and its interval holds them."
+        )
     if left is None:
         return ""
     if np.isfinite(left.disputed[k]):
@@ -223,9 +238,9 @@ def _condition(evidence: Evidence, k: int) -> str:
             " That holds in this model: the robot file states no inertias, so how far what is left "
             "out moves it from its label is not known."
         )
-    if not left.stands_for[k] or left.sigma[k] < WORTH_SAYING * evidence.sigma_robust[k]:
+    if not left.stands_for[k] or left.sigma[k] < WORTH_SAYING * grounds.sigma_robust[k]:
         return ""
-    own = percent_of(float(evidence.sigma_robust[k]), float(evidence.estimate.value[k]))
+    own = percent_of(float(grounds.sigma_robust[k]), float(grounds.estimate.value[k]))
     return (
         f" In this model it stands for {left.stands_for[k]}, known to ±{digits(own)} %; the rest "
         "of the uncertainty is what the model leaves out."
@@ -258,6 +273,7 @@ def judge_rung(
     stated: Array | None = None,
     left_out: LeftOut | None = None,
     doubt: LabelDoubt | None = None,
+    models: Mixture | None = None,
 ) -> tuple[Verdict, ...]:
     """Return the verdicts on the k parameters of a model.
 
@@ -275,13 +291,15 @@ def judge_rung(
         What the parameters that the model leaves out do to its own.
     doubt : LabelDoubt, optional
         What functions that are missing do to them.
+    models : Mixture, optional
+        What all models of a path say of the labels.
     """
     omitted = 0.0 if left_out is None else left_out.sigma
     often = recurrence(fit, uncertainty, thresholds, omitted)
     unjudged = uncertainty.why_unjudged(thresholds)
     if all(unjudged):
         doubt = None  # values that no verdict stands on are those of the fit
-    evidence = Evidence(
+    grounds = Grounds(
         fit,
         uncertainty.robust,
         often,
@@ -293,8 +311,9 @@ def judge_rung(
         left_out,
         rung.nonnegative & fit.determined & (settle_signs(information, fit, rung.nonnegative) < 0),
         doubt,
+        models,
     )
-    return judge(rung.labels, rung.units, evidence, stated, thresholds)
+    return judge(rung.labels, rung.units, grounds, stated, thresholds)
 
 
 def column_rms(information: Information) -> Array:

@@ -30,9 +30,13 @@ class Class(StrEnum):
 #: Attributes of a verdict that stand in a row under their own names.
 IN_A_ROW = (
     "name", "label", "unit", "value", "sigma", "sigma_percent", "sigma_robust_percent",
-    "sigma_omit", "sigma_doubt", "bias_sigma", "interval95", "data_interval95", "paper_rule",
-    "verdict", "reason", "stands_for", "nominal", "projected",
+    "sigma_omit", "sigma_doubt", "sigma_models", "bias_sigma", "interval95", "data_interval95",
+    "paper_rule", "verdict", "reason", "stands_for", "nominal", "projected",
 )  # fmt: skip
+
+
+#: Share of σ by noise beyond which what else moves a value is spoken of.
+WORTH_SAYING = 0.5
 
 
 @frozen
@@ -83,8 +87,9 @@ class Verdict:
     value, sigma, sigma_robust : float
         Estimate and its standard deviations under white and under autocorrelated noise.
     interval95 : tuple of float
-        For the label: ``value ± 1.96 √(σ_robust² + σ_omit² + σ_doubt²)``, or the physical
-        posterior's where that decided the verdict.
+        For the label: ``value ± 1.96 √(σ² + σ_omit² + σ_doubt²)``, σ that of the mixture over
+        models where there is one, else σ_robust; or the physical posterior's where that decided
+        the verdict.
     share : float
         Torque that the parameter makes, rms, relative to the measured torque's.
     paper_rule : bool
@@ -107,6 +112,9 @@ class Verdict:
     bias_sigma : float or None
         Value of least squares less this one, in σ_robust: the bias by noise in the motion that
         would have been believed. None without instruments.
+    sigma_models : float or None
+        Standard deviation over all models of a path that may be right, in place of `sigma_robust`;
+        the value is their mean. None where one model is judged by itself.
     """
 
     name: str
@@ -126,6 +134,7 @@ class Verdict:
     stands_for: str = ""
     projected: float | None = None
     bias_sigma: float | None = None
+    sigma_models: float | None = None
 
     @property
     def interval95(self) -> tuple[float, float]:
@@ -144,7 +153,14 @@ class Verdict:
     @property
     def sigma_label(self) -> float:
         """Standard deviation from what the label says: of noise and of what is missing."""
-        return float(np.hypot(np.hypot(self.sigma_robust, self.sigma_omit), self.sigma_doubt))
+        own = self.sigma_robust if self.sigma_models is None else self.sigma_models
+        return float(np.hypot(np.hypot(own, self.sigma_omit), self.sigma_doubt))
+
+    @property
+    def disputed(self) -> bool:
+        """Whether models that predict alike disagree on it by more than half of σ_robust."""
+        wider = self.sigma_robust if self.sigma_models is None else self.sigma_models
+        return wider > self.sigma_robust * float(np.hypot(1.0, WORTH_SAYING))
 
     @property
     def sigma_percent(self) -> float:

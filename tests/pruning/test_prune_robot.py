@@ -199,3 +199,14 @@ def test_the_command_line_prunes_and_writes(simulated, tmp_path):
     assert json.loads(data.read_text())["selected"].endswith("parameters")
     bad = CliRunner().invoke(app, ["two-link", str(tmp_path / "none.csv")])
     assert bad.exit_code == 2
+
+
+def test_labels_are_those_of_all_models_by_their_weight(pruned):
+    assert sum(r.weight for r in pruned.rungs) == pytest.approx(1.0)
+    rungs = [r for r in pruned.rungs if r.weight > 0]
+    assert max(rungs, key=lambda r: r.density).density == 0.0
+    for v in pruned.verdicts:
+        assert v.sigma_label >= v.sigma_models > 0
+        low, high = v.interval95
+        own = [x.value for r in rungs for x in r.verdicts if x.name == v.name and r.weight > 0.3]
+        assert all(low <= x <= high for x in own)

@@ -9,6 +9,7 @@ import numpy as np
 from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import Estimate, settle_signs
+from identifiability.estimation.evidence import Mixture
 from identifiability.estimation.judge import judge_rung
 from identifiability.estimation.least_squares import MIXED, dependence
 from identifiability.estimation.omitted import find_left_out
@@ -238,26 +239,11 @@ def assess_ladder(
             spread_told = assess_uncertainty(
                 told.information, told.estimate, residual, fitted.series, rng, replicates
             )
-        nominal = model.structure.nominal_base - rung.held
-        stated = np.linalg.lstsq(told.rung.M, nominal, rcond=None)[0]
-        left_out = find_left_out(model.structure, told.rung, model.whole, told.estimate, full)
-        aliases = _aliases(told.information, told.estimate, told.rung)
         result = RungResult(
             rung=rung,
             estimate=fit,
             uncertainty=uncertainty,
-            verdicts=judge_rung(
-                told.rung,
-                told.information,
-                told.estimate,
-                spread_told,
-                torque,
-                aliases,
-                thresholds,
-                stated,
-                left_out,
-                doubt.of_labels(told.rung, told.estimate),
-            ),
+            verdicts=judge_told(told, spread_told, torque, thresholds, full, doubt),
             error_ra=float(error[k]),
             error_ra_validation=float(held_error[k]),
             error_se=float(spread[k]),
@@ -274,6 +260,41 @@ def assess_ladder(
         )
         results.append(result)
     return tuple(results)
+
+
+def judge_told(
+    told: FittedModel,
+    uncertainty: Uncertainty,
+    torque: float,
+    thresholds: Thresholds,
+    full: Estimate | None,
+    doubt: Doubt,
+    models: Mixture | None = None,
+) -> tuple[Verdict, ...]:
+    """Return the verdicts on a model as it is told (`FittedModel.told`).
+
+    Parameters
+    ----------
+    told : FittedModel
+    uncertainty : Uncertainty
+    torque : float [N·m or N]
+        Root mean square of the measured torque.
+    thresholds : Thresholds
+    full : Estimate or None
+        Of all base parameters.
+    doubt : Doubt
+        Functions that are missing beside these.
+    models : Mixture, optional
+        What all models of a path say of its labels.
+    """
+    rung, part, fit = told.rung, told.information, told.estimate
+    stated = np.linalg.lstsq(rung.M, told.structure.nominal_base - rung.held, rcond=None)[0]
+    left_out = find_left_out(told.structure, rung, told.whole, fit, full)
+    aliases = _aliases(part, fit, rung)
+    own = doubt.of_labels(rung, fit)
+    return judge_rung(
+        rung, part, fit, uncertainty, torque, aliases, thresholds, stated, left_out, own, models
+    )
 
 
 def forbidden_signs(rung: Rung, information: Information, fit: Estimate) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 """The rungs of the ladder: models on the way down, with what is said of each."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import starmap
@@ -10,16 +11,22 @@ import numpy as np
 from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.evidence import Evidence, weigh_models
-from identifiability.estimation.judge import judge_rung
+from identifiability.estimation.evidence import (
+    Evidence,
+    Mixture,
+    mix_labels,
+    weigh_models,
+)
 from identifiability.estimation.layout import take_turns
 from identifiability.estimation.omitted import find_left_out
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.estimation.scores import scatter_scores
 from identifiability.estimation.torque_errors import standard_error, standard_error_over_joints
 from identifiability.estimation.uncertainty import Uncertainty, resample
-from identifiability.estimation.verdict import Class, Thresholds, Verdict
+from identifiability.estimation.verdict import Class, Thresholds
 from identifiability.foundation.engines.mapping import Engine, Steps
+from identifiability.foundation.errors import listing
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel
@@ -30,12 +37,19 @@ from identifiability.workflows.analyze.assessment import (
     RungResult,
     assess_ladder,
     forbidden_signs,
+    judge_told,
 )
 from identifiability.workflows.analyze.fit import settle_robots
 from identifiability.workflows.analyze.words import WORSE
 from identifiability.workflows.opening import Opening, find_missing
 from identifiability.workflows.prune.elimination import Step, explain
-from identifiability.workflows.prune.search import Search, best_step
+from identifiability.workflows.prune.search import Search, best_step, first_allowed
+
+#: Models of less weight than this share of the heaviest's are no part of a mixture.
+LEAST_WEIGHT = 1e-3
+
+#: Coefficients of a label below this are rounding.
+ROUNDING = 1e-9
 
 
 @frozen(kw_only=True)
@@ -244,13 +258,30 @@ def measure_rungs(
     best = steps[best_step(steps)].score
     judged = [Evidence.of(step.score, best) for step in steps]
     unit = max(steps[0].score.error ** 2, 1e-300)
-    weights = weigh_models([step.score.density for step in steps], rng)
+    weights = np.zeros(len(steps))
+    first = first_allowed(steps)
+    weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
+    spreads = [
+        resample(told.information, told.estimate, spread.block, rng, replicates)
+        for told in (model.told for model in starmap(question.recall, fits))
+    ]
+    own_told = own_model[0].told
+    models = _mix(question, fits, spreads, weights, own_told) if replicates else None
+    torque = float(np.sqrt(np.mean(own.rms**2)))
+    result = replace(
+        result,
+        verdicts=judge_told(
+            own_told, spreads[chosen], torque, Thresholds(), question.full, missing, models
+        ),
+    )
     rungs = tuple(
         PrunedRung(
             step=step,
             rung=model.rung,
             estimate=model.estimate,
-            verdicts=_judge(model, question.full, spread, rng, replicates, missing),
+            verdicts=result.verdicts
+            if k == chosen
+            else judge_told(model.told, spreads[k], torque, Thresholds(), question.full, missing),
             error_ra=float(error[k]),
             error_ra_unseen=float(error_unseen[k]),
             error_se=float(error_se[k]),
@@ -301,27 +332,46 @@ def _plan_unseen(question: Question, search: Search) -> Task:
     return Task(values, turns, held=False)
 
 
-def _judge(
-    model: FittedModel,
-    full: Estimate | None,
-    spread: Uncertainty,
-    rng: np.random.Generator,
-    replicates: int,
-    missing: Doubt,
-) -> tuple[Verdict, ...]:
-    """Return the verdicts on a model, with the blocks of the chosen one's bootstrap."""
-    model = model.told
-    part, fit = model.information, model.estimate
-    own = resample(part, fit, spread.block, rng, replicates)
-    torque = float(np.linalg.norm(part.factor()[:, -1]) / np.sqrt(max(part.rows, 1)))
-    unknown = ("This motion determines it in combination with others only, or not at all.",)
-    left_out = find_left_out(model.structure, model.rung, model.whole, fit, full)
-    aliases = unknown * len(model.rung)
-    doubt = missing.of_labels(model.rung, fit)
-    rules = Thresholds()
-    return judge_rung(
-        model.rung, part, fit, own, torque, aliases, rules, left_out=left_out, doubt=doubt
+def state_disagreement(measured: Measured) -> tuple[str, ...]:
+    """Return what models that predict alike disagree on, in one sentence."""
+    moved = [v.name for v in measured.result.verdicts if v.disputed]
+    if not moved or measured.nothing:
+        return ()
+    return (
+        f"Models that predict alike disagree on {listing(moved, 6)}: values and intervals are those "
+        "of all of them together, each by its weight.",
     )
+
+
+def _mix(
+    question: Question,
+    fits: Sequence[tuple[Rung, Estimate]],
+    spreads: Sequence[Uncertainty],
+    weights: Array,
+    told: FittedModel,
+) -> Mixture:
+    """Return what all models of the path say of the labels of one, as it is told."""
+    inverse = np.linalg.pinv(told.rung.M)
+    heavy = np.flatnonzero(weights > LEAST_WEIGHT * weights.max())
+    values, sigmas = [], []
+    for k in heavy.tolist():
+        model = question.recall(*fits[k]).told
+        L = inverse @ model.rung.M
+        L[np.abs(L) < ROUNDING] = 0.0
+        values.append(inverse @ (model.rung.expand(model.estimate.value) - told.rung.held))
+        sigmas.append(_spread_labels(L, model.estimate, spreads[k].robust))
+    return mix_labels(weights[heavy], np.array(values), np.array(sigmas))
+
+
+def _spread_labels(L: Array, fit: Estimate, robust: Array) -> Array:
+    """Return standard deviations of combinations L x of a fit's values, (r,)."""
+    open_ = ~(np.isfinite(robust) & np.isfinite(fit.sigma) & (fit.sigma > 0))
+    wider = np.where(open_, 0.0, robust) / np.where(open_, 1.0, fit.sigma)
+    covariance = np.where(np.isfinite(fit.covariance), fit.covariance, 0.0)
+    covariance = wider[:, None] * covariance * wider
+    sigma = np.sqrt(np.maximum(np.einsum("ra,ab,rb->r", L, covariance, L), 0.0))
+    lost: Array = np.where((L[:, open_] != 0).any(1), np.inf, sigma)
+    return lost
 
 
 def contradicts(model: FittedModel, full: Estimate | None) -> bool:

@@ -154,11 +154,11 @@ def _why_idle(information: Information, full: Estimate, idle: Sequence[str]) -> 
 
 def best_step(steps: Sequence[Step]) -> int:
     """Return the step with the best predictive log density of those that may be used."""
-    first = _first_allowed(steps)
+    first = first_allowed(steps)
     return first + int(np.argmax([s.density for s in steps[first:]]))
 
 
-def _first_allowed(steps: Sequence[Step]) -> int:
+def first_allowed(steps: Sequence[Step]) -> int:
     """Return the first step after what must go: what the motion or the user leaves out."""
     must = (Kind.UNEXCITED, Kind.FORCED)
     return max((k for k, s in enumerate(steps) if s.move and s.move.kind in must), default=0)
@@ -170,7 +170,7 @@ def good_steps(steps: Sequence[Step], criterion: Criterion) -> list[int]:
     Preferred is the smallest of those with the fewest forbidden signs; the others follow for the
     case that no real robot can have its values.
     """
-    first, best = _first_allowed(steps), best_step(steps)
+    first, best = first_allowed(steps), best_step(steps)
     if criterion == "best":
         return [best]
     scores = [step.score for step in steps[first:]]

@@ -58,7 +58,12 @@ from identifiability.workflows.opening import (
 from identifiability.workflows.prune.absorption import absorb
 from identifiability.workflows.prune.proposals import merge_moves, propose_moves
 from identifiability.workflows.prune.result import Ladder
-from identifiability.workflows.prune.rung import Question, contradicts, measure_rungs
+from identifiability.workflows.prune.rung import (
+    Question,
+    contradicts,
+    measure_rungs,
+    state_disagreement,
+)
 from identifiability.workflows.prune.search import (
     Criterion,
     Search,
@@ -209,7 +214,15 @@ def prune(
             structure=structure,
             samples=opening.samples,
             validation=opening.validation,
-            hints=(*idle, *said, *opening.hints, *bands, *several, *unused_ladder(robot, ladder)),
+            hints=(
+                *idle,
+                *state_disagreement(measured),
+                *said,
+                *opening.hints,
+                *bands,
+                *several,
+                *unused_ladder(robot, ladder),
+            ),
             information=information,
             start=start,
             selected=selected,

@@ -203,6 +203,18 @@ def test_the_smallest_within_two_nats_or_as_good_is_chosen_and_equal_models_weig
 
 def test_a_mixture_holds_what_models_disagree_on():
     values, sigmas = np.array([[1.0, 2.0], [3.0, 2.0]]), np.full((2, 2), 0.1)
-    mean, sd = mix_labels(np.array([0.5, 0.5]), values, sigmas)
-    np.testing.assert_allclose(mean, [2.0, 2.0])
-    np.testing.assert_allclose(sd, [np.hypot(1.0, 0.1), 0.1])
+    found = mix_labels(np.array([0.5, 0.5]), values, sigmas)
+    np.testing.assert_allclose(found.value, [2.0, 2.0])
+    np.testing.assert_allclose(found.sigma, [np.hypot(1.0, 0.1), 0.1])
+    np.testing.assert_allclose([found.low, found.high], [[1.0, 2.0], [3.0, 2.0]])
+    np.testing.assert_array_equal(found.disagree(sigmas[0], 0.5), [True, False])
+
+
+def test_a_model_that_leaves_a_label_open_has_no_say_in_it_and_light_ones_are_not_named():
+    values = np.array([[1.0, 2.0], [3.0, 2.0], [9.0, 9.0]])
+    sigmas = np.array([[0.1, 0.1], [np.inf, 0.1], [0.1, 0.1]])
+    found = mix_labels(np.array([0.5, 0.49, 0.01]), values, sigmas)
+    np.testing.assert_allclose(found.value, [(0.5 + 0.09) / 0.51, 2.07])
+    np.testing.assert_allclose(found.high, [1.0, 2.0])
+    nobody = mix_labels(np.ones(1), np.ones((1, 1)), np.full((1, 1), np.inf))
+    assert np.isinf(nobody.sigma).all()

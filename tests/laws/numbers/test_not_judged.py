@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.judge import Evidence, judge
+from identifiability.estimation.judge import Grounds, judge
 from identifiability.estimation.scores import FEWEST, count_freedom, scatter_scores
 from identifiability.estimation.uncertainty import assess_uncertainty, recurrence
 from identifiability.estimation.verdict import Class, Thresholds
@@ -27,7 +27,7 @@ def assess(samples, columns=4, *, rho=0.0, actuators=2, size=1, replicates=100, 
 
 def judged(fit, found, rules=None):
     rules, k = rules or Thresholds(), len(fit.columns)
-    evidence = Evidence(
+    evidence = Grounds(
         fit, found.robust, recurrence(fit, found, rules), np.ones(k), np.full(k, 1e3), 1.0,
         ("Only with another.",) * k, found.why_unjudged(rules),
     )  # fmt: skip
@@ -122,7 +122,7 @@ def test_without_scores_nothing_is_judged():
 
 
 def test_what_the_motion_leaves_open_is_said_as_before():
-    evidence = Evidence(
+    evidence = Grounds(
         fit_of([1.0, 2.0], [0.01, 0.01], [False, True]), np.array([np.inf, 0.01]), np.ones(2),
         np.ones(2), np.ones(2), 1.0, ("Only with another.", ""), ("Too short.",) * 2,
     )  # fmt: skip

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import find_estimator
-from identifiability.estimation.judge import Evidence, judge
+from identifiability.estimation.judge import Grounds, judge
 from identifiability.estimation.omitted import SHARE, LeftOut, body_scatter, find_left_out
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.names import INERTIAL
@@ -112,8 +112,10 @@ def test_the_largest_of_what_a_number_stands_for_is_named():
 def verdict_of(left, sigma=0.01):
     fit = fit_of([1.0], [sigma])
     ones = np.ones(1)
-    evidence = Evidence(fit, np.array([sigma]), ones, ones, 100 * ones, 1.0, ("",), left_out=left)
-    (verdict,) = judge(["p"], ["kg"], evidence, np.array([1.1]))
+    grounds = Grounds(
+        fit, np.array([sigma]), ones, ones, 100 * ones, 1.0, ("",), ("",), left_out=left
+    )
+    (verdict,) = judge(["p"], ["kg"], grounds, np.array([1.1]))
     return verdict
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.holm import holm
-from identifiability.estimation.judge import Evidence, judge
+from identifiability.estimation.judge import Grounds, judge
 from identifiability.estimation.verdict import Class, Thresholds, Verdict
 
 from .made import fit_of
@@ -14,7 +14,7 @@ def verdicts(value, robust, *, white=None, recurrence=1.0, noise=1.0, known=None
     """Return the verdicts on parameters with these values and robust standard deviations."""
     value, robust = np.atleast_1d(value).astype(float), np.atleast_1d(robust).astype(float)
     k = len(value)
-    evidence = Evidence(
+    evidence = Grounds(
         estimate=fit_of(value, robust if white is None else np.atleast_1d(white), known),
         sigma_robust=robust,
         recurrence=np.broadcast_to(recurrence, k).astype(float),
