@@ -338,8 +338,8 @@ def state_disagreement(measured: Measured) -> tuple[str, ...]:
     if not moved or measured.nothing:
         return ()
     return (
-        f"Models that predict alike disagree on {listing(moved, 6)}: values and intervals are those "
-        "of all of them together, each by its weight.",
+        f"Models that predict alike disagree on {listing(moved, 6)}: values and intervals are "
+        "those of all of them together, each by its weight.",
     )
 
 
