@@ -8,8 +8,8 @@ import numpy as np
 
 from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.estimate import fit_whole
-from identifiability.estimation.estimator import Estimate, settle_signs
-from identifiability.estimation.evidence import Mixture
+from identifiability.estimation.estimator import NOTHING, Estimate, settle_signs
+from identifiability.estimation.evidence import LEVELS, Mixture
 from identifiability.estimation.judge import judge_rung
 from identifiability.estimation.least_squares import MIXED, dependence
 from identifiability.estimation.omitted import find_left_out
@@ -18,6 +18,7 @@ from identifiability.estimation.uncertainty import Uncertainty, assess_uncertain
 from identifiability.estimation.verdict import Class, Thresholds, Verdict, withdraw
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
+from identifiability.foundation.shares import REACH
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel
@@ -143,6 +144,10 @@ class RungResult(JudgedModel):
         holds of it without a sidecar: one of the robot's own format, and one of the other.
     physical : PhysicalResult
         Whether a real robot has these parameters, and the nearest that has.
+    physical_as_good : bool
+        Whether the nearest real robot predicts unseen motion as well: with no larger error, or one
+        that surely rises by less than the share of the judge, over all torque and over each
+        joint's own scale.
     """
 
     uncertainty: Uncertainty
@@ -152,6 +157,25 @@ class RungResult(JudgedModel):
     error_ra_file: float
     error_ra_other: float
     physical: PhysicalResult
+    physical_as_good: bool = False
+
+    @property
+    def physical_used(self) -> bool:
+        """Whether the values to use are those of the nearest real robot.
+
+        They are where no real robot has the estimated ones and it predicts as well, if the model's
+        parameters say all of it.
+        """
+        if self.feasible or not self.physical_as_good:
+            return False
+        base = self.physical.base
+        reach = NOTHING * np.abs(base).max(initial=0.0)
+        return bool(np.abs(self.rung.expand(self.physical.value) - base).max() <= reach)
+
+    @property
+    def recommended(self) -> Array:
+        """Values to predict with, (k,): physically consistent ones where they are as good."""
+        return self.physical.value if self.physical_used else self.estimate.value
 
     @property
     def feasible(self) -> bool:
@@ -257,6 +281,7 @@ def assess_ladder(
             error_ra_other=float(error[3 * m + k]),
             infeasible=forbidden_signs(told.rung, told.information, told.estimate),
             physical=real,
+            physical_as_good=_as_good(held_out, k, m + k),
         )
         results.append(result)
     return tuple(results)
@@ -295,6 +320,18 @@ def judge_told(
     return judge_rung(
         rung, part, fit, uncertainty, torque, aliases, thresholds, stated, left_out, own, models
     )
+
+
+def _as_good(held_out: Prediction, one: int, other: int) -> bool:
+    """Return whether another prediction errs no more than one, or surely hardly more."""
+    for error, spread in (
+        (held_out.relative_error(), held_out.standard_error(one)),
+        (held_out.error_over_joints(), held_out.standard_error_over_joints(one)),
+    ):
+        rise = error[other] - error[one]
+        if not (rise <= 0 or rise + REACH * spread[other] <= LEVELS.rise * error[one]):
+            return False
+    return True
 
 
 def forbidden_signs(rung: Rung, information: Information, fit: Estimate) -> tuple[str, ...]:

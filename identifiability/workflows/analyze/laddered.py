@@ -109,7 +109,7 @@ class Laddered(Result, Opening, Predicts):
         return Fit(
             structure=self.structure,
             rung=used.rung,
-            values=used.estimate.value,
+            values=used.recommended,
             spread=measure_spread(part, used.estimate, used.uncertainty, own, unseen),
             preparation=settled(self.settings.get("preparation"), self.samples),
             base_covariance=M @ covariance @ M.T,
@@ -182,6 +182,7 @@ class Laddered(Result, Opening, Predicts):
                 "margin": used.margin,
                 "infeasible": list(used.infeasible),
                 "error_ra_validation": used.error_ra_physical,
+                "used": used.physical_used,
                 **self._real_robot,
             },
             "hints": list(self.hints),

@@ -84,6 +84,11 @@ def state_physics(chosen: RungResult) -> str:
     if chosen.physical.nearest is None:
         return chosen.physical.sentence
     near = f"the nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %."
+    if chosen.physical_used:
+        near = (
+            f"the nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %, no more than "
+            "they do: its values are those to use, and predictions and exports have them."
+        )
     if chosen.infeasible:
         return (
             f"But {len(chosen.infeasible)} of its values have a sign that physics forbids "

@@ -23,6 +23,7 @@ class Judged:
     infeasible: tuple = ()
     contradicted: str = ""
     feasible: bool = True
+    physical_used: bool = False
     kept: int = 5
     unjudged: str = ""
     found: object = "a nearest real robot"
@@ -139,6 +140,8 @@ def test_physics_says_what_is_impossible_and_how_near_the_nearest_is():
     assert "the nearest real robot errs by 20 %." in signs
     bodies = state_physics(Judged(feasible=False))
     assert "No real robot has exactly its values, although each sign is possible" in bodies
+    used = state_physics(Judged(feasible=False, physical_used=True))
+    assert "its values are those to use" in used
     open_ = state_physics(Judged(feasible=False, certificate=None))
     assert "The motion leaves some of its parameters open" in open_
     assert state_physics(Judged(feasible=False, found=None)) == "Not found."
