@@ -8,7 +8,8 @@ the demo's JSON may differ by from that of the first core type:
 
 - words, verdicts, counts and decisions: not at all;
 - estimates and their σ: 1e-6 of σ;
-- errors: 1e-6 of themselves, as the nearest real robot, which an iterative solver finds;
+- errors: 1e-6 of themselves;
+- the nearest real robot, which an iterative solver finds: 1e-4 of its kind of values;
 - sampled numbers: five standard errors of the difference of two samples of their size.
 
 Hashes of logs that were simulated on the way differ with their last digits and are not compared.
@@ -34,7 +35,8 @@ CORES = ("Haswell", "SkylakeX", "Nehalem", "Zen")
 #: Share of σ, or of an error, that may differ.
 CLOSE = 1e-6
 
-#: The same of margins of certificates, which a solver bounds no more tightly than that.
+#: The same of margins of certificates, and of how bodies share what the data do not part, which a
+#: solver bounds no more tightly than that.
 MARGIN = 1e-4
 
 #: Standard errors that two samples may be apart: among a thousand numbers none is by chance.
@@ -108,10 +110,15 @@ def allowed(content: dict[str, Any], path: tuple[Any, ...], value: float) -> flo
         return _allowed_of_samples(content, path)
     if kind in ("parameters", "full_parameters"):
         row = content[kind][path[1]]
-        sampled = path[2] == "interval95" and row["interval95"] != row["data_interval95"]
+        drawn = content["posterior"] is not None and row["interval95"] != row["data_interval95"]
+        sampled = path[2] == "interval95" and drawn
         if sampled:
-            return APART * QUANTILE * row["sigma_robust"] / math.sqrt(_effective(content) / 2)
-        if path[2] in ("value", "interval95", "data_interval95", "nominal", "sigma"):
+            low, high = row["data_interval95"]
+            sd = (high - low) / 3.92
+            return APART * QUANTILE * sd / math.sqrt(_effective(content) / 2)
+        if path[2] == "bias_sigma":
+            return 2 * CLOSE  # of estimates that are each so close
+        if path[2] in ("value", "interval95", "data_interval95", "nominal", "sigma", "projected"):
             sigma = row["sigma"]
             return CLOSE * (sigma if sigma is not None else abs(value))
     if "margin" in str(last):
@@ -120,7 +127,7 @@ def allowed(content: dict[str, Any], path: tuple[Any, ...], value: float) -> flo
         # Where nothing holds a value it is rounding; the kind says what is small.
         suffix = str(last).rpartition(".")[2]
         known = content["physical"]["parameters"].items()
-        return CLOSE * max(abs(v) for k, v in known if k.endswith(f".{suffix}"))
+        return MARGIN * max(abs(v) for k, v in known if k.endswith(f".{suffix}"))
     if path == ("structure", "gap", 1):
         return 1e-12  # of the largest singular value: it is zero
     return CLOSE * abs(value)

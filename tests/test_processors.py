@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identifiability.estimation.verdict import IN_A_ROW
 from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.regression import Model
 
@@ -30,9 +31,11 @@ def processors():
 def content():
     """A result with one parameter that data decide and one that a posterior decides."""
     row = {
-        "name": "a.m", "value": 2.0, "sigma": 0.1, "sigma_robust": 0.2, "verdict": "weak",
+        "name": "a.m", "value": 2.0, "sigma": 0.1, "sigma_robust_percent": 10.0, "verdict": "weak",
         "interval95": [1.6, 2.4], "data_interval95": [1.6, 2.4], "sigma_percent": 5.0,
+        "bias_sigma": 1e-7,
     }  # fmt: skip
+    assert row.keys() <= {*IN_A_ROW}  # as results have them
     believed = copy.deepcopy(row) | {"name": "b.m", "interval95": [1.9, 2.1]}
     sample = {"name": "a.m", "mean": 2.0, "sd": 0.1, "interval95": [1.8, 2.2]}
     return {
@@ -50,12 +53,13 @@ def content():
         (("parameters", 0, "value"), 2.0 + 1.1e-7),
         (("parameters", 0, "data_interval95", 1), 2.4 - 1.1e-7),
         (("parameters", 0, "sigma_percent"), 5.0001),
+        (("parameters", 0, "bias_sigma"), 1e-5),
         (("parameters", 0, "verdict"), "identifiable"),
         (("parameters", 1, "interval95", 0), 1.7),
         (("models", 0, "error_ra"), 0.05001),
         (("models", 0, "feasible"), False),
         (("models", 0, "physical_margin"), -100.1),
-        (("physical", "parameters", "b.m"), 1e-5),
+        (("physical", "parameters", "b.m"), 1e-3),
         (("posterior", "physical", "parameters", 0, "mean"), 2.03),
         (("posterior", "physical", "trustworthy"), False),
     ],
@@ -71,6 +75,7 @@ def test_what_differs_by_more_than_it_may_is_found(processors, content, path, va
     ("path", "value"),
     [
         (("parameters", 0, "value"), 2.0 + 0.9e-7),
+        (("parameters", 0, "bias_sigma"), -1e-7),
         (("parameters", 1, "interval95", 0), 1.91),
         (("models", 0, "error_ra"), 0.05 + 1e-9),
         (("models", 0, "physical_margin"), -100.001),
