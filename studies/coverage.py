@@ -15,8 +15,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.signal import lfilter
+from scipy.special import ndtr
 
+from identifiability.estimation.holm import holm
+from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_json
+from identifiability.foundation.shares import REACH
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import Rung
@@ -24,7 +29,13 @@ from identifiability.report import Check, Picture, Prose, Section, frame_table, 
 from identifiability.report.calibration_report import label
 from identifiability.report.figures.calibration import draw_coverage, draw_wrong
 from identifiability.robot import Robot
-from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
+from identifiability.simulation import (
+    Noise,
+    PrescribedMotion,
+    random_trajectory,
+    shipped_trajectory,
+    simulate,
+)
 from identifiability.workflows.analyze import Analysis, analyze
 from identifiability.workflows.calibrate.calibration import calibrate
 from identifiability.workflows.calibrate.outcome import Cell, Experiment, Outcome, count_outcomes
@@ -98,6 +109,84 @@ def judge_log(
     information = gather_information(regression)
     experiments = [Experiment.of(regression, rung) for rung in rungs]
     return [e.judge(e.rung.reduce(information), e.tau, rng) for e in experiments]
+
+
+#: Noises of six kinds, of the size of the residual: memory (ρ to the next sample), resonance on
+#: slow noise, rare large values, and noise that grows with the load.
+NOISES = ("white", "ρ = .9", "ρ = .98", "coloured", "heavy tails", "by load")
+
+#: Robots of that table, samples of their logs, and multiples of the noise: 3 for power.
+CASES = {"3-rps": 750, "six-dof-arm": 1500}
+
+
+def draw_noise(kind: str, tau: Array, rng: np.random.Generator) -> Array:
+    """Return noise of unit variance of a kind of `NOISES`, (N, n)."""
+    N, n = tau.shape
+
+    def remember(rho: float, e: Array) -> Array:
+        found: Array = lfilter([np.sqrt(1 - rho**2)], [1, -rho], e, axis=0)[400:]
+        return found
+
+    e = rng.standard_normal((N + 400, n))
+    if kind == "white":
+        return e[400:]
+    if kind.startswith("ρ"):
+        return remember(float(kind.rpartition(" ")[2]), e)
+    if kind == "coloured":
+        ring = lfilter([1], [1, -1.9 * np.cos(2 * np.pi * 0.06), 0.95**2], e, axis=0)[400:]
+        slow = remember(0.97, rng.standard_normal(e.shape))
+        ring, slow = np.sqrt(0.5) * ring / ring.std(0), np.sqrt(0.4) * slow
+        return ring + slow + np.sqrt(0.1) * rng.standard_normal((N, n))
+    if kind == "heavy tails":
+        return remember(0.8, rng.standard_t(3, e.shape) / np.sqrt(3))
+    size = 0.4 + np.abs(tau) / np.abs(tau).mean(0)
+    return remember(0.8, e) * size / np.sqrt((size**2).mean(0))
+
+
+def measure_noises(trials: int, seed: int) -> pd.DataFrame:
+    """Return coverage under every noise, and how many of an oracle's verdicts are given.
+
+    The oracle knows how far values of its logs scatter, and judges by the same thresholds.
+    """
+    rows = []
+    for name, samples in CASES.items():
+        robot, rng = Robot.load(name), np.random.default_rng(seed)
+        motion = random_trajectory(robot, rng, samples=samples, period=samples / 100)
+        if name == "3-rps":
+            motion = shipped_trajectory(robot, "601")
+        log = simulate(robot, PrescribedMotion.of(motion), noise=Noise(torque=0.05), rng=rng)
+        found = analyze(robot, log, replicates=0)
+        e = Experiment.of(found.regression, found.full.rung)
+        truth = found.full.estimate.value
+        size = np.sqrt(np.mean((e.tau - e.W @ truth) ** 2, axis=0))
+        for kind, stream in zip(NOISES, rng.spawn(len(NOISES)), strict=True):
+            for level in (1.0, 3.0):
+                out = []
+                for own in stream.spawn(trials):
+                    information, tau = e.outcome(truth, level * size * draw_noise(kind, e.tau, own))
+                    out.append(e.judge(information, tau, own))
+                value, sigma = (np.array([getattr(o, x) for o in out]) for x in ("value", "robust"))
+                held = np.abs(value - truth) <= REACH * sigma
+                sd = value.std(0, ddof=1)
+                z, wide = np.abs(value) / sd, sd / np.abs(value) > 0.01 * e.thresholds.sigma_percent
+                certain = np.array([holm(2 * ndtr(-x)) < e.thresholds.sign_level for x in z])
+                oracle, given = certain & ~wide, np.array([o.identifiable for o in out])
+                rows.append(
+                    {
+                        "robot": name,
+                        "noise": kind,
+                        "size": level,
+                        "coverage": float(held.mean()),
+                        "se": float(held.mean(1).std() / np.sqrt(trials)),
+                        "oracle's verdicts": float(oracle.sum(1).mean()),
+                        "ours of them": float((given & oracle).sum() / max(oracle.sum(), 1)),
+                        "wrong by half": float(
+                            (given & (np.abs(value - truth) > 0.5 * np.abs(truth))).sum()
+                            / max(given.sum(), 1)
+                        ),
+                    }
+                )
+    return pd.DataFrame(rows)
 
 
 def coverage_section(method: str, cells: Sequence[Cell]) -> Section:
@@ -230,15 +319,19 @@ def write(result: Result, out: Path, trials: int, seed: int) -> None:
     )  # fmt: skip
 
 
-def main(argv: Sequence[str] | None = None) -> Result:
+def main(argv: Sequence[str] | None = None) -> Result | None:
     """Run the study."""
     parser = argparse.ArgumentParser(prog="coverage", description=str(__doc__).partition("\n")[0])
     parser.add_argument("--out", type=Path, default=ROOT / "reports" / "coverage.json")
     parser.add_argument("--quick", action="store_true", help="8 repetitions instead of 200")
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--noises", action="store_true", help="print the table of six noises")
     given = parser.parse_args(argv)
     trials = 8 if given.quick else given.trials
+    if given.noises:
+        print(measure_noises(trials, given.seed).round(3).to_string(index=False))
+        return None
 
     def say(text: str, done: float) -> None:
         if sys.stderr.isatty():
