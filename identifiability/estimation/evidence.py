@@ -106,6 +106,9 @@ class Levels:
 
 LEVELS = Levels()
 
+#: Squares below this share of the torque's are rounding.
+NOTHING = 1e-18
+
 
 @frozen
 class Folds:
@@ -554,9 +557,10 @@ def _sum_gain(each: Array, ratio: float) -> Gain:
 def _error_gain(a: Array, b: Array, ratio: float) -> Gain:
     """Return ``½ ln(Σb / Σa)`` of squares of K folds, (K,), with its standard error."""
     sums = float(a.sum()), float(b.sum())
+    if max(sums) <= NOTHING:
+        return Gain(0.0, 0.0)
     if min(sums) <= 0.0:
-        same = 0.0 if max(sums) <= 0.0 else float(np.copysign(np.inf, sums[1] - sums[0]))
-        return Gain(same, 0.0)
+        return Gain(float(np.copysign(np.inf, sums[1] - sums[0])), 0.0)
     each = 0.5 * (b / sums[1] - a / sums[0])  # what each fold does to the logarithm
     return Gain(0.5 * float(np.log(sums[1] / sums[0])), _sum_gain(each, ratio).se)
 

@@ -15,8 +15,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from identifiability.estimation.evidence import Evidence, Level, Score
 from identifiability.estimation.layout import FEWEST, Layout
-from identifiability.estimation.worse import surely_above
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import ENDS
 from identifiability.foundation.values import frozen
@@ -272,22 +272,20 @@ def standard_error_over_joints(
 def joints_above(sums: ErrorSums, memory: Array | float, against: int) -> np.ndarray:
     """Return the joints at which each model surely errs more than another does, (n, m) bool.
 
-    By its relative squares, `worse.surely_above`. Where one joint is hard to predict its scatter
-    hides in any sum what a model does to the others.
+    By the judge (`evidence`), over stretches of time. Where one joint is hard to predict its
+    scatter hides in any sum what a model does to the others.
 
     Parameters are those of `standard_error`.
     """
-    own = sums.variation.sum(0)
-    shares = sums.squares / np.where(own > 0, own, np.inf)[:, None]
-    rise = shares - shares[:, :, [against]]
-    least = MEMORIES * np.broadcast_to(memory, rise.shape[2])
-    above = [
-        surely_above(
-            np.add.reduceat(x, sums.merge(m, FEWEST), axis=0), shares[:, :, against].sum(0)
-        )
-        for x, m in zip(np.moveaxis(rise, 2, 0), least, strict=True)
-    ]
-    return np.stack(above, 1)
+    own, count = sums.variation.sum(0), sums.squares.shape[2]
+    least = MEMORIES * np.broadcast_to(memory, count)
+    above = np.zeros((len(own), count), bool)
+    for m in range(count):
+        first = sums.merge(float(least[m]), FEWEST)
+        both = np.add.reduceat(sums.squares[:, :, [m, against]], first, axis=0)
+        a, b = (Score.of_errors(x, own, 0.0) for x in np.moveaxis(both, 2, 0))
+        above[:, m] = [level is Level.WORSE for level in Evidence.of(a, b).joint_levels]
+    return above
 
 
 def _scatter_each(sums: ErrorSums, x: Array, memory: Array | float, against: int | None) -> Array:

@@ -1,0 +1,90 @@
+"""What do the unpruned and the pruned model err on motion of real robots that was not fitted?
+
+    python studies/real_logs.py [--only NAME]
+
+KUKA LWR4+ run 1 → 3 and 3 → 1, two of the first two thirds of a TX40's log on each other, halves of
+a UR10's on each other, a KR300 A, C → B and A, B → C. The folder of the data is
+$IDENTIFIABILITY_DATA.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import kuka_lwr4
+import staubli_tx40
+
+from identifiability import Log, Robot
+from identifiability.workflows.prune import prune
+
+ROOT = Path(__file__).resolve().parents[1]
+
+Case = tuple[str, Robot, list[Log], Log]
+
+
+def cut(log: Log, parts: int) -> list[Log]:
+    """Return equal stretches of a log, each as a log of its own."""
+    edges = [k * len(log.t) // parts for k in range(parts + 1)]
+    return [
+        replace(log.cut(a, b, f"part {k + 1}"), sha256=f"{k}")
+        for k, (a, b) in enumerate(pairwise(edges))
+    ]
+
+
+def find_cases(data: Path, folder: Path) -> Iterator[Case]:
+    """Yield name, robot, fitted logs and the log that is held out."""
+    where = data / "kuka_lwr4"
+    robot = kuka_lwr4.load_robot(where)
+    runs = {k: kuka_lwr4.load_log(where, robot, k) for k in (1, 3)}
+    for fitted, other in ((1, 3), (3, 1)):
+        yield f"KUKA {fitted} → {other}", robot, [runs[fitted]], runs[other]
+    where = data / "staubli_tx40"
+    robot = staubli_tx40.load_robot(where)
+    thirds = cut(staubli_tx40.load_log(where, robot), 3)[:2]  # the last is nobody's
+    where = data / "unisa"
+    ur10 = Robot.load(where / "ur10.urdf")
+    halves = cut(Log.read(f"{where / 'ur10_exciting.db3'}:/joint_states"), 2)
+    for name, arm, pair in (("TX40", robot, thirds), ("UR10", ur10, halves)):
+        for fitted, other in ((0, 1), (1, 0)):
+            yield f"{name} {fitted + 1} → {other + 1}", arm, [pair[fitted]], pair[other]
+    where = data / "kr300"
+    out = folder / "kr300.xml"
+    convert = [sys.executable, "-m", "identifiability", "convert", where / "dh.toml", "--out", out]
+    subprocess.run(convert, check=True, capture_output=True)
+    heavy = Robot.load(out)
+    logs = {k: Log.read(where / f"{k}.csv") for k in "ABC"}
+    for fitted, other in (("AC", "B"), ("AB", "C")):
+        name = f"KR300 {', '.join(fitted)} → {other}"
+        yield name, heavy, [logs[k] for k in fitted], logs[other]
+
+
+def main() -> None:
+    """Print one row a case."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--only", default="")
+    asked = parser.parse_args()
+    data = Path(os.environ.get("IDENTIFIABILITY_DATA", ROOT.parent / "shared" / "data"))
+    print("case: parameters, relative error on the held-out log, and over joints' own scales")
+    with tempfile.TemporaryDirectory() as folder:
+        for name, robot, fitted, other in find_cases(data, Path(folder)):
+            if asked.only not in name:
+                continue
+            found = prune(robot, fitted, other, replicates=0)
+            text = [
+                f"{len(r)}: {100 * r.error_ra_validation:.2f} % "
+                f"({100 * r.error_joints_validation:.2f} %)"
+                for r in (found.full, found.chosen)
+            ]
+            print(f"{name}: unpruned {text[0]}, pruned {text[1]}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
