@@ -210,3 +210,11 @@ def test_labels_are_those_of_all_models_by_their_weight(pruned):
         low, high = v.interval95
         own = [x.value for r in rungs for x in r.verdicts if x.name == v.name and r.weight > 0.3]
         assert all(low <= x <= high for x in own)
+
+
+def test_a_validation_log_of_another_robot_is_noticed_and_reach_says_that_it_is_idle(simulated):
+    log, other = simulated("two-link", "a", 0, samples=300), simulated("scara", "a", 0)
+    found = prune("two-link", log, other, replicates=0, reach=2.0)
+    assert any("are they of the same robot" in hint for hint in found.hints)
+    assert any("'reach' does nothing any more" in hint for hint in found.hints)
+    assert not prune("two-link", log, replicates=0).hints

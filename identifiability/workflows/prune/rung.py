@@ -26,6 +26,7 @@ from identifiability.estimation.uncertainty import Uncertainty, resample
 from identifiability.estimation.verdict import Class, Thresholds
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.errors import listing
+from identifiability.foundation.measured import percent
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import PhysicalResult
@@ -330,6 +331,20 @@ def _plan_unseen(question: Question, search: Search) -> Task:
     values = start.held[:, None] + start.M @ fits
     turns = take_turns(question.information, search.whitened.folds.test)
     return Task(values, turns, held=False)
+
+
+def state_foreign(measured: Measured) -> tuple[str, ...]:
+    """Return that logs held out look like those of another robot, in one sentence."""
+    full = measured.rungs[0]
+    error, own = full.error_ra_validation, full.error_ra_unseen
+    constant = measured.held_out.constant_error()
+    if not error > max(constant, 2.0 * own):
+        return ()
+    return (
+        f"The unpruned model predicts the logs held out worse ({percent(error)}) than a constant "
+        f"torque would ({percent(constant)}), and unseen stretches of the fitted ones to "
+        f"{percent(own)}: are they of the same robot, with the same units and signs?",
+    )
 
 
 def state_disagreement(measured: Measured) -> tuple[str, ...]:

@@ -63,6 +63,7 @@ from identifiability.workflows.prune.rung import (
     contradicts,
     measure_rungs,
     state_disagreement,
+    state_foreign,
 )
 from identifiability.workflows.prune.search import (
     Criterion,
@@ -216,6 +217,7 @@ def prune(
             validation=opening.validation,
             hints=(
                 *idle,
+                *state_foreign(measured),
                 *state_disagreement(measured),
                 *said,
                 *opening.hints,
