@@ -155,7 +155,7 @@ def differences(
             lost += differences(a, b, exact=exact, at=here, sigma=sigma, room=room)
         return lost
     if _number(old) and _number(new):
-        apart = OF_NUMBER * max(abs(old), 1e-9) + OF_SIGMA * sigma
+        apart = OF_NUMBER * max(abs(old), 1e-6) + OF_SIGMA * sigma  # else it is rounding
         apart = 0.0 if exact else max(apart, room or 0.0)
         return [] if abs(old - new) <= apart else [f"{at}: {old!r} and {new!r}"]
     if isinstance(old, str) and isinstance(new, str) and not exact:
