@@ -56,6 +56,7 @@ def fits(simulated_session):
     return {k: [np.array(x) for x in zip(*rows, strict=True)] for k, rows in found.items()}, truth
 
 
+@pytest.mark.everything
 def test_more_data_help_and_intervals_hold(fits):
     found, truth = fits
     off = {kind: values - truth for kind, (values, _) in found.items()}
@@ -67,6 +68,7 @@ def test_more_data_help_and_intervals_hold(fits):
     assert held["ls"].mean() < 0.75
 
 
+@pytest.mark.everything
 def test_the_difference_to_least_squares_is_its_bias(fits):
     found, truth = fits
     (values, _), (plain, _) = found["iv"], found["ls"]

@@ -104,6 +104,7 @@ def test_every_line_that_is_proposed_works_where_it_is_printed(typed, logs, tmp_
         assert not any(line.startswith(f"identifiability {typed.split()[0]}") for line in lines)
 
 
+@pytest.mark.everything
 def test_the_lines_of_the_demo_work_in_its_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     lines = proposed(call(["demo", "--folder", "look"]), tmp_path / "look" / "demo.html")
