@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from identifiability.estimation.estimate import settle_noise, weigh_logs
+from identifiability.estimation.estimate import settle_noise
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import IdentifiabilityError, listing
@@ -26,6 +26,7 @@ from identifiability.logs.repeats import Recording
 from identifiability.logs.spectrum import NARROW, Band
 from identifiability.regression.gather import gather_information
 from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.analyze.decisive import weigh_rows
 from identifiability.workflows.band import settle_band
 from identifiability.workflows.instruments import follow
 from identifiability.workflows.opening import Opening, Recordings
@@ -132,8 +133,8 @@ def vary_cutoff(
             return None
         parts = [(logs[k].rows(a, b), s) for (k, a, b), s in zip(windows, samples, strict=True)]
         own = result.estimate.estimator
-        again = gather_information(structure.regression(follow(own, structure.robot, parts)), 1)
-        again = weigh_logs(again, own)
+        again = gather_information(structure.regression(follow(own, structure.robot, parts)))
+        again = weigh_rows(structure.robot.joints, samples, again, own)[0]
         return settle_noise(own, again).fit(result.rung.reduce(again))
 
     whole = sum(b - a for _, a, b in windows) == sum(len(log) for log in logs)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.effects.holding import file_kinds, held_by_file
-from identifiability.estimation.estimate import estimate
+from identifiability.estimation.estimate import estimate, find_estimator
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs.prepare import Samples
@@ -22,6 +22,7 @@ from identifiability.physical.project import Projection
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import full_rung
 from identifiability.regression.structure import Structure
+from identifiability.workflows.analyze.decisive import weigh_rows
 from identifiability.workflows.analyze.fit import base_values, settle_prior
 from identifiability.workflows.diagnose.findings import Findings
 from identifiability.workflows.diagnose.forward import Physical
@@ -41,6 +42,8 @@ def fit_physical(
         If the solver finds none.
     """
     information = gather_information(structure.regression(samples, keep=True))
+    joints, wls = structure.robot.joints, find_estimator("wls")
+    information = weigh_rows(joints, samples, information, wls)[0]
     rung, fit = full_rung(structure.base), estimate(information)
     model = FittedModel(structure, rung, information, information, fit)
     candidates = find_nearest(model, None if unseen else WEAK)
