@@ -252,6 +252,7 @@ class Part:
     ) -> Array:
         out, again = buffer.ready(piece, before)
         W = self.model.regressor(self.robot, piece.motion, out, widths, again)
+        W = W if self.dwelling else piece.silenced(W)
         if self.columns is None:
             return piece.down(W)
         if most_rows(W.shape[1:]) >= CHUNK:

@@ -52,7 +52,7 @@ class DwellRule:
     slow : (k, n) [samples]
         How long a joint stays below them at least.
     beside : int
-        Samples on each side that filters mix with a dwell.
+        Samples on each side whose speed and acceleration the low-pass mixes with a dwell.
     """
 
     speeds: bool
@@ -137,7 +137,6 @@ def choose_dwell_rule(plan: Plan, windows: Sequence[Log], origins: Sequence[int]
     creep, crossing = (np.where(told, x, x[0]) for x in (creep, crossing))
     longer = np.maximum(np.ceil(crossing / plan.step), SEVERAL).astype(int)
     beside = 0.0 if plan.cutoff is None else 0.5 / (plan.cutoff * plan.step)
-    beside += plan.factor if plan.factor > 1 else 0
     width = np.where(never, np.inf, width)
     return DwellRule(speeds, width, least, creep, longer, int(np.ceil(beside)))
 

@@ -60,12 +60,22 @@ class Piece:
     @property
     def torque(self) -> Array:
         """Torque at its outputs, zero where it is no data, (m, n)."""
-        return self.masked(np.array(self.down(self.tau)))
+        return self.masked(np.array(self.down(self.silenced(np.array(self.tau)))))
 
     @property
     def raw(self) -> Array:
         """The same as it was measured, not low-passed, (m, n)."""
         return self.masked(np.array(self.tau[self.at]))
+
+    def silenced(self, x: Array, joint: int | None = None) -> Array:
+        """Return inputs (N, n, …), or (N, …) of a joint, that are zero where torque is no data.
+
+        Torque and columns alike, before a filter draws on them: what is low-passed is then related
+        as it is where the joint moves, however near. They are written over.
+        """
+        if self.dwells is not None and self.decimation is not None:
+            x[self.dwells if joint is None else self.dwells[:, joint]] = 0.0
+        return x
 
     def masked(self, x: Array, joint: int | None = None) -> Array:
         """Return rows (m, n, …), or (m, …) of a joint, that are zero where torque is no data.

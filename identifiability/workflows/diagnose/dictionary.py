@@ -269,7 +269,7 @@ def _write(entries: Entries, piece: Piece, found: Entries, start: int, rows: int
     every = list(found.items())
     for first in range(0, len(every), TOGETHER):
         part = every[first : first + TOGETHER]
-        down = piece.down(np.stack([x for _, x in part]).T)
+        down = piece.down(np.stack([piece.silenced(x, at[0]) for at, x in part]).T)
         for (at, _), values in zip(part, down.T, strict=True):
             if at not in entries:
                 entries[at] = np.zeros(rows)

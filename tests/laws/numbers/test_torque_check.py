@@ -29,6 +29,9 @@ class Piece:
     def motion(self):
         return self
 
+    def silenced(self, x):
+        return x
+
     def __len__(self):
         return len(self.tau)
 

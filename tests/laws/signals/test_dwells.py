@@ -90,7 +90,8 @@ def test_fourier_motion_has_no_dwells_whatever_its_errors(two):
     assert np.mean(shares) < 0.03  # of all reversals 5 % are so slow
 
 
-def test_torque_of_a_dwelling_joint_is_in_no_row_and_that_of_others_is(two):
+@pytest.mark.parametrize("decimated", [False, True])
+def test_torque_of_a_dwelling_joint_is_in_no_row_and_that_of_others_is(two, decimated):
     t, q, _ = stop_and_go()
     swing = 0.6 * np.sin(2 * np.pi * 0.9 * t)
     structure = Structure.of(two, Model.of("rigid_body", "viscous_friction", "coulomb_friction"))
@@ -100,7 +101,8 @@ def test_torque_of_a_dwelling_joint_is_in_no_row_and_that_of_others_is(two):
         s = samples_of(two, t, q, swing)
         tau = s.tau.copy()
         tau[:, 0] += size * s.dwells[:, 0] * rng.standard_normal(len(tau))
-        s = replace(s, tau=tau, decimation=None)
+        assert s.decimation is not None
+        s = replace(s, tau=tau) if decimated else replace(s, tau=tau, decimation=None)
         found.append(gather_information(structure.regression([s])))
     plain, spoilt = found
     np.testing.assert_allclose(spoilt.factor(), plain.factor(), rtol=1e-9, atol=1e-9)
