@@ -30,6 +30,7 @@ from identifiability.regression.reduction import Rung, build_ladder, ladder_mode
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis, analyze
+from identifiability.workflows.analyze.decisive import weigh_rows
 
 #: Known relative errors [%], lowest and highest: (model, fitted to, validated on).
 KNOWN = {
@@ -136,8 +137,20 @@ def run_analysis(data: Path, train: int, method: Method) -> Analysis:
     return analyze(robot, load_log(data, robot, train), others, LADDER, method=method)
 
 
-def fit(data: Path, robot: Robot, train: int, processing: str, method: Method) -> Fit:
-    """Fit to one run, stage by stage, so that the log can be treated in other ways."""
+def fit(
+    data: Path,
+    robot: Robot,
+    train: int,
+    processing: str,
+    method: Method,
+    *,
+    weigh: bool = False,
+) -> Fit:
+    """Fit to one run, stage by stage, so that the log can be treated in other ways.
+
+    Published fits count all rows of a joint alike; `weigh` counts them as `analyze` does, outlying
+    stretches less.
+    """
     derivatives, end, preparation = PROCESSINGS[processing]
     fitted, *others = (
         prepare_samples(
@@ -149,6 +162,9 @@ def fit(data: Path, robot: Robot, train: int, processing: str, method: Method) -
     structure = Structure.of(robot, ladder_model(entry))
     rungs = build_ladder(entry, structure)
     information = gather_information(structure.regression([fitted]))
+    if weigh:
+        base = find_estimator(method)
+        information, _ = weigh_rows(robot.joints, [fitted], information, base)
     estimator = settle_noise(find_estimator(method), information)
     found = [estimator.fit(rung.reduce(information)) for rung in rungs]
     values = np.stack([r.expand(e.value) for r, e in zip(rungs, found, strict=True)], 1)

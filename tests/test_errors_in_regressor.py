@@ -144,7 +144,9 @@ def test_results_say_what_least_squares_would_have_been(noisy_log, monkeypatch):
     assert found.to_dict()["estimator"] == "iv"
     assert plain.to_dict()["estimator"] == "wls"
     for v, other in zip(found.chosen.verdicts, plain.chosen.verdicts, strict=True):
-        assert v.value + v.bias_sigma * v.sigma_robust == pytest.approx(other.value, rel=1e-6)
+        moved = v.value + v.bias_sigma * v.sigma_robust - other.value
+        # Each weighs outlying stretches by what itself leaves of them.
+        assert abs(moved) < 0.05 * other.sigma_robust
     assert plain.to_frame()["bias_sigma"].isna().all()
     assert any("Fourier series" in note for note in found.samples[0].notes)
 

@@ -92,8 +92,8 @@ def test_rank_is_43_rigid_plus_21_friction_and_offsets_plus_5_rotors(analysis):
     assert all(m.estimate.determined.all() for m in analysis.models)
 
 
-def test_the_analysis_finds_what_its_stages_find(analysis, fitted):
-    found = fitted(1, "ours", "wls").held_out.predicted
+def test_the_analysis_finds_what_its_stages_find(analysis, kuka, folder, robot):
+    found = kuka.fit(folder, robot, 1, "ours", "wls", weigh=True).held_out.predicted
     assert np.allclose(analysis.held_out.predicted, found, rtol=1e-9, atol=1e-9)
 
 
