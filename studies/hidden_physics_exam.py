@@ -28,6 +28,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from hidden_effect_drawn import read_trials
 from hidden_physics_cases import FITTED, KINDS, load_logs, load_robot, make_case
 
 from identifiability import analyze, diagnose
@@ -238,17 +239,6 @@ def check(frame: pd.DataFrame) -> list[dict[str, Any]]:
     return out
 
 
-def read_rows(path: Path) -> list[dict[str, Any]]:
-    """Return the cases of a file; a last line that was cut off is left out."""
-    rows = []
-    for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else ():
-        try:
-            rows.append(json.loads(line))
-        except json.JSONDecodeError:
-            continue
-    return rows
-
-
 def show(frame: pd.DataFrame, out: Path, told: str) -> None:
     """Print the table, write it with all cases as JSON and as a page."""
     rows = check(frame)
@@ -321,7 +311,7 @@ def main() -> None:
     stream = stream_of(asked.commit) if asked.commit else asked.stream
     asked.out.mkdir(parents=True, exist_ok=True)
     out = asked.out / "hidden_physics.json"
-    done = {r["case"] for r in read_rows(out.with_suffix(".jsonl"))}
+    done = {r["case"] for r in read_trials(out.with_suffix(".jsonl"))}
     for number in range(asked.first, asked.first + asked.cases):
         path = make_case(asked.folder, stream, number, asked.only)
         if path.name in done:
@@ -333,7 +323,7 @@ def main() -> None:
               f"[{row['said']}] {row['before']:.4f} → {row['after']:.4f}, {row['seconds']:.1f} s",
               flush=True)  # fmt: skip
     told = f"drawn by commit {stream}" if asked.commit else f"stream {stream}"
-    show(pd.DataFrame(read_rows(out.with_suffix(".jsonl"))), out, told)
+    show(pd.DataFrame(read_trials(out.with_suffix(".jsonl"))), out, told)
 
 
 if __name__ == "__main__":

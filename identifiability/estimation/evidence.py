@@ -14,7 +14,7 @@ What to use when:
   logs. `Held.score_fit` asks the estimator for its fits to each fold's rest; `Held.score` takes
   values ``(F, k)`` that somebody else has fitted to these (`Folds.train`), over the k columns of
   the regression, so a reduced model's are ``held + M x``, its covariance ``M Σ Mᵀ``. The smallest
-  that may stand for the best is `choose_smallest`; weights of all are `weigh_models`.
+  of those that may stand for the best (`near_best`) is used; weights of all are `weigh_models`.
 - *A veto or a statement* on logs that are held out: ``Held.of(validation, noise)`` and
   ``score(value, covariance)``: one model for all folds, and folds do not share data.
 - *Candidates that have no information in common* (bands of a low-pass, exported files): squared
@@ -29,8 +29,7 @@ the noise of the richer. Each fold leaves out the noise's memory on both sides.
 A gain is ``Σ ln p_A - ln p_B`` [nats], or ``ln(e_B / e_A)`` of the error over each joint's own
 scale, so that A against B is minus B against A. Folds share the data of their fits, and standard
 errors know it: ``SE² = s² (1/K + n_test/n_train)`` of the mean over K folds [Nadeau & Bengio 2003].
-Limits are those of Student's t of K - 1; those of n joints hold together [Bonferroni]. Whether a
-robot can have the values is no matter of prediction: `margins` are handed in.
+Limits are those of Student's t of K - 1; those of n joints hold together [Bonferroni].
 """
 
 from __future__ import annotations
@@ -469,8 +468,6 @@ class Evidence:
     folds : int
         That it rests on.
     levels : Levels
-    margins : (float, float)
-        Margins of A and B on the physical set, where somebody has asked; else NaN.
     """
 
     density: Gain
@@ -478,14 +475,12 @@ class Evidence:
     joint_errors: tuple[Gain, ...]
     folds: int
     levels: Levels = LEVELS
-    margins: tuple[float, float] = (float("nan"), float("nan"))
 
     @staticmethod
     def of(
         a: Score,
         b: Score,
         levels: Levels = LEVELS,
-        margins: tuple[float, float] = (float("nan"), float("nan")),
     ) -> Evidence:
         """Return the evidence of two scores of the same folds."""
         ratio = max(a.ratio, b.ratio)
@@ -493,7 +488,7 @@ class Evidence:
         error = _error_gain(a.shares.sum(1), b.shares.sum(1), ratio)
         pairs = zip(a.shares.T, b.shares.T, strict=True)
         joints = tuple(_error_gain(x, y, ratio) for x, y in pairs)
-        return Evidence(density, error, joints, len(a.density), levels, margins)
+        return Evidence(density, error, joints, len(a.density), levels)
 
     @property
     def level(self) -> Level:
@@ -599,12 +594,6 @@ def near_best(scores: Sequence[Score], levels: Levels = LEVELS) -> np.ndarray:
     for m in np.flatnonzero(~near).tolist():
         near[m] = Evidence.of(scores[m], best, levels).replaceable
     return near
-
-
-def choose_smallest(scores: Sequence[Score], sizes: Sequence[int], levels: Levels = LEVELS) -> int:
-    """Return the smallest of M models that may stand for the best; of equals the better."""
-    near = np.flatnonzero(near_best(scores, levels)).tolist()
-    return int(min(near, key=lambda m: (sizes[m], -scores[m].density.sum())))
 
 
 @frozen
