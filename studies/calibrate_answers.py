@@ -22,7 +22,7 @@ from calibrate_answers_trials import CONDITIONS, ROBOTS, Finding, examine
 from identifiability.foundation.output import write_json
 from identifiability.foundation.shares import Share, exact_share
 from identifiability.report import Check, Prose, Section, frame_table, write_page
-from identifiability.workflows.calibrate.answer import fails
+from identifiability.workflows.calibrate.calibration import fails
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[1]

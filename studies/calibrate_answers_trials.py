@@ -12,8 +12,7 @@ from identifiability.foundation.shares import REACH
 from identifiability.logs import Log
 from identifiability.simulation import Noise
 from identifiability.workflows.analyze import Analysis, analyze
-from identifiability.workflows.calibrate.answer import decide
-from identifiability.workflows.calibrate.calibration import Calibration, calibrate
+from identifiability.workflows.calibrate.calibration import Calibration, calibrate, decide
 from identifiability.workflows.calibrate.outcome import Cell, Outcome, count_outcomes
 from identifiability.workflows.prune import prune
 

@@ -41,7 +41,7 @@ from identifiability.simulation import (
 from identifiability.workflows.analyze import Analysis, analyze
 from identifiability.workflows.analyze.belief import START_MARGIN
 from identifiability.workflows.analyze.form_belief import state_prior
-from identifiability.workflows.calibrate.ranks import build_target
+from identifiability.workflows.calibrate.outcome import build_target
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[1]

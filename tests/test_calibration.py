@@ -21,8 +21,14 @@ from identifiability.foundation.shares import clustered_share, exact_share
 from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.regression import Model, Regression
 from identifiability.workflows.calibrate.calibration import Calibration, calibrate
-from identifiability.workflows.calibrate.outcome import Experiment, Outcome, count_outcomes
-from identifiability.workflows.calibrate.ranks import RankCheck, build_target, check_ranks
+from identifiability.workflows.calibrate.outcome import (
+    Experiment,
+    Outcome,
+    RankCheck,
+    build_target,
+    check_ranks,
+    count_outcomes,
+)
 
 from .laws.numbers.made import ar1
 

@@ -12,11 +12,15 @@ from identifiability.physical.pseudo_inertia import margin, natural_scale
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.robot import Robot
 from identifiability.simulation import Noise
-from identifiability.workflows.calibrate.answer import Answer, Effect, decide, find_remedy
-from identifiability.workflows.calibrate.calibration import calibrate
+from identifiability.workflows.calibrate.calibration import (
+    Answer,
+    Effect,
+    calibrate,
+    decide,
+    find_remedy,
+)
 from identifiability.workflows.calibrate.outcome import Cell
-from identifiability.workflows.calibrate.true_robots import TrueRobots, make_possible
-from identifiability.workflows.calibrate.world import Cause
+from identifiability.workflows.calibrate.world import Cause, TrueRobots, make_possible
 
 from .laws.numbers.made import ar1
 

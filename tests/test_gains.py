@@ -12,7 +12,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.options import OptionError
 from identifiability.simulation import Noise
 from identifiability.simulation.motion import find_motion
-from identifiability.workflows.gains.fit import fit_joint
+from identifiability.workflows.gains import fit_joint
 
 #: A turntable that carries an arm of two hinges; what is on the last one is put in.
 ARM = """

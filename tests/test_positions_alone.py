@@ -19,7 +19,7 @@ from identifiability.robot import Robot
 from identifiability.simulation import Noise
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.calibrate.calibration import calibrate
-from identifiability.workflows.calibrate.motion_errors import MotionErrors, measure_anew
+from identifiability.workflows.calibrate.world import MotionErrors, measure_anew
 
 STEP, SAMPLES, SEEDS = 0.005, 4000, 16
 NOISE = 2e-3

@@ -21,7 +21,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows.diagnose.workflow import usual_effects as diagnose_model
-from identifiability.workflows.excite.question import EFFECTS
+from identifiability.workflows.excite.criteria import EFFECTS
 
 
 @pytest.fixture(scope="module")

@@ -16,10 +16,8 @@ from identifiability.report.page import Page
 from identifiability.report.sections.calibrated import answer_calibration
 from identifiability.report.tables import Column, Table
 from identifiability.report.words import columns, note, picture, section, sentence
-from identifiability.workflows.calibrate.answer import WORDS
-from identifiability.workflows.calibrate.outcome import Cell
-from identifiability.workflows.calibrate.ranks import PRIOR_WIDTH, RankCheck
-from identifiability.workflows.calibrate.result import Calibration
+from identifiability.workflows.calibrate.calibration import WORDS, Calibration
+from identifiability.workflows.calibrate.outcome import PRIOR_WIDTH, Cell, RankCheck
 from identifiability.workflows.diagnose import FalseNames
 
 

@@ -21,7 +21,7 @@ from identifiability.report.sections.inspected import answer_inspection
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.report.words import columns, note, picture, section, sentence
 from identifiability.workflows.inspect import Inspection
-from identifiability.workflows.inspect.recordings import Record
+from identifiability.workflows.inspect.contents import Record
 
 #: Shares below this are none: rounding of times leaves as much.
 UNSEEN = 1e-5

@@ -33,7 +33,7 @@ if TYPE_CHECKING:  # every report loads this module, and few need what prunes or
     from identifiability.workflows.analyze import Analysis
     from identifiability.workflows.diagnose import Diagnosis
     from identifiability.workflows.predict import TorquePrediction
-    from identifiability.workflows.predict.frames import Covaries
+    from identifiability.workflows.predict.prediction import Covaries
     from identifiability.workflows.prune import Ladder
 
 __all__ = ["confused", "missing", "models", "precision", "torque", "way_down"]

@@ -55,7 +55,7 @@ def write(robot: Any, values: Mapping[str, float], path: str | Path) -> Path:
                 f"{robot.name} has no parameter '{name}'{near_match(name, [*robot.nominal])} Its "
                 "bodies and joints have those of robot.nominal, and of the effects that there are."
             )
-    writer = import_module("identifiability.workflows.export.parameters")
+    writer = import_module("identifiability.workflows.export.workflow")
     written: Path = writer.write_parameters(robot, values, path).robot
     return written
 

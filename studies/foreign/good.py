@@ -19,17 +19,16 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.oddities import Evidence
-from identifiability.workflows.oddities.effort import find_weightless
-from identifiability.workflows.oddities.exchanged import find_exchanged
-from identifiability.workflows.oddities.gravity import find_gravity
-from identifiability.workflows.oddities.hung import find_hung
-from identifiability.workflows.oddities.late import find_late
-from identifiability.workflows.oddities.limits import find_beyond_limits
-from identifiability.workflows.oddities.rates import find_wrong_rates
-from identifiability.workflows.oddities.saturation import find_saturation
-from identifiability.workflows.oddities.time_scale import find_time_scale
-from identifiability.workflows.oddities.torque_scale import find_torque_scale
-from identifiability.workflows.oddities.turned import find_turned_torque
+from identifiability.workflows.oddities.positions import find_beyond_limits, find_hung
+from identifiability.workflows.oddities.timing import find_late, find_time_scale, find_wrong_rates
+from identifiability.workflows.oddities.torque import (
+    find_exchanged,
+    find_gravity,
+    find_saturation,
+    find_torque_scale,
+    find_turned_torque,
+    find_weightless,
+)
 
 SAMPLES, SEED = 800, 3
 

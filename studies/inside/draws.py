@@ -14,7 +14,7 @@ from identifiability.posterior.exact import build_sampler
 from identifiability.posterior.prior import Prior
 from identifiability.posterior.target import Target
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.calibrate.ranks import build_target
+from identifiability.workflows.calibrate.outcome import build_target
 from inside.pair import Array, Pair, all_rows, timed
 
 #: Steps of the stretch move a kept draw.

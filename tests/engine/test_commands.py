@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from identifiability import analyze, prune
 from identifiability.cli import app
 from identifiability.foundation.engines.local import Processes
-from identifiability.workflows.calibrate import ranks
+from identifiability.workflows.calibrate import outcome as ranks
 from identifiability.workflows.calibrate.calibration import calibrate
 
 

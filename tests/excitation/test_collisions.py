@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from identifiability import Log, Robot, excite
-from identifiability.workflows.excite import candidates
-from identifiability.workflows.excite.clearance import MARGIN, Clearance
+from identifiability.workflows.excite import search as candidates
+from identifiability.workflows.excite.limits import MARGIN, Clearance
 
 INERTIA = '<inertia ixx=".01" iyy=".02" izz=".02" ixy="0" ixz="0" iyz="0"/>'
 LINK = '<link name="{}"><inertial><mass value="1"/>' + INERTIA + "</inertial>{}</link>"
@@ -96,9 +96,9 @@ def test_nothing_touches_along_what_is_played(curling, world, monkeypatch):
 
 
 def test_the_cost_of_coming_near_has_the_slope_that_it_says(curling):
-    from identifiability.workflows.excite.candidates import Objective, Series
+    from identifiability.workflows.excite.criteria import gather_known, pose_question
     from identifiability.workflows.excite.limits import find_limits
-    from identifiability.workflows.excite.question import gather_known, pose_question
+    from identifiability.workflows.excite.search import Objective, Series
 
     question = pose_question(curling, "condition", None, None, None)
     series = Series(find_limits(curling), 5.0, 2)

@@ -6,8 +6,7 @@ import pytest
 from identifiability import excite
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import PrescribedMotion, simulate
-from identifiability.workflows.excite.drive import Drive
-from identifiability.workflows.excite.limits import find_limits
+from identifiability.workflows.excite.limits import Drive, find_limits
 
 QUICK = {"evaluations": 400, "iterations": 10, "samples": 200, "duration": 4.0}
 

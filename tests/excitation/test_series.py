@@ -5,8 +5,8 @@ import pytest
 
 from identifiability.foundation.errors import RobotError
 from identifiability.robot import Robot
-from identifiability.workflows.excite.candidates import Series
 from identifiability.workflows.excite.limits import Limits, find_limits
+from identifiability.workflows.excite.search import Series
 
 LIMITS = Limits(
     ("a", "b"), np.array([-1.0, 0.6]), np.array([2.0, 0.8]), np.array([3.0, 0.16]),

@@ -22,7 +22,7 @@ from identifiability.simulation import Noise, PrescribedMotion, shipped_trajecto
 from identifiability.simulation.mujoco_robot import MujocoRobot
 from identifiability.workflows.analyze.next_steps import next_commands
 from identifiability.workflows.export import export
-from identifiability.workflows.export.parameters import write_parameters
+from identifiability.workflows.export.workflow import write_parameters
 from identifiability.workflows.gravity import (
     LARGE,
     find_leaning,

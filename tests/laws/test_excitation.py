@@ -8,11 +8,26 @@ import pytest
 
 from identifiability.logs.prepare import Samples
 from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.excite.candidates import FINENESS, OPEN, OVERSHOOT, Objective, Series
-from identifiability.workflows.excite.criteria import IDLE, Condition, LogDet, Separation, scaled
+from identifiability.workflows.excite.criteria import (
+    IDLE,
+    Condition,
+    Known,
+    LogDet,
+    Separation,
+    gather_known,
+    pose_question,
+    scaled,
+)
 from identifiability.workflows.excite.limits import Limits, find_limits
-from identifiability.workflows.excite.question import Known, gather_known, pose_question
-from identifiability.workflows.excite.search import DRAWS, search
+from identifiability.workflows.excite.search import (
+    DRAWS,
+    FINENESS,
+    OPEN,
+    OVERSHOOT,
+    Objective,
+    Series,
+    search,
+)
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.excite.limits import find_limits
-from identifiability.workflows.excite.workspace import Workspace, survey
+from identifiability.workflows.excite.limits import Workspace, find_limits, survey
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from identifiability.report.numbers import (
     format_percent,
     join,
 )
-from identifiability.workflows.calibrate.ranks import LEVEL, RankCheck
+from identifiability.workflows.calibrate.outcome import UNIFORM_LEVEL, RankCheck
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def check(*p):
 
 def test_one_bad_parameter_of_many_must_be_worse_by_their_number():
     """Holm: the smallest p of k counts k times."""
-    assert LEVEL == 0.01
+    assert UNIFORM_LEVEL == 0.01
     assert check(0.02, 0.5).uniform
     assert not check(0.004, 0.5).uniform
     assert check(0.004, *[0.5] * 4).uniform

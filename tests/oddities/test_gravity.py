@@ -16,7 +16,7 @@ from identifiability.robot import Robot, complete_motion
 from identifiability.robot.parts import Entry
 from identifiability.simulation import Noise, random_trajectory, simulate
 from identifiability.workflows.oddities import Evidence
-from identifiability.workflows.oddities.gravity import measure_carried, regress
+from identifiability.workflows.oddities.torque import measure_carried, regress
 
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 NOISE = Noise(additive=0.02, correlation=0.9, encoder=1e-5)

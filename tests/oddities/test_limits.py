@@ -12,13 +12,11 @@ from identifiability.logs.rates import unify_rates
 from identifiability.logs.units import contradictions, looks_like_degrees
 from identifiability.workflows.analyze import cutoff_check, several_logs
 from identifiability.workflows.analyze.words import grade_of
-from identifiability.workflows.oddities import exchanged, torque_scale
-from identifiability.workflows.oddities.effort import find_weightless
-from identifiability.workflows.oddities.gravity import _nearest
-from identifiability.workflows.oddities.hung import find_stretches
-from identifiability.workflows.oddities.limits import find_beyond_limits
-from identifiability.workflows.oddities.saturation import flat_share
-from identifiability.workflows.oddities.time_scale import find_time_scale
+from identifiability.workflows.oddities import torque as exchanged
+from identifiability.workflows.oddities import torque as torque_scale
+from identifiability.workflows.oddities.positions import find_beyond_limits, find_stretches
+from identifiability.workflows.oddities.timing import find_time_scale
+from identifiability.workflows.oddities.torque import _nearest, find_weightless, flat_share
 
 N = 4000
 RNG = np.random.default_rng(0)

@@ -13,7 +13,7 @@ from identifiability.logs.checks import FEWEST
 from identifiability.logs.prepare import prepare_samples
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
-from identifiability.workflows.oddities.late import Shift, measure_position, measure_shift
+from identifiability.workflows.oddities.timing import Shift, measure_position, measure_shift
 
 from .conftest import record
 

@@ -37,7 +37,7 @@ from identifiability.workflows.commands import (
     reading_options,
     source_name,
 )
-from identifiability.workflows.predict.frames import correlation_of
+from identifiability.workflows.predict.prediction import correlation_of
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,7 @@ from identifiability.report.figures.skeleton import Part
 from identifiability.report.numbers import NONE, join, rough_percent, whole_percent
 from identifiability.report.sections.decision import answer_next
 from identifiability.report.sections.drawn import moved_pose, sketch_parts
-from identifiability.workflows.calibrate.answer import MOST_WRONG
-from identifiability.workflows.calibrate.result import Calibration
+from identifiability.workflows.calibrate.calibration import MOST_WRONG, Calibration
 from identifiability.workflows.calibrate.world import Cause
 from identifiability.workflows.commands import (
     held_back,

@@ -12,7 +12,7 @@ from identifiability.report.sections.drawn import sketch_parts
 from identifiability.workflows.commands import file_names, name_logs, quote, source_name
 from identifiability.workflows.compare import Comparison
 from identifiability.workflows.compare.changes import LEVEL
-from identifiability.workflows.compare.result import describe
+from identifiability.workflows.compare.workflow import describe
 
 #: Changes that the first line names.
 SHOWN = 3

@@ -19,9 +19,8 @@ from identifiability.report.figures.confusion import (
 from identifiability.report.numbers import digits, format_number, join
 from identifiability.report.tables import Column, Table
 from identifiability.report.words import picture, section
-from identifiability.workflows.predict.budget import PARTS, torque_budget
-from identifiability.workflows.predict.fit import Fit
-from identifiability.workflows.predict.frames import correlation_of
+from identifiability.workflows.predict.fit import PARTS, Fit, torque_budget
+from identifiability.workflows.predict.prediction import correlation_of
 
 #: Pairs that are named in words.
 PAIRS = 3

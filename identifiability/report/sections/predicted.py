@@ -11,7 +11,7 @@ from identifiability.report.sections.decision import answer_next, answer_quality
 from identifiability.report.sections.drawn import sketch_parts
 from identifiability.workflows.commands import name_logs, quote, source_name
 from identifiability.workflows.predict import TorquePrediction
-from identifiability.workflows.predict.result import FEW_INSIDE
+from identifiability.workflows.predict.prediction import FEW_INSIDE
 
 
 def answer_prediction(result: TorquePrediction) -> Answers:

@@ -1,8 +1,7 @@
 """`World`: simulated repetitions of an experiment, as like the real one as the log can tell.
 
-Torque is that of a true robot, with what the model leaves out, along the measured motion, and noise
-like the residual's; the motion that is fitted has errors like the log's. Each of the three can be
-switched off, with all other random numbers the same, to see which of them does harm.
+True robots are those that file and logs make likely; their motion has new errors of the size that
+the log shows.
 """
 
 from __future__ import annotations
@@ -22,13 +21,314 @@ from identifiability.estimation.noise.autoregression import (
 )
 from identifiability.estimation.noise.residual_noise import ResidualNoise, fit_residual_noise
 from identifiability.estimation.noise.restricted_likelihood import HIGHEST_ORDER
+from identifiability.estimation.omitted import body_scatter
+from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.logs import Log, fourier, signals
+from identifiability.logs.prepare import Preparation, Samples
+from identifiability.logs.prepare.instruments import add_instrument
+from identifiability.logs.prepare.plan import Plan, joint_log
+from identifiability.logs.prepare.preparation import make_plan
+from identifiability.logs.prepare.second_record import SecondRecord, find_record
+from identifiability.logs.prepare.white_noise import noise_size
+from identifiability.logs.spectrum import HIGHEST, LOWEST_CUTOFF, WIDE, bandwidth_of_windows
+from identifiability.physical.pseudo_inertia import BASIS, natural_scale, scale_matrix, to_matrix
 from identifiability.regression.information import Information
+from identifiability.regression.reduction import Rung
 from identifiability.regression.regression import Regression
-from identifiability.workflows.calibrate.motion_errors import MotionErrors, measure_anew
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot, complete_motion
+from identifiability.workflows.analyze import Analysis
+from identifiability.workflows.analyze.assessment import RungResult
 from identifiability.workflows.calibrate.outcome import Experiment, Outcome, Seeds
-from identifiability.workflows.calibrate.true_robots import TrueRobots
+
+# Errors of the measured motion, estimated from the log, and the motion with new ones.
+#
+# Differences of high order leave nothing of a smooth motion and all of white noise: their size is
+# that of the noise. New noise goes the way of the log: filter, differentiate, close the loops.
+
+
+@frozen
+class MotionErrors:
+    """The motion of one log, to be measured again.
+
+    Attributes
+    ----------
+    samples : Samples
+        The true motion: the second record where there is one, else as prepared, and smoothed where
+        noise was drawn anew, or velocities and accelerations were measured.
+    log : Log
+        The same, as a log at the joints.
+    plan : Plan
+    sd : (3, N, n)
+        Of the noise on measured positions, velocities and accelerations of the actuated joints;
+        zero for what is not measured [rad or m, and per s, per s²].
+    record : SecondRecord or None
+        How a second record of the motion is made, for instrumental variables.
+    exact : bool
+        Whether the true motion is a second record, without the errors of the log.
+    instrumented : bool
+        Whether it has a second record, which may be that of another log.
+    """
+
+    samples: Samples
+    log: Log
+    plan: Plan
+    sd: Array
+    record: SecondRecord | None
+    exact: bool
+    instrumented: bool
+
+    @staticmethod
+    def of(robot: Robot, samples: Samples, raw: Log, how: Preparation) -> MotionErrors:
+        """Return the errors of a log that was prepared."""
+        if samples.cutoff is not None:
+            how = replace(how, cutoff=samples.cutoff)
+        plan = make_plan(robot, raw, how)
+        log = joint_log(robot, plan.mend(raw))
+        none = np.zeros(log.q.shape)
+        sd = [none if x is None else noise_size(x) for x in _channels(log)]
+        instrumented = samples.beside is not None
+        found = samples if instrumented else add_instrument(robot, log, samples, always=True)
+        beside = None if found is None else found.beside
+        smooth = replace(samples, motion=samples.echoes[0].motion) if samples.echoes else None
+        near = beside or smooth or _smoothed(robot, samples, log, plan)
+        exactly = replace(near.motion, smooth_v=None)  # its signs are those of its speeds
+        true = replace(near, motion=exactly, instrument=None, echoes=())
+        exact = beside is not None
+        record = find_record(log, samples, always=True) if instrumented else None
+        at = _as_log(log, true)
+        return MotionErrors(true, at, plan, np.stack(sd), record, exact, instrumented)
+
+    def scaled(self, factor: float) -> MotionErrors:
+        """Return the same with errors of another size."""
+        return replace(self, sd=factor * self.sd)
+
+    def measure(self, robot: Robot, rng: np.random.Generator) -> tuple[Log, Samples]:
+        """Return the log with new errors and its samples, at the same times."""
+        e = self.sd * rng.standard_normal(self.sd.shape)
+        pairs = zip(_channels(self.log), e, strict=True)
+        log = _with(self.log, [x if x is None else x + y for x, y in pairs])
+        samples = _moved(robot, self.samples, self._prepared(e))
+        smooth, motion = self.plan.smooth_speed(log), samples.motion
+        if smooth is not None:
+            samples = replace(samples, motion=replace(motion, smooth_v=smooth[motion.kept]))
+        return log, samples
+
+    def _prepared(self, e: Array) -> list[Array]:
+        """Return errors (3, N, n) of position, velocity and acceleration after the preparation."""
+        log, plan = self.log, self.plan
+        noise = _with(log, [x if x is None else y for x, y in zip(_channels(log), e, strict=True)])
+        if plan.series is not None:
+            series = plan.series
+            t = log.t - plan.start
+            fit = fourier.fit_fourier(t, noise.q, series.period, series.harmonics)
+            plan = replace(plan, series=fit)
+        return [x[self.samples.motion.kept].copy() for x in plan.derive(noise)]
+
+
+def measure_anew(
+    robot: Robot, motion: Sequence[MotionErrors], rng: np.random.Generator
+) -> list[Samples]:
+    """Return the samples of all logs with new errors, and instruments as the logs have them."""
+    found = [m.measure(robot, rng) for m in motion]
+    out = []
+    for m, (log, own) in zip(motion, found, strict=True):
+        others = [s for _, s in found if s is not own]
+        has = None
+        if m.instrumented:
+            has = add_instrument(robot, log, own, others, always=True, like=m.record)
+        out.append(has or own)
+    return out
+
+
+def _channels(log: Log) -> tuple[Array, Array | None, Array | None]:
+    return log.q, log.dq, log.ddq
+
+
+def _as_log(log: Log, samples: Samples) -> Log:
+    """Return a log with the motion of samples, where it has such channels and they have rows."""
+    motion = samples.motion
+    out: list[Array | None] = []
+    near = (motion.actuated_q, motion.actuated_v, motion.actuated_a)
+    for x, true in zip(_channels(log), near, strict=True):
+        if x is not None:
+            x = x.copy()  # noqa: PLW2901 - logs are read-only
+            x[motion.kept] = true
+        out.append(x)
+    return _with(log, out)
+
+
+def _with(log: Log, channels: Sequence[Array | None]) -> Log:
+    q, dq, ddq = channels
+    assert q is not None
+    return replace(log, q=q, dq=dq, ddq=ddq)
+
+
+def _smoothed(robot: Robot, samples: Samples, log: Log, plan: Plan) -> Samples:
+    """Return samples without the errors of velocities and accelerations that were measured."""
+    if plan.cutoff is not None or plan.series is not None or signals.has_gap(log.t).any():
+        return samples
+    dt = signals.sampling_step(log.t)
+    cutoff = max(WIDE * bandwidth_of_windows([log.q], dt), LOWEST_CUTOFF)
+    cutoff = min(cutoff, HIGHEST / dt)
+    given = plan.derive(log)
+    errors = [(signals.lowpass(x, dt, cutoff) - x)[samples.motion.kept] for x in given]
+    return _moved(robot, samples, errors)
+
+
+def _moved(robot: Robot, samples: Samples, errors: list[Array]) -> Samples:
+    """Return samples with something added to position, velocity and acceleration, each (N, n)."""
+    motion = samples.motion
+    near = [motion.actuated_q, motion.actuated_v, motion.actuated_a]
+    for _ in range(2):
+        q, dq, ddq = (x + e for x, e in zip(near, errors, strict=True))
+        try:
+            found = complete_motion(robot, motion.t, q, dq, ddq)
+        except ClosureError:
+            break
+        if len(found) == len(motion):
+            rows = {k: getattr(motion, k) for k in ("kept", "dropped", "near_singular")}
+            return replace(samples, motion=replace(found, **rows))
+        for e in errors:
+            e[found.dropped] = 0.0  # their loops do not close with the error
+    return samples
+
+
+# True robots that file and logs make likely: what simulated repetitions are made from.
+#
+# The centre is the robot that the file's bodies, each to ± `SHARE` of its moments, and the logs
+# make likeliest together; every repetition draws its bodies anew around it, made physically
+# possible.
+
+
+#: Residual variances below this share of the torque's are rounding.
+ROUNDING = 1e-12
+
+#: What a model leaves out, and no body has, is in a true robot if the unpruned model finds it this
+#: many robust standard deviations from zero: less is noise, which must not be planted as truth.
+SURE = 3.0
+
+_TO_THETA = np.linalg.pinv(BASIS.reshape(10, 16))
+
+
+@frozen
+class TrueRobots:
+    """Robots around a likely one.
+
+    Attributes
+    ----------
+    structure : Structure
+    bodies : (p,)
+        Its standard parameters of bodies of which the file states a mass; zero for all others.
+    scatter : (p,)
+        Standard deviations around them; zero for what is no body's.
+    others : (b,)
+        Base parameters of all that is not in `bodies`: friction, rotors.
+    """
+
+    structure: Structure
+    bodies: Array
+    scatter: Array
+    others: Array
+
+    @staticmethod
+    def of(analysis: Analysis, result: RungResult) -> TrueRobots:
+        """Return the robots that file and logs make likely.
+
+        What is no body's is as the model has it, with what it leaves out where the unpruned model
+        is sure of that.
+        """
+        structure, full = analysis.structure, analysis.full
+        scatter, rows = body_scatter(structure), structure.inertial
+        stated = np.zeros(len(scatter), bool)
+        stated[rows[scatter[rows].any(1)]] = True
+        bodies = np.where(stated, structure.nominal, 0.0)
+        of_others = np.any(structure.G[:, ~stated], axis=1)
+        span, others = _free(result.rung, full, of_others, structure.G @ bodies)
+        noise = full.estimate.variance * np.maximum(full.autocorrelation_time, 1.0)
+        torque = analysis.information.torque.sum() / max(analysis.information.rows, 1)
+        factor = analysis.information.factor(1.0 / np.maximum(noise, ROUNDING * torque + 1e-300))
+        R = factor[:, :-1]
+        left = factor[:, -1] - R @ (structure.G @ bodies + others)
+        columns = R @ span
+        size = np.linalg.norm(columns, axis=0)
+        size[size == 0] = 1.0
+        moved = scatter > 0
+        prior = np.eye(moved.sum(), moved.sum() + span.shape[1])
+        A = np.vstack(
+            [np.hstack([R @ structure.G[:, moved] * scatter[moved], columns / size]), prior]
+        )
+        found = np.linalg.lstsq(A, np.append(left, np.zeros(len(prior))), rcond=None)[0]
+        bodies[moved] += scatter[moved] * found[: len(prior)]
+        return TrueRobots(structure, bodies, scatter, others + span @ (found[len(prior) :] / size))
+
+    def draw(self, rng: np.random.Generator) -> Array:
+        """Return the base parameters of a robot, (b,)."""
+        theta = self.bodies + self.scatter * rng.standard_normal(len(self.bodies))
+        rows = self.structure.inertial
+        rows = rows[self.scatter[rows].any(1)]
+        if len(rows):
+            theta[rows] = make_possible(theta[rows], self.structure.nominal[rows])
+        base: Array = self.structure.G @ theta + self.others
+        return base
+
+
+def _free(rung: Rung, full: RungResult, rows: np.ndarray, by_bodies: Array) -> tuple[Array, Array]:
+    """Return what base parameters of others than bodies may be: span (b, f) and its origin (b,).
+
+    Parameters
+    ----------
+    rung : Rung
+    full : RungResult
+        The unpruned model.
+    rows : (b,) bool
+        Base parameters in which something else than bodies acts.
+    by_bodies : (b,)
+        What bodies make of them in the file.
+    """
+    own = rung.M[rows]
+    own = own[:, own.any(0)]
+    left = np.eye(rows.sum()) - own @ np.linalg.pinv(own)
+    found = full.rung.expand(full.estimate.value)[rows] - rung.held[rows]
+    C = np.where(np.isfinite(full.estimate.covariance), full.estimate.covariance, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        wider = np.nan_to_num(full.uncertainty.robust / full.estimate.sigma, nan=1.0, posinf=1.0)
+    half = left @ full.rung.M[rows]
+    sd = np.sqrt(np.einsum("ij,jk,ik->i", half * wider, C, half * wider))
+    open_ = (np.abs(half[:, ~full.estimate.determined]) > 0).any(1)
+    sure = (np.abs(left @ found) > SURE * sd) & (sd > 0) & ~open_
+    span, origin = np.zeros((len(rows), own.shape[1] + sure.sum())), np.zeros(len(rows))
+    span[rows] = np.hstack([own, left[:, sure]])
+    held = rows & (rung.held != 0)
+    origin[held] = rung.held[held] - by_bodies[held]
+    return span, origin
+
+
+def make_possible(theta: Array, like: Array) -> Array:
+    """Return the nearest bodies that can exist, (nb, 10).
+
+    Parameters
+    ----------
+    theta : (nb, 10) [kg m², kg m, kg]
+    like : (nb, 10)
+        Bodies that give the scale in which distances count.
+    """
+    s = scale_matrix(*natural_scale(like))
+    scale = s[:, :, None] * s[:, None, :]
+    values, vectors = np.linalg.eigh(to_matrix(theta) / scale)
+    J = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.swapaxes(1, 2) * scale
+    possible: Array = J.reshape(-1, 16) @ _TO_THETA
+    return possible
+
+
+# `World`: simulated repetitions of an experiment, as like the real one as the log can tell.
+#
+# Torque is that of a true robot, with what the model leaves out, along the measured motion, and
+# noise like the residual's; the motion that is fitted has errors like the log's. Each of the three
+# can be switched off, with all other random numbers the same, to see which of them does harm.
+
 
 #: Drawings of the errors of the motion by which the torque that they make is measured.
 DRAWS = 8

@@ -1,9 +1,6 @@
 """What changed between two results, or two logs, of one robot."""
 
-from identifiability.workflows.compare.causes import Cause
-from identifiability.workflows.compare.changes import Change
-from identifiability.workflows.compare.difference import Difference
-from identifiability.workflows.compare.result import Comparison
-from identifiability.workflows.compare.workflow import compare
+from identifiability.workflows.compare.changes import Cause, Change, Difference
+from identifiability.workflows.compare.workflow import Comparison, compare
 
 __all__ = ["Cause", "Change", "Comparison", "Difference", "compare"]

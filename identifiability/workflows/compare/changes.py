@@ -1,25 +1,362 @@
-"""What changed: causes that can be named, tested against each other at one family-wise level.
+"""What changed between two fits of one model.
 
-A cause is a way in which the values can change together: the friction of a joint, a load on a body,
-a torque offset. Each is tested against the whole difference, which it must explain better than
-chance [Wald 1943]; all of them together, and every single value of the bodies, are one family, each
-at its share of the level. Of those that are sure the one that explains most is taken for true, and
-the others are tested for what it leaves, until none is sure: friction that rose by itself is then
-not also a load.
+`Difference` is by how much the values differ and all that is not known of it; a `Cause` is a way
+in which values can change together; causes are tested against each other at one family-wise level.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import reduce
+from operator import add
+from typing import Literal
 
 import numpy as np
 from scipy.stats import f
 
-from identifiability.foundation.names import Array
+from identifiability.effects import title_of
+from identifiability.estimation.bootstrap import merge_blocks
+from identifiability.estimation.estimate import estimate, forget_noise
+from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.motions import MOST_STRETCHES, compare_motions
+from identifiability.estimation.scores import MEMORIES, scatter_scores
+from identifiability.estimation.uncertainty import remembering_covariance
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.shares import REACH
 from identifiability.foundation.values import frozen
-from identifiability.workflows.compare.causes import SAME, Cause
-from identifiability.workflows.compare.difference import Difference
+from identifiability.regression.gather import BLOCKS
+from identifiability.regression.information import Information
+from identifiability.regression.reduction import Rung
+from identifiability.regression.structure import Structure
+from identifiability.workflows.pairs import Pair
+from identifiability.workflows.predict import Fit
+
+# `Difference`: by how much the values of a model differ, and all that is not known of it.
+#
+# Three roads. *Results*: their values, and the sum of their covariances. *Logs*: the same model
+# fitted to each side, with the scatter of scores over time, and of each side's motions.
+# *Pairs*: where both sides made the same motion, one regression of the difference of the torques,
+#
+# τ₂ − τ₁ − (W₂ − W₁) x₁ = W₂ (x₂ − x₁) + noise,
+#
+# in which nothing is left of what the model gets wrong along that motion.
+
+
+@frozen(kw_only=True)
+class Difference:
+    """Values of k parameters before and after.
+
+    Attributes
+    ----------
+    kind : {"pairs", "logs", "results"}
+        What it was found from.
+    kept : (k,) int
+        Which of the rung's columns they are.
+    onto : (k, m)
+        What a change of all m columns of the rung does to these.
+    before, change : (k,)
+    known : (k, k)
+        Covariance of `before`.
+    covariance : (k, k)
+        Of `change`.
+    moves : (B, k)
+        By how much independent stretches of time move it; none of results.
+    dof : float
+        Degrees of freedom with which that is known.
+    """
+
+    kind: Literal["pairs", "logs", "results"]
+    kept: np.ndarray
+    onto: Array
+    before: Array
+    change: Array
+    known: Array
+    covariance: Array
+    moves: Array
+    dof: float
+
+    @staticmethod
+    def of_fits(one: Fit, other: Fit) -> Difference:
+        """Return the difference of two results of one model."""
+        size = np.minimum(np.diag(one.covariance), np.diag(other.covariance))
+        kept = np.flatnonzero(size > 0)
+        dropped = np.setdiff1d(np.arange(len(size)), kept)
+        onto = np.zeros((len(kept), len(size)))
+        onto[:, kept] = np.eye(len(kept))
+        if len(dropped):
+            unknown = np.hstack([one.spread.unknown, other.spread.unknown])
+            lean = unknown[kept] @ np.linalg.pinv(unknown[dropped])
+            onto[:, dropped] = -lean
+        at = np.ix_(kept, kept)
+        return Difference(
+            kind="results",
+            kept=kept,
+            onto=onto,
+            before=one.values[kept],
+            change=(other.values - one.values)[kept],
+            known=one.covariance[at],
+            covariance=one.covariance[at] + other.covariance[at],
+            moves=np.zeros((0, len(kept))),
+            dof=float(min(one.spread.dof.sum(), other.spread.dof.sum())),
+        )
+
+    @staticmethod
+    def of_logs(information: Information, after: np.ndarray, estimator: Estimator) -> Difference:
+        """Return the difference of two sides of some logs, each fitted by itself.
+
+        Parameters
+        ----------
+        information : Information
+            About the rung's columns along all logs.
+        after : (B,) bool
+            Blocks of the second side.
+        estimator : Estimator
+
+        Raises
+        ------
+        LogError
+            If a side is too short to be fitted by itself.
+        """
+        fresh = forget_noise(estimator)
+        sides = [information.take(side) for side in (~after, after)]
+        fits = [fresh.fit(side) for side in sides]
+        kept = sorted(set(fits[0].kept) & set(fits[1].kept))
+        parts = [side.select(kept) for side in sides]
+        one, other = (_Side.of(part, fresh.fit(part)) for part in parts)
+        return Difference(
+            kind="logs",
+            kept=np.array(kept, int),
+            onto=_onto(information, kept, fits[0]),
+            before=one.fit.value,
+            change=other.fit.value - one.fit.value,
+            known=one.covariance,
+            covariance=one.covariance + other.covariance,
+            moves=np.vstack([one.moves, other.moves]),
+            dof=min(one.dof, other.dof),
+        )
+
+    @staticmethod
+    def of_pairs(
+        structure: Structure, rung: Rung, pairs: Sequence[Pair], before: Information
+    ) -> Difference:
+        """Return the difference of logs that made the same motions.
+
+        Parameters
+        ----------
+        structure : Structure
+        rung : Rung
+        pairs : sequence of Pair
+        before : Information
+            About the rung's columns along the logs before.
+
+        Raises
+        ------
+        LogError
+            If they are too short.
+        """
+        own = estimate(before)
+        base = rung.expand(own.value)
+        whole = reduce(add, (_differences(structure, rung, pair, base) for pair in pairs))
+        kept = list(estimate(whole).kept)
+        part = whole.select(kept)
+        found = _Side.of(part, estimate(part))
+        serves = [pair.at[1] for pair in pairs]
+        shared = max((serves.count(k) + 1) / 2 for k in serves)
+        side = before.select(kept)
+        return Difference(
+            kind="pairs",
+            kept=np.array(kept, int),
+            onto=_onto(whole, kept, found.fit),
+            before=own.value[kept],
+            change=found.fit.value,
+            known=remembering_covariance(side, estimate(side)),
+            covariance=shared * found.covariance,
+            moves=np.sqrt(shared) * found.moves,
+            dof=found.dof,
+        )
+
+
+def _differences(structure: Structure, rung: Rung, pair: Pair, base: Array) -> Information:
+    """Return the information of what the torques of a pair differ by."""
+    W, tau, other, later, both = pair.rows(structure)
+    torque = later - tau - (other - W) @ base
+    size = -(-len(tau) // BLOCKS)
+    log = np.zeros(len(tau), int)
+    return Information.of_rows(rung.columns, other @ rung.M, torque, log, size, moves=both)
+
+
+@frozen(kw_only=True)
+class _Side:
+    """A fit of k values, their covariance, and how B stretches of time move them, (B, k)."""
+
+    fit: Estimate
+    covariance: Array
+    moves: Array
+    dof: float
+
+    @staticmethod
+    def of(part: Information, fit: Estimate) -> _Side:
+        """Return a fit with what is known of it.
+
+        Where scores scatter more than the formula says, all of it is larger by one factor: what few
+        values do not know of each other, a combination may know well. Several logs add what
+        scatters between them where they disagree.
+
+        Raises
+        ------
+        LogError
+        """
+        time = max(fit.memory, part.samples / MEMORIES / MOST_STRETCHES)
+        scores = scatter_scores(part, fit, time)
+        if scores is None or len(fit.kept) < part.size:
+            raise LogError(
+                f"{part.samples} samples are too few to compare {part.size} values; give longer or "
+                "more logs, or a smaller model (--ladder)."
+            )
+        formula = remembering_covariance(part, fit)
+        sd = np.sqrt(np.diag(formula))
+        covariance = formula * max(float(np.mean((scores.sd / sd) ** 2)), 1.0)
+        merged = merge_blocks(part, part.samples / scores.stretches)
+        moves = fit.estimator.influence(merged, fit)
+        moves = moves * np.mean(scores.sd / np.sqrt((moves**2).sum(0)))  # short stretches
+        motions = compare_motions(part, fit, fit.memory)
+        if motions is not None:
+            covariance = covariance + np.diag(motions.between**2)
+        return _Side(fit=fit, covariance=covariance, moves=moves, dof=scores.stretches - 1.0)
+
+
+def _onto(information: Information, kept: Sequence[int], fit: Estimate) -> Array:
+    """Return what a change of every column does to those that are kept, (k, m)."""
+    R = information.factor(fit.weights)[:, :-1]
+    found: Array = np.linalg.lstsq(R[:, list(kept)], R, rcond=None)[0]
+    return found
+
+
+# `Cause`: a way in which values can change together, and all of them that a robot can have.
+#
+# The friction of a joint, alike in both directions; a torque offset; another effect at a joint; a
+# load on a body; a single value of the bodies.
+
+
+#: Directions of a cause that make less than this share of its largest are the same.
+SAME = 1e-6
+
+#: A load is tested by what its weight does; it may change all ten parameters of its body.
+WEIGHT = ("m", "mx", "my", "mz")
+
+#: The effect of which single values are causes.
+BODIES = "rigid_body"
+
+
+@frozen(kw_only=True)
+class Cause:
+    """A way in which values can change together.
+
+    Attributes
+    ----------
+    kind : {"friction", "offset", "load", "effect", "value"}
+    place : str
+        Joint, body or parameter.
+    what : str
+        In words.
+    names : tuple of str
+        What its q numbers are.
+    units : tuple of str
+    design : (k, q)
+        What a unit of each does to the values.
+    tested : int
+        How many of them, the first, it is tested by.
+    """
+
+    kind: str
+    place: str
+    what: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    design: Array
+    tested: int
+
+
+def find_causes(structure: Structure, rung: Rung, difference: Difference) -> tuple[Cause, ...]:
+    """Return all causes that a difference can have under a model."""
+    onto = difference.onto @ np.linalg.pinv(rung.M) @ structure.G
+    found = [*_of_effects(structure), *_of_bodies(structure)]
+    causes = []
+    for kind, place, what, columns in found:
+        names = tuple(" = ".join(structure.columns[c] for c in members) for members, _ in columns)
+        units = tuple(structure.parameters[members[0]].unit for members, _ in columns)
+        design = np.stack([onto[:, list(m)] @ np.array(sign) for m, sign in columns], 1)
+        causes.append(
+            Cause(
+                kind=kind,
+                place=place,
+                what=what,
+                names=names,
+                units=units,
+                design=design,
+                tested=len(WEIGHT) if kind == "load" else len(names),
+            )
+        )
+    rigid = {p.name for p in structure.parameters if p.group == BODIES}
+    for k, column in enumerate(difference.kept):
+        name = rung.columns[column]
+        if name in rigid or name not in structure.columns:
+            causes.append(
+                Cause(
+                    kind="value",
+                    place=name,
+                    what=rung.labels[column],
+                    names=(name,),
+                    units=(rung.units[column],),
+                    design=np.eye(len(difference.kept))[:, [k]],
+                    tested=1,
+                )
+            )
+    size = np.sqrt(np.diag(difference.covariance))
+    return tuple(c for c in causes if np.abs(c.design[:, : c.tested] / size[:, None]).max() > SAME)
+
+
+_Columns = list[tuple[tuple[int, ...], tuple[float, ...]]]
+
+
+def _of_effects(structure: Structure) -> Iterator[tuple[str, str, str, _Columns]]:
+    """Yield causes at joints: friction, alike in both directions, offsets, and other effects."""
+    offsets: dict[str, _Columns] = {}
+    others: dict[tuple[str, str], _Columns] = {}
+    for k, p in enumerate(structure.parameters):
+        if p.group == "torque_offset":
+            offsets[p.owner] = [((k,), (1.0,))]
+        elif p.group != BODIES and p.kind not in ("Fc+", "Fc-") and "friction" not in p.group:
+            others.setdefault((p.owner, p.group), []).append(((k,), (1.0,)))
+    for joint, columns in structure.friction.items():
+        yield "friction", joint, f"friction of {joint}", columns
+        both = [members for members, _ in columns if len(members) == 2]
+        if both:
+            offsets.setdefault(joint, [(both[0], (1.0, -1.0))])
+    for joint, columns in offsets.items():
+        yield "offset", joint, f"torque offset of {joint}", columns
+    for (joint, group), columns in others.items():
+        yield "effect", joint, f"{title_of(group)} of {joint}", columns
+
+
+def _of_bodies(structure: Structure) -> Iterator[tuple[str, str, str, _Columns]]:
+    at = {name: k for k, name in enumerate(structure.columns)}
+    for stem, title in structure.bodies.items():
+        kinds = (*WEIGHT, *(kind for kind in INERTIAL if kind not in WEIGHT))
+        columns: _Columns = [((at[f"{stem}{kind}"],), (1.0,)) for kind in kinds]
+        yield "load", title, f"load of {title}", columns
+
+
+# What changed: causes that can be named, tested against each other at one family-wise level.
+#
+# A cause is a way in which the values can change together: the friction of a joint, a load on a
+# body, a torque offset. Each is tested against the whole difference, which it must explain better
+# than chance [Wald 1943]; all of them together, and every single value of the bodies, are one
+# family, each at its share of the level. Of those that are sure the one that explains most is
+# taken for true, and the others are tested for what it leaves, until none is sure: friction that
+# rose by itself is then not also a load.
+
 
 #: Family-wise level of all tests.
 LEVEL = 0.05

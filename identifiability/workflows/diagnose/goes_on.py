@@ -26,7 +26,7 @@ from identifiability.workflows.diagnose.material import Material
 from identifiability.workflows.diagnose.motion import PART
 from identifiability.workflows.diagnose.rows import Candidate
 from identifiability.workflows.diagnose.turns import Outcome, Turn
-from identifiability.workflows.predict.about import Entry
+from identifiability.workflows.predict.fit import Entry
 
 #: How a diagnosis that is gone on from is given.
 Before = Annotated[Findings | str | Path, Expected("a result of diagnose, or the path of its JSON")]

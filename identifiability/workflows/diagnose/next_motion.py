@@ -27,8 +27,8 @@ from identifiability.workflows.diagnose.findings import Findings
 from identifiability.workflows.diagnose.next_question import Asked, ask_hidden, ask_open
 from identifiability.workflows.diagnose.noise_of_motion import Told
 from identifiability.workflows.excite import Excitation, Limits, find_limits
-from identifiability.workflows.excite.candidates import Series
-from identifiability.workflows.excite.question import Known
+from identifiability.workflows.excite.criteria import Known
+from identifiability.workflows.excite.search import Series
 from identifiability.workflows.excite.workflow import find_motion
 from identifiability.workflows.opening import Progress
 

@@ -18,10 +18,15 @@ from identifiability.regression.regression import Regression
 from identifiability.workflows.diagnose.decision_chance import aim_at, decision_chance
 from identifiability.workflows.diagnose.findings import Findings, Placement
 from identifiability.workflows.diagnose.rows import list_candidates
-from identifiability.workflows.excite.candidates import Objective, Series
-from identifiability.workflows.excite.criteria import Reveal, Separation
+from identifiability.workflows.excite.criteria import (
+    Known,
+    Question,
+    Reveal,
+    Separation,
+    pose_question,
+)
 from identifiability.workflows.excite.limits import Limits
-from identifiability.workflows.excite.question import Known, Question, pose_question
+from identifiability.workflows.excite.search import Objective, Series
 
 #: Similarity from which on two effects are the same torque, and another motion changes nothing.
 SAME = 1.0 - 1e-6

@@ -17,7 +17,7 @@ from identifiability.regression.regression import Regression
 from identifiability.simulation import Trajectory
 from identifiability.workflows.diagnose.findings import Findings
 from identifiability.workflows.diagnose.motion import prepare_rows, samples_each
-from identifiability.workflows.excite.question import Question
+from identifiability.workflows.excite.criteria import Question
 
 #: Periods of a motion that are prepared to know what one of many says.
 PREPARED = 3

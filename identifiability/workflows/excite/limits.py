@@ -1,33 +1,48 @@
-"""`Limits`: how far, how fast and how hard the joints may move, and where bodies may be.
+"""What a motion must keep: `Limits`, loops, leaps, boxes, drives and collisions.
 
-A limits file is TOML; every key is optional and replaces what the robot says::
-
-    slider1 = {q = [0.62, 0.78], v = 0.16, a = 0.5}    # actuated joint [rad or m, per s, per s²]
-    slider2 = {tau = 400, power = 150}                 # of its drive [N·m or N; W]
-
-    [workspace.platform]                               # body: where one of its points may be [m]
-    point = [0.2, 0.1, 0.0]                            # in the body's frame (default: its origin)
-    z = [0.5, 0.9]                                     # world coordinates; x, y and z
+`Limits` say how far, how fast and how hard joints may move and where bodies may be. Beyond those
+of single joints, candidates may lose loops, leave boxes or ask too much of drives by the nominal
+model, and bodies may come near each other.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
+from identifiability.effects import default_effects
 from identifiability.foundation.documents import first_problem, read_document
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.robot import Robot
+from identifiability.regression.model import Model
+from identifiability.regression.reduction import USUAL_EFFECTS
+from identifiability.regression.structure import Structure
+from identifiability.robot import Motion, Robot
+from identifiability.robot.dependence import invert, passes_singular
+from identifiability.robot.geometry import body_of, read_geometry
 from identifiability.robot.kinematics import Point
+from identifiability.robot.loop_equations import loop_jacobian
+from identifiability.robot.newton import LEAP
 from identifiability.robot.sidecar import LimitEntry, Span
 from identifiability.robot.speeds import stated_speeds
+
+# `Limits`: how far, how fast and how hard the joints may move, and where bodies may be.
+#
+# A limits file is TOML; every key is optional and replaces what the robot says::
+#
+# slider1 = {q = [0.62, 0.78], v = 0.16, a = 0.5} # actuated joint [rad or m, per s, per s²]
+# slider2 = {tau = 400, power = 150} # of its drive [N·m or N; W]
+#
+# [workspace.platform] # body: where one of its points may be [m] point = [0.2, 0.1, 0.0] # in the
+# body's frame (default: its origin) z = [0.5, 0.9] # world coordinates; x, y and z
+
 
 #: Condition number (1-norm) of the closure that an exciting motion stays below. Within their
 #: limits the shipped robots stay below 130; above 1000 a configuration is called near-singular.
@@ -250,3 +265,253 @@ def _box(robot: Robot, body: str, entry: BoxEntry) -> Box:
     free = (-np.inf, np.inf)
     span = np.array([free if s is None else s for s in (entry.x, entry.y, entry.z)])
     return Box(body, Point(joint, np.array(entry.point)), span[:, 0], span[:, 1])
+
+
+# How near bodies of a robot that are not joined come to each other along a motion.
+
+
+#: The search keeps bodies twice as far apart [m], and half of it is what a motion must keep at
+#: every sample, so that nothing touches between samples either.
+MARGIN = 0.01
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """The shapes of a robot's file, and the pairs of them that may not touch.
+
+    Attributes
+    ----------
+    robot : Robot
+    geometry : pinocchio.GeometryModel
+    touching : tuple of str
+        Pairs of bodies that touch at home already, and so are not watched.
+    """
+
+    robot: Robot
+    geometry: Any
+    touching: tuple[str, ...] = ()
+
+    @staticmethod
+    def of(robot: Robot) -> tuple[Clearance | None, str]:
+        """Return what to watch, or why nothing is watched: a sentence."""
+        end = "collisions were not looked for: look at the motion before the robot goes through it."
+        if robot.cables:
+            return None, f"{robot.path.name} has tendons that push, and {end}"
+        try:
+            shapes = read_geometry(robot)
+        except RobotError as error:
+            return None, f"{str(error).rstrip('.')}, so {end}"
+        if len(shapes.geometryObjects) < 2:
+            return None, f"{robot.path.name} has no shapes that can collide, so {end}"
+        if not len(shapes.collisionPairs):
+            return None, ""  # bodies are all joined to each other
+        whole = Clearance(robot, shapes)
+        home = whole._distances(robot.home)
+        objects = shapes.geometryObjects
+        pairs = [(p.first, p.second) for p in shapes.collisionPairs]
+        bad = [pair for pair, d in zip(pairs, home, strict=True) if d < MARGIN]
+        for first, second in bad:
+            shapes.removeCollisionPair(pin.CollisionPair(first, second))
+        names = [" and ".join(sorted(body_of(objects[k]) for k in pair)) for pair in bad]
+        if not len(shapes.collisionPairs):
+            return None, f"All bodies of {robot.name} touch at home, so {end}"
+        return Clearance(robot, shapes, tuple(dict.fromkeys(names))), ""
+
+    @property
+    def pairs(self) -> int:
+        """Pairs of shapes that are watched."""
+        return len(self.geometry.collisionPairs)
+
+    @property
+    def said(self) -> str:
+        """The sentence on what is not watched; empty if nothing is left out."""
+        if not self.touching:
+            return ""
+        return (
+            f"At home {listing(self.touching, 4)} are nearer than {1000 * MARGIN:g} mm already (as "
+            "drawn), so collisions of these are not watched."
+        )
+
+    def gaps(self, q: Array) -> Array:
+        """Return the least distance of any pair at configurations (N, nq), (N,) [m]; < 0 inside."""
+        model, shapes = self.robot.model, self.geometry
+        data, found = model.createData(), shapes.createData()
+        out = np.empty(len(q))
+        for k, row in enumerate(q):
+            pin.computeDistances(model, data, shapes, found, row)
+            out[k] = min(pair.min_distance for pair in found.distanceResults)
+        return out
+
+    def _distances(self, q: Array) -> list[float]:
+        model, shapes = self.robot.model, self.geometry
+        found = shapes.createData()
+        pin.computeDistances(model, model.createData(), shapes, found, np.asarray(q, float))
+        return [float(pair.min_distance) for pair in found.distanceResults]
+
+
+def nearness(gaps: Array) -> Array:
+    """Return what each sample costs: nothing from twice the margin on, 1 at contact."""
+    near: Array = np.maximum(1.0 - np.asarray(gaps) / (2 * MARGIN), 0.0) ** 2
+    return near
+
+
+# What a motion asks of the drives: torque and power by the nominal model of the robot file.
+
+
+@frozen
+class Drive:
+    """The nominal model, and what its drives can do.
+
+    Attributes
+    ----------
+    structure : Structure
+        The robot under its nominal model; what the robot file does not state is zero.
+    torque, power : (n,) [N·m or N; W]
+        Largest of each drive; infinite where nobody stated it.
+    """
+
+    structure: Structure
+    torque: Array
+    power: Array
+
+    @staticmethod
+    def of(robot: Robot, limits: Limits) -> Drive | None:
+        """Return the drives of a robot; None where nobody stated what they can do."""
+        if not (np.isfinite(limits.torque).any() or np.isfinite(limits.power).any()):
+            return None
+        structure = Structure.of(robot, Model.of(*default_effects(robot, USUAL_EFFECTS)))
+        return Drive(structure, limits.torque, limits.power)
+
+    def torques(self, motion: Motion) -> Array:
+        """Return the torque that a motion takes, (N, n) [N·m or N]."""
+        of = self.structure
+        out: Array = of.model.regressor(of.robot, motion) @ of.nominal
+        return out
+
+    def load(self, motion: Motion) -> Array:
+        """Return the largest share of a limit that each sample asks for, (N,)."""
+        torque = np.abs(self.torques(motion))
+        power = np.abs(torque * motion.actuated_v)
+        share: Array = np.maximum(torque / self.torque, power / self.power).max(1)
+        return share
+
+
+# What candidate motions do beyond the limits of single joints: loops, leaps, boxes, drives.
+
+
+#: Share of a bound from which on the search keeps away from it.
+INNER = 0.9
+
+
+@frozen
+class Workspace:
+    """What candidates do outside their joints' limits.
+
+    Attributes
+    ----------
+    open : (m,) int
+        Samples whose loops do not close.
+    condition : (m,)
+        Largest condition number of the closure; 1 for an open chain.
+    leaps : (m,) int
+        Samples before which the dependent joints jump or pass a singular configuration.
+    outside : (m,)
+        Largest distance outside a box [m]; negative: the smallest distance inside.
+    load : (m,)
+        Largest share of a drive's torque or power that is asked for; zero where none is stated.
+    """
+
+    open: np.ndarray
+    condition: Array
+    leaps: np.ndarray
+    outside: Array
+    load: Array
+
+    def kept(self, bound: float) -> np.ndarray:
+        """Return whether candidates stay within the workspace, (m,) bool."""
+        closed = (self.open == 0) & (self.leaps == 0) & (self.condition <= bound)
+        kept: np.ndarray = closed & (self.outside <= 0) & (self.load <= 1)
+        return kept
+
+    def cost(self, bound: float) -> Array:
+        """Return what is added to the cost of candidates, (m,): nothing well inside."""
+        with np.errstate(divide="ignore"):
+            near = np.maximum(np.log(np.minimum(self.condition, 1e12) / (INNER * bound)), 0.0)
+        room = np.maximum(self.outside + 1e-3, 0.0)  # a millimetre inside
+        heavy = np.maximum(np.log(np.maximum(self.load, INNER) / INNER), 0.0)
+        cost: Array = 20 * near**2 + 200 * room + 5.0 * (self.leaps > 0) + 20 * heavy
+        return cost
+
+
+def survey(
+    robot: Robot,
+    limits: Limits,
+    motion: Motion,
+    samples: int,
+    count: int,
+    step: float,
+    drive: Drive | None = None,
+) -> Workspace:
+    """Return what candidates do, from the motion of all of them one after the other.
+
+    Parameters
+    ----------
+    robot : Robot
+    limits : Limits
+    motion : Motion
+        Of count × samples samples, less those whose loops do not close.
+    samples, count : int
+        Samples a candidate, and candidates.
+    step : float [s]
+        From sample to sample.
+    drive : Drive, optional
+    """
+    which = motion.kept // samples
+    missing = samples - np.bincount(which, minlength=count)
+    condition, leaps = np.ones(count), np.zeros(count, int)
+    if robot.closed:
+        each, passed = _closure(robot, motion, INNER * limits.closure_bound)
+        np.maximum.at(condition, which, each)
+        jump = _jumps(robot, motion, step) | passed
+        same = which[1:] == which[:-1]
+        leaps = np.bincount(which[1:], jump & same, count).astype(int)
+    outside = np.full(count, -np.inf)
+    for box in limits.boxes:
+        np.maximum.at(outside, which, _outside(robot, motion, box))
+    load = np.zeros(count)
+    if drive is not None:
+        np.maximum.at(load, which, drive.load(motion))
+    return Workspace(missing, condition, leaps, outside, load)
+
+
+def _closure(robot: Robot, motion: Motion, enough: float) -> tuple[Array, np.ndarray]:
+    """Return the condition number (N,), and whether a singular pose is before each next sample.
+
+    Where the whole batch is far from singular its largest condition number will do.
+    """
+    if motion.condition <= enough and not motion.singular:
+        return np.full(len(motion), motion.condition), np.zeros(len(motion) - 1, bool)
+    A = loop_jacobian(robot, motion.q)[:, :, robot.dependent]
+    return invert(A)[1], passes_singular(A)
+
+
+def _jumps(robot: Robot, motion: Motion, step: float) -> np.ndarray:
+    """Return whether each next sample is where the velocities do not lead, (N - 1,) bool."""
+    mean = 0.5 * (motion.v[1:] + motion.v[:-1])
+    led = robot.tree.integrate(motion.q[:-1], step * mean)
+    far = np.zeros(len(led), bool)
+    for j in robot.tree.joints:
+        at = slice(j.iq, j.iq + j.nq)
+        a, b = led[:, at], motion.q[1:, at]
+        if j.kind in ("ball", "free"):  # a quaternion and its negative are one rotation
+            a, b = a[:, -4:], b[:, -4:]
+            b = b * np.where(np.sum(a * b, 1, keepdims=True) < 0, -1.0, 1.0)
+        far |= np.abs(a - b).max(1) > LEAP
+    return far
+
+
+def _outside(robot: Robot, motion: Motion, box: Box) -> Array:
+    """Return how far the point of a box is outside at each sample, (N,) [m]."""
+    at = robot.tree.positions(motion.q, box.point)
+    distance: Array = np.maximum(at - box.high, box.low - at).max(1)
+    return distance

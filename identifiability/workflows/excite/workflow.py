@@ -34,14 +34,23 @@ from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.reduction import ModelLike, free_again, unused_ladder
 from identifiability.robot import Robot, RobotLike
 from identifiability.simulation.motion import MOST_SAMPLES
-from identifiability.workflows.excite.candidates import OPEN, Objective, Series
-from identifiability.workflows.excite.clearance import MARGIN
-from identifiability.workflows.excite.criteria import Separation, scaled
-from identifiability.workflows.excite.limits import Limits, doubt_assumed, find_limits
-from identifiability.workflows.excite.question import Known, Question, gather_known, pose_question
+from identifiability.workflows.excite.criteria import (
+    Known,
+    Question,
+    Separation,
+    gather_known,
+    pose_question,
+    scaled,
+)
+from identifiability.workflows.excite.limits import (
+    MARGIN,
+    Limits,
+    Workspace,
+    doubt_assumed,
+    find_limits,
+)
 from identifiability.workflows.excite.result import Excitation, Merit
-from identifiability.workflows.excite.search import Search, search
-from identifiability.workflows.excite.workspace import Workspace
+from identifiability.workflows.excite.search import OPEN, Objective, Search, Series, search
 from identifiability.workflows.opening import Logs, Progress, read_logs
 from identifiability.workflows.provenance import state_provenance
 

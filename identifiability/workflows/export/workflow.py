@@ -1,33 +1,268 @@
-"""Write the feasible standard parameters of a result into the robot file."""
+"""`export`: the feasible standard parameters of a result as a robot file, or as JSON."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from identifiability.effects import FAMILIES
 from identifiability.effects.gravity_tilt import settle_gravity
-from identifiability.effects.holding import Kind, file_kinds, held_by_file
+from identifiability.effects.holding import (
+    Kind,
+    complete_values,
+    file_kinds,
+    held_by_file,
+    read_back,
+    settle_springs,
+    stated_numbers,
+)
 from identifiability.effects.nominal import reference_values
 from identifiability.effects.vocabulary import every_parameter
 from identifiability.foundation.documents import read_document
-from identifiability.foundation.errors import IdentifiabilityError, listing
-from identifiability.foundation.names import BASE
+from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
+from identifiability.foundation.names import BASE, INERTIAL, INERTIAL_KINDS
 from identifiability.foundation.options import FilePath, checked
-from identifiability.foundation.output import check_ending
+from identifiability.foundation.output import check_ending, write_json
 from identifiability.foundation.result import shown
+from identifiability.foundation.scratch import temporary_folder
 from identifiability.foundation.values import frozen
+from identifiability.logs.mend import REPLACED
+from identifiability.logs.prepare.instruments import STANDS
 from identifiability.physical.feasibility import ANOTHER, is_another
 from identifiability.physical.mass import state_mass
+from identifiability.physical.pseudo_inertia import check_body
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.export.as_json import write_parameters_json
+from identifiability.robot.twin import write_twin
+from identifiability.robot.write import write_robot
 from identifiability.workflows.export.code import write_code
-from identifiability.workflows.export.entries import PhysicalEntry, Result, check_result
-from identifiability.workflows.export.parameters import write_parameters
-from identifiability.workflows.predict.about import state_missing
+from identifiability.workflows.predict.fit import Entry, MissingEntry, RobotEntry, state_missing
+
+# What is exported of a result: its JSON, checked against the robot.
+
+
+#: A body with less than this share of the robot's mass weighs nothing: some formats want a number.
+NOTHING = 1e-9
+
+
+class GravityEntry(Entry):
+    """Where gravity points, if not as the robot file says."""
+
+    direction: tuple[float, float, float]
+    degrees: float
+
+
+class PhysicalEntry(Entry):
+    """The nearest real robot."""
+
+    parameters: dict[str, float]
+    shapes: dict[str, float] = Field(default={})
+    error_ra: float | None
+    error_ra_file: float | None
+    error_ra_files: dict[str, float | None] = Field(default={})
+    gravity: GravityEntry | None = None
+    cad_prior: float = 0.0
+    certificate: str = ""
+    sentence: str = ""
+    reason: str = ""
+
+
+class Result(Entry):
+    """The part of a result that is exported."""
+
+    robot: RobotEntry
+    physical: PhysicalEntry
+    nothing: str | None = None
+    missing_functions: tuple[MissingEntry, ...] = ()
+    hints: tuple[str, ...] = ()
+    preparation: Mapping[str, tuple[str, ...]] = Field(default_factory=dict)
+
+    @property
+    def mended(self) -> bool:
+        """Whether samples of the logs were replaced: errors are of the logs as they are then."""
+        notes = [note for said in self.preparation.values() for note in said]
+        return any(STANDS in note for note in notes) or any(REPLACED in h for h in self.hints)
+
+
+def check_result(robot: Robot, path: Path, content: Result, known: set[str]) -> None:
+    """Refuse a result of another robot, or one without a whole real robot.
+
+    Raises
+    ------
+    IdentifiabilityError
+    """
+    given = content.physical.parameters
+    content.robot.check_locked(robot, path)
+    for name in given:
+        if name not in known:
+            raise IdentifiabilityError(
+                f"{path} is about '{content.robot.name}' and has the parameter '{name}', which "
+                f"{robot.name} does not have{near_match(name, known)} Give the robot that the "
+                "result was made with."
+            )
+    if not given:
+        entry = content.physical
+        why = entry.reason or entry.certificate or entry.sentence
+        raise IdentifiabilityError(f"{path} holds no real robot to export. {why}".rstrip())
+    weigh = {body: robot.nominal[f"{body}.m"] for body in robot.bodies}
+    heavy = [body for body, mass in weigh.items() if mass > NOTHING * sum(weigh.values())]
+    missing = [body for body in heavy if f"{body}.m" not in given]
+    if missing:
+        raise IdentifiabilityError(
+            f"{path} has no mass of {listing(missing)}, and a robot file needs one of every body: "
+            "make a result whose model has the effect rigid_body, at each of them."
+        )
+    whole = complete_values(robot, given, keep=False)
+    for body in robot.bodies:
+        check = check_body(np.array([whole[f"{body}.{kind}"] for kind in INERTIAL]), body)
+        if not check.feasible:
+            raise IdentifiabilityError(
+                f"{path}: {check.reason} It was found with the other values kept: make the result "
+                "without --fixed."
+            )
+
+
+# The real robot of a result as plain JSON, for programs of one's own.
+
+
+def write_parameters_json(
+    robot: Robot, given: Mapping[str, float], physical: PhysicalEntry, out: Path
+) -> Path:
+    """Write names, values and units of the real robot, and each body as it is usually stated."""
+    known = every_parameter(robot, physical.shapes)
+    whole = complete_values(robot, given, keep=False)
+    bodies = {b: _state_body([whole[f"{b}.{kind}"] for kind in INERTIAL_KINDS])
+              for b in robot.bodies}  # fmt: skip
+    told = {
+        "schema": "identifiability/robot/1",
+        "robot": robot.identity,
+        "parameters": [
+            {"name": name, "value": value, "unit": known[name].unit if name in known else ""}
+            for name, value in given.items()
+        ],
+        "shapes": physical.shapes,
+        "bodies": bodies,
+        "error_ra": physical.error_ra,
+    }
+    return write_json(out, told)
+
+
+def _state_body(theta: list[float]) -> dict[str, object]:
+    """Return mass [kg], centre [m] and inertia about it [kg·m²], in the frame of the joint."""
+    mass, first = theta[0], np.array(theta[1:4])
+    xx, xy, yy, xz, yz, zz = theta[4:]
+    centre = first / mass
+    about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    inertia = about - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    return {"mass": mass, "centre": centre, "inertia": inertia}
+
+
+# Write a robot file with other parameters, in the robot's own format or in the other one.
+
+
+@frozen
+class Written:
+    """What was written.
+
+    Attributes
+    ----------
+    robot : Path
+    sidecar : Path or None
+    beside : tuple of str
+        Parameters that the robot file cannot hold and the sidecar does.
+    """
+
+    robot: Path
+    sidecar: Path | None
+    beside: tuple[str, ...]
+
+
+def write_parameters(
+    robot: Robot,
+    parameters: Mapping[str, float],
+    path: str | Path,
+    *,
+    keep: bool = True,
+    shapes: Mapping[str, float] | None = None,
+    reference: Mapping[str, float] | None = None,
+) -> Written:
+    """Write a robot file with other parameters; what it cannot hold stands in its sidecar.
+
+    Parameters
+    ----------
+    robot : Robot
+        Whose file is the template.
+    parameters : mapping
+        Standard parameters by name (``platform.mx``, ``slider1.Fv`` …).
+    path : str or Path
+        ``.xml`` for MJCF, ``.urdf`` for URDF. In the template's format everything but the numbers
+        stays; the other one is written anew, without geometry.
+    keep : bool
+        Whether parameters that are not given keep the file's values; else joints have none.
+    shapes : mapping, optional
+        Shapes of effects by ``<joint>.<effect>``; by default those that the robot has.
+    reference : mapping, optional
+        Standard parameters by which loads are known; by default those that the robot has.
+
+    Raises
+    ------
+    RobotError
+        If a parameter is of nothing that the robot has, the format cannot hold the robot or a body
+        has no mass.
+    OutputError
+        If the files cannot be written, or the sidecar's name is taken by something else.
+    """
+    path = Path(path)
+    robot, parameters = settle_gravity(robot, parameters)
+    if path.suffix.lower() in (".xml", ".urdf") and (path.suffix.lower() == ".urdf") == robot.mjcf:
+        with temporary_folder() as folder:  # the same robot in the other format is the template
+            beside = Path(folder) / f"{path.stem}{path.suffix.lower()}"
+            write_twin(robot, beside)
+            twin = replace(Robot.load(beside), rest=robot.rest).turned(robot.gravity)
+            shapes = robot.shapes if shapes is None else shapes
+            reference = robot.reference if reference is None else reference
+            whole = complete_values(robot, parameters, keep=keep)
+            return write_parameters(
+                twin, whole, path, keep=False, shapes=shapes, reference=reference
+            )
+    motors = () if robot.transmission is None else robot.transmission.motors
+    known = (*robot.bodies, *robot.dofs, *motors, *robot.combinations, BASE)
+    for name in parameters:
+        owner = name.rpartition(".")[0]
+        if owner not in known:
+            raise RobotError(
+                f"'{name}' is of no body, joint, motor or axis of {robot.name}"
+                f"{near_match(owner, known)}"
+            )
+    robot, values = settle_springs(robot, complete_values(robot, parameters, keep=keep))
+    alone = read_back(robot, values)
+    nominal = {n: v for n, v in values.items() if v != alone.get(n, 0.0)}
+    tables = {
+        "nominal": nominal,
+        "shapes": robot.shapes if shapes is None else shapes,
+        "reference": robot.reference if reference is None else reference,
+        "rest": {} if robot.mjcf else _rests(robot, values),
+    }
+    bodies = {b: np.array([values[f"{b}.{kind}"] for kind in INERTIAL_KINDS]) for b in robot.bodies}
+    sidecar = write_robot(robot, path, bodies, stated_numbers(robot, values), tables)
+    parts = robot.inertia_parts if robot.mjcf else ()
+    summed = {f"{joint}.{part}" for joint in robot.tree.single for part in parts}
+    lost = tuple(name for name in nominal if name not in summed)  # the file has a rotor's sum
+    return Written(Path(path), sidecar, lost)
+
+
+def _rests(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
+    """Return where the springs of joints are relaxed; those of stated axes stand with them."""
+    joints = robot.tree.single
+    return {j: x for j, x in robot.rest.items() if j in joints and values.get(f"{j}.K")}
+
+
+# Write the feasible standard parameters of a result into the robot file.
+
 
 #: What is written, and the ending of its file.
 Format = Literal["mjcf", "urdf", "json", "python", "c"]

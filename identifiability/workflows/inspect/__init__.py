@@ -4,7 +4,6 @@ What to use when: `inspect` before anything is fitted: it needs no logs; with lo
 are read, prepared, and whether robot file, limits and physics contradict them.
 """
 
-from identifiability.workflows.inspect.result import Inspection
-from identifiability.workflows.inspect.workflow import inspect
+from identifiability.workflows.inspect.workflow import Inspection, inspect
 
 __all__ = ["Inspection", "inspect"]

@@ -8,18 +8,17 @@ said there: wrong samples (`logs.mend`), wrapped angles (`logs.wraps`), repeated
 from __future__ import annotations
 
 from identifiability.foundation.values import frozen
-from identifiability.workflows.oddities.effort import find_weightless
 from identifiability.workflows.oddities.evidence import Evidence
-from identifiability.workflows.oddities.exchanged import find_exchanged
-from identifiability.workflows.oddities.gravity import find_gravity
-from identifiability.workflows.oddities.hung import find_hung
-from identifiability.workflows.oddities.late import find_late
-from identifiability.workflows.oddities.limits import find_beyond_limits
-from identifiability.workflows.oddities.rates import find_wrong_rates
-from identifiability.workflows.oddities.saturation import find_saturation
-from identifiability.workflows.oddities.time_scale import find_time_scale
-from identifiability.workflows.oddities.torque_scale import find_torque_scale
-from identifiability.workflows.oddities.turned import find_turned_torque
+from identifiability.workflows.oddities.positions import find_beyond_limits, find_hung
+from identifiability.workflows.oddities.timing import find_late, find_time_scale, find_wrong_rates
+from identifiability.workflows.oddities.torque import (
+    find_exchanged,
+    find_gravity,
+    find_saturation,
+    find_torque_scale,
+    find_turned_torque,
+    find_weightless,
+)
 
 __all__ = ["Evidence", "Oddities", "find_oddities"]
 

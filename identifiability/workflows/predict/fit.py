@@ -1,27 +1,28 @@
 """`Fit`: what a result keeps of its model: values, their covariance, how torque scatters.
 
-It predicts torque, and it is what is read back from the JSON of a result. Not read back: verdicts,
-sentences, other models of the ladder, posteriors, samples and resampled values. Who wants these
-analyses the logs again.
+It comes from a result (`Predicts`) or from its JSON (`read_fit`), whichever `find_fit` is given,
+and says what the torque of each joint is made of (`torque_budget`).
 """
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+import pandas as pd
+from pydantic import BaseModel, ConfigDict, Field
 
 from identifiability.estimation.spread import Spread
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine
-from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import Array
-from identifiability.foundation.options import checked
+from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import shown
 from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
@@ -39,21 +40,76 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot, RobotLike
+from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.sidecar import Held
 from identifiability.workflows.commands import name_export
 from identifiability.workflows.opening import Logs, read_recordings
-from identifiability.workflows.predict.about import (
-    Entry,
-    MissingEntry,
-    RobotEntry,
-    state_missing,
-)
-from identifiability.workflows.predict.frames import Covaries, square_frame
-from identifiability.workflows.predict.result import TorquePrediction
+from identifiability.workflows.predict.prediction import Covaries, TorquePrediction, square_frame
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+# The robot that the JSON of a result is about.
+
+
+class Entry(BaseModel):
+    """Part of a result's JSON, of which other keys are left alone."""
+
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+
+
+class MissingEntry(Entry):
+    """A function that is missing beside the model of a result."""
+
+    joint: str
+    of: str
+
+    @property
+    def text(self) -> str:
+        """What it is and where."""
+        return f"{self.of} in {self.joint}"
+
+
+def state_missing(functions: Sequence[str]) -> str:
+    """Return what holds of the values of a fit beside which functions are missing, if any are."""
+    if not functions:
+        return ""
+    beside = "that function" if len(functions) == 1 else "those functions"
+    return (
+        f"The result says that {listing(functions, 4)} {'is' if len(functions) == 1 else 'are'} "
+        f"missing in its model. Its fit is taken as it is; the values of its parameters' table "
+        f"stand beside {beside} and differ (diagnose finds what is missing)."
+    )
+
+
+class RobotEntry(Entry):
+    """What the result is about."""
+
+    name: str
+    locked: dict[str, float] = {}
+
+    def check_locked(self, robot: Robot, path: str | Path) -> None:
+        """Refuse a robot of which other joints are locked than when the result was made.
+
+        Raises
+        ------
+        IdentifiabilityError
+        """
+        if self.locked.keys() == robot.locked.keys():
+            return
+        was = ", ".join(f"{n} = {at:g}" for n, at in self.locked.items()) or "nothing"
+        raise IdentifiabilityError(
+            f"{path} was made with {was} locked, and now {listing(robot.locked) or 'nothing'} is; "
+            "lock the same joints (--lock, or 'locked' in the sidecar)."
+        )
+
+
+# `Fit`: what a result keeps of its model: values, their covariance, how torque scatters.
+#
+# It predicts torque, and it is what is read back from the JSON of a result. Not read back:
+# verdicts, sentences, other models of the ladder, posteriors, samples and resampled values. Who
+# wants these analyses the logs again.
 
 
 @frozen(kw_only=True)
@@ -331,3 +387,153 @@ def settled(given: object, samples: Sequence[Prepared]) -> Preparation:
     cutoff = next((s.cutoff for s in samples if s.cutoff is not None), known.cutoff)
     names = [f.name for f in fields(Preparation)]
     return Preparation(**{n: getattr(known, n) for n in names} | {"cutoff": cutoff})
+
+
+# `Predicts`: what results that hold one fitted model have in common.
+
+
+class Predicts(Covaries):
+    """A result with a fitted model: it predicts torque, and is read back from JSON as a `Fit`."""
+
+    @property
+    @abstractmethod
+    def fit(self) -> Fit:
+        """The model to use: values, covariance, and how torque scatters about it."""
+
+    def covariance_frame(self) -> pd.DataFrame:
+        """Return the covariance of the values of the model to use, by name, (k, k)."""
+        return self.fit.covariance_frame()
+
+    def predict(self, logs: Logs, *, engine: Engine | None = None) -> TorquePrediction:
+        """Return the torque of the model to use along logs, with its intervals.
+
+        Parameters
+        ----------
+        logs : log, path, DataFrame, or several
+            They are prepared like the fitted ones, with the same cut-off. They need no torque.
+        engine : Engine, optional
+            Where logs that are too long for memory are surveyed.
+
+        Raises
+        ------
+        IdentifiabilityError
+            If the fitted logs had nothing to explain, or a log does not fit the robot.
+        """
+        return self.fit.predict(logs, engine=engine)
+
+    @staticmethod
+    def from_json(path: str | Path, robot: RobotLike) -> Fit:
+        """Read the model to use back from the JSON of a result.
+
+        It has names, values, covariance and everything that predicting takes. Not read back:
+        verdicts, sentences, other models, posteriors, samples and resampled values.
+
+        Parameters
+        ----------
+        path : path
+        robot : Robot, path or shipped name
+            The robot that the result is about.
+
+        Raises
+        ------
+        IdentifiabilityError
+            If the file is no such result, or is about another robot.
+        """
+        return read_fit(path, robot)
+
+
+# `find_fit`: the fitted model of a result, however the result is given.
+
+
+FitLike = Annotated[
+    Fit | Predicts | str | Path,
+    Expected("a result of analyze, prune or diagnose, or the path of its JSON"),
+]
+
+
+def find_fit(result: FitLike, robot: Robot) -> Fit:
+    """Return the fitted model of a result of a robot.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If a file is no result with a fitted model, or a result is about another robot.
+    """
+    if isinstance(result, (str, Path)):
+        return read_fit(result, robot)
+    fit = result if isinstance(result, Fit) else result.fit
+    if fit.robot.joints != robot.joints or fit.robot.bodies != robot.bodies:
+        raise OptionError(
+            f"The result is about {fit.robot.name}, and the robot given is {robot.name}; give the "
+            "robot that the result was made with."
+        )
+    return fit
+
+
+# What the torque of each joint is spent on: weight and springs, motion, friction, and the rest.
+#
+# The parts are told apart by what they do, not by the names of effects, so that those of a user's
+# own count too: what is left at rest in the same pose; what changes its sign with velocity; and
+# what remains of the model, which is inertia, with Coriolis and centrifugal torque.
+
+
+#: Parts of the torque in the order in which they are shown, and the whole.
+PARTS = ("gravity and springs", "inertia", "friction", "left over")
+
+#: A part below this share of the largest is a rounding error.
+ROUNDING = 1e-9
+
+#: Samples of all logs that it is worked out at.
+ENOUGH = 2000
+
+
+def torque_budget(fit: Fit, samples: Sequence[Prepared]) -> pd.DataFrame:
+    """Return the rms of each part of each joint's torque along some logs, one row a joint.
+
+    Columns are ``joint``, ``unit`` [N or N·m], ``measured`` and `PARTS`, rms each about zero. As
+    parts may cancel each other, their squares do not add up to that of what was measured.
+
+    Parameters
+    ----------
+    fit : Fit
+    samples : sequence of Samples or LongSamples
+        Prepared logs; torque is taken as it was measured, not low-passed.
+    """
+    step = max(1, -(-sum(s.survey.kept for s in samples) // ENOUGH))
+    n = len(fit.robot.joints)
+    squares, count = np.zeros((1 + len(PARTS), n)), np.zeros(n)
+    for s in samples:
+        thinned = s.thin(step)
+        parts = _split(fit, thinned.motion)
+        left = thinned.tau - sum(parts)
+        data = np.ones(left.shape) if thinned.dwells is None else ~thinned.dwells
+        squares += [(part**2 * data).sum(0) for part in (thinned.tau, *parts, left)]
+        count += data.sum(0)
+    rms = np.sqrt(squares / np.maximum(count, 1))
+    rms[rms < ROUNDING * rms.max(axis=0)] = 0.0
+    named = dict(zip(("measured", *PARTS), rms, strict=True))
+    robot = fit.robot
+    return pd.DataFrame({"joint": robot.joints, "unit": robot.torque_units, **named})
+
+
+def _split(fit: Fit, motion: Motion) -> tuple[Array, Array, Array]:
+    """Return the torque at rest, the rest that is even in velocity, and what is odd, (N, n)."""
+    values = np.zeros(len(fit.structure.base.parameters))
+    values[fit.structure.base.kept] = fit.base
+
+    def torque(direction: float, acceleration: float) -> Array:
+        smooth = motion.smooth_v
+        moved = replace(
+            motion,
+            smooth_v=None if smooth is None else smooth * np.array([[direction], [1.0]]),
+            v=direction * motion.v,
+            actuated_v=direction * motion.actuated_v,
+            a=acceleration * motion.a,
+            actuated_a=acceleration * motion.actuated_a,
+        )
+        out: Array = fit.structure.model.regressor(fit.robot, moved) @ values
+        return out
+
+    forward, backward, rest = torque(1.0, 1.0), torque(-1.0, 1.0), torque(0.0, 0.0)
+    even = (forward + backward) / 2
+    return rest, even - rest, (forward - backward) / 2

@@ -1,5 +1,186 @@
 """A folder to begin a study in: robot, sidecar, logs, script and Makefile, which run at once."""
 
-from identifiability.workflows.study.workflow import Study, new_study
+from __future__ import annotations
 
-__all__ = ["Study", "new_study"]
+import json
+import os
+import shlex
+import shutil
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+from string import Template
+from typing import Annotated
+
+from identifiability.foundation.errors import LogError, OutputError, listing
+from identifiability.foundation.options import Expected, FilePath, checked
+from identifiability.foundation.output import check_writable, write_text
+from identifiability.foundation.result import shown
+from identifiability.foundation.values import frozen
+from identifiability.logs.there import check_there
+from identifiability.robot import Robot
+from identifiability.robot.locate import locate_robot, shipped_robots
+from identifiability.robot.shared_sidecar import find_sidecar
+from identifiability.workflows.inspect.contents import template_frame
+
+# `new_study`: copy or write what a study begins with.
+
+
+#: What a study begins with where nothing is said: the arm whose logs are shipped.
+SHIPPED = "six-dof-arm"
+
+#: Logs that a study has, in its script and its Makefile.
+RUNS = ("run1.csv", "run2.csv", "run3.csv")
+
+
+@frozen(kw_only=True)
+class Study:
+    """A folder to begin a study in.
+
+    Attributes
+    ----------
+    folder : Path
+    robot : str
+        Name of the robot file in it.
+    written : tuple of Path
+        Its files.
+    fitted : tuple of str
+        Logs that its script and Makefile fit, seen from the folder.
+    held_back : str or None
+        The log that judges.
+    has_logs : bool
+        Whether these are there.
+    """
+
+    folder: Path
+    robot: str
+    written: tuple[Path, ...]
+    fitted: tuple[str, ...]
+    held_back: str | None
+    has_logs: bool
+
+    @property
+    def next_line(self) -> str:
+        """The first command to type."""
+        if self.has_logs:
+            given = shlex.join([self.robot, *self.fitted])
+            judge = f" --validate {shlex.quote(self.held_back)}" if self.held_back else ""
+            verb = f"analyze {given}{judge} --report report.html"
+        else:
+            verb = f"inspect {shlex.quote(self.robot)}"
+        return f"cd {shlex.quote(str(self.folder))} && identifiability {verb}"
+
+    @property
+    def statement(self) -> str:
+        """What is there, and what to do next."""
+        if self.has_logs:
+            told = f"with {listing([*self.fitted, *filter(None, [self.held_back])])}"
+        else:
+            told = (
+                f"without logs: record {', '.join(RUNS)} with the columns of template.csv, or name "
+                "your own in study.py and Makefile"
+            )
+        return f"{self.folder} is a study of {self.robot}, {told}. Begin with: {self.next_line}"
+
+    def _repr_html_(self) -> str:
+        return shown(self.statement)
+
+
+@checked
+def new_study(
+    folder: FilePath,
+    robot: Annotated[str | Path, Expected("a robot file, or a shipped robot's name")] = SHIPPED,
+    logs: Annotated[Sequence[str | Path], Expected("a list of log files")] = (),
+) -> Study:
+    """Make a folder to begin a study in.
+
+    Parameters
+    ----------
+    folder : str or Path
+        New, or empty.
+    robot : str or Path
+        MJCF or URDF file, which is copied with its sidecar, or a shipped robot's name.
+    logs : sequence of path, optional
+        Your own, which stay where they are: script and Makefile name them. The last of several
+        judges and is not fitted.
+
+    Raises
+    ------
+    OutputError
+        If something is in the folder.
+    LogError
+        If a log is not there.
+    RobotError
+        If the robot cannot be read.
+    """
+    folder, source = Path(folder), locate_robot(robot)
+    for log in logs:
+        check_there(Path(log))
+        if set(str(log)) & set(" #$:"):
+            raise LogError(f"A Makefile cannot name '{log}'; give a path without spaces, # and $.")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise OutputError(
+            f"{folder} is there already and nothing is written over; give a new folder."
+        )
+    check_writable(folder / source.name if folder.is_dir() else folder)
+    shipped = str(robot) in shipped_robots()
+    files = _shipped(source) if shipped else {source.name: source}
+    sidecar = find_sidecar(source) or source.with_suffix(".toml")
+    if sidecar.is_file():
+        files[sidecar.name] = sidecar
+    names = [os.path.relpath(log, folder) for log in logs] or list(RUNS)
+    fitted, held_back = (names[:-1], names[-1]) if len(names) > 1 else (names, None)
+    has_logs = bool(logs) or all(name in files for name in names)
+    told = _told(source.name, sidecar.name, fitted, held_back)
+    texts = {name: _filled(name, told) for name in ("study.py", "Makefile")}
+    if not has_logs or (logs and sidecar.name not in files):
+        known = Robot.load(source)
+        if not has_logs:
+            texts["template.csv"] = template_frame(known).to_csv(index=False)
+        if sidecar.name not in files:
+            texts[sidecar.name] = _filled("sidecar.toml", {**told, **_facts(known)})
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, path in files.items():
+        shutil.copyfile(path, folder / name)
+    written = [write_text(folder / name, text) for name, text in texts.items()]
+    return Study(
+        folder=folder,
+        robot=source.name,
+        written=(*(folder / name for name in files), *written),
+        fitted=tuple(fitted),
+        held_back=held_back,
+        has_logs=has_logs,
+    )
+
+
+def _told(robot: str, sidecar: str, fitted: Sequence[str], held_back: str | None) -> dict[str, str]:
+    """Return what stands in script and Makefile."""
+    return {
+        "ROBOT": robot,
+        "SIDECAR": sidecar,
+        "LOGS": repr(list(fitted)),
+        "HELD_BACK": repr(held_back) if held_back else "()",
+        "MAKE_LOGS": " ".join(fitted),
+        "MAKE_HELD": held_back or "",
+        "VALIDATE": "--validate $(HELD_BACK)" if held_back else "",
+    }
+
+
+def _shipped(source: Path) -> dict[str, Path]:
+    """Return the files of a shipped robot by name: robot, ladder, trajectories, logs."""
+    beside = [source, *source.parent.glob("ladder.toml"), *source.parent.glob("*.json")]
+    return {path.name: path for path in [*beside, *sorted(source.parent.glob("logs/*.csv"))]}
+
+
+def _filled(name: str, told: dict[str, str]) -> str:
+    text = resources.files(__package__).joinpath(f"files/{name}.txt").read_text(encoding="utf-8")
+    return Template(text).substitute(told)
+
+
+def _facts(robot: Robot) -> dict[str, str]:
+    """Return what a sidecar begins with."""
+    return {
+        "NAME": json.dumps(robot.title, ensure_ascii=False),
+        "ACTUATED": json.dumps(list(robot.joints), ensure_ascii=False),
+        "FIRST": next(iter(robot.joints), "joint"),
+    }

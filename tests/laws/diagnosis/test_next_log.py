@@ -16,7 +16,7 @@ from identifiability.simulation import random_trajectory
 from identifiability.workflows.diagnose import find_next, next_motion
 from identifiability.workflows.diagnose.motion import MOST_IN_ALL, prepare_rows
 from identifiability.workflows.diagnose.noise_of_motion import Told
-from identifiability.workflows.excite.question import pose_question
+from identifiability.workflows.excite.criteria import pose_question
 
 
 @pytest.fixture

@@ -5,9 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.workflows.compare.causes import Cause
-from identifiability.workflows.compare.changes import LEVEL, find_changes
-from identifiability.workflows.compare.difference import Difference
+from identifiability.workflows.compare.changes import LEVEL, Cause, Difference, find_changes
 
 K = 5
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binom, chi2
 
 from identifiability.posterior.calibration import Calibration
-from identifiability.workflows.calibrate.ranks import BINS, DRAWS, RankCheck
+from identifiability.workflows.calibrate.outcome import BINS, DRAWS, RankCheck
 
 
 def check(p_values, counts=None):

@@ -1,0 +1,392 @@
+"""What one unit of a torque column is, from logs with and without a known load."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+from threadpoolctl import threadpool_limits
+
+from identifiability.effects.payload import Payload
+from identifiability.estimation.holm import holm
+from identifiability.estimation.noise.ar_noise import fit_joint as fit_noise
+from identifiability.estimation.noise.autocorrelation import autocorrelation_time
+from identifiability.estimation.noise.autoregression import autocovariance
+from identifiability.foundation.errors import LogError, listing, near_match
+from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.options import OptionError, Positive, checked
+from identifiability.foundation.output import write_json
+from identifiability.foundation.result import shown
+from identifiability.foundation.values import frozen
+from identifiability.logs import Log
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare.plan import has_motors
+from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model
+from identifiability.regression.regression import Model, Regression
+from identifiability.robot import Robot, RobotLike
+from identifiability.robot.weights import Point, ten_parameters
+from identifiability.workflows.opening import Logs, in_memory, read_recordings
+
+# `Gain` and `Gains`: what `identify_gains` returns.
+
+
+@frozen
+class Gain:
+    """What one unit of a joint's torque column is.
+
+    Attributes
+    ----------
+    joint : str
+    value : float [N·m or N per unit]
+        NaN where nothing can be told.
+    interval : (float, float)
+        95 %; infinite where zero is among what the column may be per N·m.
+    sigma_percent : float
+        Standard deviation of one over the gain, in percent of it.
+    verdict : str
+        ``identifiable``, ``weak`` (its sign is certain) or ``not identifiable``.
+    load : float [N·m or N]
+        Root mean square of the load's torque that nothing else explains.
+    """
+
+    joint: str
+    value: float
+    interval: tuple[float, float]
+    sigma_percent: float
+    verdict: str
+    load: float
+
+
+@frozen
+class Gains:
+    """The gains of all joints. Make them with `identify_gains`.
+
+    Attributes
+    ----------
+    robot : str
+    body : str
+        Which the load is fixed to.
+    mass : float [kg]
+    gains : tuple of Gain
+    hints : tuple of str
+        On how logs were read, and what is odd about them.
+    """
+
+    robot: str
+    body: str
+    mass: float
+    gains: tuple[Gain, ...]
+    hints: tuple[str, ...] = ()
+
+    @property
+    def known(self) -> dict[str, float]:
+        """The gains that are identifiable [N·m or N per unit], by joint."""
+        return {g.joint: g.value for g in self.gains if g.verdict == "identifiable"}
+
+    @property
+    def statement(self) -> str:
+        """The answer in plain words."""
+        found = [
+            f"{g.joint} {g.value:.4g} ({g.interval[0]:.4g} … {g.interval[1]:.4g})"
+            for g in self.gains
+            if g.joint in self.known
+        ]
+        others = [g.joint for g in self.gains if g.joint not in self.known]
+        text = (
+            f"One unit of the torque columns is, in N·m (N for slides), with 95 % intervals: "
+            f"{listing(found, 12)}."
+            if found
+            else "The logs do not tell what one unit of any torque column is."
+        )
+        if others:
+            text += (
+                f" Of {listing(others, 12)} they do not tell it: move these joints where the load "
+                "is heavy for them, faster, or take a heavier load."
+            )
+        return text
+
+    @property
+    def sidecar(self) -> str:
+        """Lines for the robot's sidecar; nothing if no gain is identifiable."""
+        pairs = ", ".join(f'"{j}" = {g:.6g}' for j, g in self.known.items())
+        return f"[torque]\ngain = {{{pairs}}}\n" if pairs else ""
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a joint."""
+        columns = {
+            "joint": [g.joint for g in self.gains],
+            "gain": [g.value for g in self.gains],
+            "low": [g.interval[0] for g in self.gains],
+            "high": [g.interval[1] for g in self.gains],
+            "sigma_percent": [g.sigma_percent for g in self.gains],
+            "verdict": [g.verdict for g in self.gains],
+            "load": [g.load for g in self.gains],
+        }
+        return pd.DataFrame(columns)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the gains in a JSON schema of their own."""
+        return {
+            "schema": "identifiability/gains/1",
+            "robot": self.robot,
+            "body": self.body,
+            "mass": self.mass,
+            "gains": self.to_frame().to_dict("records"),
+            "statement": self.statement,
+            "hints": list(self.hints),
+        }
+
+    def _repr_html_(self) -> str:
+        return shown(self.statement, self.to_frame(), "to_frame()")
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write them as JSON, whole or not at all."""
+        return write_json(path, self.to_dict())
+
+
+# The fit of each joint by itself: raw torque is what the load and the robot without it demand.
+#
+# How far noise moves a gain is measured on two roads, and the larger counts, as of parameters:
+# what the residual and its scores remember, and autoregressive noise by restricted likelihood
+# [Harville 1977], which knows that the fit takes slow noise out of its residual. Where noise
+# remembers ten samples, the first alone is a tenth too small.
+
+
+#: Effects that are the same with and without a load.
+SAME = ("rigid_body", "actuator_inertia")
+
+#: Directions below this share of the strongest are none, and a load's torque of which less than
+#: the second share is left beside the model cannot be told from it.
+RANK, LEFT = 1e-8, 1e-4
+
+#: A gain is identifiable up to this relative standard deviation, as parameters are.
+RELATIVE, LEVEL = 0.2, 0.05
+
+
+def gather(
+    every: Regression, first: int, place: str, load: Array
+) -> tuple[Array, Array, Array, np.ndarray]:
+    """Return raw torque (N, n), the load's torque (N, n), columns (N, n, p) and the log (N,).
+
+    Parameters
+    ----------
+    every : Regression
+        Of all logs, first those without the load.
+    first : int
+        The first log with it.
+    place : str
+        The body that carries it.
+    load : (10,)
+        Its parameters there.
+    """
+    own = np.array([p.group == "payload" for p in every.parameters])
+    here = [k for k, p in enumerate(every.parameters) if own[k] and p.owner == place]
+    friction = np.array([p.group not in (*SAME, "payload") for p in every.parameters])
+    tau, torque, columns, which = [], [], [], []
+    for log, _, W, measured in every.chunks():
+        loaded = log >= first
+        tau.append(measured)
+        torque.append(W[:, :, here] @ load * loaded)
+        varied = [W[:, :, friction] * (loaded == state) for state in (False, True)]
+        columns.append(np.concatenate([W[:, :, ~own & ~friction], *varied], axis=2))
+        which.append(np.full(len(measured), log))
+    return tuple(map(np.concatenate, (tau, torque, columns, which)))  # type: ignore[return-value]
+
+
+def fit_joint(
+    measured: Array, load: Array, columns: Array, log: np.ndarray
+) -> tuple[float, float, float, float]:
+    """Return one over the gain, its standard deviation and degrees of freedom, and the load left.
+
+    Parameters
+    ----------
+    measured : (N,) [units of the log]
+    load : (N,) [N·m or N]
+        Torque of the load.
+    columns : (N, p)
+    log : (N,) int
+    """
+    length = np.linalg.norm(columns, axis=0)
+    U, s, _ = np.linalg.svd(columns[:, length > 0] / length[length > 0], full_matrices=False)
+    basis = U[:, s > RANK * s.max(initial=0.0)]
+    left, y = (x - basis @ (basis.T @ x) for x in (load, measured))
+    square = float(left @ left)
+    size = float(np.sqrt(square / len(load)))
+    if not square > LEFT**2 * float(load @ load):
+        return np.nan, np.inf, 1.0, size
+    x = float(left @ y) / square
+    residual = y - x * left
+    score = residual * left
+    logs = [np.flatnonzero(log == k) for k in np.unique(log)]
+    parts = [r[at, None] for r in (residual, score) for at in logs]
+    runs = [(int(at[0]), int(at[-1]) + 1) for at in logs]
+    noise = fit_noise(measured, [np.column_stack([basis, load])], runs)
+    covariance = noise.sigma**2 * autocovariance(noise.pacf, len(load) - 1)
+    memory = max(
+        *(float(autocorrelation_time(part)[0]) for part in parts),
+        float(2.0 * covariance.sum() / covariance[0] - 1.0),
+    )
+    free = len(load) / memory - basis.shape[1] - 1
+    if free < 1:
+        return x, np.inf, 1.0, size
+    # Of white errors both are their variance over that of the load, times the number of samples.
+    spread = max(float(residual @ residual), float(score @ score) * len(load) / square) / square
+    coloured = sum(_weigh(left[at], covariance) for at in logs) / square**2
+    return x, float(np.sqrt(max(spread / free, coloured))), free, size
+
+
+def _weigh(x: Array, covariance: Array) -> float:
+    """Return ``xᵀ Σ x`` of a stretch (N,) and stationary noise with autocovariances (≥ N,)."""
+    n = len(x)
+    size = 1 << (2 * n - 1).bit_length()
+    own = np.fft.irfft(np.abs(np.fft.rfft(x, size)) ** 2, size)[:n]
+    return float(2.0 * own @ covariance[:n] - own[0] * covariance[0])
+
+
+def judge(
+    joints: Sequence[str], found: Sequence[tuple[float, float, float, float]]
+) -> tuple[Gain, ...]:
+    """Return the gains with their intervals and verdicts.
+
+    Parameters
+    ----------
+    joints : sequence of str
+    found : sequence of tuple
+        What `fit_joint` returns, of each joint.
+    """
+    out = []
+    p = [2 * stats.t.sf(abs(x) / sd, free) if np.isfinite(x) else 1.0 for x, sd, free, _ in found]
+    for joint, adjusted, (x, sd, free, size) in zip(joints, holm(np.array(p)), found, strict=True):
+        reach = float(stats.t.ppf(0.975, free)) * sd
+        ends = [-np.inf, np.inf]
+        if abs(x) > reach:
+            ends = sorted(1.0 / e for e in (x - reach, x + reach))
+        relative = sd / abs(x) if x else np.inf
+        verdict = "not identifiable"
+        if adjusted < LEVEL:
+            verdict = "identifiable" if relative <= RELATIVE else "weak"
+        value = 1.0 / x if x else np.nan
+        out.append(Gain(joint, value, (ends[0], ends[1]), 100 * relative, verdict, size))
+    return tuple(out)
+
+
+# `identify_gains`: what one unit of a torque column is, from logs with and without a known load.
+#
+# Currents and uncalibrated sensors tell torque up to a factor of each joint, ``τ = g i``.
+# Parameters that are fitted to them take the factor up, and no log by itself tells. A load that is
+# known does: for each joint by itself, ``i = W (φ/g) + p (1/g)``, where ``p`` is the torque of the
+# load alone, zero in logs without it [Gautier & Briot 2014; Gaz & De Luca 2017]. Friction may
+# differ between loaded and unloaded logs: it grows with load, and warms up.
+
+
+#: The model of the robot without its load.
+EFFECTS = (*USUAL_EFFECTS[:-1], "torque_offset", USUAL_EFFECTS[-1])
+
+
+@checked
+def identify_gains(
+    robot: RobotLike,
+    logs: Logs,
+    loaded: Logs,
+    *,
+    mass: Positive,
+    centre: Point = (0.0, 0.0, 0.0),
+    inertia: Point = (0.0, 0.0, 0.0),
+    body: str | None = None,
+    model: ModelLike | None = None,
+    preparation: Preparation | None = None,
+) -> Gains:
+    """Identify what one unit of each torque column is, from a load that is known.
+
+    Parameters
+    ----------
+    robot : Robot, path or shipped name
+        What its sidecar says of gains, ratios and signs is left aside: the result replaces it.
+    logs : log, path, DataFrame, or several
+        Without the load; columns ``<joint>.tau`` or ``<joint>.current`` in any unit.
+    loaded : the same
+        With it.
+    mass : float [kg]
+        Of the load.
+    centre : (3,) [m]
+        Its centre of mass in the frame of the body's joint.
+    inertia : (3,) [kg·m²]
+        Its moments of inertia about its centre, along the axes of that frame.
+    body : str, optional
+        Which it is fixed to; by default the last one.
+    model : Model, sequence of str or path of a model file, optional
+        Effects of the robot without the load; by default bodies, viscous and Coulomb friction,
+        offsets and actuator inertia.
+    preparation : Preparation, optional
+        How derivatives are made.
+
+    Raises
+    ------
+    LogError, OptionError
+    """
+    with threadpool_limits(1):
+        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        if robot.known_torque:  # in N·m, and what the columns are in is what is asked
+            raise OptionError(
+                "Gains are identified without [[known_torque]]: take it out of the sidecar."
+            )
+        place, load = _load_of(robot, mass, centre, inertia, body)
+        known = replace(Conventions.of(robot), raw_torque=True)
+        recordings = read_recordings(logs, loaded, known, preparation)
+        without, with_load = (in_memory(x, Log) for x in (recordings.fitted, recordings.held))
+        if not with_load:
+            raise LogError("No log with the load was given; give at least one.")
+        _refuse_motors(robot, [*without, *with_load])
+        how = settle_cutoff(robot, [*without, *with_load], preparation)
+        samples = [prepare_samples(robot, log, how) for log in (*without, *with_load)]
+        chosen = choose_model(model, EFFECTS)
+        loaded_model = Model((*chosen.effects, Payload()))
+        every = Regression(robot, loaded_model, tuple(samples))
+        rows = gather(every, len(without), place, load)
+        tau, torque, columns, log = rows
+        found = [
+            fit_joint(tau[:, j], torque[:, j], columns[:, j], log) for j in range(len(robot.joints))
+        ]
+        hints = (*recordings.hints, *chain.from_iterable(s.hints for s in samples))
+    return Gains(robot.name, place, float(mass), judge(robot.joints, found), hints)
+
+
+def _load_of(
+    robot: Robot, mass: float, centre: Point, inertia: Point, body: str | None
+) -> tuple[str, Array]:
+    """Return the body that carries the load, and its ten parameters there.
+
+    Raises
+    ------
+    OptionError
+    """
+    places = [p.owner for p in Payload().parameters(robot)][:: len(INERTIAL_KINDS)]
+    if body is None and len(places) > 1:
+        raise OptionError(f"The load may be fixed to {listing(places)}; name one of them as body.")
+    place = places[-1] if body is None else body
+    if place not in places:
+        raise OptionError(
+            f"'{place}' is no last body of the robot{near_match(place, places)} "
+            f"A load is fixed to {listing(places)}."
+        )
+    c, own = np.asarray(centre, float), np.asarray(inertia, float)
+    if c.shape != (3,) or own.shape != (3,) or not np.isfinite([*c, *own]).all() or own.min() < 0:
+        raise OptionError("centre and inertia are three numbers each, x, y and z, of real bodies.")
+    return place, ten_parameters(mass, c, own)
+
+
+def _refuse_motors(robot: Robot, logs: Sequence[Log]) -> None:
+    for log in logs:
+        if has_motors(robot, log):
+            raise LogError(
+                f"{log.name} has motors that mix joints; gains are identified from torques of "
+                "joints."
+            )

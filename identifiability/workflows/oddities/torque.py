@@ -1,0 +1,543 @@
+"""What is odd about torque: unit, sign, joint, side of a gear, weight, flat tops."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from identifiability.foundation.errors import ClosureError, listing
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.logs.stale import smallest_change
+from identifiability.regression.mix_up import find_mix_up
+from identifiability.robot import complete_motion
+from identifiability.workflows.oddities.evidence import Evidence, unexplained, without
+
+# An "effort" that is no force: it does not carry the weight that the robot file puts on it.
+
+
+#: Measured torque is too small if its size is this share of the weight that it has to hold.
+CARRIED = 0.1
+
+#: Weight must be this share of the largest one among like joints.
+FELT = 0.05
+
+
+def find_weightless(evidence: Evidence) -> tuple[str, ...]:
+    """Return one sentence on joints whose torque does not carry the file's weight, or none."""
+    if not evidence.weighs:
+        return ()
+    weight = np.sqrt(np.mean(evidence.gravity**2, 0))
+    measured = np.sqrt(np.mean(evidence.torque**2, 0))
+    units = np.array(evidence.robot.torque_units)
+    most = np.array([weight[units == u].max() for u in units])
+    felt = (weight > FELT * most) & (weight > 0) & evidence.measured
+    light = (measured < CARRIED * weight) & felt
+    if not light.any():
+        return ()
+    said = [
+        f"{evidence.joints[k]} has to hold {weight[k]:.3g} {units[k]} and shows {measured[k]:.2g}"
+        for k in np.flatnonzero(light)
+    ]
+    return (
+        f"By the masses of the robot file, the torque does not carry the weight ({listing(said, 4)}"
+        "): it may be no force at all (a current, a percentage, a command), in another unit, or a "
+        "counterweight, spring or brake holds the load; check the column, else the masses found "
+        "behind this joint are too small.",
+    )
+
+
+# How much of its weight the torque of each joint carries: none of it, half, all, or the opposite.
+#
+# Drivers that compensate gravity report what they add to it; torque before a gear is a fraction of
+# it. At each joint the measured torque is regressed on the torque that holds the file's masses,
+# beside what else they predict and what any drive adds.
+
+
+#: The factor is the nearest of these, if its interval lies nearer to it than to any other and is
+#: no wider than they lie apart.
+FACTORS = (-1.0, 0.0, 0.5, 1.0)
+WIDEST = 0.25
+
+
+#: Samples on which models are compared, and how much worse one may fit that is as good.
+ENOUGH, WORSE = 300, 1.1
+
+#: Stretches by whose scatter an interval is found, and Student's quantile of as many.
+STRETCHES, QUANTILE = 20, 2.09
+
+
+@frozen
+class Carried:
+    """How much of the file's weight the torque of a joint carries.
+
+    Attributes
+    ----------
+    joint : int
+    factor, half : float
+        With the half width of its 95 % interval.
+    moving, moving_half : float
+        The same of what the file's masses need to be moved; NaN where it does not show.
+    """
+
+    joint: int
+    factor: float
+    half: float
+    moving: float = np.nan
+    moving_half: float = np.nan
+
+    @property
+    def nearest(self) -> float:
+        """The one of `FACTORS` that it is, NaN if it may be several."""
+        return _nearest(self.factor, self.half)
+
+    @property
+    def moves(self) -> float:
+        """The same of what moves the masses."""
+        return _nearest(self.moving, self.moving_half)
+
+    @property
+    def is_half(self) -> bool:
+        """Whether all of it is half of what the masses ask for, as far as it shows."""
+        near = abs(self.factor - 0.5) <= self.half + 0.1 * 0.5
+        return near and self.nearest == 0.5 and (np.isnan(self.moves) or self.moves == 0.5)
+
+
+def _nearest(value: float, half: float) -> float:
+    if not half < WIDEST:
+        return np.nan
+    own = {min(FACTORS, key=lambda f: abs(f - x)) for x in (value - half, value + half)}
+    return own.pop() if len(own) == 1 else np.nan
+
+
+def measure_carried(evidence: Evidence) -> list[Carried]:
+    """Return how much of the file's weight each joint's torque carries, where it has some."""
+    weight = evidence.gravity
+    size = np.sqrt(np.mean(weight**2, 0))
+    units = np.array(evidence.robot.torque_units)
+    most = np.array([size[units == u].max() for u in units])
+    found = []
+    for k in np.flatnonzero((size > FELT * most) & (size > 0) & evidence.measured):
+        moving = evidence.predicted[:, k] - weight[:, k]
+        own = np.column_stack([weight[:, k], moving, evidence.ordinary(int(k))])
+        value, half = regress(own, evidence.torque[:, k])
+        if not half[0] < WIDEST:  # weight that hardly varies is told from no offset
+            value, half = regress(own[:, [0, 1, 3, 4, 5]], evidence.torque[:, k])
+        if np.isfinite(half[0]):
+            found.append(Carried(int(k), value[0], half[0], value[1], half[1]))
+    return found
+
+
+def regress(X: Array, y: Array) -> tuple[Array, Array]:
+    """Return coefficients of y (N,) on columns (N, p), and half of their 95 % intervals.
+
+    By the scatter of the scores over stretches, which holds what successive samples share; NaN
+    where a column does not differ from the others.
+    """
+    length = np.linalg.norm(X, axis=0)
+    used = length > 0
+    A = X[:, used] / length[used]
+    square, V = np.linalg.eigh(A.T @ A)
+    good = square > 1e-9 * square[-1]
+    inverse = (V[:, good] / square[good]) @ V[:, good].T
+    value = inverse @ (A.T @ y)
+    scores = A * (y - A @ value)[:, None]
+    sums = np.stack([s.sum(0) for s in np.array_split(scores, STRETCHES)])
+    spread = inverse @ (sums.T @ sums) @ inverse * STRETCHES / (STRETCHES - 1)
+    lost = (V[:, ~good] ** 2).sum(1) > 1e-6
+    half = np.where(lost, np.nan, QUANTILE * np.sqrt(np.diag(spread)))
+    out, halves = np.full((2, len(length)), np.nan)
+    out[used], halves[used] = value / length[used], half / length[used]
+    return out, halves
+
+
+def find_gravity(evidence: Evidence) -> tuple[str, ...]:
+    """Return one sentence on torque that does not carry the file's weight as it should, or none.
+
+    What the sidecar says of torque goes before: `compensated`, `sign`, `gain` and `ratio`.
+    """
+    torque = evidence.robot.torque
+    if not evidence.weighs or torque.compensated is not None:
+        return ()
+    carried = measure_carried(evidence)
+    none = [c for c in carried if c.nearest == 0.0 and c.moves != 0.0]
+    # What the masses need to be moved shows that they are right; else the whole fit has to.
+    proved = bool(none) and all(c.moves == 1.0 for c in none)
+    if none and (proved or _lacks_weight(evidence, [c.joint for c in none])):
+        return (_tell_compensated(evidence, none, len(none) == len(carried)),)
+    opposite = [c for c in carried if c.nearest == -1.0]
+    if opposite and not torque.sign:
+        return (
+            f"By the masses of the robot file, {_listed(evidence, opposite)}: the torque pulls "
+            "the wrong way. Its sign, the direction or zero of a joint, or gravity (a robot that "
+            "hangs from the ceiling) is another one: correct it ([torque] sign = -1 in the "
+            "sidecar, or gravity in the file; sign = 1 says that the torque is right).",
+        )
+    half = [c for c in carried if c.is_half]
+    told = [c for c in carried if np.isfinite(c.nearest)]
+    sure = len(half) == len(told) > 1 or any(_gear(evidence, c.joint) != 1.0 for c in half)
+    if half and sure and not (torque.gain or torque.ratio):
+        return (
+            f"By the masses of the robot file, {_listed(evidence, half)}, and the torque that "
+            'moves them no more: it looks like torque before a gear of 2 (side = "motor" under '
+            f"[torque] in the sidecar, with its ratio{_tell_gears(evidence, half)}), or the file's "
+            "masses are twice too large (gain = 1 there says so).",
+        )
+    return ()
+
+
+def _lacks_weight(evidence: Evidence, joints: list[int]) -> bool:
+    """Whether the unpruned model fits as well where some joints carry no weight, whatever it is."""
+    step = max(1, len(evidence.torque) // ENOUGH)
+    motion, tau = evidence.motion[::step], evidence.torque[::step]
+    structure, spread = evidence.structure, tau.std(0)
+    if not (spread > 0).all():
+        return False
+    light = structure.robot.model.copy()
+    light.gravity.linear = np.zeros(3)
+    W = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
+    other = structure.model.regressor(replace(structure.robot, model=light), motion)
+    bare = W.copy()
+    bare[:, joints] = other[:, joints][:, :, structure.base.kept]
+    given, lighter = (unexplained(x / spread[:, None], tau / spread) for x in (W, bare))
+    return lighter <= WORSE * given
+
+
+def _tell_compensated(evidence: Evidence, none: list[Carried], every: bool) -> str:
+    names = ", ".join(f'"{evidence.joints[c.joint]}"' for c in none)
+    return (
+        f"By the masses of the robot file, {_listed(evidence, none)}, although it moves them: the "
+        "effort is compensated for gravity, as some drivers report it, and no mass that is found "
+        f"stands. Say compensated = {'true' if every else f'[{names}]'} under [torque] in the "
+        "sidecar, and what holds the file's weight is added again; false, where a spring or a "
+        "counterweight that the file does not state holds it."
+    )
+
+
+def _listed(evidence: Evidence, those: list[Carried]) -> str:
+    said = [f"{evidence.joints[c.joint]} {c.factor:.2f} ± {c.half:.2f}" for c in those]
+    return f"the torque carries another share of the weight than all of it ({listing(said, 6)})"
+
+
+def _gear(evidence: Evidence, joint: int) -> float:
+    """Return the gear that an MJCF states of a joint; 1 for none."""
+    entry = evidence.robot.entries.get("actuator_force", {}).get(evidence.joints[joint])
+    return abs(entry.factor) if entry else 1.0
+
+
+def _tell_gears(evidence: Evidence, half: list[Carried]) -> str:
+    gears = [g for c in half if (g := _gear(evidence, c.joint)) != 1.0]
+    return f"; the file states a gear of {gears[0]:g}" if gears else ""
+
+
+# Torque in another unit, or before a gear: its size beside what the robot file's masses ask for.
+#
+# At each joint the measured torque is regressed on what the file's masses predict, beside what any
+# drive adds (friction, rotor inertia, offset); or on all that the file predicts, where it states
+# the drive too. A file can be wrong, but hardly by a factor of `FACTOR`.
+
+
+#: A file's masses are hardly wrong by such a factor.
+FACTOR = 5.0
+
+#: Nor do factors of two joints differ by more than this.
+APART = 8.0
+
+#: What is to be done about gains.
+REMEDY = (
+    "state the gain of each joint in the sidecar ([torque]), or correct the masses of the file."
+)
+
+#: Share of the predicted torque that must not look like friction, rotor inertia and offset.
+DISTINCT = 0.3
+
+#: The measured torque must follow the predicted one with this correlation, at that joint.
+FOLLOWS = 0.7
+
+#: … and all that the file predicts with this one, where masses alone do not show.
+AGREES = 0.9
+
+#: Predicted torque of a joint must be this share of the largest one among like joints.
+FELT_BY_SCALE = 0.02
+
+#: Factors of all joints are one unit if they lie within this factor of their middle.
+ALIKE = 1.5
+
+#: Rounds of the regression in which the worst twentieth of the samples is left out.
+ROUNDS = 3
+
+#: Units of torque that people give, and how many of them make one N·m or N.
+UNITS = {"mN·m (or mN)": 1e3, "N·cm": 1e2, "N·mm": 1e3, "kN·m (or kN)": 1e-3}
+
+
+def find_torque_scale(evidence: Evidence) -> tuple[str, ...]:
+    """Return one sentence on torque whose size contradicts the file's masses, or none."""
+    if not evidence.weighs:
+        return ()
+    factors = measure_factors(evidence)
+    known = np.isfinite(factors)
+    odd = known & ((factors > FACTOR) | (factors < 1 / FACTOR))
+    if not odd.any():
+        return _tell_apart(evidence, factors[known])
+    joints, share = evidence.joints, factors[odd]
+    middle = float(np.exp(np.median(np.log(share))))
+    alike = bool((np.abs(np.log(share / middle)) < np.log(ALIKE)).all())
+    sizes = _multiple(share)
+    if odd.sum() == known.sum() and known.sum() > 1:
+        what = _name_unit(middle) if alike else ""
+        if alike:
+            return (
+                f"The measured torque is {sizes} what the masses of the robot file ask for, at "
+                f"all joints alike{what}: check its unit (N·m or N) and the file's masses; a "
+                "factor by joint can be stated in the sidecar ([torque]).",
+            )
+        return (
+            f"The measured torque is {sizes} what the masses of the robot file ask for, by another "
+            "factor at each joint: it looks like motor currents, percent, or torque before the "
+            f"gears; {REMEDY}",
+        )
+    which = listing([joints[k] for k in np.flatnonzero(odd)], 6)
+    return (
+        f"The measured torque of {which} is {sizes} what the masses of the robot file ask for, "
+        f"{'not so at the other joints' if known.sum() > odd.sum() else 'the only one that shows'}"
+        ": check unit and gain of the column (current, percent, before the gear?), or the file's "
+        "masses.",
+    )
+
+
+def _tell_apart(evidence: Evidence, factors: Array) -> tuple[str, ...]:
+    """Return one sentence on factors that are possible each, but not beside each other."""
+    if len(factors) < 2 or factors.max() < APART * factors.min():
+        return ()
+    return (
+        f"The measured torque is {_multiple(factors)} what the masses of the robot file ask for, "
+        f"by another factor at each joint: it looks like motor currents or percent; {REMEDY}",
+    )
+
+
+def measure_factors(evidence: Evidence) -> Array:
+    """Return measured over predicted torque of each joint, (n,); NaN where it does not show."""
+    factors = np.full(len(evidence.joints), np.nan)
+    size = np.sqrt(np.mean(evidence.predicted**2, 0))
+    units = np.array(evidence.robot.torque_units)
+    for k in range(len(factors)):
+        if size[k] < FELT_BY_SCALE * size[units == units[k]].max() or size[k] == 0:
+            continue
+        factors[k] = _factor(evidence.predicted[:, k], evidence.torque[:, k], evidence.ordinary(k))
+        if np.isnan(factors[k]) and np.isfinite(evidence.stated[:, k]).all():
+            factors[k] = _plain_factor(evidence.stated[:, k], evidence.torque[:, k])
+    return factors
+
+
+def _plain_factor(predicted: Array, measured: Array) -> float:
+    """Return the slope of measured on predicted torque, (N,) each, beside an offset; or NaN."""
+    p, m = predicted - predicted.mean(), measured - measured.mean()
+    lengths = float(np.linalg.norm(p)), float(np.linalg.norm(m))
+    if not min(lengths) > 0 or float(p @ m) < AGREES * lengths[0] * lengths[1]:
+        return np.nan
+    return float(p @ m) / lengths[0] ** 2
+
+
+def _factor(predicted: Array, measured: Array, ordinary: Array) -> float:
+    """Return the slope of measured on predicted torque, (N,) each; NaN where it does not show."""
+    kept = np.ones(len(predicted), bool)
+    slope = np.nan
+    for _ in range(ROUNDS):
+        p = without(predicted[kept], ordinary[kept])
+        m = without(measured[kept], ordinary[kept])
+        varies = np.linalg.norm(predicted[kept] - predicted[kept].mean())
+        length = np.linalg.norm(p)
+        if not length > DISTINCT * varies or not np.linalg.norm(m) > 0:
+            return np.nan
+        slope = float(p @ m) / float(length**2)
+        if float(p @ m) / float(length * np.linalg.norm(m)) < FOLLOWS:
+            return np.nan
+        left = np.zeros(len(predicted))
+        left[kept] = np.abs(m - slope * p)
+        kept &= left <= np.quantile(left[kept], 0.95)
+    return slope if slope > 0 else np.nan
+
+
+def _multiple(factors: Array) -> str:
+    low, high = (f"{x:.2g}" for x in (factors.min(), factors.max()))
+    return f"{low} times" if low == high else f"{low} … {high} times"
+
+
+def _name_unit(factor: float) -> str:
+    names = [u for u, f in UNITS.items() if 1 / 2 < factor / f < 2]
+    return f", as if it were in {' or '.join(names)}" if names else ""
+
+
+# Torque that stops at an extreme value: what a drive was asked for beyond it is not in the log.
+
+
+#: An extreme value is a flat top if the column stays there this often in all, and this long once.
+SHARE, RUN = 0.005, 4
+
+#: … and is met so many times as often as the next band of the same width.
+CROWDED = 6.0
+
+#: Width of the bands, of the column's range.
+BAND = 0.01
+
+
+def find_saturation(evidence: Evidence) -> tuple[str, ...]:
+    """Return one sentence on torque columns with flat tops, or none."""
+    found: dict[str, tuple[float, float]] = {}
+    for _, log in evidence.windows():
+        moves = np.append(np.abs(np.diff(log.q, axis=0)).max(1, initial=0.0) > 0, True)
+        for k, joint in enumerate(log.joints):
+            column = log.tau[moves, k]
+            for side in (1.0, -1.0):
+                share = flat_share(side * column)
+                if share > found.get(joint, (0.0, 0.0))[0]:
+                    found[joint] = share, side * float((side * column).max())
+    if not found:
+        return ()
+    said = [
+        f"'{joint}.tau' stays at {value:.4g} in {100 * share:.2g} % of the samples"
+        for joint, (share, value) in found.items()
+    ]
+    return (
+        f"Torque stops at an extreme value ({listing(said, 4)}): a drive or sensor at its limit; "
+        "what it should have been is not in the log, so leave these stretches out or move less "
+        "fast.",
+    )
+
+
+def flat_share(x: Array) -> float:
+    """Return which share of a column (N,) lies on a flat top, 0 if it has none."""
+    if not len(x) or not np.ptp(x) > 0:
+        return 0.0
+    top, width = float(x.max()), float(np.ptp(x))
+    step = float(smallest_change(x[:, None])[0])
+    at = x >= top - 0.5 * min(step, BAND * width)
+    share = float(at.mean())
+    band = max(BAND * width, 1.5 * step)
+    below = np.count_nonzero((x >= top - band) & ~at) / len(x)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(int), [0]])))
+    longest = int((edges[1::2] - edges[::2]).max())
+    flat = share >= SHARE and longest >= RUN and share > CROWDED * below
+    return share if flat else 0.0
+
+
+# Joints that are exchanged, turn the other way round, or are in degrees, by what explains torque.
+#
+# Where the unpruned model explains a log badly, it is fitted to the same samples as if two joints
+# had exchanged their positions, or positions and torque, or one were given with the other sign or
+# in degrees. What `regression.mix_up` finds in the torque columns alone is left to it.
+
+
+#: Relative error of the unpruned model up to which nothing is looked for.
+BAD = 0.1
+
+#: The sum of squared errors must fall below this share of that of the log as it is.
+FAR = 0.2
+
+#: Samples that are looked at, and joints beyond which only neighbours are tried.
+ENOUGH_ROWS, MOST = 300, 8
+
+DEGREE = np.pi / 180
+
+
+@frozen
+class _Change:
+    """Columns of positions and torque as they might have been meant.
+
+    `order` and `factor` are those of positions, `torques` and `signs` those of torque columns;
+    `says` is for "the unpruned model would err by …"; without it nothing is to be said here.
+    """
+
+    order: tuple[int, ...]
+    factor: tuple[float, ...]
+    torques: tuple[int, ...]
+    signs: tuple[float, ...]
+    says: str = ""
+
+
+def find_exchanged(evidence: Evidence) -> tuple[str, ...]:
+    """Return one sentence on joints that are exchanged, turned, or in degrees, or none."""
+    robot, n = evidence.robot, len(evidence.joints)
+    if robot.closed or n < 2:
+        return ()
+    plain = _Change(tuple(range(n)), (1.0,) * n, tuple(range(n)), (1.0,) * n)
+    given = _error(evidence, plain)
+    if not given > BAD:
+        return ()
+    tried = [(_error(evidence, c), c) for c in _candidates(evidence, plain)]
+    least, best = min(tried, key=lambda pair: pair[0])
+    if least**2 >= FAR * given**2 or not best.says:
+        return ()
+    return (
+        f"{best.says}: read so, the unpruned model would err by {100 * least:.2g} % instead of "
+        f"{100 * given:.2g} %. Check which column is which, and its unit and direction.",
+    )
+
+
+def _candidates(evidence: Evidence, plain: _Change) -> Iterator[_Change]:
+    """Yield what the columns might have been meant to be."""
+    names, n = evidence.joints, len(evidence.joints)
+    same, one = plain.order, plain.factor
+    near = n > MOST
+    for i, j in combinations(range(n), 2):
+        if near and j > i + 1:
+            continue
+        order = list(same)
+        order[i], order[j] = j, i
+        swap, pair = tuple(order), f"{names[i]} and {names[j]}"
+        yield _Change(swap, one, same, one, f"The positions of {pair} seem to be exchanged")
+        yield _Change(swap, one, swap, one, f"The joints {pair} seem to be exchanged")
+        yield _Change(same, one, swap, one)
+    for k in range(n):
+        turned = tuple(-1.0 if i == k else 1.0 for i in range(n))
+        small = tuple(DEGREE if i == k else 1.0 for i in range(n))
+        who = names[k]
+        yield _Change(
+            same, turned, same, one, f"The positions of {who} seem to have the wrong sign"
+        )
+        yield _Change(same, turned, same, turned, f"The joint {who} seems to turn the other way")
+        yield _Change(same, one, same, turned)
+        if not evidence.robot.is_prismatic(int(evidence.robot.actuated[k])):
+            yield _Change(same, small, same, one, f"The angles of {who} seem to be degrees")
+    slides = [evidence.robot.is_prismatic(int(k)) for k in evidence.robot.actuated]
+    angles = tuple(1.0 if s else DEGREE for s in slides)
+    advice = "The angles seem to be degrees (--angles deg)"
+    yield _Change(same, angles, same, one, advice)
+    yield _Change(same, one, same[::-1], one)
+    for shift in range(1, n):
+        yield _Change(same, one, same[shift:] + same[:shift], one)
+
+
+def _error(evidence: Evidence, change: _Change) -> float:
+    """Return the relative error of the unpruned model with an offset a joint, joints alike."""
+    step = max(1, len(evidence.torque) // ENOUGH_ROWS)
+    some, tau = evidence.motion[::step], evidence.torque[::step]
+    order, factor = list(change.order), np.array(change.factor)
+    tau = tau[:, list(change.torques)] * change.signs
+    spread = tau.std(0)
+    if not (spread > 0).all():
+        return 0.0
+    if change.order == tuple(range(len(order))) and (factor == 1.0).all():
+        motion = some
+    else:
+        moved = [x[:, order] * factor for x in (some.actuated_q, some.actuated_v, some.actuated_a)]
+        try:
+            motion = complete_motion(evidence.robot, some.t, *moved)
+        except ClosureError:
+            return np.inf
+    structure = evidence.structure
+    W = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
+    return unexplained(W / spread[:, None], tau / spread)
+
+
+# Torque columns that are exchanged or have the wrong sign (`regression.mix_up`).
+
+
+def find_turned_torque(evidence: Evidence) -> tuple[str, ...]:
+    """Return one sentence on torque columns that are mixed up, or none."""
+    structure = evidence.structure
+    regression = structure.regression(evidence.samples)
+    return tuple(filter(None, [find_mix_up(regression, structure.base.nonnegative)]))
