@@ -36,8 +36,8 @@ from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.uncertainty import resample
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.engines.mapping import Serial
+from identifiability.foundation.numbers import exact_share
 from identifiability.foundation.output import write_json
-from identifiability.foundation.shares import exact_share
 from identifiability.logs import Log
 from identifiability.logs.mend import mend_logs
 from identifiability.logs.prepare import Samples, prepare_samples

@@ -19,8 +19,8 @@ import numpy as np
 import pandas as pd
 from calibrate_answers_trials import CONDITIONS, ROBOTS, Finding, examine
 
+from identifiability.foundation.numbers import Share, exact_share
 from identifiability.foundation.output import write_json
-from identifiability.foundation.shares import Share, exact_share
 from identifiability.report import Check, Prose, Section, frame_table, write_page
 from identifiability.workflows.calibrate.calibration import fails
 

@@ -8,7 +8,7 @@ import numpy as np
 from left_out_trials import Laboratory, Robots, Setting
 
 from identifiability.estimation.verdict import Class
-from identifiability.foundation.shares import REACH
+from identifiability.foundation.numbers import REACH
 from identifiability.logs import Log
 from identifiability.simulation import Noise
 from identifiability.workflows.analyze import Analysis, analyze

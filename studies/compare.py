@@ -24,8 +24,8 @@ from real_data.study import data_folder
 from threadpoolctl import threadpool_limits
 
 from identifiability import Robot, compare
+from identifiability.foundation.numbers import exact_share
 from identifiability.foundation.output import write_json
-from identifiability.foundation.shares import exact_share
 from identifiability.logs import Log
 from identifiability.report import Check, Prose, Section, frame_table, write_page
 from identifiability.simulation import Noise, shipped_trajectory

@@ -20,8 +20,8 @@ from scipy.special import ndtr
 
 from identifiability.estimation.holm import holm
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import REACH
 from identifiability.foundation.output import write_json
-from identifiability.foundation.shares import REACH
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import Rung

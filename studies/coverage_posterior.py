@@ -22,8 +22,8 @@ from identifiability.estimation.least_squares import refit
 from identifiability.estimation.noise.autocorrelation import autocorrelation_time
 from identifiability.estimation.noise.residual_noise import ResidualNoise
 from identifiability.estimation.uncertainty import assess_uncertainty
+from identifiability.foundation.numbers import REACH
 from identifiability.foundation.output import write_json
-from identifiability.foundation.shares import REACH
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.information import Information
 from identifiability.report import Check, Prose, Section, frame_table, write_page

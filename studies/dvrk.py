@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from identifiability.foundation.documents import toml_text
 from identifiability.foundation.output import write_json
-from identifiability.foundation.toml_text import toml_text
 from identifiability.logs import Log
 from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
 from identifiability.regression.model import Model

@@ -19,8 +19,8 @@ import pandas as pd
 from left_out_trials import REPLICATES, SETTINGS, Tally, measure
 
 from identifiability.estimation.omitted import SHARE
+from identifiability.foundation.numbers import Share
 from identifiability.foundation.output import write_json
-from identifiability.foundation.shares import Share
 from identifiability.report import Check, Fold, Picture, Prose, Section, frame_table, write_page
 from identifiability.report.figures.calibration import draw_each
 

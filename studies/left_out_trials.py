@@ -11,7 +11,7 @@ import numpy as np
 from identifiability.estimation.judge import judge_rung
 from identifiability.estimation.omitted import body_scatter
 from identifiability.estimation.verdict import Class
-from identifiability.foundation.shares import REACH, Share, clustered_share, exact_share
+from identifiability.foundation.numbers import REACH, Share, clustered_share, exact_share
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
 from identifiability.physical.pseudo_inertia import to_matrix

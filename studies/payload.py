@@ -21,8 +21,8 @@ from planted_load import PlantedLoad, unit_loads
 from threadpoolctl import threadpool_limits
 
 from identifiability import Robot, analyze, payload
+from identifiability.foundation.numbers import exact_share
 from identifiability.foundation.output import write_json
-from identifiability.foundation.shares import exact_share
 from identifiability.report import Check, Prose, Section, frame_table, write_page
 from identifiability.simulation import Noise, shipped_trajectory
 from identifiability.simulation.simulator import Campaign

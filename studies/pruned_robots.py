@@ -29,7 +29,7 @@ from identifiability.estimation.omitted import SHARE
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import REACH
+from identifiability.foundation.numbers import REACH
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure

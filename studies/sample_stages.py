@@ -21,8 +21,8 @@ import pinocchio as pin
 from long_logs import ROBOT, ROOT, write_log
 
 from identifiability.foundation.engines.local import Serial
+from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.output import write_json
-from identifiability.foundation.threads import one_thread
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.regression.gather import gather_information

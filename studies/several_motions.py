@@ -30,8 +30,8 @@ from identifiability.estimation.motions import LEVEL, Motions, compare_halves
 from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import REACH, exact_share
 from identifiability.foundation.output import write_json
-from identifiability.foundation.shares import REACH, exact_share
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.information import Information
 from identifiability.regression.model import Model

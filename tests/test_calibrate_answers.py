@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identifiability.foundation.shares import Share
+from identifiability.foundation.numbers import Share
 from identifiability.workflows.calibrate.outcome import Cell
 
 STUDIES = Path(__file__).resolve().parents[1] / "studies"

@@ -16,8 +16,8 @@ from identifiability.estimation.noise.residual_noise import (
     find_runs,
     fit_residual_noise,
 )
+from identifiability.foundation.numbers import clustered_share, exact_share
 from identifiability.foundation.options import OptionError
-from identifiability.foundation.shares import clustered_share, exact_share
 from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.regression import Model, Regression
 from identifiability.workflows.calibrate.calibration import Calibration, calibrate

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.foundation.shares import Share
+from identifiability.foundation.numbers import Share
 from identifiability.logs.prepare.white_noise import noise_size
 from identifiability.physical.pseudo_inertia import margin, natural_scale
 from identifiability.regression.reduction import LadderEntry, RungEntry

@@ -7,7 +7,7 @@ from identifiability import Robot, prune
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.omitted import SHARE, body_scatter, find_left_out
 from identifiability.estimation.uncertainty import assess_uncertainty
-from identifiability.foundation.shares import LEVEL, REACH
+from identifiability.foundation.numbers import LEVEL, REACH
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.physical.pseudo_inertia import to_matrix
 from identifiability.regression.information import Information

@@ -45,7 +45,7 @@ def payload(
         Which carries the load; default: the last of a chain, or the platform.
     """
     with common.sentences(), common.progress() as say:
-        from identifiability.foundation.measured import measured  # noqa: PLC0415
+        from identifiability.foundation.numbers import measured  # noqa: PLC0415
         from identifiability.workflows.payload import payload as weigh  # noqa: PLC0415
 
         say("reading logs", 0.0)

@@ -16,7 +16,7 @@ from scipy.special import ndtr
 from identifiability.estimation.estimator import Estimate
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import LEVEL
+from identifiability.foundation.numbers import LEVEL
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 

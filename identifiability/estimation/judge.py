@@ -23,7 +23,7 @@ from identifiability.estimation.verdict import (
     percent_of,
 )
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import REACH
+from identifiability.foundation.numbers import REACH
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung

@@ -26,7 +26,7 @@ from identifiability.estimation.estimator import NOTHING, Estimate
 from identifiability.estimation.holm import holm
 from identifiability.estimation.scores import FEWEST, MEMORIES, scatter_scores
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import ENDS, REACH
+from identifiability.foundation.numbers import ENDS, REACH
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 

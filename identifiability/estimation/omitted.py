@@ -24,7 +24,7 @@ from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.renoised import RenoisedLeastSquares
 from identifiability.foundation.names import INERTIAL, Array
-from identifiability.foundation.shares import REACH
+from identifiability.foundation.numbers import REACH
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung

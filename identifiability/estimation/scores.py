@@ -20,7 +20,7 @@ from identifiability.estimation.bootstrap import merge_blocks
 from identifiability.estimation.estimator import Estimate
 from identifiability.foundation.linalg import unit_coordinates
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import ENDS
+from identifiability.foundation.numbers import ENDS
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 

@@ -15,7 +15,7 @@ from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.least_squares import dependence
 from identifiability.estimation.uncertainty import Uncertainty, remembering_covariance
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import ENDS, REACH
+from identifiability.foundation.numbers import ENDS, REACH
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 

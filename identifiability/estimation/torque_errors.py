@@ -18,7 +18,7 @@ import numpy as np
 from identifiability.estimation.evidence import Evidence, Level, Score
 from identifiability.estimation.layout import FEWEST, Layout
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import ENDS
+from identifiability.foundation.numbers import ENDS
 from identifiability.foundation.values import frozen
 
 #: Stretches whose errors give a standard error are each at least so many autocorrelation times

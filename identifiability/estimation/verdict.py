@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import Positive, Share, check_fields
-from identifiability.foundation.shares import REACH
 from identifiability.foundation.values import frozen
 
 

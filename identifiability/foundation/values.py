@@ -1,13 +1,16 @@
-"""`frozen`: what passes between stages, frozen in fact."""
+"""`frozen`: what passes between stages, frozen in fact; `last`: what was made last is kept."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, fields
 from functools import partial
 from typing import Any, TypeVar, dataclass_transform, overload
 
 import numpy as np
+
+# `frozen`: what passes between stages, frozen in fact.
+
 
 T = TypeVar("T")
 
@@ -79,3 +82,20 @@ def _brief(held: Any) -> str:
         return f"<{len(held)} of {type(held[0]).__name__}>"
     text = repr(held)
     return text if len(text) <= SHORT else f"{text[:SHORT]}…"
+
+
+# What was made last is kept: many ask for the same few things in turn.
+
+
+K = TypeVar("K", bound=Hashable)
+V = TypeVar("V")
+
+
+def remember(kept: dict[K, V], key: K, make: Callable[[], V], most: int) -> V:
+    """Return what is kept under a key, or is made now; of more than `most` the oldest goes."""
+    if key not in kept:
+        made = make()
+        while len(kept) >= most:
+            del kept[next(iter(kept))]
+        kept[key] = made
+    return kept[key]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import field
 
-from identifiability.foundation.renames import Renames
+from identifiability.foundation.names import Renames
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.measured_torque import MeasuredTorque

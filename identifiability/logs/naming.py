@@ -10,8 +10,7 @@ from dataclasses import field, replace
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
-from identifiability.foundation.names import Array
-from identifiability.foundation.renames import Renames
+from identifiability.foundation.names import Array, Renames
 from identifiability.foundation.values import frozen
 from identifiability.logs.aliases import INDEX, KINDS, Guess, guess_column, unread_unit
 from identifiability.logs.checks import CHANNELS, find_joints

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.names import Array
-from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.program import ADVICE, Program, above, adjoint

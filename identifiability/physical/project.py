@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.names import Array
-from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import CadPrior, divergence, nominal_cones, prior_gap
 from identifiability.physical.feasible_set import PhysicalSet

@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
+from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.names import Array
-from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
 from identifiability.posterior.exact import ExactSampler, build_sampler, interior
 from identifiability.posterior.target import Diagonal, Target

@@ -13,8 +13,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.names import Array
-from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
 from identifiability.posterior.exact import ExactSampler, Progress, build_sampler, interior
 from identifiability.posterior.target import Target

@@ -21,10 +21,9 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from identifiability.foundation.last import remember
 from identifiability.foundation.linalg import few_at_once, triangular_factor
 from identifiability.foundation.names import Array
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import frozen, remember
 from identifiability.regression.actuator_blocks import (
     ActuatorBlocks,
     allot,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.foundation.shares import REACH
+from identifiability.foundation.numbers import REACH
 from identifiability.report.blocks import Fold, Notes, Prose, Section
 from identifiability.report.figures.intervals import draw_intervals
 from identifiability.report.numbers import digits, join, rough_percent

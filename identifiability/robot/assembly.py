@@ -11,8 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
-from identifiability.foundation.renames import Renames
+from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array, Renames
 from identifiability.robot.actuation import choose_joints, position_limits
 from identifiability.robot.axes import combine_joints, motor_tendons
 from identifiability.robot.bounds import read_bounds

@@ -20,7 +20,7 @@ import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import INERTIAL_KINDS, Array
-from identifiability.foundation.scratch import temporary_folder
+from identifiability.foundation.output import temporary_folder
 from identifiability.robot.description import Description
 from identifiability.robot.weights import Moments, Point, possible, ten_parameters
 

@@ -11,8 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.names import INERTIAL, Array
-from identifiability.foundation.renames import Renames
+from identifiability.foundation.names import INERTIAL, Array, Renames
 from identifiability.foundation.values import frozen
 from identifiability.robot.bound import Bound
 from identifiability.robot.kinematics import Tree

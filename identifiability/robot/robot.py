@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from identifiability.foundation.errors import RobotError
+from identifiability.foundation.names import Renames
 from identifiability.foundation.options import Expected, FilePath, Positive, checked
 from identifiability.foundation.output import check_ending
-from identifiability.foundation.renames import Renames
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.robot.changed import loaded_body, new_place, other_body, write, write_copy

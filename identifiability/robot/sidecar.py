@@ -118,7 +118,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import RobotError
-from identifiability.foundation.renames import Renames
+from identifiability.foundation.names import Renames
 from identifiability.robot.known_torque import Interpolation
 from identifiability.robot.magnitudes import LARGEST, LONGEST_NAME
 from identifiability.robot.measured_torque import Side

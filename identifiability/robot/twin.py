@@ -9,9 +9,9 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.output import write_text
-from identifiability.foundation.toml_text import toml_text
 from identifiability.robot.description import Description
 from identifiability.robot.twin_mjcf import twin_mjcf
 from identifiability.robot.twin_sidecar import twin_sidecar

@@ -19,7 +19,7 @@ from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import INERTIAL_KINDS, Array
-from identifiability.foundation.scratch import temporary_folder
+from identifiability.foundation.output import temporary_folder
 from identifiability.robot import Robot
 from identifiability.robot.closure import count_independent
 from identifiability.robot.kinematics import Point

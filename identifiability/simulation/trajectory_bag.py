@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.output import check_writable, write_bytes
-from identifiability.foundation.scratch import temporary_folder
+from identifiability.foundation.output import check_writable, temporary_folder, write_bytes
 
 if TYPE_CHECKING:
     from identifiability.simulation.motion import PrescribedMotion

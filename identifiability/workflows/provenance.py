@@ -8,7 +8,7 @@ from hashlib import sha256
 
 import clarabel
 
-from identifiability.foundation.engines.fingerprint import NUMERICS, find_version
+from identifiability.foundation.engines.resume import NUMERICS, find_version
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.reduction import LadderSource
 from identifiability.robot import Robot

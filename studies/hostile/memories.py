@@ -57,7 +57,7 @@ def _link(path: Path, _root: Path, _rng: np.random.Generator) -> None:
 
 
 def _half_written(path: Path, _root: Path, _rng: np.random.Generator) -> None:
-    from identifiability.foundation.scratch import host_mark  # noqa: PLC0415
+    from identifiability.foundation.output import host_mark  # noqa: PLC0415
 
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()

@@ -13,7 +13,8 @@ import pytest
 from identifiability import Robot
 from identifiability.cli.common import harmless
 from identifiability.cli.options import Outputs
-from identifiability.foundation import documents, output, scratch
+from identifiability.foundation import documents, output
+from identifiability.foundation import output as scratch
 from identifiability.foundation.errors import IdentifiabilityError, OutputError
 from identifiability.foundation.output import csv_text, write_text
 

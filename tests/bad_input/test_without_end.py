@@ -14,7 +14,7 @@ from identifiability import Log, Robot
 from identifiability.foundation.documents import MOST_BYTES as DOCUMENT
 from identifiability.foundation.documents import MOST_KEYS, MOST_PARTS, MOST_TABLES, MOST_VALUES
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.foundation.renames import Renames
+from identifiability.foundation.names import Renames
 from identifiability.logs import header, sizes
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.tables import LONGEST_CELL

@@ -12,7 +12,7 @@ from identifiability.estimation.noise.autoregression import (
     levinson,
     whiten,
 )
-from identifiability.foundation.shares import log_tail
+from identifiability.foundation.numbers import log_tail
 from identifiability.simulation.noise import ar1
 
 PACF = np.array([0.7, -0.4, 0.2])

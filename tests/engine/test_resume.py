@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from identifiability.foundation.engines import fingerprint as prints
-from identifiability.foundation.engines.key import key_path, user_key
+from identifiability.foundation.engines import resume as prints
 from identifiability.foundation.engines.local import Resumed, Serial
+from identifiability.foundation.engines.resume import key_path, user_key
 from identifiability.foundation.errors import OutputError
 
 calls = []

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from identifiability import analyze
 from identifiability.cli import app
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.renames import Renames
+from identifiability.foundation.names import Renames
 from identifiability.logs import Log
 from identifiability.logs.bags import hash_files, read_bag
 from identifiability.logs.conventions import Conventions

@@ -1,6 +1,6 @@
 """What was made last is kept, and nothing else."""
 
-from identifiability.foundation.last import remember
+from identifiability.foundation.values import remember
 
 
 def test_the_last_few_are_made_once_and_the_oldest_goes():

@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from identifiability import Model, Robot, find_base_parameters
 from identifiability.cli import app
+from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import OutputError, RobotError
-from identifiability.foundation.toml_text import toml_text
 from identifiability.robot import complete_motion
 from identifiability.robot.dh import convert_dh
 

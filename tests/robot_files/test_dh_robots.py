@@ -24,7 +24,7 @@ from identifiability import (
     simulate,
 )
 from identifiability.effects import default_effects
-from identifiability.foundation.toml_text import toml_text
+from identifiability.foundation.documents import toml_text
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.regression.reduction.file import ladder_path, read_ladder
 from identifiability.robot import complete_motion

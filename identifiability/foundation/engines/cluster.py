@@ -21,7 +21,6 @@ from typing import Any
 import cloudpickle
 import joblib
 
-from identifiability.foundation.engines.fingerprint import root_module, source_digest
 from identifiability.foundation.engines.mapping import (
     AHEAD,
     LARGE,
@@ -31,8 +30,9 @@ from identifiability.foundation.engines.mapping import (
     in_order,
     run_limited,
 )
+from identifiability.foundation.engines.resume import root_module, source_digest
 from identifiability.foundation.errors import EngineError
-from identifiability.foundation.scratch import temporary_folder
+from identifiability.foundation.output import temporary_folder
 
 #: Seconds to wait for a scheduler, and for its first worker.
 PATIENCE = 5.0

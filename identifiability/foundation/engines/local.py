@@ -33,7 +33,7 @@ from identifiability.foundation.engines.mapping import (
 from identifiability.foundation.engines.resume import Resumed
 from identifiability.foundation.errors import EngineError
 from identifiability.foundation.options import FilePath, at_least, checked
-from identifiability.foundation.scratch import temporary_folder
+from identifiability.foundation.output import temporary_folder
 
 __all__ = ["Engine", "Processes", "Resumed", "Serial", "choose_engine"]
 

@@ -1,13 +1,37 @@
-"""What every engine does: one function over many items, results in the order of the items."""
+"""What every engine does: one function over many items, in their order, one thread each."""
 
 from __future__ import annotations
 
+import sys
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Self, TypeVar
+from contextlib import AbstractContextManager
+from functools import lru_cache
+from typing import Any, Literal, Self, TypeVar
 
-from identifiability.foundation.threads import one_thread
+from threadpoolctl import ThreadpoolController
+
+# One thread for linear algebra: threads fight over the small matrices of this project.
+
+
+def one_thread(of: Literal["blas", "openmp"] | None = None) -> AbstractContextManager[Any]:
+    """Return a context in which libraries have one thread: those of one kind, or all.
+
+    Looking for the libraries takes milliseconds, and only an import brings new ones.
+    """
+    limits: AbstractContextManager[Any] = _controller(len(sys.modules)).limit(limits=1, user_api=of)
+    return limits
+
+
+@lru_cache(maxsize=1)
+def _controller(modules: int) -> ThreadpoolController:
+    del modules
+    return ThreadpoolController()
+
+
+# What every engine does: one function over many items, results in the order of the items.
+
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -1,7 +1,6 @@
 """Interrupted work goes on where it ended: results of finished items are kept on disk.
 
-A result is found again only by the content of what led to it: the function with its arguments, the
-item, and the program text. A changed input or program is therefore new work, never an old answer.
+They are signed by the user's own key: work that others bring is not believed.
 """
 
 from __future__ import annotations
@@ -10,20 +9,157 @@ import hashlib
 import hmac
 import os
 import pickle
+import secrets
 import shlex
 import stat
+import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from functools import cache, partial
+from importlib import metadata, util
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import cloudpickle
 import joblib
 
-from identifiability.foundation.engines.fingerprint import fingerprint
-from identifiability.foundation.engines.key import user_key
 from identifiability.foundation.engines.mapping import Engine, Item, Result
 from identifiability.foundation.errors import OutputError
 from identifiability.foundation.output import write_bytes
+
+# Digests of program text, by which two runs, or two machines, know that they compute the same.
+
+
+#: Packages whose version may change a result in its last bits.
+NUMERICS = ("numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee")
+
+
+def fingerprint(function: Callable[..., Any]) -> str:
+    """Return a digest of a function: its name, bound arguments, program text and numerics."""
+    parts = [f"{name} {find_version(name)}" for name in NUMERICS]
+    while isinstance(function, partial):
+        parts.append(str(joblib.hash((function.args, function.keywords), "sha1")))
+        function = function.func
+    module, name = _module(function), getattr(function, "__qualname__", "")
+    # Of a folder without __init__, the file.
+    text = source_digest(module.partition(".")[0]) or source_digest(module)
+    parts += [module, name, text, source_digest("identifiability")]
+    if module == "__main__" or getattr(sys.modules.get(module), name, None) is not function:
+        # A notebook's, a lambda's or an object's text and values are in no file.
+        parts.append(hashlib.sha256(cloudpickle.dumps(function)).hexdigest())
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def root_module(function: Callable[..., Any]) -> tuple[str, Path | None]:
+    """Return the package or module at whose root a function lives, and its file if it has one."""
+    while isinstance(function, partial):
+        function = function.func
+    name = _module(function).partition(".")[0]
+    file = getattr(sys.modules.get(name), "__file__", None)
+    return name, None if file is None else Path(file)
+
+
+def _module(function: Callable[..., Any]) -> str:
+    """Return the module of a function; ufuncs of NumPy 2.0 know that of their type only."""
+    return str(getattr(function, "__module__", None) or type(function).__module__)
+
+
+@cache
+def source_digest(name: str) -> str:
+    """Return a digest of the program text of a package or module; empty if it has no files."""
+    file = getattr(sys.modules.get(name), "__file__", None)
+    if file is None and name not in sys.modules:
+        with suppress(ImportError, ValueError):
+            file = getattr(util.find_spec(name), "origin", None)
+    if file is None:
+        return ""
+    path = Path(file)
+    files = sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
+    found = hashlib.sha256()
+    try:
+        for f in files:
+            found.update(f"{f.relative_to(path.parent).as_posix()}\n".encode() + f.read_bytes())
+    except OSError:  # inside an archive
+        return ""
+    return found.hexdigest()
+
+
+@cache
+def find_version(name: str) -> str:
+    """Return the version of an installed package; empty if there is none."""
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+# The user's own key, by which finished work is signed: work that others bring is not believed.
+
+
+#: Bytes of a key.
+SIZE = 32
+
+
+def key_path() -> Path:
+    """Return where the key of this user is: in the folder for state of the XDG base directories."""
+    stated = os.environ.get("XDG_STATE_HOME", "")
+    state = Path(stated) if Path(stated).is_absolute() else Path.home() / ".local" / "state"
+    return state / "identifiability" / "resume.key"
+
+
+def user_key() -> bytes:
+    """Return the user's key, which is made when it is first asked for, for the user alone.
+
+    Raises
+    ------
+    OutputError
+        If it can be neither read nor made, or others can read it.
+    """
+    try:
+        path = key_path()
+        try:
+            return _read(path)
+        except FileNotFoundError:
+            path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            fresh = path.with_name(f".{secrets.token_hex(8)}.tmp")
+            try:
+                descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+                with os.fdopen(descriptor, "wb") as stream:
+                    stream.write(secrets.token_bytes(SIZE))
+                with suppress(FileExistsError):  # the first of several programs wins
+                    path.hardlink_to(fresh)
+            finally:
+                fresh.unlink(missing_ok=True)
+            return _read(path)
+    except (OSError, RuntimeError) as error:  # RuntimeError: a user without a home
+        reason = getattr(error, "strerror", None) or error
+        raise OutputError(
+            f"The key that finished work is signed with cannot be kept ({reason}); set "
+            "XDG_STATE_HOME to a folder of your own, or leave --resume out."
+        ) from None
+
+
+def _read(path: Path) -> bytes:
+    status = path.stat()
+    others = stat.S_IMODE(status.st_mode) & (stat.S_IRWXG | stat.S_IRWXO)
+    if hasattr(os, "getuid") and (status.st_uid != os.getuid() or others):
+        raise OutputError(
+            f"'{path}', which finished work is signed with, can be read by others; remove it, and "
+            "a new one is made."
+        )
+    key = path.read_bytes()
+    if len(key) != SIZE:
+        raise OutputError(f"'{path}' is no key of {SIZE} bytes; remove it, and a new one is made.")
+    return key
+
+
+# Interrupted work goes on where it ended: results of finished items are kept on disk.
+#
+# A result is found again only by the content of what led to it: the function with its arguments,
+# the item, and the program text. A changed input or program is therefore new work, never an old
+# answer.
+
 
 _MAGIC = b"identifiability result 2\n"
 _DIGEST = hashlib.sha256().digest_size

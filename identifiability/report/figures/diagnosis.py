@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import REACH
+from identifiability.foundation.numbers import REACH
 from identifiability.report.drawing import (
     BLUE,
     COLOURS,

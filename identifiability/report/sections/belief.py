@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.names import INERTIAL, Array
-from identifiability.foundation.shares import REACH
+from identifiability.foundation.numbers import REACH
 from identifiability.posterior.diagnostics import Thresholds
 from identifiability.posterior.edges import SWAY
 from identifiability.report.blocks import Gallery, Note, Notes, Section

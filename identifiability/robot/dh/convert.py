@@ -10,11 +10,15 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from identifiability.foundation.documents import first_problem, read_document
+from identifiability.foundation.documents import first_problem, read_document, toml_text
 from identifiability.foundation.errors import OutputError, RobotError, listing, near_match
-from identifiability.foundation.output import check_apart, check_ending, real, write_together
-from identifiability.foundation.scratch import temporary_folder
-from identifiability.foundation.toml_text import toml_text
+from identifiability.foundation.output import (
+    check_apart,
+    check_ending,
+    real,
+    temporary_folder,
+    write_together,
+)
 from identifiability.foundation.values import frozen
 from identifiability.robot.description import Description
 from identifiability.robot.dh.as_mjcf import BALL, build_mjcf

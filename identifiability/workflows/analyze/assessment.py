@@ -18,7 +18,7 @@ from identifiability.estimation.uncertainty import Uncertainty, assess_uncertain
 from identifiability.estimation.verdict import Class, Thresholds, Verdict, withdraw
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import REACH
+from identifiability.foundation.numbers import REACH
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel

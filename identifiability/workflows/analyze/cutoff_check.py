@@ -19,7 +19,7 @@ from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import REACH
+from identifiability.foundation.numbers import REACH
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.logs.repeats import Recording

@@ -12,7 +12,7 @@ from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.outliers import Outliers, weigh_outliers
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import REACH
+from identifiability.foundation.numbers import REACH
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.information import Information

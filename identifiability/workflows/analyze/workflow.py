@@ -10,7 +10,7 @@ import numpy as np
 from identifiability.estimation.estimate import Kind, Method, find_estimator, settle_noise
 from identifiability.estimation.prediction import Task, predict, predict_all
 from identifiability.estimation.verdict import Thresholds
-from identifiability.foundation.engines.mapping import Engine
+from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.options import (
     NotNegative,
     Replicates,
@@ -19,7 +19,6 @@ from identifiability.foundation.options import (
     renamed,
     settle_count,
 )
-from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log

@@ -21,6 +21,7 @@ from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.engines.mapping import Steps
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import (
     Correlations,
     Levels,
@@ -32,7 +33,6 @@ from identifiability.foundation.options import (
     settle_count,
 )
 from identifiability.foundation.result import Result
-from identifiability.foundation.shares import REACH
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, Samples

@@ -22,7 +22,7 @@ from identifiability.estimation.verdict import Class, Thresholds
 from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.engines.mapping import Steps
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import LEVEL, REACH, Share, clustered_share, each_share
+from identifiability.foundation.numbers import LEVEL, REACH, Share, clustered_share, each_share
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares

@@ -23,7 +23,7 @@ from identifiability.estimation.scores import MEMORIES, scatter_scores
 from identifiability.estimation.uncertainty import remembering_covariance
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import INERTIAL, Array
-from identifiability.foundation.shares import REACH
+from identifiability.foundation.numbers import REACH
 from identifiability.foundation.values import frozen
 from identifiability.regression.gather import BLOCKS
 from identifiability.regression.information import Information

@@ -12,13 +12,11 @@ import pandas as pd
 
 from identifiability.estimation.estimate import Kind, Method, find_estimator
 from identifiability.foundation.engines.local import Serial
-from identifiability.foundation.engines.mapping import Engine
+from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, listing
-from identifiability.foundation.measured import measured
+from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
-from identifiability.foundation.shares import REACH
-from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation

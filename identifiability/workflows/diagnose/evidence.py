@@ -16,10 +16,9 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from identifiability.estimation.noise.ar_noise import ARNoise
-from identifiability.foundation.last import remember
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import log_tail
-from identifiability.foundation.values import frozen
+from identifiability.foundation.numbers import log_tail
+from identifiability.foundation.values import frozen, remember
 from identifiability.workflows.diagnose.dictionary import Block, Stacked
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 from identifiability.workflows.diagnose.smooth import is_smooth

@@ -16,10 +16,9 @@ import numpy as np
 from identifiability.estimation.layout import choose_folds
 from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.estimation.torque_errors import DRAWN_STRETCHES, split_evenly
-from identifiability.foundation.last import remember
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import frozen, remember
 from identifiability.workflows.diagnose.folds import REMEMBERED, Folds, Made, name_model
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.known_fit import fit_known, solve_in_units

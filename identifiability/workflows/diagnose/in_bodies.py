@@ -23,7 +23,7 @@ from numpy.polynomial import legendre
 from scipy import stats
 
 from identifiability.foundation.names import BASE, Array
-from identifiability.foundation.shares import log_tail, tail_of_sum
+from identifiability.foundation.numbers import log_tail, tail_of_sum
 from identifiability.workflows.diagnose.gates import Chosen, Naming, keep_surviving
 from identifiability.workflows.diagnose.late import is_curve
 from identifiability.workflows.diagnose.leftover import (

@@ -20,7 +20,7 @@ import numpy as np
 
 from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import log_tail
+from identifiability.foundation.numbers import log_tail
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.anything import list_kinds
 from identifiability.workflows.diagnose.evidence import NEGLIGIBLE

@@ -18,7 +18,7 @@ from scipy import stats
 
 from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import tail_of_sum
+from identifiability.foundation.numbers import tail_of_sum
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.anything import list_kinds, list_together
 from identifiability.workflows.diagnose.evidence import Bench

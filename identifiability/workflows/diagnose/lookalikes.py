@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import log_tail
+from identifiability.foundation.numbers import log_tail
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.evidence import (
     NEGLIGIBLE,

@@ -18,10 +18,10 @@ from typing import Annotated, Any
 import numpy as np
 
 from identifiability.effects import title_of
+from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import ClosureError, IdentifiabilityError, listing
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
-from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.findings import Findings
 from identifiability.workflows.diagnose.next_question import Asked, ask_hidden, ask_open

@@ -20,7 +20,7 @@ import numpy as np
 from scipy import stats
 
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import tail_of_sum
+from identifiability.foundation.numbers import tail_of_sum
 from identifiability.workflows.diagnose.dictionary import Stacked
 from identifiability.workflows.diagnose.evidence import Whitened
 from identifiability.workflows.diagnose.gates import Chosen

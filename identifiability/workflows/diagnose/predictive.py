@@ -18,7 +18,7 @@ from scipy import stats
 
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import REACH
+from identifiability.foundation.numbers import REACH
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.evidence import NEGLIGIBLE
 

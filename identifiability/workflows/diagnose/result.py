@@ -10,10 +10,10 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
+from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result, shown
-from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import LadderEntry, RungEntry, ladder_text
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from identifiability.foundation.shares import REACH
+from identifiability.foundation.numbers import REACH
 from identifiability.foundation.values import frozen
 
 #: Evidence beyond which more changes nothing [nats].

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.effects import find_family, title_of
-from identifiability.foundation.measured import percent
-from identifiability.foundation.shares import REACH
+from identifiability.foundation.numbers import REACH, percent
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
 from identifiability.workflows.diagnose.motion import join

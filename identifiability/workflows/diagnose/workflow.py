@@ -10,7 +10,7 @@ import numpy as np
 
 from identifiability.effects import default_effects
 from identifiability.estimation.estimate import find_estimator
-from identifiability.foundation.engines.mapping import Engine
+from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.options import (
     Names,
     Seed,
@@ -19,7 +19,6 @@ from identifiability.foundation.options import (
     renamed,
     settle_count,
 )
-from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.regression.gather import gather_information

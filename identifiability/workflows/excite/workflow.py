@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from identifiability.foundation.engines.local import Serial
-from identifiability.foundation.engines.mapping import Engine
+from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import ClosureError, LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
@@ -25,7 +25,6 @@ from identifiability.foundation.options import (
     counted,
     within,
 )
-from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.mend import mend_logs
 from identifiability.logs.prepare import Preparation

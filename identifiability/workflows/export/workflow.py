@@ -27,9 +27,8 @@ from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
 from identifiability.foundation.names import BASE, INERTIAL, INERTIAL_KINDS
 from identifiability.foundation.options import FilePath, checked
-from identifiability.foundation.output import check_ending, write_json
+from identifiability.foundation.output import check_ending, temporary_folder, write_json
 from identifiability.foundation.result import shown
-from identifiability.foundation.scratch import temporary_folder
 from identifiability.foundation.values import frozen
 from identifiability.logs.mend import REPLACED
 from identifiability.logs.prepare.instruments import STANDS

@@ -13,14 +13,12 @@ import pandas as pd
 from identifiability.effects.load_dependent_friction import LoadDependentFriction
 from identifiability.effects.nominal import reference_values
 from identifiability.foundation.engines.local import Serial
-from identifiability.foundation.engines.mapping import Engine
+from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import listing, near_match
-from identifiability.foundation.measured import measured
 from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
-from identifiability.foundation.shares import REACH
-from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions

@@ -19,12 +19,11 @@ from pydantic import BaseModel, ConfigDict, Field
 from identifiability.estimation.spread import Spread
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines.local import Serial
-from identifiability.foundation.engines.mapping import Engine
+from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import shown
-from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation

@@ -8,7 +8,7 @@ import pandas as pd
 
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.errors import listing
-from identifiability.foundation.measured import percent
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.output import write_text
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import (

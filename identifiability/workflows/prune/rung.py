@@ -26,8 +26,8 @@ from identifiability.estimation.uncertainty import Uncertainty, resample
 from identifiability.estimation.verdict import Class, Thresholds
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.errors import listing
-from identifiability.foundation.measured import percent
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel

@@ -6,7 +6,7 @@ from scipy import stats
 from scipy.optimize import nnls
 
 from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
-from identifiability.foundation.shares import log_tail
+from identifiability.foundation.numbers import log_tail
 from identifiability.workflows.diagnose import evidence
 from identifiability.workflows.diagnose.evidence import Bench, Whitened, score_candidates
 from identifiability.workflows.diagnose.held_out import HeldOut

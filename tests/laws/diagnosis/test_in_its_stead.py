@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.foundation.shares import log_tail
+from identifiability.foundation.numbers import log_tail
 from identifiability.workflows.diagnose.gates import Naming, Step
 from identifiability.workflows.diagnose.in_its_stead import Contest, keep_unbeaten
 from identifiability.workflows.diagnose.search import _keep

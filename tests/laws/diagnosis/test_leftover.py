@@ -9,7 +9,7 @@ import pytest
 from scipy import signal
 
 from identifiability.effects.path_memory import follow_with_play
-from identifiability.foundation.shares import tail_of_sum
+from identifiability.foundation.numbers import tail_of_sum
 from identifiability.workflows.diagnose.anything import list_kinds
 from identifiability.workflows.diagnose.complete import keep_complete, keep_one_way
 from identifiability.workflows.diagnose.evidence import Bench

@@ -11,7 +11,7 @@ from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.memory import _sum_lags, measure_memory
 from identifiability.estimation.noise.autocorrelation import autocorrelation_time
 from identifiability.estimation.uncertainty import assess_uncertainty
-from identifiability.foundation.shares import ENDS
+from identifiability.foundation.numbers import ENDS
 from identifiability.physical.least_squares import LeastSquares
 
 from .made import ar1, gather

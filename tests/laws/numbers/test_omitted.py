@@ -10,7 +10,7 @@ from identifiability.estimation.judge import Grounds, judge
 from identifiability.estimation.omitted import SHARE, LeftOut, body_scatter, find_left_out
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.names import INERTIAL
-from identifiability.foundation.shares import REACH
+from identifiability.foundation.numbers import REACH
 from identifiability.regression.reduction import Rung
 
 from .made import fit_of, gather

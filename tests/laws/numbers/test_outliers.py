@@ -7,7 +7,7 @@ import pytest
 
 from identifiability.estimation.estimate import find_estimator, weigh_logs
 from identifiability.estimation.outliers import weigh_outliers
-from identifiability.foundation.shares import REACH
+from identifiability.foundation.numbers import REACH
 from identifiability.regression.information import Information
 from identifiability.workflows.analyze.decisive import weigh_rows
 

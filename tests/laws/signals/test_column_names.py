@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.renames import Renames
+from identifiability.foundation.names import Renames
 from identifiability.logs import Log
 from identifiability.logs.aliases import words_of
 from identifiability.logs.conventions import Conventions

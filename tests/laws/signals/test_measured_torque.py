@@ -6,7 +6,7 @@ import pytest
 
 from identifiability.effects import find_family
 from identifiability.foundation.errors import LogError, RobotError
-from identifiability.foundation.renames import Renames
+from identifiability.foundation.names import Renames
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.logfile import LogFile

@@ -2,7 +2,7 @@
 
 import pytest
 
-from identifiability.foundation.renames import Renames
+from identifiability.foundation.names import Renames
 
 
 def test_a_rule_fits_a_whole_name_and_the_first_that_fits_decides():

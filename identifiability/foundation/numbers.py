@@ -1,6 +1,11 @@
-"""Shares counted in simulated experiments, with the Monte-Carlo error of the count."""
+"""Numbers beside how uncertain they are: shares counted in simulated experiments, and in sentences.
+
+Binomial intervals hold for shares whose trials are independent, clustered ones where they are not.
+"""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import scipy
@@ -8,6 +13,9 @@ from scipy.special import chdtrc, gammaln
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+
+# Shares counted in simulated experiments, with the Monte-Carlo error of the count.
+
 
 #: Level of every interval.
 LEVEL = 0.95
@@ -119,3 +127,43 @@ def log_tail(x: Array, dof: int) -> Array:
         exact = np.log(chdtrc(dof, x))
     tail: Array = np.where(x > FAR, asymptotic, exact)
     return tail
+
+
+# Numbers as sentences have them: beside how uncertain they are, and in percent.
+
+
+def measured(value: float, half: float, unit: str = "") -> str:
+    """Return a value and half of its interval, which keeps two digits.
+
+    Parameters
+    ----------
+    value, half : float
+    unit : str
+        Goes behind the value.
+
+    Examples
+    --------
+    >>> measured(1.5234, 0.0412, "kg"), measured(18.26, 3.1, "%"), measured(-60.4, 250.0)
+    ('1.523 kg ± 0.041', '18.3 % ± 3.1', '-60 ± 250')
+    """
+    places = 0
+    if 0 < half < math.inf:
+        places = max(0, 1 - math.floor(math.log10(half)))
+    value, half = round(value, places) + 0.0, round(half, places)
+    return f"{value:.{places}f}{f' {unit}' if unit else ''} ± {half:.{places}f}"
+
+
+def percent(share: float, digits: int = 3) -> str:
+    """Return a share in percent with so many digits, never in powers of ten.
+
+    Examples
+    --------
+    >>> percent(0.12345), percent(0.12345, 2), percent(12.345), percent(1e-6), percent(math.nan)
+    ('12.3 %', '12 %', '1234 %', 'less than 0.001 %', 'unknown size')
+    """
+    if not math.isfinite(share):
+        return "unknown size"
+    if 0 < 100 * share < 1e-3:
+        return "less than 0.001 %"
+    text = f"{100 * share:.{digits}g}"
+    return f"{100 * share:.0f} %" if "e" in text else f"{text} %"
