@@ -43,7 +43,7 @@ from identifiability.logs.mend import mend_logs
 from identifiability.logs.prepare import Samples, prepare_samples
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
-from identifiability.regression.model import Model
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.report import Check, Section, frame_table, write_page
 from identifiability.robot import Robot

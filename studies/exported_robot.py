@@ -34,8 +34,8 @@ from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.physical.mass import is_far, mass_rows
-from identifiability.regression.model import Model
 from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.regression import Model
 from identifiability.report import Check, Section, frame_table, write_page
 from identifiability.robot import Motion, Robot, complete_motion
 from identifiability.workflows.analyze import Analysis, analyze

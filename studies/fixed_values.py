@@ -29,7 +29,7 @@ from identifiability.effects.rigid_body import last_bodies
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.regression.model import Model
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.diagnose import Diagnosis, diagnose

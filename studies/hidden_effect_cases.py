@@ -18,7 +18,7 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, Noise, random_trajectory
-from identifiability.simulation.hidden import hideable
+from identifiability.simulation.forces import hideable
 from identifiability.workflows.diagnose import Diagnosis, Setting, diagnose, gather
 from identifiability.workflows.diagnose.evidence import Bench
 from identifiability.workflows.diagnose.motion import prepare_rows

@@ -35,8 +35,8 @@ from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.regression.model import Model
 from identifiability.regression.reduction import USUAL_EFFECTS
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot
 from identifiability.simulation import random_trajectory
 from identifiability.simulation.mujoco_robot import MujocoRobot

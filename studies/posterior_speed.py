@@ -27,8 +27,7 @@ from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import Projection, project
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.exact import build_sampler, interior
-from identifiability.posterior.prior import Prior
-from identifiability.posterior.target import Target
+from identifiability.posterior.target import Prior, Target
 from identifiability.report import Check, Section, frame_table, write_page
 from identifiability.robot import Robot
 from identifiability.simulation import (

@@ -34,7 +34,7 @@ from identifiability.foundation.numbers import REACH, exact_share
 from identifiability.foundation.output import write_json
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.information import Information
-from identifiability.regression.model import Model
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.report import Check, Prose, Section, frame_table, write_page
 from identifiability.robot import Robot

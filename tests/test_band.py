@@ -8,7 +8,7 @@ import pytest
 from identifiability import Log, Robot, analyze
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.preparation import settle_cutoff
-from identifiability.regression.model import Model
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import Noise, PrescribedMotion, random_trajectory, simulate
 from identifiability.workflows import band

@@ -13,7 +13,7 @@ from identifiability.physical.mass import total_mass
 from identifiability.physical.nominal_bodies import draw_bodies
 from identifiability.physical.pseudo_inertia import check_body, to_matrix
 from identifiability.regression.base_parameters import find_base_parameters
-from identifiability.regression.model import Model
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 
 

@@ -12,8 +12,8 @@ from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.regression.gather import gather_information
-from identifiability.regression.model import Model
 from identifiability.regression.reduction import build_comparison, find_ladder, ladder_model
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.report.pruning_report import section_survivors
 from identifiability.robot import Motion, Robot

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from identifiability.cli import app
 from identifiability.effects.registry import FAMILIES
-from identifiability.simulation.hidden import HIDDEN, HIDDEN_WHOLE
+from identifiability.simulation.forces import HIDDEN, HIDDEN_WHOLE
 
 VERBS = dict(get_command(app).commands)
 

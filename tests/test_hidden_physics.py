@@ -12,8 +12,8 @@ import pytest
 from identifiability import Log, Robot
 from identifiability.effects import default_effects
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.regression.model import Model
 from identifiability.regression.reduction import USUAL_EFFECTS
+from identifiability.regression.regression import Model
 
 STUDIES = Path(__file__).resolve().parents[1] / "studies"
 sys.path.insert(0, str(STUDIES))

@@ -5,8 +5,7 @@ import pytest
 
 from identifiability import Model, Robot, analyze, find_base_parameters, prune, simulate
 from identifiability.regression.base_parameters import random_motion
-from identifiability.regression.reduction import DEFAULT_EFFECTS
-from identifiability.regression.reduction.file import LadderEntry, RungEntry
+from identifiability.regression.reduction import DEFAULT_EFFECTS, LadderEntry, RungEntry
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory
 from identifiability.workflows.calibrate.calibration import calibrate
 

@@ -14,9 +14,9 @@ from typer.testing import CliRunner
 from identifiability import Model, analyze, calibrate, diagnose, prune, simulate
 from identifiability.cli import app
 from identifiability.foundation.options import OptionError
+from identifiability.regression.reduction import DEFAULT_EFFECTS as FULL
+from identifiability.regression.reduction import USUAL_EFFECTS as USUAL
 from identifiability.regression.reduction import build_ladder, default_ladder
-from identifiability.regression.reduction.file import DEFAULT_EFFECTS as FULL
-from identifiability.regression.reduction.file import USUAL_EFFECTS as USUAL
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import PrescribedMotion, shipped_trajectory

@@ -119,7 +119,7 @@ def effects(option: str) -> list[str]:
     """Return the effects that an option takes, a plugin's among them."""
     if option == "hide":
         from identifiability.effects import effect_laws  # noqa: PLC0415
-        from identifiability.simulation.hidden import hideable  # noqa: PLC0415
+        from identifiability.simulation.forces import hideable  # noqa: PLC0415
 
         return hideable(effect_laws())
     from identifiability.effects.registry import FAMILIES  # noqa: PLC0415

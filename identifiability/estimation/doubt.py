@@ -41,8 +41,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare.samples import Piece
 from identifiability.regression.reduction import Rung
-from identifiability.regression.regression import Regression
-from identifiability.regression.windows import choose_within, inside
+from identifiability.regression.regression import Regression, choose_within, inside
 from identifiability.robot import Motion, Robot
 
 #: Chance by which some function is taken where none is missing.

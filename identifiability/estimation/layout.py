@@ -13,7 +13,7 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
-from identifiability.regression.windows import choose_windows
+from identifiability.regression.regression import choose_windows
 
 #: Stretches of time over which errors are added up, for their standard errors.
 STRETCHES = 20

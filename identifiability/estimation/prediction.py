@@ -31,8 +31,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.survey import find_signal
 from identifiability.logs.signals import is_constant
-from identifiability.regression.part import Part
-from identifiability.regression.regression import Regression, map_parts
+from identifiability.regression.regression import LogPart, Regression, map_parts
 
 #: Arrays of the size of the errors of some samples that summing them takes.
 COPIES = 4
@@ -296,7 +295,7 @@ Held = tuple[Array, Array, Array, Array, np.ndarray, np.ndarray, np.ndarray]
 
 
 def _predict_part(
-    part: Part, tasks: Sequence[Task], layout: Layout
+    part: LogPart, tasks: Sequence[Task], layout: Layout
 ) -> list[tuple[Both, list[Held]]]:
     n = len(layout.joint_mean)
     sums, held = [], []

@@ -1,4 +1,4 @@
-"""Numbers beside how uncertain they are: shares counted in simulated experiments, and in sentences.
+"""Numbers beside how uncertain they are, in sentences and as shares of simulated experiments.
 
 Binomial intervals hold for shares whose trials are independent, clustered ones where they are not.
 """

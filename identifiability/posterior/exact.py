@@ -1,10 +1,10 @@
 """Exact draws from a posterior: noise variance and parameters in turn, many chains at once.
 
-What to use when: `ExactSampler.step` alone is the fastest way to a posterior whose model is the one
-of `target`, and to many replicates of an experiment at once (calibration). `ensemble` runs it
-inside emcee, where other likelihoods and priors may be multiplied in, and where independent
-ensembles give the diagnostics.
+Parameters are drawn from a Gaussian inside the cone of pseudo-inertias by Hamiltonian Monte Carlo
+with hard walls, from the middle of the posterior on.
 """
+
+from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,10 +13,383 @@ import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.posterior.bouncing import travel
-from identifiability.posterior.centre import find_centre
-from identifiability.posterior.cone import UPPER, Cone
 from identifiability.posterior.target import Diagonal, Target
+
+# The exit of a straight path from the cone of pseudo-inertias, and the barrier of the cone.
+#
+# A body that is inside at both ends of a stretch is inside in between. Only the others cost an
+# eigenvalue problem, a symmetric one of 4×4.
+
+
+#: A stretch is cut to its first third at most so often until a body is inside at its end.
+CUTS = 60
+
+#: A symmetric matrix from its ten entries ``y[..., TRIANGLE]``.
+TRIANGLE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
+
+#: The ten entries among the flattened sixteen.
+UPPER = np.array([0, 1, 2, 3, 5, 6, 7, 10, 11, 15])
+
+
+@frozen
+class Cone:
+    """Coordinates eta (p,) in a convex region, by linear coordinates ``y = offset + map @ eta``.
+
+    They are m rows ``y ≥ 0`` followed by ten entries of each matrix that must be positive definite.
+
+    Attributes
+    ----------
+    map : (m + 10 nb, p)
+    offset : (m + 10 nb,)
+    rows : int
+        ``m``
+    """
+
+    map: Array
+    offset: Array
+    rows: int
+
+    def contains(self, y: Array) -> np.ndarray:
+        """Whether points (K, M) are inside, (K,) bool."""
+        inside = (y[:, : self.rows] >= 0).all(axis=1)
+        return np.asarray(inside & positive(self._matrices(y)).all(axis=1))
+
+    def first_exit(self, y: Array, dy: Array, limit: Array) -> tuple[Array, np.ndarray, Array]:
+        """Find the first exit of the paths ``y + t dy`` before ``limit (K,)``.
+
+        Parameters
+        ----------
+        y, dy : (K, M)
+            From points inside, or on the boundary.
+        limit : (K,)
+
+        Returns
+        -------
+        time : (K,)
+            The exit, or `limit`.
+        hit : (K,) bool
+        inward : (K, M)
+            Gradient of the boundary function that was hit, in y.
+        """
+        m, inward = self.rows, np.zeros_like(y)
+        time, row = exit_through_rows(y[:, :m], dy[:, :m])
+        hit = time < limit
+        inward[hit, row[hit]] = 1.0
+        time = np.minimum(time, limit)
+        J, D = self._matrices(y), self._matrices(dy)
+        chain, body, when, null = _crossings(J, D, time)
+        if chain.size:
+            first = np.lexsort((when, chain))
+            first = first[np.unique(chain[first], return_index=True)[1]]
+            k, columns = chain[first], m + 10 * body[first, None] + np.arange(10)
+            time[k], hit[k], inward[k] = when[first], True, 0.0
+            inward[k[:, None], columns] = _gradient(null[first])
+        return time, hit, inward
+
+    def barrier(self, eta: Array) -> tuple[float, Array, Array]:
+        """Logarithmic barrier of the region, infinite outside.
+
+        Parameters
+        ----------
+        eta : (p,)
+
+        Returns
+        -------
+        value : float
+        gradient : (p,)
+        root : (r, p)
+            ``rootᵀ root`` is the second derivative.
+        """
+        y, p, m = self.offset + self.map @ eta, len(eta), self.rows
+        if not (self.contains(y[None])[0] and (y[:m] > 0).all()):
+            return np.inf, np.zeros(p), np.zeros((0, p))
+        rows, J = y[:m], self._matrices(y[None])[0]
+        slopes = self.map[m:].reshape(-1, 10, p)[:, TRIANGLE]
+        lower = np.linalg.inv(np.linalg.cholesky(J))
+        turned = np.einsum("bij,bjkp,blk->bilp", lower, slopes, lower, optimize=True)
+        value = 2 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum() - np.log(rows).sum()
+        scaled = self.map[:m] / rows[:, None]
+        gradient = -scaled.sum(0) - np.einsum("biip->p", turned)
+        return float(value), gradient, np.vstack([scaled, turned.reshape(-1, p)])
+
+    def _matrices(self, y: Array) -> Array:
+        matrices: Array = y[:, self.rows :].reshape(len(y), -1, 10)[..., TRIANGLE]
+        return matrices
+
+
+def exit_through_rows(y: Array, dy: Array) -> tuple[Array, np.ndarray]:
+    """First time at which a coordinate of ``y + t dy`` turns negative.
+
+    One that rises is on its way in, so a path that starts on the boundary, just reflected, needs no
+    special case.
+
+    Parameters
+    ----------
+    y, dy : (K, m)
+
+    Returns
+    -------
+    time : (K,)
+        Infinite when no coordinate ever does.
+    row : (K,) int
+    """
+    if y.shape[1] == 0:
+        return np.full(len(y), np.inf), np.zeros(len(y), np.intp)
+    times = np.divide(np.maximum(y, 0.0), -dy, out=np.full_like(y, np.inf), where=dy < 0)
+    row = times.argmin(axis=1)
+    return times[np.arange(len(row)), row], row
+
+
+def _crossings(J: Array, D: Array, time: Array) -> tuple[np.ndarray, np.ndarray, Array, Array]:
+    """Chains, bodies, times and null vectors of all exits before `time`.
+
+    From a point R inside, ``R + s D = L (1 + s M) Lᵀ`` first turns singular at −1 over the smallest
+    eigenvalue of M. A point at least a third of the way there makes that good to all digits, also
+    where the path starts on the boundary.
+    """
+    chain, body = np.nonzero(~positive(J + time[:, None, None, None] * D))
+    J, D, inner = J[chain, body], D[chain, body], time[chain]
+    outside = np.arange(len(chain))
+    for _ in range(CUTS):
+        inner[outside] /= 3
+        point = J[outside] + inner[outside, None, None] * D[outside]
+        outside = outside[~positive(point)]
+        if not outside.size:
+            break
+    # Only rounding makes a body leave at once; where it does, the end of the path is refused.
+    found = np.delete(np.arange(len(chain)), outside)
+    chain, body, D, inner = chain[found], body[found], D[found], inner[found]
+    lower = np.linalg.inv(np.linalg.cholesky(J[found] + inner[:, None, None] * D))
+    value, vectors = np.linalg.eigh(lower @ D @ lower.transpose(0, 2, 1))
+    return chain, body, inner - 1 / value[:, 0], np.einsum("kji,kj->ki", lower, vectors[:, :, 0])
+
+
+def _gradient(null: Array) -> Array:
+    outer = null[:, :, None] * null[:, None, :]
+    gradient: Array = outer.reshape(-1, 16)[:, UPPER] * np.where(UPPER % 5 == 0, 1.0, 2.0)
+    return gradient
+
+
+def positive(J: Array) -> np.ndarray:
+    """Whether symmetric matrices are positive definite, by their pivots.
+
+    Parameters
+    ----------
+    J : (..., n, n)
+
+    Returns
+    -------
+    (...) bool
+    """
+    rest = J
+    pivot = rest[..., 0, 0]
+    good: np.ndarray = pivot > 0
+    for _ in range(J.shape[-1] - 1):
+        column = rest[..., 1:, 0]
+        safe = np.where(good, pivot, 1.0)[..., None]
+        rest = rest[..., 1:, 1:] - (column / safe)[..., :, None] * column[..., None, :]
+        pivot = rest[..., 0, 0]
+        good = good & (pivot > 0)
+    return good
+
+
+# Exact draws from a Gaussian inside a convex region: Hamiltonian Monte Carlo with hard walls.
+#
+# A particle flies straight, is kicked by the slope of the density at equal times (leapfrog), and
+# is reflected where it meets the boundary [Afshar 2015]; what the kicks get wrong, the Metropolis
+# rule corrects. Straight paths leave a cone by 4×4 eigenvalues, and velocities may have any scale:
+# with that of the posterior and its boundary, a narrow corner reflects no more often than a wide
+# one. (Between kicks that are exact [Pakman 2014] the path is a circle and the scale that of the
+# Gaussian alone: up to 230 reflections a draw on seven robots, for 30 here, and each costs more.)
+#
+# Many chains run at once, as rows of the arrays. `cone.Cone` is the region and finds the first
+# exit.
+
+
+#: Range of the time of one transition; in a quarter turn, 1.6, a Gaussian forgets where it was.
+TURN = (1.5, 2.5)
+
+#: Kicks of one transition: nine of ten are accepted with a hundred parameters.
+KICKS = 7
+
+#: A path of more straight pieces is given up: the chain stays, so the sampler stays exact.
+PIECES = 2000
+
+
+def travel(
+    region: Cone, root: Array, eta: Array, mean: Array, sd: Array, rng: np.random.Generator
+) -> tuple[Array, int]:
+    """One exact transition of K chains that leaves each Normal(mean, sd²) on the region unchanged.
+
+    The transition is reversible, so it may also serve as a Metropolis proposal.
+
+    Parameters
+    ----------
+    region : Cone
+    root : (p, p)
+        ``root rootᵀ`` is the covariance of the velocities; best that of the draws.
+    eta : (K, p)
+        Positions inside the region.
+    mean, sd : (K, p)
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    eta : (K, p)
+    pieces : int
+        Straight pieces of the chain that had the most.
+    """
+    push, turn = rng.standard_normal(eta.shape), rng.uniform(*TURN, len(eta))
+    flight = Flight(region, root, eta, mean, sd, push, turn)
+    pieces = 0
+    while pieces < PIECES and not flight.advance():
+        pieces += 1
+    rise = flight.energy() - flight.start
+    kept = flight.arrived & (rise < rng.standard_exponential(len(eta)))
+    return np.where(kept[:, None], flight.x, eta), pieces
+
+
+class Flight:
+    """Positions and velocities of the chains on the way, in eta and in the region's y."""
+
+    def __init__(
+        self,
+        region: Cone,
+        root: Array,
+        eta: Array,
+        mean: Array,
+        sd: Array,
+        push: Array,
+        turn: Array,
+    ) -> None:
+        self.region, self.root, self.scale = region, root, root @ root.T
+        self.mean, self.sd, self.x = mean, sd, np.array(eta)
+        self.v = push @ root.T
+        self.y = region.offset + eta @ region.map.T
+        self.dy = self.v @ region.map.T
+        self.gap = turn / KICKS
+        self.left, self.kicks = np.array(self.gap), np.full(len(eta), KICKS)
+        self.start = self.energy()
+        self._kick(np.arange(len(eta)), self.gap / 2)
+
+    @property
+    def arrived(self) -> np.ndarray:
+        """Which chains are at the end of their way and inside the region, (K,) bool."""
+        return np.asarray((self.kicks == 0) & self.region.contains(self.y))
+
+    def energy(self) -> Array:
+        """Minus the logarithm (K,) of the density of positions and velocities."""
+        off, push = (self.x - self.mean) / self.sd, np.linalg.solve(self.root, self.v.T)
+        total: Array = (np.einsum("kp,kp->k", off, off) + np.einsum("pk,pk->k", push, push)) / 2
+        return total
+
+    def advance(self) -> bool:
+        """Go to the next kick or wall of every chain still on its way; True when all arrived."""
+        k = np.flatnonzero(self.kicks > 0)
+        if not k.size:
+            return True
+        time, hit, inward = self.region.first_exit(self.y[k], self.dy[k], self.left[k])
+        self.x[k] += time[:, None] * self.v[k]
+        self.y[k] += time[:, None] * self.dy[k]
+        self.left[k] -= time
+        self._reflect(k[hit], inward[hit] @ self.region.map)
+        k = k[~hit & (self.left[k] <= 0)]
+        self.kicks[k] -= 1
+        self.left[k] = self.gap[k]
+        self._kick(k, self.gap[k] / np.where(self.kicks[k] > 0, 1, 2))
+        return False
+
+    def _reflect(self, k: np.ndarray, normal: Array) -> None:
+        """Turn velocities that go against a normal, with the velocities' own scale."""
+        push = normal @ self.scale
+        speed = np.einsum("kp,kp->k", normal, self.v[k]) / np.einsum("kp,kp->k", normal, push)
+        self._push(k, -2 * np.minimum(speed, 0.0)[:, None] * push)
+
+    def _kick(self, k: np.ndarray, time: Array) -> None:
+        slope = (self.x[k] - self.mean[k]) / self.sd[k] ** 2
+        self._push(k, -time[:, None] * slope @ self.scale)
+
+    def _push(self, k: np.ndarray, change: Array) -> None:
+        self.v[k] += change
+        self.dy[k] += change @ self.region.map.T
+
+
+# The middle of a posterior with its boundary, and how wide it is there.
+#
+# Both come from the density times a logarithmic barrier [Nesterov 1994]. Where the data push
+# against the boundary at a rate d the barrier's optimum is 1/d away from it and 1/d wide, and so
+# is the posterior; between two walls it is in the middle and a third of the gap wide. No draws are
+# needed.
+
+
+#: Newton's method stops when it may still gain this much of the logarithm of the density, and
+#: after so many steps; it needs ten to thirty.
+GAIN, STEPS = 1e-3, 200
+
+#: Rounds of noise variance and parameters in turn.
+ROUNDS = 3
+
+
+def find_centre(model: Diagonal, region: Cone, start: Array) -> tuple[Array, Array]:
+    """Find the optimum of density and barrier.
+
+    Parameters
+    ----------
+    model : Diagonal
+        Of one data set.
+    region : Cone
+    start : (p,)
+        Inside the region.
+
+    Returns
+    -------
+    centre : (p,)
+    root : (p, p)
+        ``root rootᵀ`` is about the covariance of the posterior.
+    """
+    eta, root = start, np.eye(len(start))
+    for _ in range(ROUNDS):
+        v = model.typical_variance(eta[None])
+        mean, sd = model.conditional(v)
+        eta, root = _climb(mean[0], sd[0], region, eta)
+    return eta, root
+
+
+def _climb(mean: Array, sd: Array, region: Cone, eta: Array) -> tuple[Array, Array]:
+    """Newton's method for a Gaussian and the barrier, which are self-concordant together."""
+    value, slope, bend = _cost(eta, mean, sd, region)
+    for _ in range(STEPS):
+        root = np.linalg.inv(np.linalg.qr(bend, mode="r"))
+        step = root @ (root.T @ slope)
+        gain = float(slope @ step)
+        if gain < GAIN:
+            break
+        # A step this short stays inside and gains; a longer one is tried first.
+        share, safe = 1.0, 1 / (1 + np.sqrt(gain))
+        while True:
+            new = _cost(eta - share * step, mean, sd, region)
+            if share <= safe or new[0] < value - 0.1 * share * gain:
+                break
+            share = max(share / 2, safe)
+        eta = eta - share * step
+        value, slope, bend = new
+    return eta, root
+
+
+def _cost(eta: Array, mean: Array, sd: Array, region: Cone) -> tuple[float, Array, Array]:
+    """Minus the logarithm of density and barrier, its slope, and a root of its bend."""
+    value, slope, bend = region.barrier(eta)
+    off = (eta - mean) / sd
+    return value + float(off @ off) / 2, slope + off / sd, np.vstack([np.diag(1 / sd), bend])
+
+
+# Exact draws from a posterior: noise variance and parameters in turn, many chains at once.
+#
+# What to use when: `ExactSampler.step` alone is the fastest way to a posterior whose model is the
+# one of `target`, and to many replicates of an experiment at once (calibration). `ensemble` runs
+# it inside emcee, where other likelihoods and priors may be multiplied in, and where independent
+# ensembles give the diagnostics.
+
 
 #: Distance of starting points from an inner one, in posterior standard deviations.
 SPREAD = 1.5
@@ -44,7 +417,7 @@ class ExactSampler:
     region: Cone
     root: Array
 
-    def centred(self, eta: Array) -> tuple["ExactSampler", Array]:
+    def centred(self, eta: Array) -> tuple[ExactSampler, Array]:
         """Return the sampler with velocities as wide as its posterior, and the middle of that.
 
         Parameters

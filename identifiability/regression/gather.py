@@ -17,8 +17,9 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import at_least, checked
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.regression.actuator_blocks import (
+from identifiability.regression.information import (
     ActuatorBlocks,
+    Information,
     allot,
     choose_basis,
     fill,
@@ -26,9 +27,7 @@ from identifiability.regression.actuator_blocks import (
     invert_basis,
     merge_held,
 )
-from identifiability.regression.information import Information
-from identifiability.regression.part import Chunk, Part
-from identifiability.regression.regression import Regression, map_parts
+from identifiability.regression.regression import Chunk, LogPart, Regression, map_parts
 
 #: Blocks of time a log is divided into at most; the bootstrap draws whole blocks.
 BLOCKS = 256
@@ -134,7 +133,7 @@ def _join(pieces: Iterable[_Piece]) -> Iterator[_Piece]:
 _Found = tuple[Iterable[_Piece], Array, list[Chunk] | None]
 
 
-def _pieces(parts: Sequence[Part], found: Iterable[_Found], missed: Array) -> Iterator[_Piece]:
+def _pieces(parts: Sequence[LogPart], found: Iterable[_Found], missed: Array) -> Iterator[_Piece]:
     for part, (pieces, unseen, kept) in zip(parts, found, strict=True):
         yield from pieces
         missed += unseen
@@ -143,7 +142,7 @@ def _pieces(parts: Sequence[Part], found: Iterable[_Found], missed: Array) -> It
 
 
 def _gather_part(
-    part: Part, seen: np.ndarray, bases: Sequence[Array], edges: Sequence[Array]
+    part: LogPart, seen: np.ndarray, bases: Sequence[Array], edges: Sequence[Array]
 ) -> _Found:
     """Return the blocks of a part, and what columns not in `seen` are.
 

@@ -17,8 +17,7 @@ import numpy as np
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.regression.part import CHUNK
-from identifiability.regression.regression import Regression
+from identifiability.regression.regression import CHUNK, Regression
 
 #: Samples that are looked at, spread over all logs.
 ENOUGH = 2000

@@ -1,29 +1,512 @@
-"""`Regression`: named columns of a `Model` along measured motion, chunk by chunk."""
+"""`Model`, effects that add up, and `Regression`, its named columns along measured motion.
+
+A regression has a `Part` for each log, or each stretch of a long one, computed chunk by chunk.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property
-from typing import TYPE_CHECKING
+from functools import cached_property, partial
+from itertools import repeat
+from typing import TYPE_CHECKING, Annotated, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from identifiability.effects import Effect, Part, Placed, find_effect, find_family
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, Result, Steps
+from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array, Parameter
+from identifiability.foundation.options import Expected, checked
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import LongSamples, Prepared, Stretch
-from identifiability.regression.model import Model
-from identifiability.regression.part import CHUNK, Kept, Memory, Part
-from identifiability.regression.windows import choose_windows
-from identifiability.robot import Robot
+from identifiability.logs.prepare.samples import Piece
+from identifiability.robot import Motion, Robot
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Model", "Regression", "map_parts"]
+
+# `Model`: effects that add up.
+
+
+EffectName = Annotated[str, Expected("the name of an effect, such as 'rigid_body'")]
+
+
+@frozen
+class Model:
+    """A sum of effects; ``model + effect`` adds one.
+
+    Example
+    -------
+    >>> model = Model.of("rigid_body", "viscous_friction")
+    >>> [e.name for e in (model + find_effect("coulomb_friction")).effects]
+    ['rigid_body', 'viscous_friction', 'coulomb_friction']
+    """
+
+    effects: tuple[Effect, ...]
+
+    @staticmethod
+    @checked
+    def of(*names: EffectName) -> Model:
+        """Return the model of some effects by name.
+
+        ``NAME@PLACE+PLACE`` is an effect at some joints, motors or bodies only, and
+        ``NAME@PLACE:SHAPE`` has a shape of its own there, such as the Stribeck velocity [SI].
+        A place may be a pattern: ``NAME@wrist_*`` is at all whose names fit, ``*`` being any
+        letters and ``?`` one.
+
+        Raises
+        ------
+        ModelError
+            If there is no such effect, or none with a shape.
+        """
+        return Model(()).with_effects(_read_effects(names))
+
+    def with_effects(self, effects: Iterable[Effect]) -> Model:
+        """Return the model with more effects; what they supersede is left out."""
+        chosen = list(self.effects)
+        for effect in effects:
+            if any(e.name == effect.name for e in chosen):
+                continue
+            if any(effect.name in e.supersedes for e in chosen):
+                continue
+            chosen = [e for e in chosen if e.name not in effect.supersedes] + [effect]
+        return Model(tuple(chosen))
+
+    def __add__(self, effect: Effect) -> Model:
+        """Return the model with one more effect."""
+        return self.with_effects([effect])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects."""
+        return tuple(e.name for e in self.effects)
+
+    def turn(self, robot: Robot) -> Robot:
+        """Return the robot that the model is about: a tilted base has gravity elsewhere."""
+        for effect in self.effects:
+            robot = effect.turn(robot)
+        return robot
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """The effects as a ladder file writes them, and `of` reads them."""
+        return tuple(text for e in self.effects for text in e.texts)
+
+    def __repr__(self) -> str:
+        """Return its effects, in one line."""
+        return f"<Model: {' + '.join(self.texts)}>"
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return the standard parameters of all effects, in column order."""
+        return tuple(p for e in self.effects for p in e.parameters(robot))
+
+    def shapes(self, robot: Robot) -> dict[str, float]:
+        """Return the shapes behind the columns, by ``<joint>.<effect>``."""
+        return {name: at for e in self.effects for name, at in e.shapes(robot).items()}
+
+    def widths(self, robot: Robot) -> list[int]:
+        """Return how many columns each effect has."""
+        return [len(e.parameters(robot)) for e in self.effects]
+
+    def regressor(
+        self,
+        robot: Robot,
+        motion: Motion,
+        out: Array | None = None,
+        widths: Sequence[int] | None = None,
+        again: int = 0,
+    ) -> Array:
+        """Return the regressor W (N, n, p): ``W[k] @ phi`` is the torque at sample k.
+
+        Parameters
+        ----------
+        robot : Robot
+        motion : Motion
+        out : (at least N, n, p), optional
+            Where to.
+        widths : sequence of int, optional
+            What `widths` returned, which takes as long as some hundred samples do.
+        again : int
+            Samples at the beginning whose rows `out` has already.
+        """
+        widths = self.widths(robot) if widths is None else widths
+        if not sum(widths):
+            raise ModelError("The model has no effects; name at least one, such as rigid_body.")
+        shape = (len(motion), len(robot.actuated), sum(widths))
+        W = np.zeros(shape) if out is None else out[: len(motion)]
+        start = 0
+        for effect, width in zip(self.effects, widths, strict=True):
+            first = again if effect.pointwise else 0
+            own = W[first:, :, start : start + width]
+            own[:] = 0.0
+            effect.fill(robot, motion[first:] if first else motion, own)
+            start += width
+        return W
+
+
+def _read_effects(texts: Iterable[str]) -> list[Effect]:
+    """Return effects as a ladder file writes them; all places of one are one effect."""
+    by_name: dict[str, list[str]] = {}
+    for text in texts:
+        by_name.setdefault(text.partition("@")[0], []).append(text)
+    return [_read_effect(name, dict.fromkeys(written)) for name, written in by_name.items()]
+
+
+def _read_effect(name: str, written: Iterable[str]) -> Effect:
+    effect = find_effect(name)
+    parts: list[Part] = []
+    for text in written:
+        if "@" not in text:
+            return effect
+        places, shape = _split_shape(text.partition("@")[2])
+        family = find_family(name)
+        if shape is not None and not effect.shape_size:
+            raise ModelError(f"'{text}': {name} has no shape; leave out the number behind the ':'.")
+        given = 0 if shape is None else len(shape) if isinstance(shape, tuple) else 1
+        if given not in (0, effect.shape_size):
+            raise ModelError(
+                f"'{text}': the shape of {name} is {effect.shape_size} numbers, and {given} stand "
+                "behind the ':'."
+            )
+        parts += [Part(family.at(shape, place), place) for place in places.split("+")]
+    return Placed(parts, tuple(written))
+
+
+def _split_shape(text: str) -> tuple[str, float | tuple[float, ...] | None]:
+    """Return the places and the shape of ``PLACE+PLACE:SHAPE``; names may have colons too."""
+    places, colon, number = text.rpartition(":")
+    try:
+        numbers = tuple(map(float, number.split(",")))
+    except ValueError:
+        return text, None
+    if not colon:
+        return text, None
+    return places, numbers if len(numbers) > 1 else numbers[0]
+
+
+# Which samples of logs are looked at one by one: all of short logs, windows of long ones.
+#
+# Whatever is a sum over samples is taken from `Information`, over every sample. What is not (sizes
+# of errors, their memory, pictures) takes rows of the regressor, and 50,000 of them say it to a
+# percent or two.
+
+
+#: Samples of all logs that are looked at one by one; of more only so many windows of so many
+#: samples are, one in each of as many parts of equal length, and one of each log at least.
+EXCERPT, WINDOWS, WINDOW = 100_000, 20, 2_500
+
+#: Each window lies this share of what is left of its part later than the one before, or as much
+#: earlier as it would leave the part: no period of a motion is met at the same phase each time.
+LATER = (5**0.5 - 1) / 2
+
+
+def choose_windows(
+    counts: Sequence[int], sizes: tuple[int, int, int] | None = None
+) -> tuple[np.ndarray, ...]:
+    """Return the samples [start, stop) of each log that are looked at one by one, (w, 2) each.
+
+    Parameters
+    ----------
+    counts : sequence of int
+        Samples of each log.
+    sizes : (excerpt, windows, size) int, optional
+        Up to so many samples of all logs all are looked at, of more so many windows of so many
+        samples; `EXCERPT`, `WINDOWS` and `WINDOW` by default.
+    """
+    excerpt, windows, size = sizes or (EXCERPT, WINDOWS, WINDOW)
+    total = sum(counts)
+    if total <= excerpt:
+        return tuple(np.array([[0, c]]) for c in counts)
+    out = []
+    for count in counts:
+        k = np.arange(max(1, round(windows * count / total)))
+        own, part = min(size, count), count / len(k)
+        starts = (k * part + (LATER * k) % 1.0 * (part - own)).astype(int)
+        out.append(np.stack([starts, starts + own], 1))
+    return tuple(out)
+
+
+def choose_within(
+    windows: Sequence[np.ndarray], sizes: tuple[int, int, int]
+) -> tuple[np.ndarray, ...]:
+    """Return fewer of the samples that windows (w, 2) of each log show, as `choose_windows` does.
+
+    What is chosen across the border of two windows becomes a window in either.
+    """
+    out = []
+    counts = [int(np.diff(own).sum()) for own in windows]
+    for own, chosen in zip(windows, choose_windows(counts, sizes), strict=True):
+        before = np.cumsum([0, *np.diff(own)[:-1, 0]])
+        low = np.maximum(chosen[:, None, 0], before)
+        high = np.minimum(chosen[:, None, 1], before + np.diff(own)[:, 0])
+        found = np.stack([low, high], 2) + (own[:, 0] - before)[:, None]
+        out.append(found[low < high])
+    return tuple(out)
+
+
+def inside(windows: np.ndarray, start: int, stop: int) -> list[tuple[int, slice]]:
+    """Return which of the samples [start, stop) lie in windows (w, 2), by number of the window."""
+    low, high = np.maximum(windows[:, 0], start), np.minimum(windows[:, 1], stop)
+    found = np.flatnonzero(low < high).tolist()
+    return [(k, slice(int(low[k]) - start, int(high[k]) - start)) for k in found]
+
+
+# `Part` of a regression: a log, or a stretch of a long one, computed chunk by chunk.
+
+
+#: Samples a chunk: the regressor of one chunk stays in the processor's cache.
+CHUNK = 1024
+
+#: Samples a piece in units of what a decimation filter draws on beside them, and what the columns
+#: of such a piece may take [bytes].
+REACHES, PIECE_BYTES = 4, 32_000_000
+
+
+@frozen
+class Chunk:
+    """Consecutive rows of a regression.
+
+    Attributes
+    ----------
+    log : int
+        Which log they come from.
+    start : int
+        Output of that log at which they begin.
+    W : (m, n, p)
+    tau, raw : (m, n) [N·m or N]
+        Torque, low-passed like W where that was, and as it was measured.
+    t : (m,) [s]
+    velocity : (m, n) [rad/s or m/s]
+        Of the actuated joints.
+    instruments : (m, n, p) or None
+        What stands for W where W itself is noisy.
+    moves : (m, n) bool or None
+        Where torque of each joint is data; elsewhere rows of W, instruments and torque are zero.
+        None where all is.
+    """
+
+    log: int
+    start: int
+    W: Array
+    tau: Array
+    raw: Array
+    t: Array
+    velocity: Array
+    instruments: Array | None = None
+    moves: np.ndarray | None = None
+
+    @property
+    def data(self) -> np.ndarray:
+        """Where torque of each joint is data, (m, n) bool."""
+        return np.ones(self.tau.shape, bool) if self.moves is None else self.moves
+
+    @property
+    def wide(self) -> Array:
+        """Instruments, if there are any, then W, (m, n, 2p) or (m, n, p)."""
+        V = self.instruments
+        return self.W if V is None else np.concatenate([V, self.W], axis=2)
+
+    def inside(self, windows: np.ndarray) -> list[Chunk]:
+        """Return copies of its rows that lie in windows of the log, (w, 2), a chunk for each."""
+        found = []
+        for _, rows in inside(windows, self.start, self.start + len(self.t)):
+            V = None if self.instruments is None else self.instruments[rows].copy()
+            W, tau, raw = self.W[rows].copy(), self.tau[rows].copy(), self.raw[rows].copy()
+            t, velocity = self.t[rows].copy(), self.velocity[rows].copy()
+            moves = None if self.moves is None else self.moves[rows].copy()
+            start = self.start + rows.start
+            found.append(Chunk(self.log, start, W, tau, raw, t, velocity, V, moves))
+        return found
+
+
+class Kept:
+    """Chunks of a part that were computed once: those of its windows; None before."""
+
+    def __init__(self) -> None:
+        self.chunks: list[Chunk] | None = None
+
+
+class Memory:
+    """Chunks of logs in memory for several regressions, each as long as its log is there."""
+
+    def __init__(self) -> None:
+        self._kept: WeakKeyDictionary[Samples, Kept] = WeakKeyDictionary()
+
+    def of(self, samples: Samples) -> Kept:
+        """Return where the chunks of a log are kept."""
+        return self._kept.setdefault(samples, Kept())
+
+    def __reduce__(self) -> tuple[type[Memory], tuple[()]]:
+        """Send none of it about."""
+        return Memory, ()
+
+
+class Buffer:
+    """Where the rows (N, n, p) of one piece after the other are written."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self._rows = np.empty((0, *shape))
+        self._held: Piece | None = None
+
+    def ready(self, piece: Piece, before: Piece | None) -> tuple[Array, int]:
+        """Return where to write a piece, and how many rows of it the one before left there."""
+        rows, again = self._rows, 0
+        if len(rows) < len(piece.motion):
+            self._rows = np.empty((len(piece.motion), *rows.shape[1:]))
+        if before is not None and before is self._held:
+            again, end = piece.again, len(before.motion)
+            self._rows[:again] = rows[end - again : end]
+        self._held = piece
+        return self._rows, again
+
+
+@frozen
+class LogPart:
+    """A log of a regression, or a stretch of a long one: small to send, large to compute.
+
+    Attributes
+    ----------
+    robot : Robot
+    model : Model
+    columns : (b,) int or None
+    log : int
+        Which log of the regression.
+    start : int
+        Output of that log at which the part begins.
+    samples : Samples, LongSamples or Stretch
+    instruments : the same, or None
+    windows : (w, 2) int
+        Outputs [start, stop) of the log that are looked at one by one.
+    kept : Kept or None
+        Where those of them are kept, once they were computed; None if they take too much memory.
+    dwelling : bool
+        Whether rows are computed where torque is no data, too.
+    """
+
+    robot: Robot
+    model: Model
+    columns: np.ndarray | None
+    log: int
+    start: int
+    samples: Prepared | Stretch
+    instruments: Prepared | Stretch | None
+    windows: np.ndarray
+    kept: Kept | None
+    dwelling: bool = False
+
+    def keep(self, chunks: list[Chunk] | None) -> None:
+        """Keep the chunks of its windows that were computed elsewhere."""
+        if self.kept is not None:
+            self.kept.chunks = chunks
+
+    @property
+    def remote(self) -> bool:
+        """Whether it is worth sending to another process."""
+        return isinstance(self.samples, Stretch)
+
+    def chunks(self, size: int = CHUNK) -> Iterator[Chunk]:
+        """Yield its chunks; each one's W is overwritten by the next, unless all are kept."""
+        if self.kept is not None and self.kept.chunks is not None and self._covered:
+            yield from self._numbered(self.kept.chunks)
+            return
+        done = []
+        for chunk in self._computed(size):
+            own = [] if self.kept is None else chunk.inside(self.windows)
+            done += own
+            yield own[0] if own and self._covered else chunk
+        self.keep(done)
+
+    def _numbered(self, chunks: list[Chunk]) -> Iterator[Chunk]:
+        """Yield chunks of a regression in which the log may have another number."""
+        for chunk in chunks:
+            yield chunk if chunk.log == self.log else replace(chunk, log=self.log)
+
+    def shown(self) -> Iterator[Chunk]:
+        """Yield the chunks of its windows alone, from where they are kept, if they are."""
+        if self.kept is not None and self.kept.chunks is not None:
+            yield from self._numbered(self.kept.chunks)
+            return
+        for chunk in self._computed(CHUNK, windows=self.windows):
+            yield from chunk.inside(self.windows)
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether chunks of its windows are kept."""
+        return self.kept is not None and self.kept.chunks is not None
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether any window reaches into it, or it is empty."""
+        count = self.samples.outputs
+        return not count or bool(inside(self.windows, self.start, self.start + count))
+
+    @property
+    def _covered(self) -> bool:
+        """Whether one window reaches over all of it."""
+        stop = self.start + self.samples.outputs
+        return bool(np.any((self.windows[:, 0] <= self.start) & (self.windows[:, 1] >= stop)))
+
+    def _computed(self, size: int, windows: np.ndarray | None = None) -> Iterator[Chunk]:
+        """Yield its chunks, or those that reach into windows; the next one overwrites W."""
+        start = self.start
+        own, others = self._pieces(self.samples, size), self._pieces(self.instruments, size)
+        for (piece, regressor), (_, instruments) in zip(own, others, strict=False):
+            t, first = piece.motion.t[piece.at], start
+            start += len(t)
+            if windows is not None and not inside(windows, first, start):
+                continue
+            W, V = regressor(), instruments()
+            if V is not None and V.shape != W.shape:
+                raise ValueError("instruments need as many samples as the log that they stand for")
+            velocity, moves = piece.motion.actuated_v[piece.at], piece.moves
+            if self.dwelling:
+                piece = replace(piece, dwells=None)  # noqa: PLW2901 - all of it is asked for
+            W, V = piece.masked(W), None if V is None else piece.masked(V)
+            yield Chunk(self.log, first, W, piece.torque, piece.raw, t, velocity, V, moves)
+
+    def _pieces(
+        self, samples: Prepared | Stretch | None, size: int
+    ) -> Iterator[tuple[Any, Callable[[], Any]]]:
+        """Yield pieces and what computes the regressor of their outputs, over the one before."""
+        if samples is None:
+            yield from repeat((None, lambda: None))
+            return
+        widths = self.model.widths(self.robot)
+        shape = (len(self.robot.actuated), sum(widths))
+        buffer, before = Buffer(shape), None
+        if isinstance(samples, Samples) and samples.decimation is not None:
+            # Beside few samples a strong filter would draw on many more, for each piece anew.
+            size = min(max(size, REACHES * samples.decimation.reach), max(size, most_rows(shape)))
+        for piece in samples.pieces(size):
+            yield piece, partial(self._regressor, piece, before, buffer, widths)
+            before = piece
+
+    def _regressor(
+        self, piece: Piece, before: Piece | None, buffer: Buffer, widths: Sequence[int]
+    ) -> Array:
+        out, again = buffer.ready(piece, before)
+        W = self.model.regressor(self.robot, piece.motion, out, widths, again)
+        W = W if self.dwelling else piece.silenced(W)
+        if self.columns is None:
+            return piece.down(W)
+        if most_rows(W.shape[1:]) >= CHUNK:
+            return piece.down(np.take(W, self.columns, axis=2))
+        # Of many joints these would be hundreds of megabytes before they are decimated.
+        return np.stack([piece.down(own[:, self.columns]) for own in W.swapaxes(0, 1)], axis=1)
+
+
+def most_rows(shape: tuple[int, int]) -> int:
+    """Return how many samples of so many joints and columns (n, p) a large piece has."""
+    return PIECE_BYTES // (8 * shape[0] * shape[1])
+
+
+# `Regression`: named columns of a `Model` along measured motion, chunk by chunk.
+
 
 #: Rows that are looked at one by one are kept up to this size, not computed again [bytes].
 KEEP_BYTES = 150e6
@@ -93,7 +576,7 @@ class Regression:
             for chunk in part.chunks(size):
                 yield chunk.log, chunk.start, chunk.W, chunk.tau
 
-    def parts(self, *, whole: bool = False) -> list[Part]:
+    def parts(self, *, whole: bool = False) -> list[LogPart]:
         """Return the regression divided into tasks: stretches of long logs, others whole.
 
         Parameters
@@ -103,7 +586,7 @@ class Regression:
         """
         what = self.robot, self.model, self.columns
         found = (
-            Part(*what, k, start, one, beside, self.windows[k], self._find_kept(k, start, one))
+            LogPart(*what, k, start, one, beside, self.windows[k], self._find_kept(k, start, one))
             for k, start, one, beside in self._divided(whole=whole)
         )
         return [replace(part, dwelling=True) if self.dwelling else part for part in found]
@@ -164,8 +647,8 @@ class Regression:
 
 
 def map_parts(
-    function: Callable[[Part], Result],
-    parts: Sequence[Part],
+    function: Callable[[LogPart], Result],
+    parts: Sequence[LogPart],
     engine: Engine | None = None,
     progress: Steps | None = None,
 ) -> Iterator[Result]:

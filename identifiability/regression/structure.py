@@ -13,9 +13,7 @@ from identifiability.foundation.names import INERTIAL, Array, Parameter
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
-from identifiability.regression.model import Model
-from identifiability.regression.part import Memory
-from identifiability.regression.regression import Regression
+from identifiability.regression.regression import Memory, Model, Regression
 from identifiability.robot import Robot
 
 

@@ -1,11 +1,8 @@
-"""Prescribed motion of the actuated joints: Fourier series, from a file or at random, or a table.
-
-`PrescribedMotion` is what the simulated robot is made to do; `find_motion` finds the one that a
-command names.
-"""
+"""Prescribed motion of the actuated joints: Fourier series, from a file or random, or a table."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -16,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.output import check_writable, temporary_folder, write_bytes
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.conventions import Conventions
@@ -24,6 +22,12 @@ from identifiability.logs.source import read_table
 from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.logs.units import check_units
 from identifiability.robot import Robot
+
+# Prescribed motion of the actuated joints: Fourier series, from a file or at random, or a table.
+#
+# `PrescribedMotion` is what the simulated robot is made to do; `find_motion` finds the one that a
+# command names.
+
 
 #: Longer simulated logs are refused; the simulator takes one sample at a time.
 MOST_SAMPLES = 10_000_000
@@ -271,3 +275,54 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
     smooth = signals.lowpass(q, dt, cutoff)
     dq = signals.differentiate(smooth, dt)
     return PrescribedMotion(t, smooth, dq, signals.differentiate(dq, dt), log.name)
+
+
+# A motion as a bag that a ROS 2 controller plays: one message of ``JointTrajectory``.
+
+
+TOPIC = "/joint_trajectory"
+
+
+def write_trajectory_bag(path: str | Path, joints: Sequence[str], motion: PrescribedMotion) -> Path:
+    """Write a motion as an MCAP file with one ``trajectory_msgs/msg/JointTrajectory``.
+
+    Parameters
+    ----------
+    path : path
+    joints : sequence of str
+    motion : PrescribedMotion
+
+    Raises
+    ------
+    LogError
+        If the extra ``ros`` is missing.
+    OutputError
+    """
+    path = check_writable(Path(path))
+    try:
+        from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: PLC0415 - an extra
+        from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
+    except ImportError:
+        raise LogError(
+            f"'{path}' would be a bag, which needs the extra 'ros': "
+            "pip install 'identifiability[ros]'."
+        ) from None
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    make = store.types
+    points = []
+    for t, q, dq, ddq in zip(motion.t, motion.q, motion.dq, motion.ddq, strict=True):
+        whole = round(float(t) * 1e9)
+        after = make["builtin_interfaces/msg/Duration"](whole // 10**9, whole % 10**9)
+        point = make["trajectory_msgs/msg/JointTrajectoryPoint"]
+        points.append(point(q.copy(), dq.copy(), ddq.copy(), 0 * q[:0], after))
+    stamp = make["builtin_interfaces/msg/Time"](0, 0)
+    header = make["std_msgs/msg/Header"](stamp, "")
+    kind = "trajectory_msgs/msg/JointTrajectory"
+    message = make[kind](header, list(joints), points)
+    with temporary_folder() as folder:
+        bag = Path(folder) / "bag"
+        with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+            connection = writer.add_connection(TOPIC, kind, typestore=store)
+            writer.write(connection, 0, store.serialize_cdr(message, kind))
+        (file,) = bag.glob("*.mcap")
+        return write_bytes(path, file.read_bytes())

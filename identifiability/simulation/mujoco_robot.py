@@ -1,13 +1,11 @@
 """The other road from motion to torque: MuJoCo's inverse dynamics along a prescribed motion.
 
-It takes the robot file as MuJoCo compiled it and shares nothing with the regressor but that: loops
-are closed with MuJoCo's point Jacobians, one sample at a time, and torques of the tree are
-projected on the actuated joints through them. Agreement with the regressor is therefore a real
-test.
+A robot file as MuJoCo compiles it; loops, couplings and straight tendons in MuJoCo's terms.
 """
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from typing import Any
 
 import mujoco
@@ -17,11 +15,273 @@ from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
-from identifiability.robot.mjcf import quiet
-from identifiability.simulation.joint_couplings import find_couplings
-from identifiability.simulation.mujoco_cables import find_cables
-from identifiability.simulation.mujoco_file import load_file
-from identifiability.simulation.mujoco_loops import find_closures
+from identifiability.robot.markup import drop_repeated, read_markup
+from identifiability.robot.mjcf import compile_mjcf, quiet
+from identifiability.robot.parts import Loop
+
+# A robot file as MuJoCo compiles it, and its loops and couplings in MuJoCo's terms.
+
+
+def load_file(robot: Robot) -> Any:
+    """Load the robot file; a URDF loses its meshes, which have no part in the dynamics."""
+    try:
+        root = ET.parse(robot.path).getroot()
+        if robot.path.suffix.lower() == ".urdf" or root.tag == "robot":
+            model = mujoco.MjModel.from_xml_string(bare_urdf(root, balance="false"))
+        else:
+            model = compile_mjcf(robot.path, read_markup(robot.path), robot.outside)
+    except (ValueError, OSError) as error:
+        raise RobotError(f"MuJoCo cannot load {robot.path}: {reason_of(error)}.") from None
+    if robot.upright is not None:
+        model.opt.gravity[:] = robot.gravity
+    return model
+
+
+def bare_urdf(root: ET.Element, balance: str) -> str:
+    """Return a URDF without looks; with `balance` ``true`` MuJoCo corrects its inertias."""
+    drop_repeated(root)
+    for link in root.findall("link"):
+        for child in [c for c in link if c.tag in ("visual", "collision")]:
+            link.remove(child)
+    for old in root.findall("mujoco"):
+        root.remove(old)
+    options = ET.SubElement(root, "mujoco")
+    ET.SubElement(options, "compiler", fusestatic="false", balanceinertia=balance)
+    return ET.tostring(root, encoding="unicode")
+
+
+def reason_of(error: Exception) -> str:
+    """Return what MuJoCo complains of, in one line of at most 300 letters."""
+    return " ".join(str(error).split())[:300].rstrip(".")
+
+
+# Point closures of a robot on the other road, in MuJoCo's terms.
+
+
+@frozen
+class PointClosure:
+    """A point closure: two bodies and a point in the frame of each.
+
+    Attributes
+    ----------
+    body : (int, int)
+    point : two (3,) [m]
+    axes : tuple of int
+        Directions in which it is demanded.
+    frame : int
+        The body whose directions they are, the world by default.
+    """
+
+    body: tuple[int, int]
+    point: tuple[Array, Array]
+    axes: tuple[int, ...] = (0, 1, 2)
+    frame: int = 0
+
+    def points(self, data: Any) -> list[Array]:
+        """Return where both points are, (3,) each [m]."""
+        ends = zip(self.body, self.point, strict=True)
+        return [data.xpos[body] + data.xmat[body].reshape(3, 3) @ point for body, point in ends]
+
+    def _turn(self, data: Any) -> Array:
+        turn: Array = data.xmat[self.frame].reshape(3, 3).T
+        return turn
+
+    def apart(self, model: Any, data: Any) -> tuple[Array, Array]:
+        """Return how far the points are apart as demanded (k,) [m], and its derivative (k, nv)."""
+        points = self.points(data)
+        error, change = points[0] - points[1], self._moved(model, data, points, mujoco.mj_jac)
+        if self.frame:
+            error, change = self._turn(data) @ error, self._turn(data) @ change
+        return error[[*self.axes]], change[[*self.axes]]
+
+    def gradient_rate(self, model: Any, data: Any) -> Array:
+        """Return the time derivative of that derivative, (k, nv)."""
+        points = self.points(data)
+        rate = self._moved(model, data, points, mujoco.mj_jacDot)
+        if self.frame:
+            turn, seen = self._turn(data), self._moved(model, data, points, mujoco.mj_jac)
+            rate = turn @ rate
+            spin = np.zeros((3, model.nv))
+            mujoco.mj_jac(model, data, None, spin, np.zeros(3), self.frame)
+            rate += turn @ np.cross(seen @ data.qvel, spin, axisb=0, axisc=0)
+            rate += np.cross(spin @ data.qvel, turn) @ seen
+        return np.asarray(rate[[*self.axes]])
+
+    def _moved(self, model: Any, data: Any, points: list[Array], jacobian: Any) -> Array:
+        """Return by what joints move the points apart, as seen from the frame, (3, nv)."""
+        J = np.zeros((2, 3, model.nv))
+        for end, at, body in zip(J, points, self.body, strict=True):
+            jacobian(model, data, end, None, at, body)
+        total: Array = J[0] - J[1]
+        if self.frame:
+            for end, at in zip(J, points, strict=True):
+                jacobian(model, data, end, None, at, self.frame)
+            total -= J[0] - J[1]
+        return total
+
+
+def find_closures(model: Any, robot: Robot) -> list[PointClosure]:
+    """Return the point closures of the MJCF, or of the sidecar where it has its own."""
+    if any(loop.stated is not None for loop in robot.loops):
+        return [_stated(model, loop) for loop in robot.loops]
+    out = []
+    for k in range(model.neq if robot.loops else 0):  # a flag of the file may open them all
+        weld = model.eq_type[k] == mujoco.mjtEq.mjEQ_WELD
+        if not (weld or model.eq_type[k] == mujoco.mjtEq.mjEQ_CONNECT) or not model.eq_active0[k]:
+            continue
+        first, second = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+        data, turns = model.eq_data[k], [np.array([1.0, 0.0, 0.0, 0.0])] * 2
+        if model.eq_objtype[k] == mujoco.mjtObj.mjOBJ_SITE:
+            bodies = (int(model.site_bodyid[first]), int(model.site_bodyid[second]))
+            points = (np.array(model.site_pos[first]), np.array(model.site_pos[second]))
+            turns = [model.site_quat[first], model.site_quat[second]]
+        elif weld:
+            bodies, points = (first, second), (np.array(data[3:6]), np.array(data[:3]))
+            turns[0] = data[6:10]
+        else:
+            bodies, points = (first, second), (np.array(data[:3]), np.array(data[3:6]))
+        out.append(PointClosure(bodies, points))
+        if weld and data[10]:  # with their torque bodies share two more points
+            out += [PointClosure(bodies, _shifted(points, turns, e)) for e in np.eye(3)[:2]]
+    return out
+
+
+def _stated(model: Any, loop: Loop) -> PointClosure:
+    assert loop.stated is not None
+    (first, at), (second, there) = loop.stated
+    bodies = (int(model.body(first).id), int(model.body(second).id))
+    frame = 0 if loop.frame is None else int(model.body(loop.frame.body).id)
+    return PointClosure(bodies, (np.array(at), np.array(there)), loop.axes, frame)
+
+
+def _shifted(points: tuple[Array, Array], turns: list[Array], by: Array) -> tuple[Array, Array]:
+    """Return points that lie some way from others along the axes of two turned frames."""
+    out = [np.zeros(3), np.zeros(3)]
+    for end, (point, turn) in enumerate(zip(points, turns, strict=True)):
+        mujoco.mju_rotVecQuat(out[end], by, np.array(turn))
+        out[end] += point
+    return out[0], out[1]
+
+
+# Straight tendons of a robot file in MuJoCo's terms, read from the compiled model itself.
+
+
+@frozen
+class StraightCable:
+    """A tendon that runs straight from site to site: pairs of sites, and how much each counts."""
+
+    sites: tuple[tuple[int, int, float], ...]
+
+    def length(self, data: Any) -> float:
+        """Return its length [m]."""
+        apart = [part * np.linalg.norm(data.site_xpos[b] - data.site_xpos[a])
+                 for a, b, part in self.sites]  # fmt: skip
+        return float(sum(apart))
+
+    def slope(self, model: Any, data: Any, *, dot: bool) -> Array:
+        """Return the derivative of the length, (nv,), or that derivative's by time times speed."""
+        total = np.zeros(model.nv)
+        for a, b, part in self.sites:
+            apart = data.site_xpos[b] - data.site_xpos[a]
+            length = float(np.linalg.norm(apart))
+            along, moved = apart / length, self._apart(model, data, a, b, mujoco.mj_jac)
+            if not dot:
+                total += part * along @ moved
+                continue
+            across = (moved @ data.qvel) @ (np.eye(3) - np.outer(along, along)) @ moved
+            bent = along @ self._apart(model, data, a, b, mujoco.mj_jacDot)
+            total += part * (bent + across / length)
+        return total
+
+    @staticmethod
+    def _apart(model: Any, data: Any, a: int, b: int, jacobian: Any) -> Array:
+        """Return by what the joints move one site away from the other, (3, nv)."""
+        ends = [np.zeros((3, model.nv)), np.zeros((3, model.nv))]
+        for J, site in zip(ends, (a, b), strict=True):
+            jacobian(model, data, J, None, data.site_xpos[site], int(model.site_bodyid[site]))
+        return ends[1] - ends[0]
+
+
+def find_cables(model: Any, robot: Robot) -> list[StraightCable]:
+    """Return the tendons that are coordinates of the robot, in its order."""
+    out = []
+    for cable in robot.cables:
+        names = [model.tendon(t).name or f"tendon{t + 1}" for t in range(model.ntendon)]
+        t, part, before = names.index(cable.name), 1.0, -1
+        sites: list[tuple[int, int, float]] = []
+        for w in range(model.tendon_adr[t], model.tendon_adr[t] + model.tendon_num[t]):
+            if model.wrap_type[w] == mujoco.mjtWrap.mjWRAP_PULLEY:
+                part, before = 1.0 / float(model.wrap_prm[w]), -1
+                continue
+            site = int(model.wrap_objid[w])
+            if before >= 0:
+                sites.append((before, site, part))
+            before = site
+        out.append(StraightCable(tuple(sites)))
+    return out
+
+
+# Couplings of joints on the other road, joint by joint in MuJoCo's indices.
+
+
+@frozen
+class JointCoupling:
+    """A coupling in MuJoCo's terms: a joint less a sum of polynomials of sums of joints is zero.
+
+    Attributes
+    ----------
+    joint : (int, int)
+        Index of the joint that follows, in velocities and in positions.
+    terms : tuple
+        Of each polynomial: indices in velocities and in positions, weights, and the polynomial.
+    """
+
+    joint: tuple[int, int]
+    terms: tuple[tuple[list[int], list[int], Array, Any], ...]
+
+    def error(self, q: Array) -> float:
+        """Return what the coupling is violated by at positions (nq,)."""
+        return float(q[self.joint[1]] - sum(poly(w @ q[at]) for _, at, w, poly in self.terms))
+
+    def gradient(self, q: Array, size: int) -> Array:
+        """Return its gradient in velocities at positions (nq,), (1, size)."""
+        row = np.zeros((1, size))
+        row[0, self.joint[0]] = 1.0
+        for dofs, at, w, poly in self.terms:
+            row[0, dofs] -= poly.deriv()(w @ q[at]) * w
+        return row
+
+    def gradient_rate(self, q: Array, v: Array) -> Array:
+        """Return the time derivative of the gradient at velocities (nv,), (1, nv)."""
+        row = np.zeros((1, len(v)))
+        for dofs, at, w, poly in self.terms:
+            row[0, dofs] -= poly.deriv(2)(w @ q[at]) * (w @ v[dofs]) * w
+        return row
+
+
+def find_couplings(model: Any, robot: Robot) -> list[JointCoupling]:
+    """Return the joint couplings of a robot."""
+    out = []
+    for c in robot.couplings:
+        joint = model.joint(c.joint)
+        terms = []
+        for term in c.terms:
+            joints = [model.joint(name) for name in term.weights]
+            dofs = [int(j.dofadr[0]) for j in joints]
+            at = [int(j.qposadr[0]) for j in joints]
+            weights = np.array([*term.weights.values()], float)
+            terms.append((dofs, at, weights, np.polynomial.Polynomial(term.polynomial)))
+        out.append(JointCoupling((int(joint.dofadr[0]), int(joint.qposadr[0])), tuple(terms)))
+    return out
+
+
+# The other road from motion to torque: MuJoCo's inverse dynamics along a prescribed motion.
+#
+# It takes the robot file as MuJoCo compiled it and shares nothing with the regressor but that:
+# loops are closed with MuJoCo's point Jacobians, one sample at a time, and torques of the tree are
+# projected on the actuated joints through them. Agreement with the regressor is therefore a real
+# test.
+
 
 TOLERANCE = 1e-12
 _MAX_STEPS = 30

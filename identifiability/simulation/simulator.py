@@ -14,8 +14,13 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.robot import Robot, RobotLike
-from identifiability.simulation.forces import both_directions, joint_torque
-from identifiability.simulation.hidden import Law, hidden_torque, parse_hidden
+from identifiability.simulation.forces import (
+    Law,
+    both_directions,
+    hidden_torque,
+    joint_torque,
+    parse_hidden,
+)
 from identifiability.simulation.motion import PrescribedMotion, Trajectory
 from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
 from identifiability.simulation.noise import Noise

@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from identifiability.robot import Motion, Robot
 from identifiability.robot.mjcf import quiet
-from identifiability.simulation.mujoco_file import bare_urdf
+from identifiability.simulation.mujoco_robot import bare_urdf
 
 
 def load_mujoco(path: Path) -> Any:

@@ -11,8 +11,7 @@ from arviz_stats.base.array import array_stats
 
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.exact import build_sampler
-from identifiability.posterior.prior import Prior
-from identifiability.posterior.target import Target
+from identifiability.posterior.target import Prior, Target
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.calibrate.outcome import build_target
 from inside.pair import Array, Pair, all_rows, timed

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from identifiability import IdentifiabilityError, Robot, analyze, diagnose
 from identifiability.cli import app
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.regression.model import Model
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.known_values import know_share, share_spread
 from identifiability.workflows.diagnose.real_robot import real_robot

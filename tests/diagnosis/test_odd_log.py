@@ -7,7 +7,7 @@ import numpy as np
 from identifiability import Robot, diagnose
 from identifiability.estimation.estimate import estimate
 from identifiability.regression.gather import gather_information
-from identifiability.regression.model import Model
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose import BASE_EFFECTS, workflow
 from identifiability.workflows.diagnose.motion import prepare_rows

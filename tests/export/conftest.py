@@ -13,8 +13,7 @@ import pytest
 from identifiability.effects import FAMILIES
 from identifiability.logs.prepare import Samples, prepare_samples
 from identifiability.logs.prepare.closing import OPEN
-from identifiability.regression.model import Model
-from identifiability.regression.regression import Regression
+from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
 from identifiability.workflows.export import export
 from identifiability.workflows.instruments import follow

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from identifiability import Robot
 from identifiability.foundation.errors import IdentifiabilityError, RobotError
 from identifiability.regression.base_parameters import random_motion
-from identifiability.regression.model import Model
+from identifiability.regression.regression import Model
 from identifiability.workflows.export.code import write_code
 
 PLATFORM = """<mujoco><compiler angle="radian"/><worldbody>

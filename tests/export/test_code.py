@@ -14,7 +14,7 @@ from identifiability import Robot, analyze, simulate
 from identifiability.effects import AlongAxes, Family, forget, register
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.regression.base_parameters import random_motion
-from identifiability.regression.model import Model
+from identifiability.regression.regression import Model
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.workflows.export import export
 from identifiability.workflows.export.code import write_code

@@ -12,9 +12,8 @@ from identifiability.effects.holding import held_by_file
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.functions import leave_to_terms, list_functions
-from identifiability.regression.model import Model
-from identifiability.regression.reduction import LadderEntry
-from identifiability.regression.reduction.file import RungEntry
+from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory

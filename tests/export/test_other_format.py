@@ -5,7 +5,7 @@ import pytest
 
 from identifiability.foundation.errors import RobotError
 from identifiability.regression.base_parameters import random_motion
-from identifiability.regression.model import Model
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import PrescribedMotion, simulate
 from identifiability.workflows.export import write_parameters

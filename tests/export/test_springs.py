@@ -13,8 +13,8 @@ from identifiability.cli import app
 from identifiability.effects import FAMILIES
 from identifiability.effects.holding import held_by_file
 from identifiability.foundation.errors import RobotError
-from identifiability.regression.model import Model
 from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.regression import Model
 from identifiability.robot import complete_motion
 from identifiability.robot.along import known_torque
 from identifiability.simulation import (

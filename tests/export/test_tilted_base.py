@@ -11,8 +11,8 @@ from identifiability.effects.nominal import gravity_torque, rigid_torque
 from identifiability.logs.prepare import prepare_samples
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.base_parameters import random_motion
-from identifiability.regression.model import Model
 from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.report.sections.missing import answer_missing
 from identifiability.robot import complete_motion

@@ -12,8 +12,7 @@ from identifiability.effects.rigid_body import RigidBody
 from identifiability.estimation.prediction import predict
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.gather import gather_information
-from identifiability.regression.part import CHUNK
-from identifiability.regression.regression import Model, Regression
+from identifiability.regression.regression import CHUNK, Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate

@@ -10,7 +10,7 @@ import identifiability
 from identifiability.foundation.names import INERTIAL
 from identifiability.physical.fitted_model import physical_set
 from identifiability.regression.base_parameters import find_base_parameters
-from identifiability.regression.model import Model
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 

@@ -11,8 +11,7 @@ from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.posterior.calibration import Calibration, calibrate_posterior
 from identifiability.posterior.exact import ExactSampler
-from identifiability.posterior.prior import Prior
-from identifiability.posterior.target import Target
+from identifiability.posterior.target import Prior, Target
 from identifiability.report.numbers import (
     format_count,
     format_measured,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.logs.prepare import prepare_samples
-from identifiability.regression.model import Model
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate

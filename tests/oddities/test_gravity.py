@@ -10,7 +10,7 @@ from identifiability import analyze
 from identifiability.effects.nominal import gravity_torque
 from identifiability.foundation.errors import RobotError
 from identifiability.logs.prepare import prepare_samples
-from identifiability.regression.model import Model
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.parts import Entry

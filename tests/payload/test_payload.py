@@ -223,7 +223,7 @@ def test_bodies_and_results_that_do_not_fit_are_refused(fit, make_logs):
 
 
 def test_the_platform_is_found_by_the_loops_that_end_on_it():
-    from identifiability.regression.model import Model
+    from identifiability.regression.regression import Model
     from identifiability.regression.structure import Structure
     from identifiability.workflows.payload.workflow import choose_body
 

@@ -11,9 +11,8 @@ from identifiability.physical.fitted_model import physical_set
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import project
 from identifiability.posterior.exact import build_sampler
-from identifiability.posterior.prior import Prior
-from identifiability.posterior.target import Target
-from identifiability.regression.model import Model
+from identifiability.posterior.target import Prior, Target
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 
 ARM = """<mujoco><compiler autolimits="true"/><worldbody>

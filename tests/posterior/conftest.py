@@ -7,8 +7,7 @@ import pytest
 
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
-from identifiability.posterior.prior import Prior
-from identifiability.posterior.target import Target
+from identifiability.posterior.target import Prior, Target
 
 BODY = np.array([0.030, -0.002, 0.001, 0.028, 0.003, 0.020, 0.05, -0.04, 0.06, 1.5])
 """A real body of 1.5 kg."""

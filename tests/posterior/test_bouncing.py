@@ -3,10 +3,14 @@ import pytest
 from scipy import stats
 from scipy.special import ndtr, ndtri
 
-from identifiability.posterior.bouncing import Flight, travel
-from identifiability.posterior.centre import find_centre
-from identifiability.posterior.cone import Cone, exit_through_rows
-from identifiability.posterior.exact import build_sampler
+from identifiability.posterior.exact import (
+    Cone,
+    Flight,
+    build_sampler,
+    exit_through_rows,
+    find_centre,
+    travel,
+)
 from identifiability.posterior.target import Diagonal
 
 from .exactly import sample_exact

@@ -4,9 +4,7 @@ from arviz_stats.base import array_stats
 from scipy.special import ndtr, ndtri
 
 from identifiability.physical.pseudo_inertia import margin, to_matrix
-from identifiability.posterior.bouncing import Flight
-from identifiability.posterior.cone import TRIANGLE, Cone, positive
-from identifiability.posterior.exact import build_sampler
+from identifiability.posterior.exact import TRIANGLE, Cone, Flight, build_sampler, positive
 
 from .exactly import sample_exact
 

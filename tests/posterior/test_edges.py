@@ -5,7 +5,7 @@ import pytest
 from scipy import integrate, stats
 
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.posterior.edges import POWER, SWAY, log_distances, measure_sway
+from identifiability.posterior.diagnostics import POWER, SWAY, log_distances, measure_sway
 
 SIGNS = PhysicalSet(np.empty((0, 10), int), np.array([True, False]))
 

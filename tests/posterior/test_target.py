@@ -7,8 +7,7 @@ from scipy import stats
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.posterior.exact import build_sampler, interior
-from identifiability.posterior.prior import Prior
-from identifiability.posterior.target import Target
+from identifiability.posterior.target import Prior, Target
 
 from .exactly import sample_exact
 

@@ -10,7 +10,7 @@ from identifiability.estimation.spread import measure_spread
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.gather import gather_information
-from identifiability.regression.model import Model
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 
 TRIALS = 24

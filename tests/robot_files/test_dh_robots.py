@@ -25,8 +25,7 @@ from identifiability import (
 )
 from identifiability.effects import default_effects
 from identifiability.foundation.documents import toml_text
-from identifiability.regression.reduction import LadderEntry, RungEntry
-from identifiability.regression.reduction.file import ladder_path, read_ladder
+from identifiability.regression.reduction import LadderEntry, RungEntry, ladder_path, read_ladder
 from identifiability.robot import complete_motion
 from identifiability.robot.dh import convert_dh
 from identifiability.robot.locate import shipped_folder

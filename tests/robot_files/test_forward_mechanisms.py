@@ -7,7 +7,7 @@ import pytest
 from made_robots import CLOSURES, arm, coupled, parallelogram
 
 from identifiability.foundation.errors import RobotError
-from identifiability.regression.model import Model
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.parts import Transmission
 from identifiability.simulation.forces import both_directions

@@ -7,7 +7,7 @@ import pytest
 from made_loops import BAR, turntable
 
 from identifiability.foundation.errors import RobotError
-from identifiability.regression.model import Model
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.loop_equations import loop_bias, loop_equations
 from identifiability.simulation.forward import ForwardRobot

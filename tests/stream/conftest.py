@@ -6,7 +6,7 @@ import pytest
 
 from identifiability.logs import scan, signals, tables
 from identifiability.logs.prepare import longsamples
-from identifiability.regression import windows
+from identifiability.regression import regression as windows
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
 

@@ -14,9 +14,13 @@ from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Samples, prepare_samples
 from identifiability.logs.prepare.longsamples import Stretch, prepare_log
 from identifiability.regression.gather import gather_information
-from identifiability.regression.part import Part
-from identifiability.regression.regression import Model, Regression
-from identifiability.regression.windows import choose_windows, choose_within
+from identifiability.regression.regression import (
+    LogPart,
+    Model,
+    Regression,
+    choose_windows,
+    choose_within,
+)
 from identifiability.robot import Robot
 
 
@@ -35,13 +39,13 @@ def copied(item):
 def made(monkeypatch):
     """Times of all samples whose regressor is made, by the kind of what they are samples of."""
     times = {}
-    plain = Part._regressor
+    plain = LogPart._regressor
 
     def spied(self, piece, *others):
         times.setdefault(type(self.samples), []).extend(piece.motion.t[piece.at].tolist())
         return plain(self, piece, *others)
 
-    monkeypatch.setattr(Part, "_regressor", spied)
+    monkeypatch.setattr(LogPart, "_regressor", spied)
     return times
 
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.numbers import REACH
-from identifiability.posterior.diagnostics import Thresholds
-from identifiability.posterior.edges import SWAY
+from identifiability.posterior.diagnostics import SWAY, Thresholds
 from identifiability.report.blocks import Gallery, Note, Notes, Section
 from identifiability.report.figures.belief import draw_forest, draw_pair
 from identifiability.report.numbers import join, whole_percent

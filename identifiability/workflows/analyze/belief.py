@@ -18,8 +18,7 @@ import pandas as pd
 from identifiability.estimation.verdict import Class, Thresholds, Verdict
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.posterior.diagnostics import Convergence
-from identifiability.posterior.edges import SWAY
+from identifiability.posterior.diagnostics import SWAY, Convergence
 from identifiability.workflows.analyze.assessment import RungResult
 
 #: Margin of the point inside the cone that the samplers start from.

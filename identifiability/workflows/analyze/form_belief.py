@@ -18,13 +18,13 @@ from identifiability.physical.project import project
 from identifiability.posterior.diagnostics import (
     Convergence,
     diagnose_convergence,
+    log_distances,
     may_suffice,
+    measure_sway,
 )
-from identifiability.posterior.edges import log_distances, measure_sway
 from identifiability.posterior.ensemble import Posterior, sample_posterior
 from identifiability.posterior.exact import Progress
-from identifiability.posterior.prior import Prior
-from identifiability.posterior.target import Target
+from identifiability.posterior.target import Prior, Target
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.structure import Structure

@@ -27,8 +27,7 @@ from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.posterior.calibration import Calibration, calibrate_posterior
-from identifiability.posterior.prior import Prior
-from identifiability.posterior.target import Target
+from identifiability.posterior.target import Prior, Target
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.regression import Regression

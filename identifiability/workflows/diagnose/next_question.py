@@ -13,8 +13,7 @@ from identifiability.effects.family import measure_spans
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.gather import gather_information
-from identifiability.regression.model import Model
-from identifiability.regression.regression import Regression
+from identifiability.regression.regression import Model, Regression
 from identifiability.workflows.diagnose.decision_chance import aim_at, decision_chance
 from identifiability.workflows.diagnose.findings import Findings, Placement
 from identifiability.workflows.diagnose.rows import list_candidates

@@ -21,8 +21,8 @@ from identifiability.foundation.documents import first_problem, read_document
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.regression.model import Model
 from identifiability.regression.reduction import USUAL_EFFECTS
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
 from identifiability.robot.dependence import invert, passes_singular

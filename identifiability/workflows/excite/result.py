@@ -21,8 +21,12 @@ from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.robot import Robot, complete_motion
-from identifiability.simulation.motion import MOST_SAMPLES, PrescribedMotion, Trajectory
-from identifiability.simulation.trajectory_bag import write_trajectory_bag
+from identifiability.simulation.motion import (
+    MOST_SAMPLES,
+    PrescribedMotion,
+    Trajectory,
+    write_trajectory_bag,
+)
 from identifiability.workflows.excite.criteria import VISIBLE, Criterion
 from identifiability.workflows.excite.limits import MARGIN, Clearance, Drive, Limits
 from identifiability.workflows.excite.search import End, Step

@@ -29,7 +29,6 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared, prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
-from identifiability.regression.model import Model
 from identifiability.regression.reduction import (
     LadderEntry,
     Rung,
@@ -37,7 +36,7 @@ from identifiability.regression.reduction import (
     build_ladder,
     rung_entry,
 )
-from identifiability.regression.regression import Regression
+from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.sidecar import Held

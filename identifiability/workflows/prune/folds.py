@@ -23,8 +23,7 @@ from identifiability.estimation.refits import Asked, Equations, Refits
 from identifiability.estimation.updated_refits import UpdatedRefits
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.regression.actuator_blocks import ActuatorBlocks
-from identifiability.regression.information import Information
+from identifiability.regression.information import ActuatorBlocks, Information
 from identifiability.workflows.prune.moves import Move, Partition
 
 #: A constraint whose share of its first variance is below this holds already.

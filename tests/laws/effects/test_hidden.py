@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.simulation.forces import JointTerms, both_directions, stribeck
-from identifiability.simulation.hidden import (
+from identifiability.simulation.forces import (
     HIDDEN,
     Hidden,
+    JointTerms,
+    both_directions,
     hidden_torque,
     parse_hidden,
     scaled,
+    stribeck,
 )
 from identifiability.simulation.mujoco_robot import RigidTorque
 from identifiability.simulation.noise import Noise, ar1

@@ -8,7 +8,7 @@ from scipy import stats
 
 from identifiability.estimation.verdict import Class, Thresholds, Verdict
 from identifiability.posterior.diagnostics import Convergence
-from identifiability.posterior.prior import Prior
+from identifiability.posterior.target import Prior
 from identifiability.workflows.analyze.belief import (
     Belief,
     StandardBelief,

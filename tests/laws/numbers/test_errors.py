@@ -27,7 +27,7 @@ from identifiability.estimation.torque_errors import (
     ErrorSums,
     standard_error,
 )
-from identifiability.regression.part import Chunk
+from identifiability.regression.regression import Chunk
 
 from .made import ar1, gather
 

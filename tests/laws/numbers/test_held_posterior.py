@@ -7,8 +7,7 @@ from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.held import Held
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.posterior.ensemble import sample_posterior
-from identifiability.posterior.prior import Prior
-from identifiability.posterior.target import Target
+from identifiability.posterior.target import Prior, Target
 
 #: The second parameter is held at 0.7; the third and the fifth are tied.
 HELD = Held(np.array([[0, 1.0, 0, 0, 0], [0, 0, 2.0, 0, -2.0]]), np.array([0.7, 0.0]))

@@ -9,7 +9,6 @@ import pytest
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Parameter
 from identifiability.regression.base_parameters import group_columns
-from identifiability.regression.model import Model
 from identifiability.regression.reduction import (
     LadderEntry,
     build_ladder,
@@ -17,6 +16,7 @@ from identifiability.regression.reduction import (
     full_rung,
     ladder_model,
 )
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 

@@ -1,0 +1,470 @@
+"""Ladders of models: files in, models (`Rung`) over base parameters out.
+
+Each model zeroes, ties or keeps base parameters of the one it starts from.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Literal, Protocol, runtime_checkable
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from identifiability.effects import default_effects
+from identifiability.foundation.documents import read_document
+from identifiability.foundation.errors import ModelError, listing, near_match
+from identifiability.foundation.names import Array, find_named, is_pattern
+from identifiability.foundation.options import Expected
+from identifiability.foundation.values import frozen
+from identifiability.logs.checks import LARGEST
+from identifiability.regression.base_parameters import BaseParameters
+from identifiability.regression.information import Information
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
+
+# A ladder of models: each rung zeroes, ties or keeps base parameters of the one it starts from.
+#
+# A ladder is a TOML file (every key but ``name`` is optional)::
+#
+# [[models]]
+# name = "Model 1"
+# effects = ["rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia",
+#     "joint_stiffness@slider1+slider2",     # in these joints only
+#     "quadratic_friction@leg*",             # … in all whose names fit
+#     "stribeck_friction@slider1:0.02"]      # … with its shape, the Stribeck velocity
+#
+# [[models]] name = "Model 2" from = "Model 1" # default: the rung before zero = ["leg1_lower.mx"]
+# # left out: held at 0 hold = {"platform.mz" = 0.1} # held at a value, or at "nominal" (the robot
+# file's) tie = {"slider1.Fc" = ["slider1.Fc+", "slider1.Fc-"]} # columns added: equal values keep
+# = ["slider1.Fv"] # everything else is left out
+#
+# Names are those of base parameters (the parameter that represents a group); in every list and in
+# ``hold`` a pattern stands for all that fit it (``leg*_lower.Ixx``; ``*`` is any letters, ``?``
+# one). A model file (``model.toml``) is a ladder of one rung.
+
+
+#: The model of those that judge one alone: no torque offset, so that one can be named, or asked
+#: for by a motion.
+USUAL_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+
+#: The model that a log is analysed with when no ladder is given. An offset and one Coulomb level
+#: span what two levels do, and no sign is forbidden where a sensor is off by more than friction.
+DEFAULT_EFFECTS = (*USUAL_EFFECTS, "torque_offset")
+
+
+def _held(value: Any) -> Any:
+    """Refuse what is neither a number nor the word, in one sentence instead of one for each."""
+    number = isinstance(value, (int, float)) and abs(value) < LARGEST
+    if not number and value != "nominal":
+        raise ValueError("give a finite number in SI units, or 'nominal'")
+    return value
+
+
+Held = Annotated[float | Literal["nominal"], BeforeValidator(_held)]
+
+
+class RungEntry(BaseModel):
+    """A rung as it stands in the file."""
+
+    model_config = ConfigDict(extra="forbid", populate_by_name=True, allow_inf_nan=False)
+
+    name: str = Field(min_length=1)
+    description: str = ""
+    effects: list[str] | None = None
+    start: str | None = Field(default=None, alias="from")
+    zero: list[str] = []
+    hold: dict[str, Held] = {}
+    tie: dict[str, list[str]] = {}
+    keep: list[str] | None = None
+
+
+class LadderEntry(BaseModel):
+    """The file."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    models: list[RungEntry] = Field(min_length=1)
+
+
+@runtime_checkable
+class HasLadder(Protocol):
+    """A result that is a model, such as that of `prune`."""
+
+    def to_ladder(self) -> LadderEntry:
+        """Return the model as a ladder of one rung."""
+
+
+LadderLike = Annotated[
+    LadderEntry | HasLadder | str | Path,
+    Expected("the path of a ladder file, a LadderEntry or the result of prune"),
+]
+
+
+#: What one model is: for verbs that do not compare several.
+ModelLike = Annotated[
+    Model | HasLadder | Path | str | Sequence[str],
+    Expected("a Model, a list of effects, the path of a model file or the result of prune"),
+]
+
+
+@frozen
+class LadderSource:
+    """A ladder and where it came from.
+
+    Attributes
+    ----------
+    entry : LadderEntry
+    origin : str
+        The name of its file (reports tell no paths of a machine), or what it is.
+    sha256 : str
+        Hash of the file, or of its content where there is none.
+    """
+
+    entry: LadderEntry
+    origin: str
+    sha256: str
+
+
+def find_ladder(
+    robot: Robot, ladder: LadderEntry | HasLadder | str | Path | None, *, beside: bool
+) -> LadderSource:
+    """Return the ladder that is meant.
+
+    Parameters
+    ----------
+    robot : Robot
+    ladder : LadderEntry, path, result of `prune`, or None
+    beside : bool
+        Whether none means that which lies beside the robot file.
+
+    Raises
+    ------
+    ModelError
+    """
+    found = ladder_path(robot) if ladder is None and beside else ladder
+    if isinstance(found, (str, Path)):
+        entry = read_ladder(found)
+        return LadderSource(
+            entry, Path(found).name, hashlib.sha256(Path(found).read_bytes()).hexdigest()
+        )
+    if found is None:
+        entry, origin = default_ladder(robot), "default"
+    elif isinstance(found, LadderEntry):
+        entry, origin = found, "given as a LadderEntry"
+    else:
+        entry, origin = found.to_ladder(), "given as a result"
+    return LadderSource(entry, origin, hashlib.sha256(ladder_text(entry).encode()).hexdigest())
+
+
+def choose_model(model: ModelLike | None, default: Sequence[str]) -> Model:
+    """Return the model that is meant, with all parameters of its effects.
+
+    Parameters
+    ----------
+    model : Model, names of effects, path of a model file, result of `prune`, or None
+    default : sequence of str
+        Effects for None.
+
+    Raises
+    ------
+    ModelError
+    """
+    if isinstance(model, Model):
+        return model
+    if isinstance(model, (HasLadder, str, Path)):
+        return ladder_model(_ladder_of(model))
+    return Model.of(*(default if model is None else model))
+
+
+def _ladder_of(model: HasLadder | str | Path) -> LadderEntry:
+    return read_ladder(model) if isinstance(model, (str, Path)) else model.to_ladder()
+
+
+def free_again(model: ModelLike | None) -> tuple[str, ...]:
+    """Return the sentence that a model file's reductions were not used, if it has any."""
+    rungs = _ladder_of(model).models if isinstance(model, (HasLadder, str, Path)) else []
+    if len(rungs) <= 1 and not any((r.zero or r.hold or r.tie or r.keep) for r in rungs):
+        return ()
+    return (
+        "Of the model file only the effects were used: what its models leave out, hold or tie is "
+        "free here.",
+    )
+
+
+def unused_ladder(robot: Robot, given: object = None) -> tuple[str, ...]:
+    """Return the sentence that a ladder beside the robot was not used, if one was not."""
+    path = ladder_path(robot) if given is None else None
+    if path is None:
+        return ()
+    return (
+        f"{path.name} beside {robot.path.name} was not used: by default only analyze and calibrate "
+        "judge the models of a ladder.",
+    )
+
+
+def ladder_text(entry: LadderEntry, comment: str = "") -> str:
+    """Return a ladder as the text of its file."""
+    lines = [f"# {comment}"] if comment else []
+    for rung in entry.models:
+        given = rung.model_dump(by_alias=True, exclude_defaults=True)
+        tables = {k: given.pop(k) for k in ("hold", "tie") if k in given}
+        lines += ["", "[[models]]", *(f"{k} = {_toml(v)}" for k, v in given.items())]
+        for name, table in tables.items():
+            lines += [f"[models.{name}]", *(f"{_toml(k)} = {_toml(v)}" for k, v in table.items())]
+    return "\n".join(lines).lstrip("\n") + "\n"
+
+
+def _toml(value: str | float | list[str]) -> str:
+    """Return a value in TOML, whose strings, numbers and lists of strings are those of JSON."""
+    return json.dumps(value, ensure_ascii=False)
+
+
+def default_ladder(robot: Robot) -> LadderEntry:
+    """Return the ladder for a robot that has none: with torque offsets, then without.
+
+    Springs are part of it where the robot file states some.
+    """
+    return LadderEntry(
+        models=[
+            RungEntry(
+                name="full model",
+                description="every base parameter, with torque offsets",
+                effects=[*default_effects(robot, DEFAULT_EFFECTS)],
+            ),
+            RungEntry(
+                name="no torque offset",
+                description="torque is zero where nothing acts",
+                zero=["*.off"],
+            ),
+        ]
+    )
+
+
+def ladder_path(robot: Robot) -> Path | None:
+    """Return the ladder that stands beside the robot file, if there is one."""
+    beside = robot.path.with_name("ladder.toml")
+    return beside if beside.is_file() else None
+
+
+def read_ladder(path: str | Path) -> LadderEntry:
+    """Read a ladder file.
+
+    Raises
+    ------
+    ModelError
+        With the file, the key and what was expected.
+    """
+    return read_document(path, LadderEntry, "TOML", "ladder", ModelError)
+
+
+def ladder_model(entry: LadderEntry) -> Model:
+    """Return the model whose effects the ladder's rungs reduce.
+
+    Raises
+    ------
+    ModelError
+    """
+    first = entry.models[0]
+    later = [r.name for r in entry.models[1:] if r.effects is not None]
+    if later:
+        raise ModelError(
+            f"The rung '{later[0]}' names effects, but a ladder reduces one model: name all "
+            "effects in its first rung and zero or tie what the others leave out."
+        )
+    return Model.of(*(first.effects if first.effects is not None else DEFAULT_EFFECTS))
+
+
+# `Rung`: one model of a ladder over base parameters, as columns and a held torque.
+
+
+@frozen
+class Rung:
+    """One model of a ladder: columns ``W_base M`` and torque ``τ - W_base held``.
+
+    Attributes
+    ----------
+    name, description : str
+    columns, labels, units : tuple of str
+        Of its m parameters.
+    M : (b, m)
+        Base parameters from the rung's: ``beta = held + M x``.
+    held : (b,)
+        Values of base parameters that are held.
+    nonnegative : (m,) bool
+        Whether physics forbids a value below zero.
+    """
+
+    name: str
+    description: str
+    columns: tuple[str, ...]
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    M: Array
+    held: Array
+    nonnegative: np.ndarray
+
+    def __len__(self) -> int:
+        """Return the number of parameters."""
+        return len(self.columns)
+
+    def reduce(self, information: Information) -> Information:
+        """Return the information about the rung's parameters."""
+        return information.reduce(self.M, self.columns, self.held)
+
+    def expand(self, value: Array) -> Array:
+        """Return base parameters (b,) or (b, …) from values of the rung's parameters."""
+        held = self.held.reshape(-1, *[1] * (np.ndim(value) - 1))
+        expanded: Array = held + self.M @ value
+        return expanded
+
+    def without(self, columns: Sequence[str]) -> Rung:
+        """Return the rung with some parameters held at zero."""
+        return self._keep([k for k, c in enumerate(self.columns) if c not in set(columns)])
+
+    def _keep(self, kept: list[int]) -> Rung:
+        def of(words: tuple[str, ...]) -> tuple[str, ...]:
+            return tuple(words[k] for k in kept)
+
+        return replace(
+            self,
+            columns=of(self.columns),
+            labels=of(self.labels),
+            units=of(self.units),
+            M=self.M[:, kept],
+            nonnegative=self.nonnegative[kept],
+        )
+
+    def tied(self, name: str, columns: Sequence[str]) -> Rung:
+        """Return the rung with some parameters made equal: one column, their sum."""
+        at = [self.columns.index(c) for c in columns]
+        first, others = at[0], set(at[1:])
+        M = self.M.copy()
+        M[:, first] = self.M[:, at].sum(1)
+        names, labels = list(self.columns), list(self.labels)
+        names[first] = name
+        labels[first] = " = ".join(self.labels[k] for k in at)
+        nonnegative = self.nonnegative.copy()
+        nonnegative[first] = self.nonnegative[at].any()
+        every = replace(
+            self, columns=tuple(names), labels=tuple(labels), M=M, nonnegative=nonnegative
+        )
+        return every._keep([k for k in range(len(self)) if k not in others])
+
+
+def full_rung(base: BaseParameters, name: str = "full model", description: str = "") -> Rung:
+    """Return the rung of all base parameters."""
+    M, held = np.eye(len(base)), np.zeros(len(base))
+    return Rung(name, description, base.names, base.labels, base.units, M, held, base.nonnegative)
+
+
+def build_ladder(entry: LadderEntry, structure: Structure) -> tuple[Rung, ...]:
+    """Return the rungs of a ladder over the base parameters of a structure.
+
+    Raises
+    ------
+    ModelError
+        If a rung names a parameter that it does not have.
+    """
+    rungs: dict[str, Rung] = {}
+    before = full_rung(structure.base)
+    for item in entry.models:
+        if item.name in rungs:
+            raise ModelError(f"The ladder has two rungs named '{item.name}'; give each its own.")
+        if item.start is not None and item.start not in rungs:
+            raise ModelError(
+                f"The rung '{item.name}' starts from '{item.start}', which does not stand before "
+                f"it{near_match(item.start, rungs)}"
+            )
+        start = before if item.start is None else rungs[item.start]
+        before = rungs[item.name] = _build_rung(item, start, structure)
+    return tuple(rungs.values())
+
+
+def build_comparison(entry: LadderEntry, structure: Structure) -> tuple[Rung, ...]:
+    """Return the rungs of a ladder below the unpruned model, which goes first if it is not there.
+
+    Raises
+    ------
+    ModelError
+    """
+    rungs = build_ladder(entry, structure)
+    if len(rungs[0]) == len(structure.base):
+        return rungs
+    taken = {rung.name for rung in rungs}
+    name = next(n for n in ("full model", "every base parameter", "") if n not in taken)
+    return (full_rung(structure.base, name, "every base parameter"), *rungs)
+
+
+def _build_rung(item: RungEntry, start: Rung, structure: Structure) -> Rung:
+    rung = replace(start, name=item.name, description=item.description)
+    zero = _find_columns(rung, item.zero, item.name, structure.columns)
+    hold: dict[str, float | Literal["nominal"]] = {}
+    for text in sorted(item.hold, key=is_pattern, reverse=True):  # a name says more
+        hold |= dict.fromkeys(_find_columns(rung, [text], item.name), item.hold[text])
+    held = rung.held.copy()
+    for name, value in hold.items():
+        column = rung.M[:, rung.columns.index(name)]
+        row = structure.base.names.index(name)
+        at = structure.nominal_base[row] if value == "nominal" else value
+        held += column * at
+    rung = replace(rung, held=held).without([*zero, *hold])
+    for name, texts in item.tie.items():
+        members = _find_columns(rung, texts, item.name)
+        if len(set(members)) < 2 or (name in rung.columns and name not in members):
+            raise ModelError(
+                f"The rung '{item.name}' ties '{name}' = {members}; give two or more different "
+                "parameters and a name that no other parameter has."
+            )
+        units = {rung.units[rung.columns.index(m)] for m in members}
+        if len(units) > 1:
+            raise ModelError(
+                f"The rung '{item.name}' ties {listing(members)} of the units "
+                f"{listing(sorted(units))}; only parameters of one unit can be equal."
+            )
+        rung = rung.tied(name, members)
+    if item.keep is not None:
+        kept = set(_find_columns(rung, item.keep, item.name))
+        rung = rung.without([c for c in rung.columns if c not in kept])
+    return rung
+
+
+def _find_columns(
+    rung: Rung, texts: Sequence[str], where: str, grouped: Sequence[str] = ()
+) -> list[str]:
+    """Return the parameters that names and patterns stand for, each once.
+
+    A pattern may fit none but those that are `grouped` into others: at zero they leave these alone.
+    """
+    found: dict[str, None] = {}
+    for name in texts:
+        named = find_named(name, rung.columns)
+        found |= dict.fromkeys(named)
+        if not (named or (is_pattern(name) and find_named(name, grouped))):
+            raise ModelError(
+                f"The rung '{where}' names the parameter '{name}', which is not there"
+                f"{near_match(name, rung.columns)} It has {listing(rung.columns)}."
+            )
+    return [*found]
+
+
+def rung_entry(rung: Rung, base: BaseParameters, effects: Sequence[str]) -> RungEntry:
+    """Return how a rung stands in a ladder file, reduced from the base parameters in one step."""
+    names = base.names
+    members = {
+        c: [names[k] for k in np.flatnonzero(rung.M[:, i])] for i, c in enumerate(rung.columns)
+    }
+    gone = [k for k in range(len(base)) if not rung.M[k].any()]
+    return RungEntry(
+        name=rung.name,
+        description=rung.description,
+        effects=list(effects),
+        zero=[names[k] for k in gone if rung.held[k] == 0],
+        hold={names[k]: float(rung.held[k]) for k in gone if rung.held[k] != 0},
+        tie={c: m for c, m in members.items() if m != [c]},
+    )
