@@ -16,7 +16,7 @@ from identifiability.robot import Robot
 
 #: What makes a structure, and the columns that it makes.
 MAKERS = {
-    "Structure", "Structure.of", "find_base_parameters", "Regression", "Part",
+    "Structure", "Structure.of", "find_base_parameters", "Regression", "LogPart",
 }  # fmt: skip
 
 
