@@ -24,9 +24,8 @@ from exported.drive import Driven, drive
 from exported.roads import in_mujoco, in_pinocchio, load_code, project
 from real_data.study import ROOT
 
-from identifiability.effects.holding import held_by_file
 from identifiability.effects.registry import default_effects
-from identifiability.effects.vocabulary import every_parameter
+from identifiability.effects.vocabulary import every_parameter, held_by_file
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.output import write_json

@@ -25,7 +25,7 @@ from hidden_effect import read_rows
 from hidden_effect_trials import BASE_EFFECTS, ENCODER, campaign, simulated
 from scipy import stats
 
-from identifiability.effects.rigid_body import last_bodies
+from identifiability.effects.inertia import last_bodies
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples

@@ -1,14 +1,25 @@
-"""Effects: the parts that models are made of, one file each.
+"""Effects: the parts that models are made of, one file a subject.
 
 Every name here is public vocabulary: it stands in reports, JSON, ladders and on the command line.
-To add an effect: one file that states its columns and registers its `Family`.
+
+To add an effect: a class that states its columns under `declare`, in a file of its own or in that
+of its subject; files of this folder are found by themselves.
 """
 
 from importlib import import_module
 from pkgutil import iter_modules
 
-from identifiability.effects.effect import Along, AlongAxes, Effect, Shaped, put
-from identifiability.effects.family import Family, Law, Span, joint_places
+from identifiability.effects.effect import (
+    Along,
+    AlongAxes,
+    Effect,
+    Family,
+    Law,
+    Shaped,
+    Span,
+    joint_places,
+    put,
+)
 from identifiability.effects.placed import Part, Placed
 from identifiability.effects.registry import (
     FAMILIES,

@@ -84,7 +84,7 @@ class Placed(Effect):
 
     Example
     -------
-    >>> from identifiability.effects.stribeck_friction import StribeckFriction
+    >>> from identifiability.effects.friction import StribeckFriction
     >>> effect = Placed([Part(StribeckFriction(0.02), "slider1")])
     >>> effect.name
     'stribeck_friction'

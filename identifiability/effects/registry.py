@@ -11,8 +11,7 @@ from typing import Any, TypeVar
 
 import cloudpickle
 
-from identifiability.effects.effect import Effect
-from identifiability.effects.family import Family, Law, joint_places
+from identifiability.effects.effect import Effect, Family, Law, joint_places
 from identifiability.foundation.errors import ModelError, near_match
 from identifiability.robot import Robot
 

@@ -1,15 +1,160 @@
-"""Every parameter that a model of a robot can have, by name."""
+"""Every parameter that a model of a robot can have, by name, and what its file holds of them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import lru_cache
+from typing import Literal
 
-from identifiability.effects.effect import AlongAxes
+from identifiability.effects.effect import AlongAxes, Family
+from identifiability.effects.friction import settle_directions
 from identifiability.effects.placed import Elsewhere
 from identifiability.effects.registry import FAMILIES
-from identifiability.foundation.names import Parameter
+from identifiability.foundation.names import BASE, INERTIAL_KINDS, Parameter
 from identifiability.robot import Robot
+from identifiability.robot.parts import name_numbers
+from identifiability.robot.write import joint_numbers
+
+# What a robot file holds of a model's parameters, as their effects say it.
+#
+# Masses (a payload is part of its body), where gravity points, and at each joint viscous and
+# Coulomb friction with one level for both directions; an MJCF also has the inertia of a rotor and
+# a spring with its rest, which a spring of unknown rest is too where it pulls back.
+
+
+#: The formats of robot files.
+Kind = Literal["mjcf", "urdf"]
+
+
+def file_kinds(robot: Robot) -> tuple[Kind, Kind]:
+    """Return the format of a robot's own file, and the other one."""
+    return ("mjcf", "urdf") if robot.mjcf else ("urdf", "mjcf")
+
+
+@lru_cache(maxsize=8)
+def _names_stated(robot: Robot, families: tuple[Family, ...], kind: Kind) -> frozenset[str]:
+    """Return the names of the parameters that a file of a robot can state."""
+    return frozenset(p.name for p in _stated(robot, families, kind))
+
+
+def _stated(
+    robot: Robot, families: Iterable[Family], kind: Kind | None = None
+) -> Iterator[Parameter]:
+    """Yield the parameters that a file of a robot can state, by default its own."""
+    kind = kind or file_kinds(robot)[0]
+    tendons = robot.tendon_axes if kind == "mjcf" else ()
+    places = {
+        **dict.fromkeys(robot.bodies, INERTIAL_KINDS),
+        **dict.fromkeys((*robot.tree.single, *tendons), joint_numbers(kind)),
+        BASE: ("gravity",),
+    }
+    for family in families:
+        for parameter in family.effect.parameters(robot):
+            if parameter.stated_as in places.get(parameter.owner, ()):
+                yield parameter
+
+
+def held_by_file(
+    robot: Robot, values: Mapping[str, float], kind: Kind | None = None
+) -> dict[str, float]:
+    """Return the values of a model's parameters of which only the robot file's part is left.
+
+    Parameters
+    ----------
+    robot : Robot
+        Whose file is written.
+    values : mapping
+        By name.
+    kind : {"mjcf", "urdf"}, optional
+        Format of the file; by default that of the robot's own.
+    """
+    kind = kind or file_kinds(robot)[0]
+    held = set(_names_stated(robot, tuple(FAMILIES.values()), kind))
+    if "stiffness" in joint_numbers(kind):
+        held |= values.keys() - settle_springs(robot, values)[1].keys()
+    out = {name: value if name in held else 0.0 for name, value in values.items()}
+    for joint in (*robot.tree.single, *robot.tendon_axes):
+        ways = [f"{joint}.{kind}" for kind in ("Fc+", "Fc-") if f"{joint}.{kind}" in values]
+        out |= dict.fromkeys(ways, 0.5 * sum(values[name] for name in ways))
+    return out
+
+
+def settle_springs(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, dict[str, float]]:
+    """Return robot and values with springs of unknown rest as files state them: K and a rest.
+
+    A constant force beside a spring shifts where it is relaxed. A spring that pushes away is none
+    that a file states, and neither is a constant force alone.
+
+    Parameters
+    ----------
+    robot : Robot
+    values : mapping
+        By name.
+    """
+    out, rest = dict(values), dict(robot.rest)
+    lengths = {cable.name for cable in robot.cables}
+    for place in (*robot.tree.single, *robot.tendons):
+        stated, k = out.get(f"{place}.K", 0.0), out.get(f"{place}.k", 0.0)
+        force = out.get(f"{place}.F0", 0.0)
+        if not (k or force) or not stated + k > 0:
+            continue
+        start = rest[place] if place in rest else _home(robot, place)
+        relaxed = (stated * start + out.get(f"{place}.kq0", 0.0) - force) / (stated + k)
+        if place in lengths and relaxed < 0:
+            continue
+        out[f"{place}.K"], rest[place] = stated + k, relaxed
+        for kind in ("k", "kq0", "F0"):
+            out.pop(f"{place}.{kind}", None)
+    return replace(robot, rest=rest), out
+
+
+def _home(robot: Robot, joint: str) -> float:
+    return float(robot.dof_position(robot.home[None], joint)[0])
+
+
+def complete_values(
+    robot: Robot, given: Mapping[str, float], *, keep: bool = True
+) -> dict[str, float]:
+    """Return all nominal values of a robot that has some other ones.
+
+    Payloads become part of their bodies, and every Coulomb level stands there as one for both
+    directions and as one for each.
+
+    Parameters
+    ----------
+    robot : Robot
+    given : mapping
+    keep : bool
+        Whether joints keep what is not given.
+    """
+    bodies = {f"{body}.{kind}" for body in robot.bodies for kind in INERTIAL_KINDS}
+    values = {n: v for n, v in robot.nominal.items() if keep or n in bodies} | dict(given)
+    for p in _stated(robot, FAMILIES.values()):
+        if p.owner in robot.bodies and p.kind != p.stated_as:
+            values[f"{p.owner}.{p.stated_as}"] += values.pop(p.name, 0.0)
+    settle_directions(values, given)
+    return values
+
+
+def stated_numbers(robot: Robot, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Return what a file states of each joint, and tendon that is an axis: attributes by name."""
+    every = (*robot.tree.single, *robot.tendon_axes)
+    out = {joint: dict.fromkeys(joint_numbers(file_kinds(robot)[0]), 0.0) for joint in every}
+    for p in {p.name: p for p in _stated(robot, FAMILIES.values()) if p.owner in out}.values():
+        out[p.owner][p.stated_as] += values.get(p.name, 0.0)
+    return out
+
+
+def read_back(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the nominal values that are read from a file with these ones, without a sidecar."""
+    out = {f"{b}.{kind}": values[f"{b}.{kind}"] for b in robot.bodies for kind in INERTIAL_KINDS}
+    for joint, numbers in stated_numbers(robot, values).items():
+        out |= name_numbers(joint, numbers, robot.inertia_parts)
+    return out
+
+
+# Every parameter that a model of a robot can have, by name.
 
 
 def every_parameter(

@@ -26,8 +26,8 @@ import numpy as np
 from scipy.special import erfc
 
 from identifiability.effects.effect import Along
-from identifiability.effects.load_dependent_friction import carried_load
 from identifiability.effects.nominal import has_masses, rigid_torque
+from identifiability.effects.transmission import carried_load
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
 from identifiability.estimation.noise.autoregression import JointRuns

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.effects.holding import file_kinds, held_by_file
+from identifiability.effects.vocabulary import file_kinds, held_by_file
 from identifiability.estimation.estimator import settle_signs
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL, Array

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.effects.gravity_tilt import settle_gravity
-from identifiability.effects.holding import file_kinds, held_by_file
+from identifiability.effects.gravity import settle_gravity
+from identifiability.effects.vocabulary import file_kinds, held_by_file
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import listing
 from identifiability.logs.prepare.longsamples import Prepared

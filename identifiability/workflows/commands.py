@@ -8,7 +8,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from identifiability.effects.holding import held_by_file
+from identifiability.effects.vocabulary import held_by_file
 from identifiability.foundation.result import Result
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared

@@ -13,7 +13,7 @@ import pandas as pd
 from scipy import stats
 from threadpoolctl import threadpool_limits
 
-from identifiability.effects.payload import Payload
+from identifiability.effects.inertia import Payload
 from identifiability.estimation.holm import holm
 from identifiability.estimation.noise.ar_noise import fit_joint as fit_noise
 from identifiability.estimation.noise.autocorrelation import autocorrelation_time

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identifiability.effects.gravity_tilt import TILTS, GravityTilt, turn_gravity
+from identifiability.effects.gravity import TILTS, GravityTilt, turn_gravity
 from identifiability.effects.nominal import gravity_torque
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.estimator import Estimate

@@ -17,7 +17,7 @@ from identifiability.effects import (
     forget,
     register,
 )
-from identifiability.effects.stribeck_friction import StribeckFriction
+from identifiability.effects.friction import StribeckFriction
 from identifiability.foundation.errors import IdentifiabilityError, ModelError
 from identifiability.foundation.names import Parameter
 from identifiability.logs import Log

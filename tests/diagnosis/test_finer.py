@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.effects import find_family
-from identifiability.effects.family import measure_spans
+from identifiability.effects.effect import measure_spans
 from identifiability.workflows.diagnose.evidence import Whitened
 from identifiability.workflows.diagnose.finer import LOSS, find_finer
 from identifiability.workflows.diagnose.rows import Candidate

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from identifiability import analyze, simulate
 from identifiability.cli import app
-from identifiability.effects.holding import held_by_file
+from identifiability.effects.vocabulary import held_by_file
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.functions import leave_to_terms, list_functions

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from identifiability import Robot, analyze, simulate
 from identifiability.cli import app
 from identifiability.effects import FAMILIES
-from identifiability.effects.holding import held_by_file
+from identifiability.effects.vocabulary import held_by_file
 from identifiability.foundation.errors import RobotError
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.regression.regression import Model

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability import Robot, analyze, diagnose, simulate
-from identifiability.effects.gravity_tilt import GravityTilt, horizontal_axes, tilt_text
+from identifiability.effects.gravity import GravityTilt, horizontal_axes, tilt_text
 from identifiability.effects.nominal import gravity_torque, rigid_torque
 from identifiability.logs.prepare import prepare_samples
 from identifiability.logs.prepare.preparation import settle_cutoff

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.effects.rigid_body import RigidBody
+from identifiability.effects.inertia import RigidBody
 from identifiability.estimation.prediction import predict
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.gather import gather_information

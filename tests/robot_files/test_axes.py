@@ -6,7 +6,7 @@ from made_robots import CLOSURES, arm, parallelogram
 
 from identifiability import Model, Robot, analyze, inspect, simulate
 from identifiability.effects import default_effects
-from identifiability.effects.family import measure_spans
+from identifiability.effects.effect import measure_spans
 from identifiability.foundation.errors import RobotError
 from identifiability.logs.log import Log
 from identifiability.logs.prepare.plan import joint_log

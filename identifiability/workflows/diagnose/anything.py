@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import signal
 
-from identifiability.effects.path_memory import follow_with_play
+from identifiability.effects.transmission import follow_with_play
 from identifiability.estimation.noise.autoregression import Runs
 from identifiability.foundation.names import Array
 from identifiability.workflows.diagnose.rows import Rows

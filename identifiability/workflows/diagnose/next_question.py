@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from identifiability.effects import Part, Placed, find_family
-from identifiability.effects.family import measure_spans
+from identifiability.effects.effect import measure_spans
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.gather import gather_information

@@ -11,8 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.effects.effect import Effect
-from identifiability.effects.family import Family
+from identifiability.effects.effect import Effect, Family
 from identifiability.foundation.names import Array
 from identifiability.logs.prepare.samples import join_motions
 from identifiability.robot import Motion, Robot, complete_motion

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.effects.holding import file_kinds, held_by_file
+from identifiability.effects.vocabulary import file_kinds, held_by_file
 from identifiability.estimation.estimate import estimate, find_estimator
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import IdentifiabilityError

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from identifiability.effects import Effect, Family, Part, Span
-from identifiability.effects.family import measure_spans
+from identifiability.effects.effect import measure_spans
 from identifiability.estimation.noise.autoregression import JointRuns, Runs
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen

@@ -14,8 +14,8 @@ from functools import cached_property
 import numpy as np
 
 from identifiability.effects import Part
-from identifiability.effects.forces_on_bodies import ForcesOnBodies
-from identifiability.effects.function_of_session_time import has_session
+from identifiability.effects.functions import has_session
+from identifiability.effects.gravity import ForcesOnBodies
 from identifiability.estimation.noise.residual_noise import find_runs
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.effects.gravity_tilt import TILTS, GravityTilt, horizontal_axes
+from identifiability.effects.gravity import TILTS, GravityTilt, horizontal_axes
 from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.registry import title_of
 from identifiability.estimation.estimate import estimate

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from identifiability.effects.effect import AlongAxes
-from identifiability.effects.load_dependent_friction import SMALLEST, LoadDependentFriction
 from identifiability.effects.nominal import reference_values
 from identifiability.effects.registry import FAMILIES
+from identifiability.effects.transmission import SMALLEST, LoadDependentFriction
 from identifiability.effects.vocabulary import every_parameter
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import INERTIAL_KINDS, Array

@@ -11,18 +11,18 @@ import numpy as np
 from pydantic import Field
 
 from identifiability.effects import FAMILIES
-from identifiability.effects.gravity_tilt import settle_gravity
-from identifiability.effects.holding import (
+from identifiability.effects.gravity import settle_gravity
+from identifiability.effects.nominal import reference_values
+from identifiability.effects.vocabulary import (
     Kind,
     complete_values,
+    every_parameter,
     file_kinds,
     held_by_file,
     read_back,
     settle_springs,
     stated_numbers,
 )
-from identifiability.effects.nominal import reference_values
-from identifiability.effects.vocabulary import every_parameter
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
 from identifiability.foundation.names import BASE, INERTIAL, INERTIAL_KINDS

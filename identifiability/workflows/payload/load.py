@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.stats import chi2
 
-from identifiability.effects.load_dependent_friction import LoadDependentFriction
+from identifiability.effects.transmission import LoadDependentFriction
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.estimator import NOTHING, Estimate
 from identifiability.estimation.memory import Noise

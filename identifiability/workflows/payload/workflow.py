@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from identifiability.effects.load_dependent_friction import LoadDependentFriction
 from identifiability.effects.nominal import reference_values
+from identifiability.effects.transmission import LoadDependentFriction
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import listing, near_match

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identifiability.effects.family import Family
-from identifiability.effects.viscous_friction import ViscousFriction
+from identifiability.effects.effect import Family
+from identifiability.effects.friction import ViscousFriction
 from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
 from identifiability.workflows.diagnose.dictionary import Dictionary
 from identifiability.workflows.diagnose.evidence import Bench

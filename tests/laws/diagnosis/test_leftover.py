@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from identifiability.effects.path_memory import follow_with_play
+from identifiability.effects.transmission import follow_with_play
 from identifiability.foundation.numbers import tail_of_sum
 from identifiability.workflows.diagnose.anything import list_kinds
 from identifiability.workflows.diagnose.complete import keep_complete, keep_one_way

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.effects import find_effect, find_family
-from identifiability.effects.path_memory import stretch_of_springs
+from identifiability.effects.transmission import stretch_of_springs
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import random_trajectory
 from identifiability.workflows.diagnose.other_effects import OtherEffects, keep_turns

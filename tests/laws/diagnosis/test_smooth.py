@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from identifiability.effects import find_families
-from identifiability.effects.position_torque import cubic_piece
+from identifiability.effects.springs import cubic_piece
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.lookalikes import find_rivals
 from identifiability.workflows.diagnose.smooth import (

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from identifiability.effects import find_families
-from identifiability.effects.rigid_body import RigidBody
+from identifiability.effects.inertia import RigidBody
 from identifiability.estimation.prediction import predict
 from identifiability.logs import Log
 from identifiability.logs.prepare import Samples, prepare_samples

@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 
 from identifiability.effects import find_family
-from identifiability.effects.clock_error import ClockError
-from identifiability.effects.time_delay import TimeDelay, nominal_torque
-from identifiability.effects.torque_drift import TorqueDrift
-from identifiability.effects.torque_leak import TorqueLeak
-from identifiability.effects.torque_scale import TorqueScale
-from identifiability.effects.velocity_leak import VelocityLeak
+from identifiability.effects.measurement import (
+    ClockError,
+    TimeDelay,
+    TorqueDrift,
+    TorqueLeak,
+    TorqueScale,
+    VelocityLeak,
+    nominal_torque,
+)
 from identifiability.foundation.errors import ModelError
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot

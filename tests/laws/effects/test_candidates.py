@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.effects import FAMILIES, find_families
-from identifiability.effects.family import measure_spans
+from identifiability.effects.effect import measure_spans
 from identifiability.logs.prepare import Samples
 from identifiability.logs.signals import Decimation
 from identifiability.regression.regression import Model

@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 
 from identifiability.effects import find_effect
-from identifiability.effects.actuator_inertia import ActuatorInertia
-from identifiability.effects.coulomb_asymmetry import CoulombAsymmetry
-from identifiability.effects.coulomb_friction import CoulombFriction
-from identifiability.effects.joint_stiffness import JointStiffness
-from identifiability.effects.load_dependent_friction import LoadDependentFriction
-from identifiability.effects.passive_joint_friction import PassiveJointFriction
+from identifiability.effects.friction import (
+    CoulombAsymmetry,
+    CoulombFriction,
+    PassiveJointFriction,
+    QuadraticFriction,
+    StribeckFriction,
+    ViscousFriction,
+)
+from identifiability.effects.inertia import ActuatorInertia, RigidBody
+from identifiability.effects.measurement import TorqueOffset
 from identifiability.effects.placed import Part, Placed
-from identifiability.effects.position_ripple import PositionRipple
-from identifiability.effects.quadratic_friction import QuadraticFriction
-from identifiability.effects.rigid_body import RigidBody
-from identifiability.effects.stribeck_friction import StribeckFriction
-from identifiability.effects.torque_offset import TorqueOffset
-from identifiability.effects.viscous_friction import ViscousFriction
+from identifiability.effects.springs import JointStiffness
+from identifiability.effects.transmission import LoadDependentFriction, PositionRipple
 from identifiability.foundation.errors import ModelError
 from identifiability.regression.regression import Model
 

@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 
 from identifiability.effects import find_family
-from identifiability.effects.backlash import Backlash
-from identifiability.effects.friction_drift import FrictionDrift
-from identifiability.effects.gear_ripple import GearRipple, gear_ratio
-from identifiability.effects.hysteresis import Hysteresis
-from identifiability.effects.path_memory import follow_with_play, split_runs
-from identifiability.effects.position_friction import PositionFriction
-from identifiability.effects.position_torque import PositionTorque
-from identifiability.effects.rising_friction import RisingFriction
-from identifiability.effects.sigmoid_friction import SigmoidFriction
+from identifiability.effects.friction import FrictionDrift, RisingFriction, SigmoidFriction
+from identifiability.effects.springs import PositionFriction, PositionTorque
+from identifiability.effects.transmission import (
+    Backlash,
+    GearRipple,
+    Hysteresis,
+    follow_with_play,
+    gear_ratio,
+    split_runs,
+)
 from identifiability.regression.regression import Model
 from identifiability.workflows.diagnose.rows import list_candidates
 

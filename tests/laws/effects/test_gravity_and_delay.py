@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.effects.forces_on_bodies import ForcesOnBodies
-from identifiability.effects.gravity_tilt import GravityTilt, horizontal_axes
+from identifiability.effects.gravity import ForcesOnBodies, GravityTilt, horizontal_axes
+from identifiability.effects.inertia import Payload, RigidBody
+from identifiability.effects.measurement import TimeDelay
 from identifiability.effects.nominal import gravity_torque
-from identifiability.effects.payload import Payload
-from identifiability.effects.rigid_body import RigidBody
-from identifiability.effects.time_delay import TimeDelay
 from identifiability.logs.prepare import Samples
 from identifiability.regression.regression import Model, Regression
 
@@ -165,7 +163,7 @@ def test_the_torque_that_is_delayed_can_be_any_models(polar, by_hand, columns):
 
 
 def test_the_delayed_torque_holds_the_files_springs(make, tables, polar, move):
-    from identifiability.effects.time_delay import nominal_torque
+    from identifiability.effects.measurement import nominal_torque
 
     robot = make(tables.POLAR.replace('name="reach"', 'name="reach" stiffness="40" springref="1"'))
     m = move(robot, T)
@@ -178,7 +176,7 @@ def test_the_delayed_torque_holds_the_files_springs(make, tables, polar, move):
 def test_the_delayed_torque_has_a_level_for_each_direction_where_the_file_states_one(
     make, tables, move, by_hand, forward
 ):
-    from identifiability.effects.time_delay import nominal_torque
+    from identifiability.effects.measurement import nominal_torque
 
     text = '[nominal]\n"lift.Fc+" = 2.5\n"lift.Fc-" = 0.5\n"reach.Fc+" = 2\n"reach.Fc-" = 2\n'
     robot = make(tables.POLAR, text if forward else "")

@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 
 from identifiability.effects import FAMILIES, Part, Placed, find_families
-from identifiability.effects.function_of_load import FunctionOfLoad
-from identifiability.effects.function_of_other_velocity import FunctionOfOtherVelocity
-from identifiability.effects.function_of_position import FunctionOfPosition
-from identifiability.effects.function_of_position_and_velocity import (
+from identifiability.effects.functions import (
+    FunctionOfLoad,
+    FunctionOfOtherVelocity,
+    FunctionOfPosition,
     FunctionOfPositionAndVelocity,
+    FunctionOfSessionTime,
+    FunctionOfTime,
+    FunctionOfVelocity,
+    FunctionOfVelocityAndLoad,
+    splines,
+    straight_beyond,
 )
-from identifiability.effects.function_of_session_time import FunctionOfSessionTime
-from identifiability.effects.function_of_time import FunctionOfTime
-from identifiability.effects.function_of_velocity import FunctionOfVelocity
-from identifiability.effects.function_of_velocity_and_load import FunctionOfVelocityAndLoad
-from identifiability.effects.smooth_function import splines, straight_beyond
 from identifiability.regression.regression import Model
 from identifiability.workflows.diagnose.late import early
 from identifiability.workflows.diagnose.rows import list_candidates

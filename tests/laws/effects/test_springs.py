@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 from identifiability.effects import find_effect, find_family
-from identifiability.effects.constant_force import ConstantForce
-from identifiability.effects.family import measure_spans
-from identifiability.effects.free_spring import FreeSpring
-from identifiability.effects.gravity_spring import GravitySpring
-from identifiability.effects.position_torque import PositionTorque
+from identifiability.effects.effect import measure_spans
+from identifiability.effects.springs import ConstantForce, FreeSpring, GravitySpring, PositionTorque
 from identifiability.foundation.errors import ModelError
 from identifiability.regression.regression import Model
 from identifiability.robot.along import known_torque

@@ -5,7 +5,7 @@ import pytest
 
 from identifiability import analyze, prune, simulate
 from identifiability.effects import FAMILIES, AlongAxes, Family, forget, register
-from identifiability.effects.holding import held_by_file, stated_numbers
+from identifiability.effects.vocabulary import held_by_file, stated_numbers
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.logs import Log
 from identifiability.physical.fitted_model import physical_set

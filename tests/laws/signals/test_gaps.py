@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.effects.time_delay import TimeDelay
+from identifiability.effects.measurement import TimeDelay
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log

@@ -1,0 +1,330 @@
+"""Friction of joints over speed, from levels and slopes to the curves about standstill.
+
+Coulomb friction with one level or one for each direction, viscous and quadratic friction;
+Stribeck, rising and sigmoid friction, whose shapes are continuous; friction of passive joints, and
+friction that drifts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from identifiability.effects.effect import (
+    RESTS,
+    SPEEDS,
+    Along,
+    AlongAxes,
+    Shaped,
+    Span,
+    actuated_joints,
+)
+from identifiability.effects.registry import declare
+from identifiability.foundation.names import Array
+from identifiability.robot import Axis, Robot
+
+# Viscous friction at every actuated joint and coupled motor.
+
+
+@declare("viscous friction", basic=True, native=True, told_by=SPEEDS, rank=1)
+class ViscousFriction(AlongAxes):
+    """``τ = Fv q̇``."""
+
+    name = "viscous_friction"
+    equation = "τ = Fv q̇"
+    source = "[Díaz 2010, Eq. 10]"
+    units = (("Fv", "N·m·s/rad", "N·s/m"),)
+    nonnegative = True
+    stated_as = ("damping",)
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return the speed."""
+        return [at.speed]
+
+
+# Coulomb friction with the same level for both directions.
+
+
+@declare("Coulomb friction", basic=True, native=True, rank=2)
+class CoulombFriction(AlongAxes):
+    """``τ = Fc sign(q̇)`` at every actuated joint and coupled motor."""
+
+    name = "coulomb_friction"
+    equation = "τ = Fc sign(q̇)"
+    source = "[Díaz 2010, Eq. 10], with the condition on the velocity (printed on the position)"
+    units = (("Fc", "N·m", "N"),)
+    nonnegative = True
+    stated_as = ("frictionloss",)
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return the direction of motion."""
+        return [at.sign]
+
+
+# Coulomb friction with a level for each direction.
+
+
+#: Levels of both directions that differ by less, as a share, are one: a solver rounded them.
+ROUNDING = 1e-9
+
+
+@declare(
+    "asymmetric Coulomb friction",
+    actuated_joints,
+    needs="coulomb_friction",
+    native=True,
+    told_by=RESTS,
+    rank=3,
+)
+class CoulombAsymmetry(AlongAxes):
+    """``τ = Fc⁺`` for q̇ > 0 and ``−Fc⁻`` for q̇ < 0; both are positive numbers.
+
+    A motor that mixes joints has one level: what its two directions differ by is a constant torque
+    on its joints, which their own levels hold already. A robot file has their
+    mean.
+    """
+
+    name = "coulomb_asymmetry"
+    equation = "τ = Fc⁺ for q̇ > 0, −Fc⁻ for q̇ < 0"
+    source = "[Díaz 2010, Eq. 10], with the condition on the velocity (printed on the position)"
+    supersedes = ("coulomb_friction",)
+    units = (("Fc", "N·m", "N"), ("Fc+", "N·m", "N"), ("Fc-", "N·m", "N"))
+    nonnegative = True
+
+    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
+        """Return both levels of a joint, one of a motor that mixes joints."""
+        del robot
+        return ("Fc",) if axis.mixed else ("Fc+", "Fc-")
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return the parts of either direction."""
+        sign = at.sign
+        if at.axis.mixed:
+            return [sign]
+        moves = np.abs(np.sign(sign))
+        return [0.5 * (sign + moves), 0.5 * (sign - moves)]
+
+
+def settle_directions(values: dict[str, float], given: Mapping[str, float]) -> None:
+    """Let every Coulomb level of some values stand as one for both directions and one for each.
+
+    What was given decides: a level for both, else those of each direction.
+    """
+    owners = {name.rpartition(".")[0] for name in values if name.endswith(".Fc")}
+    owners |= {name.rpartition(".")[0] for name in given if name.endswith((".Fc+", ".Fc-"))}
+    for owner in owners:
+        both, *ways = (f"{owner}.{kind}" for kind in ("Fc", "Fc+", "Fc-"))
+        level = values.get(both, 0.0)
+        alone = both in given and not any(way in given for way in ways)
+        for way in ways:
+            values[way] = level if alone else values.get(way, level)
+        values[both] = 0.5 * sum(values[way] for way in ways)
+        if all(abs(values[way] - values[both]) <= ROUNDING * abs(values[both]) for way in ways):
+            values |= dict.fromkeys(ways, values[both])
+
+
+# Drag that grows with the square of speed.
+
+
+@declare("quadratic friction", needs="viscous_friction", told_by=SPEEDS, rank=9)
+class QuadraticFriction(AlongAxes):
+    """``τ = Fq |q̇| q̇``: fans, oil, air.
+
+    Over a narrow range of speeds it looks like viscous friction, or like a wide Stribeck curve.
+    """
+
+    name = "quadratic_friction"
+    equation = "τ = Fq |q̇| q̇"
+    source = "[Armstrong-Hélouvry 1994, Sec. 2]"
+    units = (("Fq", "N·m·s²/rad²", "N·s²/m²"),)
+    nonnegative = True
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return the square of speed against the motion."""
+        return [np.abs(at.speed) * at.speed]
+
+
+# Friction that falls as motion begins.
+
+
+#: Stribeck velocity where none is given, as a share of the joint's speed limit.
+TYPICAL_SHARE = 0.1
+#: Speed of joints without a limit [rad/s, m/s].
+TYPICAL_SPEED = (2.0, 0.3)
+
+#: Stribeck velocities that are tried, as shares of the joint's rms speed: neighbours are so close
+#: that what falls between them leaves less than 1 % of the curve.
+STRIBECK_SHARES = tuple(float(x) for x in np.geomspace(0.04, 1.6, 16))
+
+
+def stribeck_velocities(span: Span) -> tuple[float, ...]:
+    """Return the velocities that are tried [rad/s or m/s]."""
+    return tuple(s * span.rms_speed for s in STRIBECK_SHARES)
+
+
+@declare(
+    "Stribeck friction",
+    shapes=stribeck_velocities,
+    needs="coulomb_friction",
+    dry=True,
+    continuous=True,
+    told_by=SPEEDS,
+    rank=6,
+)
+class StribeckFriction(Shaped):
+    """``τ = (Fs − Fc) exp(−|q̇/vs|) sign(q̇)``: the excess of static over Coulomb friction.
+
+    Its shape is the Stribeck velocity vs [rad/s or m/s], by default a tenth of the speed limit.
+    The level cannot be negative. Over a narrow range of speeds it looks like Coulomb with quadratic
+    friction.
+    """
+
+    name = "stribeck_friction"
+    equation = "τ = (Fs − Fc) exp(−|q̇/vs|) sign(q̇)"
+    source = "[Olsson 1998, Eq. 4]; [Díaz 2010, Eq. 20] prints it without minus sign"
+    units = (("Fs", "N·m", "N"),)
+    nonnegative = True
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return the falling curve."""
+        share = np.abs(at.speed / self.shape(at.robot, at.axis))
+        return [np.exp(-share) * at.sign]
+
+    def typical(self, robot: Robot, axis: Axis) -> float:
+        """Return a share of the speed limit of an axis, or of a typical one [rad/s or m/s]."""
+        limits = robot.speed_limits[[] if axis.row is None else np.flatnonzero(axis.row)]
+        known = limits[np.isfinite(limits)]
+        return TYPICAL_SHARE * (float(known.max()) if len(known) else TYPICAL_SPEED[axis.prismatic])
+
+
+# Friction that rises with speed to its level, instead of jumping there.
+
+
+@declare(
+    "friction that rises with speed to its level",
+    shapes=stribeck_velocities,
+    needs="viscous_friction",
+    dry=True,
+    continuous=True,
+    told_by=SPEEDS,
+    rank=6.1,
+)
+class RisingFriction(StribeckFriction):
+    """``τ = −Fr exp(−|q̇/vr|) sign(q̇)``: what Coulomb friction lacks at low speed.
+
+    It is `stribeck_friction` of the other sign: seals, grease and preloaded gears whose friction
+    rises to its level, or more slowly than viscous friction does. Its shape is the speed vr
+    [rad/s or m/s] at which all but 37 % is there.
+    """
+
+    name = "rising_friction"
+    equation = "τ = −Fr exp(−|q̇/vr|) sign(q̇)"
+    source = "[Olsson 1998, Eq. 4] with a static level below that of Coulomb"
+    units = (("Fr", "N·m", "N"),)
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return what is missing at low speed."""
+        return [-column for column in super().curves(at)]
+
+
+# Dry friction without a jump at standstill.
+
+
+#: Speeds that are tried, as shares of the joint's rms speed.
+SHARES = tuple(float(x) for x in np.geomspace(0.08, 3.2, 12))
+
+
+def _speeds(span: Span) -> tuple[float, ...]:
+    return tuple(s * span.rms_speed for s in SHARES)
+
+
+@declare(
+    "smooth (sigmoid) friction",
+    shapes=_speeds,
+    needs="viscous_friction",
+    dry=True,
+    continuous=True,
+    told_by=SPEEDS,
+    rank=6.2,
+)
+class SigmoidFriction(StribeckFriction):
+    """``τ = Ft tanh(q̇/vt)``: dry friction that turns smoothly from one direction to the other.
+
+    Published models of the Franka Panda and of the UR10 have it. Its shape is the speed vt
+    [rad/s or m/s] at which 76 % is there. Beside Coulomb friction it resembles
+    `rising_friction`.
+    """
+
+    name = "sigmoid_friction"
+    equation = "τ = Ft tanh(q̇/vt)"
+    source = "[Gaz 2019]"
+    units = (("Ft", "N·m", "N"),)
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return the sigmoid."""
+        return [np.tanh(at.speed / self.shape(at.robot, at.axis))]
+
+
+# Friction in the joints of a closed chain that have no motor.
+
+
+def _cables(robot: Robot) -> bool:
+    """Whether the file states the friction of a tendon, which is there for its force alone."""
+    names = [t.name for t in robot.cables if t.name in robot.passive]
+    return any(robot.nominal.get(f"{name}.{kind}") for name in names for kind in ("Fv", "Fc"))
+
+
+@declare(
+    "friction in passive joints",
+    lambda robot: tuple(a.name for a in robot.passive_axes),
+    stated=_cables,
+    separate=True,
+    native=True,
+    rank=7,
+)
+class PassiveJointFriction(AlongAxes):
+    """Viscous and Coulomb friction at passive joints, projected on the actuated ones by -Xᵀ."""
+
+    name = "passive_joint_friction"
+    equation = "τ = −Xᵀ (Fv q̇ₑ + Fc sign(q̇ₑ))"
+    source = "[Díaz 2010, Eq. 10], projected as in [Díaz 2010, Eq. 7]"
+    units = (("Fv", "N·m·s/rad", "N·s/m"), ("Fc", "N·m", "N"))
+    nonnegative = True
+    stated_as = ("damping", "frictionloss")
+
+    def axes(self, robot: Robot) -> Sequence[Axis]:
+        """Return every passive joint of one degree of freedom."""
+        return robot.passive_axes
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return the speed and its sign."""
+        return [at.speed, at.sign]
+
+
+# Friction that changes with time, as grease that warms up.
+
+
+@declare(
+    "friction that changes with time",
+    needs="viscous_friction",
+    against="time",
+    separate=True,
+    late=True,
+    told_by="repeat the motion later",
+    rank=22,
+)
+class FrictionDrift(AlongAxes):
+    """``τ = (dv q̇ + dc sign(q̇)) t``: viscous and dry friction that change at a steady rate.
+
+    Grease that warms up turns thinner; t is the time of each log.
+    """
+
+    name = "friction_drift"
+    equation = "τ = (dv q̇ + dc sign(q̇)) t"
+    source = "[Bittencourt 2012; Simoni 2015]"
+    units = (("dv", "N·m/rad", "N/m"), ("dc", "N·m/s", "N/s"))
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return both frictions, growing with time."""
+        return [at.motion.t * at.speed, at.motion.t * at.sign]

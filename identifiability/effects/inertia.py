@@ -1,0 +1,158 @@
+"""Inertia: bodies, rotors and drives, and a load that the robot file does not have."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from identifiability.effects.effect import Along, AlongAxes, Effect, in_motor
+from identifiability.effects.placed import Part, Placed
+from identifiability.effects.registry import declare
+from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
+from identifiability.robot import Axis, Motion, Robot
+from identifiability.robot.along import tree_motion
+from identifiability.robot.changed import last_bodies
+
+# Rigid-body dynamics: ten inertial parameters a body, by Pinocchio's joint torque regressor.
+
+
+def _inner_bodies(robot: Robot) -> tuple[str, ...]:
+    """Return the bodies that carry others: a wrong last one is a payload."""
+    return tuple(b for b in robot.bodies if b not in last_bodies(robot))
+
+
+#: Kinds that no body can have below zero.
+_NONNEGATIVE = ("m", "Ixx", "Iyy", "Izz")
+
+
+@declare("wrong masses", _inner_bodies, fixed_only=True, native=True, rank=15)
+class RigidBody(Effect):
+    """Inertia and gravity: ``τ = K(q, q̇, q̈) π`` projected on the actuated joints.
+
+    For a closed chain the projection is ``W = K_i - Xᵀ K_e``.
+    """
+
+    name = "rigid_body"
+    equation = "τ = (K_i − Xᵀ K_e) π"
+    source = "[Díaz 2010, Eq. 7]"
+    pointwise = True
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return m, mx, my, mz, Ixx … of every moving body."""
+        return tuple(
+            Parameter(
+                body,
+                kind,
+                inertial_unit(kind),
+                self.name,
+                robot.body_symbols[body],
+                nonnegative=kind in _NONNEGATIVE,
+                stated_as=kind,
+            )
+            for body in robot.bodies
+            for kind in INERTIAL_KINDS
+        )
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write 10 columns a body."""
+        model, data = robot.model, robot.model.createData()
+        regressor = pin.computeJointTorqueRegressor
+        direct = motion.X is None and np.array_equal(robot.actuated, np.arange(robot.nv))
+        # The tree's rows go to a buffer of their own only where they must be combined.
+        K = out if direct else np.empty((len(motion), robot.nv, out.shape[2]))
+        bodies = K[:, : model.nv]
+        K[:, model.nv :] = 0.0  # tendons carry none
+        for k, (q, v, a) in enumerate(zip(*tree_motion(robot, motion), strict=True)):
+            bodies[k] = regressor(model, data, q, v, a)
+        if direct:
+            return
+        out[:] = K[:, robot.actuated]
+        if motion.X is not None:
+            out -= motion.X.transpose(0, 2, 1) @ K[:, robot.dependent]
+
+
+# The inertia of rotor and drive.
+
+
+def _unseen(robot: Robot, place: str) -> str:
+    """Return why a joint cannot have an inertia of its rotor."""
+    if robot.torque.side == "link":
+        return "torque was measured behind the gears, where no inertia of rotors is seen"
+    return in_motor(robot, place)
+
+
+@declare("actuator inertia", alike=True, basic=True, refuse=_unseen, native=True, rank=4)
+class ActuatorInertia(AlongAxes):
+    """``τ = Ia q̈``: rotor and drive inertia referred to the joint.
+
+    A torque sensor behind the gear sees nothing of it. Passive joints have one where the robot
+    file states it. Where the robot's sidecar names several parts (rotor and screw), each has a
+    column; they are equal, and the grouping says so.
+    """
+
+    name = "actuator_inertia"
+    equation = "τ = Ia q̈"
+    source = "[Díaz 2010, Eq. 12]"
+    units = (("Ia", "kg·m²", "kg"),)
+    nonnegative = True
+    stated_as = ("armature",)
+
+    def axes(self, robot: Robot) -> Sequence[Axis]:
+        """Return actuated joints and coupled motors, and the passive joints with a rotor."""
+        first = robot.inertia_parts[0]
+        driven = () if robot.torque.side == "link" else robot.axes
+        loaded = [a for a in robot.passive_axes if robot.nominal.get(f"{a.name}.{first}")]
+        return [*driven, *loaded]
+
+    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
+        """Return the parts of a rotor."""
+        del axis
+        return robot.inertia_parts
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return the acceleration, once for every part."""
+        return [at.acceleration] * len(at.robot.inertia_parts)
+
+
+# A load at the end of the robot that the robot file does not have.
+#
+# Where every mass is refitted a payload is part of the last body and cannot be told apart from it;
+# it matters for the simulation with the file's own values.
+
+
+@declare(
+    "a payload (or wrong masses of the last body)",
+    last_bodies,
+    against="position",
+    fixed_only=True,
+    native=True,
+    rank=14,
+)
+class Payload(Effect):
+    """``τ = K_body [m mx my mz Ixx …]``: a load fixed to a last body of the robot.
+
+    In a refit it is the same as that body's own mass and moments, of which it is part in a file.
+    """
+
+    name = "payload"
+    equation = "τ = K_body [m mx my mz Ixx Ixy Iyy Ixz Iyz Izz]ᵀ"
+    source = "[Khalil 2007, Eq. 6]"
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return the ten inertial parameters of the payload on every last body."""
+        return tuple(
+            replace(p, kind=f"payload_{p.kind}", group=self.name, nonnegative=False)
+            for p in _on_last_bodies(robot).parameters(robot)
+        )
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write the rigid-body columns of the last bodies."""
+        _on_last_bodies(robot).fill(robot, motion, out)
+
+
+def _on_last_bodies(robot: Robot) -> Placed:
+    rigid = RigidBody()
+    return Placed([Part(rigid, body) for body in last_bodies(robot)])

@@ -1,0 +1,362 @@
+"""Errors of measured torque: an offset, a drift, a gain, a delay, a leak from another joint."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from identifiability.effects.effect import (
+    POSTURES,
+    RESTS,
+    Along,
+    AlongAxes,
+    Effect,
+    Shaped,
+    Span,
+    actuated_joints,
+    in_motor,
+)
+from identifiability.effects.friction import CoulombAsymmetry, CoulombFriction, ViscousFriction
+from identifiability.effects.inertia import ActuatorInertia
+from identifiability.effects.nominal import (
+    Torque,
+    needs_masses,
+    once,
+    reference_values,
+    rigid_torque,
+)
+from identifiability.effects.registry import declare
+from identifiability.effects.springs import JointStiffness
+from identifiability.foundation.errors import ModelError
+from identifiability.foundation.names import Array, Parameter
+from identifiability.foundation.values import frozen
+from identifiability.robot import Axis, Motion, Robot
+
+# A constant torque at every actuated joint.
+
+
+@declare(
+    "torque offset",
+    actuated_joints,
+    basic=True,
+    refuse=in_motor,
+    native=True,
+    told_by=RESTS,
+    rank=5,
+)
+class TorqueOffset(AlongAxes):
+    """A constant torque: sensor bias or current offset."""
+
+    name = "torque_offset"
+    equation = "τ = off"
+    units: tuple[tuple[str, str, str], ...] = (("off", "N·m", "N"),)
+
+    def axes(self, robot: Robot) -> Sequence[Axis]:
+        """Return those of joints, without the motors that mix them."""
+        return robot.axes[: len(robot.actuated)]
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return one everywhere."""
+        return [at.ones]
+
+
+# A torque that drifts with time: a sensor or an amplifier that warms up.
+
+
+@declare(
+    "a drift of the torque",
+    actuated_joints,
+    refuse=in_motor,
+    against="time",
+    late=True,
+    told_by="repeat the motion later",
+    rank=21,
+)
+class TorqueDrift(TorqueOffset):
+    """``τ = o + d t``: an offset that changes at a steady rate in every log.
+
+    It contains `torque_offset`.
+    """
+
+    name = "torque_drift"
+    equation = "τ = o + d t"
+    source = "a slow change to the first order in time"
+    units = (("o", "N·m", "N"), ("d", "N·m/s", "N/s"))
+    supersedes = ("torque_offset",)
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return a constant and the time of the log."""
+        return [at.ones, at.motion.t]
+
+
+# Torque that is recorded later than the motion it belongs to.
+
+
+@once
+def nominal_torque(robot: Robot, motion: Motion) -> Array:
+    """Return the torque by all values that the robot file states, (N, n)."""
+    tau = rigid_torque(robot, motion)
+    effects: list[Effect] = [ViscousFriction(), ActuatorInertia(), JointStiffness()]
+    known = reference_values(robot)
+    stated = any(k.endswith(".Fc+") for k in known)
+    effects.append(CoulombAsymmetry() if stated else CoulombFriction())
+    for effect in effects:
+        parameters = effect.parameters(robot)
+        W = np.zeros((*tau.shape, len(parameters)))
+        effect.fill(robot, motion, W)
+        tau = tau + W @ np.array([known.get(p.name, 0.0) for p in parameters])
+    return tau
+
+
+@declare(
+    "a delay of the torque",
+    actuated_joints,
+    refuse=needs_masses,
+    loaded=True,
+    native=True,
+    rank=12,
+)
+@frozen
+class TimeDelay(Effect):
+    """``τ_measured(t) = τ(t − δ) ≈ τ − δ dτ/dt``: torque and motion are not sampled together.
+
+    Linearised in the delay, which must be small beside the fastest motion. The torque that is
+    differentiated is a model's, never the measured one, whose noise would enter the column.
+    It looks like actuator inertia and viscous friction at one frequency of motion. A delay is never
+    negative: torque that comes before its motion is a `clock_error`.
+
+    Attributes
+    ----------
+    torque : callable(Robot, Motion) -> (N, n)
+        Model torque; by default that of the robot file's values.
+    """
+
+    torque: Torque = nominal_torque
+    name = "time_delay"
+    equation = "τ = −δ dτ/dt"
+    source = "[Ljung 1999, Sec. 4.2]"
+    kind = "delay"
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return that of every actuated joint."""
+        return tuple(
+            Parameter(a.name, self.kind, "s", self.name, a.symbol, nonnegative=True)
+            for a in robot.axes[: len(robot.actuated)]
+        )
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write one column a joint; differences do not reach across missing samples."""
+        if len(motion) < 3:
+            return
+        tau = self.torque(robot, motion)
+        gaps = np.flatnonzero(np.diff(motion.kept) != 1) + 1
+        for rows in np.split(np.arange(len(motion)), gaps):
+            if len(rows) > 2:
+                slope = np.gradient(tau[rows], motion.t[rows], axis=0)
+                for k in range(out.shape[1]):
+                    out[rows, k, k] = -slope[:, k]
+
+
+# Torque that is stamped before the motion it belongs to.
+
+
+@declare(
+    "an error of clocks (torque stamped before its motion)",
+    actuated_joints,
+    refuse=needs_masses,
+    loaded=True,
+    native=True,
+    rank=12.1,
+)
+class ClockError(TimeDelay):
+    """``τ_measured(t) = τ(t + ε)``: no torque follows a motion before it happens.
+
+    What `time_delay` would need a negative delay for: the motion is stamped late, or filtered.
+    """
+
+    name = "clock_error"
+    equation = "τ = ε dτ/dt"
+    kind = "lead"
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write one column a joint, that of a delay with the other sign."""
+        super().fill(robot, motion, out)
+        out *= -1.0
+
+
+# A joint whose torque is measured in wrong units: a gain that is off.
+
+
+@declare(
+    "a wrong scale of the torque",
+    actuated_joints,
+    refuse=needs_masses,
+    against="load",
+    loaded=True,
+    told_by=POSTURES,
+    rank=12.4,
+)
+class TorqueScale(Effect):
+    """``τ = s τ``: the torque of one joint is s too large, as by a wrong constant of its motor.
+
+    The torque is that of the robot file's values. One scale of all joints is a scale of all
+    masses; what is told is how the joints differ.
+    """
+
+    name = "torque_scale"
+    equation = "τ_measured = (1 + s) τ"
+    source = "[Gautier & Briot 2014]"
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return one share for every actuated joint."""
+        axes = robot.axes[: len(robot.actuated)]
+        return tuple(Parameter(a.name, "scale", "1", self.name, a.symbol) for a in axes)
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write the torque of each joint."""
+        if not out.shape[2]:
+            return
+        tau = nominal_torque(robot, motion)
+        for k in range(out.shape[1]):
+            out[:, k, k] = tau[:, k]
+
+
+# Torque of another joint that leaks into what is measured at this one.
+
+
+def other_joints(span: Span) -> tuple[float, ...]:
+    """Return the numbers of all joints but this one, from one on."""
+    joints = span.robot.joints if span.robot is not None else ()
+    return tuple(float(k) for k, name in enumerate(joints, 1) if name != span.joint)
+
+
+def is_alone(robot: Robot, _place: str) -> str:
+    """Return that there is no other joint, if so."""
+    return "" if len(robot.joints) > 1 else "there is no other joint"
+
+
+def _refuse(robot: Robot, place: str) -> str:
+    return is_alone(robot, place) or needs_masses(robot, place)
+
+
+class FromJoint(Shaped):
+    """What comes from another joint, whose number is the shape, counted from one."""
+
+    #: Units at an axis that turns from one that slides, and the other way round.
+    crossed: ClassVar[tuple[str, str]] = ("m", "1/m")
+
+    def axes(self, robot: Robot) -> list[Axis]:
+        """Return those of joints, without the motors that mix them."""
+        joints = robot.axes[: len(robot.actuated)] if len(robot.joints) > 1 else ()
+        asked = {a.name for a in super().axes(robot)}
+        return [a for a in joints if a.name in asked]
+
+    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
+        """Return one kind, which says where it comes from."""
+        return (f"{self.units[0][0]}_{robot.joints[self.origin(robot, axis)]}",)
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return one for every joint, in the unit between the two."""
+        crossed = {}
+        for axis in self.axes(robot):
+            other = robot.axes[self.origin(robot, axis)]
+            if axis.prismatic != other.prismatic:
+                crossed[axis.name] = self.crossed[axis.prismatic]
+        every = super().parameters(robot)
+        return tuple(replace(p, unit=crossed.get(p.owner, p.unit)) for p in every)
+
+    def origin(self, robot: Robot, axis: Axis) -> int:
+        """Return the index of the joint that it comes from.
+
+        Raises
+        ------
+        ModelError
+            If there is none of that number, or it is this one.
+        """
+        number = self.shape(robot, axis)
+        names = robot.joints
+        if number not in range(1, len(names) + 1) or names[int(number) - 1] == axis.name:
+            raise ModelError(
+                f"{self.name} at '{axis.name}' comes from joint {number:g}; give the number of "
+                f"another joint, from 1 to {len(names)}."
+            )
+        return int(number) - 1
+
+    def typical(self, robot: Robot, axis: Axis) -> float:
+        """Return the number of the joint before, of the second one at the first."""
+        return float(robot.joints.index(axis.name) or 2)
+
+    def fill_from(self, robot: Robot, source: Array, out: Array) -> None:
+        """Write what a source (N, n) has at the other joint."""
+        for k, axis in enumerate(self.axes(robot)):
+            out[:, robot.joints.index(axis.name), k] = source[:, self.origin(robot, axis)]
+
+
+def first_origin(effect: Effect, robot: Robot) -> int:
+    """Return the index of the joint that an effect at one joint comes from."""
+    assert isinstance(effect, FromJoint)
+    return effect.origin(robot, effect.axes(robot)[0])
+
+
+@declare(
+    "torque leaking from another joint",
+    actuated_joints,
+    shapes=other_joints,
+    origin=first_origin,
+    refuse=_refuse,
+    against="load",
+    needs="coulomb_friction",
+    loaded=True,
+    told_by="move one joint while the others stand still",
+    rank=12.2,
+)
+class TorqueLeak(FromJoint):
+    """``τ = c τ_other``: cross-talk of sensors and currents, cables that run through a joint.
+
+    The torque that leaks is that of the robot file's values, since a measured one would bring its
+    noise into the column. Its shape is the number of the joint that it comes from.
+    """
+
+    name = "torque_leak"
+    equation = "τ = c τ_other"
+    source = "drive gains [Gautier & Briot 2014] off the diagonal"
+    units = (("from", "1", "1"),)
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write one column a joint."""
+        if out.shape[2]:
+            self.fill_from(robot, nominal_torque(robot, motion), out)
+
+
+# Torque in proportion to the speed of another joint.
+
+
+@declare(
+    "drag by the speed of another joint",
+    actuated_joints,
+    shapes=other_joints,
+    origin=first_origin,
+    refuse=is_alone,
+    needs="viscous_friction",
+    told_by="move one joint while the others stand still",
+    rank=12.3,
+)
+class VelocityLeak(FromJoint):
+    """``τ = c q̇_other``: coupled drives, hoses, induced voltage.
+
+    Its shape is the number of the joint whose speed it is.
+    """
+
+    name = "velocity_leak"
+    equation = "τ = c q̇_other"
+    source = "viscous friction [Khalil 2002, Sec. 9.3.4] between joints"
+    units = (("by", "N·m·s/rad", "N·s/m"),)
+    crossed = ("N·s", "N·s/rad")
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write one column a joint."""
+        if out.shape[2]:
+            self.fill_from(robot, motion.actuated_v, out)

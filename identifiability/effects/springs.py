@@ -1,0 +1,313 @@
+"""Springs and torque over position: of joints, of constant force, against gravity, any shape."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identifiability.effects.effect import (
+    POSTURES,
+    RESTS,
+    Along,
+    AlongAxes,
+    Effect,
+    Shaped,
+    Span,
+    every_axis,
+)
+from identifiability.effects.registry import declare
+from identifiability.foundation.errors import ModelError
+from identifiability.foundation.names import Array
+from identifiability.robot import Axis, Robot
+from identifiability.robot.along import rest_along
+
+# Springs along joints.
+
+
+def _springs(robot: Robot) -> bool:
+    return any(name.endswith(".K") and value for name, value in robot.nominal.items())
+
+
+@declare(
+    "joint stiffness", against="position", stated=_springs, native=True, told_by=POSTURES, rank=10
+)
+class JointStiffness(AlongAxes):
+    """``τ = K (q − q_rest)``: a spring, a cable or a hose along the joint.
+
+    It is relaxed where the robot file says, else at home; another neutral position adds a torque
+    offset. Passive joints have one where the file states it. Over small angles it looks like
+    gravity.
+    """
+
+    name = "joint_stiffness"
+    equation = "τ = K (q − q_rest)"
+    source = "[Khalil 2002, Sec. 9.4]"
+    units = (("K", "N·m/rad", "N/m"),)
+    nonnegative = True
+    stated_as = ("stiffness",)
+
+    def axes(self, robot: Robot) -> Sequence[Axis]:
+        """Return actuated joints and coupled motors, and the passive joints with a spring."""
+        return [*robot.axes, *(a for a in robot.passive_axes if a.name in robot.rest)]
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return how far the axis is from where its spring is relaxed."""
+        return [at.position - rest_along(at.robot, at.axis)]
+
+
+# Constant-force springs.
+
+
+def _same_as_offset(robot: Robot, place: str) -> str:
+    return "there it is a torque offset" if place in robot.joints else ""
+
+
+@declare("constant force", every_axis, refuse=_same_as_offset, told_by=RESTS, rank=22, late=True)
+class ConstantForce(AlongAxes):
+    """``τ = F₀`` along a joint or a tendon: a constant-force spring, a weight on a rope.
+
+    Along an actuated joint it is a torque offset; along a motor that mixes joints (a tendon) and
+    along a passive joint it is a force of its own, which the mechanism turns into torques that
+    change with its pose.
+    """
+
+    name = "constant_force"
+    equation = "τ = F₀"
+    source = "[Herder 2001, Sec. 2.3]"
+    units = (("F0", "N·m", "N"),)
+
+    def axes(self, robot: Robot) -> Sequence[Axis]:
+        """Return actuated joints and coupled motors, then passive joints."""
+        return [*robot.axes, *robot.passive_axes]
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return one everywhere."""
+        return [at.ones]
+
+
+# Springs of either sign, relaxed nobody knows where.
+
+
+@declare(
+    "spring with an unknown rest",
+    every_axis,
+    against="position",
+    told_by=POSTURES,
+    rank=20,
+    late=True,
+)
+class FreeSpring(AlongAxes):
+    """``τ = k (q − q₀) = k q − k q₀``: one spring by two parameters, linear in both.
+
+    Its rest q₀ is the second parameter over the first. An extension spring that passes a dead
+    centre pushes on: k may be negative. It is `joint_stiffness` with `torque_offset`, as one.
+    """
+
+    name = "free_spring"
+    equation = "τ = k q − k q₀"
+    source = "[Khalil 2002, Sec. 9.4]"
+    units = (("k", "N·m/rad", "N/m"), ("kq0", "N·m", "N"))
+    supersedes = ("joint_stiffness", "torque_offset")
+
+    def axes(self, robot: Robot) -> Sequence[Axis]:
+        """Return actuated joints and coupled motors, then passive joints."""
+        return [*robot.axes, *robot.passive_axes]
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return the position as the robot file counts it, and a constant."""
+        return [at.position, -at.ones]
+
+
+# Springs and counterweights whose torque goes with the sine of an angle.
+
+
+def _hinges(robot: Robot) -> tuple[str, ...]:
+    slides = {a.name for a in (*robot.axes, *robot.passive_axes) if a.prismatic}
+    return tuple(name for name in every_axis(robot) if name not in slides)
+
+
+@declare(
+    "gravity spring or counterweight",
+    _hinges,
+    against="position",
+    told_by=POSTURES,
+    rank=21,
+    late=True,
+)
+class GravitySpring(AlongAxes):
+    """``τ = k sin(q − q₀) = ks sin q + kc cos q``: a spring that balances gravity about a joint.
+
+    Of a zero-free-length spring between a lever and the frame k is its stiffness times both arms;
+    of a counterweight it is m g r. ``k² = ks² + kc²`` and ``tan q₀ = −kc / ks``. Where the gravity
+    of what the joint carries depends on its angle alone, it looks exactly like that.
+
+    A counterweight that is fixed to a link needs no effect: it is part of that body's mass and
+    first moments. One behind a gear, a belt or a rod that turns with a joint is this, and its
+    inertia m r² is in the joint's `actuator_inertia`; a weight on a rope is a `constant_force`
+    along the tendon or axis that the rope is.
+    """
+
+    name = "gravity_spring"
+    equation = "τ = k sin(q − q₀) = ks sin q + kc cos q"
+    source = "[Herder 2001, Sec. 3.2]"
+    units = (("ks", "N·m", "N"), ("kc", "N·m", "N"))
+
+    def axes(self, robot: Robot) -> Sequence[Axis]:
+        """Return the axes that turn: of actuated joints and coupled motors, then passive joints."""
+        return [a for a in (*robot.axes, *robot.passive_axes) if not a.prismatic]
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return sine and cosine of the angle as the robot file counts it."""
+        return [np.sin(at.position), np.cos(at.position)]
+
+
+# Torque along a joint of which nothing is known but that it depends on the position.
+
+
+#: Degree of the pieces.
+DEGREE = 3
+#: Pieces that are tried over the range that was moved through.
+PIECES = (2, 3, 4, 6, 8, 12)
+#: Pieces over a joint's whole range where nothing else is said, and at most.
+TYPICAL, MOST = 8, 300
+#: Range about home of joints without limits [rad, m].
+UNLIMITED = (np.pi, 1.0)
+
+
+def _spacings(span: Span) -> tuple[float, ...]:
+    return tuple(span.position_range / k for k in PIECES)
+
+
+def reached_pieces(effect: Effect, robot: Robot, span: Span) -> tuple[str, ...]:
+    """Return the pieces that a motion gets to; of the others it says nothing."""
+    assert isinstance(effect, PositionTorque)
+    axis = next(a for a in robot.axes if a.name == span.joint)
+    ends = np.array([span.low, span.high]) - effect.home(robot, axis)
+    first, step = effect.grid(robot, axis)[0], effect.shape(robot, axis)
+    cells = np.clip(np.floor(ends / step + [1e-9, -1e-9]).astype(int) - first, 0, None)
+    return effect.kinds(robot, axis)[cells[0] : cells[1] + DEGREE + 1]
+
+
+def cubic_piece(away: Array) -> Array:
+    """Return a cubic B-spline of even knots so far from its middle, in their distance."""
+    wide, narrow = np.maximum(2 - away, 0), np.maximum(1 - away, 0)
+    piece: Array = (wide * wide * wide - 4 * narrow * narrow * narrow) / 6
+    return piece
+
+
+@declare(
+    "torque along the position",
+    shapes=_spacings,
+    reached=reached_pieces,
+    against="position",
+    told_by=POSTURES,
+    rank=23,
+    late=True,
+    flexible=True,
+)
+class PositionTorque(Shaped):
+    """``τ = Σ cₖ Bₖ(q)``: cubic B-splines on an even grid along the joint, from home on.
+
+    Cables, hoses, springs over levers, cams: what has no equation of its own here. Its shape is the
+    distance of the knots [rad or m], by default an eighth of the joint's limits (a circle or two
+    metres about home where there are none). Beyond the limits it goes on as at the end. A
+    diagnosis chooses the distance that predicts motion best that was not fitted, and holds
+    neighbours to a straight line as closely as the motion says. Springs and the gravity of a joint
+    are among its curves: what the model has already stays with the model.
+    """
+
+    name = "position_torque"
+    equation = "τ = Σ cₖ Bₖ(q)"
+    source = "[de Boor 1978; Eilers & Marx 1996]"
+    units = (("B", "N·m", "N"),)
+
+    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
+        """Return one for every spline, counted from the lower end."""
+        first, last = self.grid(robot, axis)
+        letter = self.units[0][0]
+        return tuple(f"{letter}{k + 1}" for k in range(last - first + DEGREE))
+
+    def home(self, robot: Robot, axis: Axis) -> float:
+        """Return the position of an axis at home, from which knots are counted [rad or m]."""
+        return float(robot.travel(axis, robot.home[None])[0])
+
+    def grid(self, robot: Robot, axis: Axis) -> tuple[int, int]:
+        """Return the first and the last knot of the range, in distances from home.
+
+        Raises
+        ------
+        ModelError
+            If there were too many.
+        """
+        low, high = self._range(robot, axis)
+        step = self.shape(robot, axis)
+        if (high - low) / step > MOST:
+            raise ModelError(
+                f"{self.name} at '{axis.name}' would have {(high - low) / step:.0f} pieces of "
+                f"{step:.3g}; give knots further apart, {MOST} pieces are the most."
+            )
+        return int(np.floor(low / step + 1e-9)), int(np.ceil(high / step - 1e-9))
+
+    def _range(self, robot: Robot, axis: Axis) -> tuple[float, float]:
+        """Return the range of an axis about its home [rad or m]."""
+        wide = UNLIMITED[axis.prismatic]
+        if axis.row is None:  # it has passive joints, whose limits are not known
+            return -wide, wide
+        used = axis.row != 0
+        ends = np.sort(robot.limits[used] * axis.row[used, None], axis=1).sum(0)
+        low, high = ends - self.home(robot, axis)
+        return (
+            float(low) if np.isfinite(low) else -wide,
+            float(high) if np.isfinite(high) else wide,
+        )
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return the splines."""
+        first, last = self.grid(at.robot, at.axis)
+        x = np.minimum(np.maximum(at.travel / self.shape(at.robot, at.axis), first), last)
+        middles = range(first - DEGREE // 2, last + DEGREE // 2 + 1)
+        return [cubic_piece(np.abs(x - middle)) for middle in middles]
+
+    def typical(self, robot: Robot, axis: Axis) -> float:
+        """Return an eighth of the range of an axis [rad or m]."""
+        low, high = self._range(robot, axis)
+        return (high - low) / TYPICAL
+
+
+# Dry friction that is not the same everywhere along a joint.
+
+
+#: Pieces that are tried over the range that was moved through.
+FRICTION_PIECES = (1, 2, 3, 4, 6)
+
+
+@declare(
+    "friction that depends on the position",
+    shapes=_spacings,
+    reached=reached_pieces,
+    against="position",
+    needs="coulomb_friction",
+    dry=True,
+    late=True,
+    flexible=True,
+    told_by="pass each position in both directions",
+    rank=6.5,
+)
+class PositionFriction(PositionTorque):
+    """``τ = Σ cₖ Bₖ(q) sign(q̇)``: misaligned bearings, bent screws, worn teeth.
+
+    The levels are cubic B-splines along the joint, as those of `position_torque`: what is added
+    to the Coulomb friction that is there, of either sign. Its shape is the distance of the knots
+    [rad or m].
+    """
+
+    name = "position_friction"
+    equation = "τ = Σ cₖ Bₖ(q) sign(q̇)"
+    source = "[Bittencourt 2012; de Boor 1978]"
+    units = (("P", "N·m", "N"),)
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return the splines, against the motion."""
+        way = at.sign
+        return [column * way for column in super().curves(at)]

@@ -1,0 +1,310 @@
+"""What gears, belts and screws do: play, presliding, friction that grows with load, and ripple."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from identifiability.effects.effect import POSTURES, Along, AlongAxes, Shaped, Span, put
+from identifiability.effects.nominal import needs_masses, rigid_torque
+from identifiability.effects.registry import declare
+from identifiability.foundation.linalg import without_rounding
+from identifiability.foundation.names import Array
+from identifiability.robot import Axis, Motion, Robot
+
+# What a joint remembers of its way since it turned: play and stop [Brokate & Sprekels 1996].
+#
+# Both hang on the path alone, not on time. Where samples are missing, and at the first of a
+# stretch, the joint is taken to have come a long way in the direction that it moves in.
+
+
+def split_runs(motion: Motion) -> list[np.ndarray]:
+    """Return the samples (…,) of each stretch of a motion without missing samples."""
+    gaps = np.flatnonzero(np.diff(motion.kept) != 1) + 1
+    return [rows for rows in np.split(np.arange(len(motion)), gaps) if len(rows)]
+
+
+def follow_with_play(x: Array, width: float, way: float) -> Array:
+    """Return where a slider is that x drags along in a slot from ``-width`` to ``width``, (N,).
+
+    Clips after clips are a clip, so that all of them are composed in log₂ N rounds, or in fewer:
+    once each has met both ends of the slot, where it began no longer matters.
+
+    Parameters
+    ----------
+    x : (N,) [rad or m]
+    width : float [rad or m]
+    way : float
+        Sign of the direction in which x came to its first sample.
+    """
+    low, high = x - width, x + width
+    step = 1
+    while step < len(x) and not np.array_equal(low[step:], high[step:]):
+        ends = [np.clip(end[:-step], low[step:], high[step:]) for end in (low, high)]
+        low, high = (
+            np.concatenate([end[:step], new]) for end, new in zip((low, high), ends, strict=True)
+        )
+        step *= 2
+    slider: Array = np.clip(x[0] - width * way, low, high)
+    return slider
+
+
+def stretch_of_springs(motion: Motion, position: Array, speed: Array, width: float) -> Array:
+    """Return how far a spring is stretched that slips beyond ``width``, (N,), −1 … 1.
+
+    Parameters
+    ----------
+    motion : Motion
+    position, speed : (N,)
+        Of an axis along it.
+    width : float [rad or m]
+    """
+    out = np.zeros(len(position))
+    for rows in split_runs(motion):
+        x, way = position[rows], np.sign(speed[rows])
+        first = float(way[np.argmax(way != 0)])
+        out[rows] = (x - follow_with_play(x, width, first)) / width
+    return out
+
+
+# Friction that builds up over the way after each reversal: presliding, hysteresis.
+
+
+#: Ways that are tried, as shares of the joint's range.
+SHARES = (0.003, 0.01, 0.03, 0.1)
+#: Ways of the elements over the shape.
+ELEMENTS = (1.0, 2.0, 4.0)
+
+
+def _ways(span: Span) -> tuple[float, ...]:
+    return tuple(s * span.position_range for s in SHARES)
+
+
+@declare(
+    "presliding hysteresis",
+    shapes=_ways,
+    needs="coulomb_friction",
+    dry=True,
+    remembers=True,
+    late=True,
+    told_by="reverse often, after short ways and after long ones,",
+    rank=6.3,
+)
+class Hysteresis(Shaped):
+    """``τ = Σ Hₖ zₖ``, springs that slip: generalised Maxwell slip, linear in its levels.
+
+    Each element is a spring that slips when it is stretched by rₖ: z goes with the way from −1
+    to 1 after a reversal. The three ways are the shape r [rad or m] times 1, 2 and 4. Beyond them
+    it is Coulomb friction.
+    """
+
+    name = "hysteresis"
+    equation = "τ = Σ Hₖ zₖ(q), zₖ ← clip(zₖ + Δq/rₖ, ±1)"
+    source = "[Iwan 1966; Al-Bender 2005]"
+    units = tuple((f"H{k + 1}", "N·m", "N") for k in range(len(ELEMENTS)))
+    usual = (0.01, 0.001)
+    nonnegative = True
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return how far each spring is stretched."""
+        r = self.shape(at.robot, at.axis)
+        return [stretch_of_springs(at.motion, at.travel, at.speed, r * k) for k in ELEMENTS]
+
+
+# Coulomb friction in proportion to the load of the gear.
+
+
+#: A row that is shorter than the root of this has no load of its own.
+SMALLEST = 1e-30
+
+
+def carried_load(load: Array, at: Along) -> Array:
+    """Return what an axis alone would carry of the torque of the joints (N, n), (N,)."""
+    row = at.load
+    carried: Array = (load * row).sum(1) / np.maximum((row * row).sum(-1), SMALLEST)
+    return without_rounding(carried[:, None], load)[:, 0]
+
+
+@declare(
+    "load-dependent friction",
+    needs="coulomb_friction",
+    refuse=needs_masses,
+    loaded=True,
+    dry=True,
+    rank=8,
+)
+class LoadDependentFriction(AlongAxes):
+    """``τ = Fl |τ_load| sign(q̇)``.
+
+    The load is the rigid-body torque that the robot file's masses predict, so that a column does
+    not contain measured torque. Where the load hardly changes it looks like Coulomb friction.
+    """
+
+    name = "load_dependent_friction"
+    equation = "τ = Fl |τ_load| sign(q̇)"
+    source = "[Hamon 2010, Eq. 4]"
+    units = (("Fl", "1", "1"),)
+    nonnegative = True
+
+    def __init__(self, reference: Mapping[str, float] | None = None) -> None:
+        """Know the load by standard parameters, by default by the robot's own."""
+        self.reference = reference
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write one column an axis; the torque of the whole robot is computed once."""
+        if self.reference is not None:
+            robot = replace(robot, reference=self.reference)
+        load = rigid_torque(robot, motion)
+        for k, axis in enumerate(robot.axes):
+            at = Along(robot, motion, axis)
+            put(out, k, at.load, np.abs(carried_load(load, at)) * at.sign)
+
+
+# Load that a motor does not feel while it crosses the play of its gear.
+
+
+#: Widths that are tried, as shares of the joint's range.
+PLAY_SHARES = (0.003, 0.01, 0.03)
+#: Teeth touch again within one part in so many of the play: encoders tremble where they do.
+EDGE = 10.0
+
+
+def _widths(span: Span) -> tuple[float, ...]:
+    return tuple(s * span.position_range for s in PLAY_SHARES)
+
+
+@declare(
+    "backlash of a gear",
+    shapes=_widths,
+    refuse=needs_masses,
+    loaded=True,
+    remembers=True,
+    late=True,
+    told_by="reverse under load and without,",
+    rank=6.4,
+)
+class Backlash(Shaped):
+    """``τ = −Bl τ_load min(1, 10 (1 − |z|))``: an indicator of play, not a model of it.
+
+    After each reversal the motor crosses the play of its gear, where teeth do not touch and none
+    of the load is felt; z goes from −1 to 1 meanwhile, over twice the shape w [rad or m]. The load
+    is by the masses of the robot file. A log of the motor alone does not say more.
+    """
+
+    name = "backlash"
+    equation = "τ = −Bl τ_load min(1, 10 (1 − |z(q)|)), z ← clip(z + Δq/w, ±1)"
+    source = "[Nordin & Gutman 2002]"
+    units = (("Bl", "1", "1"),)
+    usual = (0.005, 0.0005)
+    nonnegative = True
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write one column an axis; the torque of the whole robot is computed once."""
+        load = rigid_torque(robot, motion)
+        for k, axis in enumerate(self.axes(robot)):
+            at = Along(robot, motion, axis)
+            width = self.shape(robot, axis)
+            z = stretch_of_springs(motion, at.travel, at.speed, width)
+            apart = np.minimum(EDGE * (1.0 - np.abs(z)), 1.0)
+            put(out, k, at.load, -apart * carried_load(load, at))
+
+
+# Torque that repeats with the pitch of a screw, the teeth of a gear or the poles of a motor.
+
+
+#: Ripple periods that are tried, as periods in the joint's range. Below two it is a spring or
+#: gravity; neighbours are in phase to a quarter of a period over the range.
+RIPPLES = tuple(float(x) for x in np.arange(2.0, 16.01, 0.5))
+
+
+def _periods(span: Span) -> tuple[float, ...]:
+    return tuple(span.position_range / k for k in RIPPLES)
+
+
+@declare("position ripple", shapes=_periods, against="position", told_by=POSTURES, rank=11)
+class PositionRipple(Shaped):
+    """``τ = Rs sin(2π q/λ) + Rc cos(2π q/λ)``: cogging, screw pitch, gear teeth.
+
+    Its shape is the period λ [rad or m], by default a sixth of the joint's range.
+    A period as long as the range looks like a spring or like gravity.
+    """
+
+    name = "position_ripple"
+    equation = "τ = Rs sin(2π q/λ) + Rc cos(2π q/λ)"
+    source = "[Holmes 1988; Bittencourt 2012, Sec. 3]"
+    units = (("Rs", "N·m", "N"), ("Rc", "N·m", "N"))
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return sine and cosine."""
+        phase = 2 * np.pi * at.travel / self.shape(at.robot, at.axis)
+        return [np.sin(phase), np.cos(phase)]
+
+    def typical(self, robot: Robot, axis: Axis) -> float:
+        """Return a sixth of the range of an axis, or a typical period [rad or m]."""
+        at = [a.name for a in robot.axes].index(axis.name)
+        low, high = robot.limits[at] if at < len(robot.limits) else (-np.inf, np.inf)
+        if np.isfinite(high - low):
+            return float(high - low) / 6
+        return 0.03 if axis.prismatic else np.pi / 6
+
+
+# Torque that repeats with each turn of the motor.
+
+
+#: Waves in a turn of the motor that are tried: its own, those of a strain wave gear, its poles.
+WAVES = (1, 2, 4, 6)
+
+
+def gear_ratio(robot: Robot, place: str) -> float:
+    """Return the turns of a motor for one of its joint [1 or rad/m]; nan where nothing says it."""
+    gears = robot.transmission
+    if gears is not None:
+        for name, row, ratio in zip(gears.motors, gears.coupling, gears.ratio, strict=True):
+            (used,) = np.nonzero(row)
+            alone = robot.joints[used[0]] == place if len(used) == 1 else False
+            if (name == place or alone) and abs(ratio) != 1:
+                return float(abs(ratio) * (abs(row[used[0]]) if alone else 1.0))
+    if robot.torque.has_ratio(place):
+        return float(abs(robot.torque.ratio.get(place, robot.torque.ratio.get("", np.nan))))
+    return float("nan")
+
+
+def _turns(span: Span) -> tuple[float, ...]:
+    assert span.robot is not None
+    turn = 2 * np.pi / gear_ratio(span.robot, span.joint)
+    return tuple(turn / k for k in WAVES)
+
+
+def _unknown(robot: Robot, place: str) -> str:
+    if np.isfinite(gear_ratio(robot, place)):
+        return ""
+    return "the robot's sidecar states no gear ratio there ([transmission] or [torque] ratio)"
+
+
+@declare(
+    "ripple of a motor's turns",
+    shapes=_turns,
+    refuse=_unknown,
+    against="position",
+    late=True,
+    told_by="run slowly through the whole range",
+    rank=11.5,
+)
+class GearRipple(PositionRipple):
+    """``τ = Rs sin(2π q/λ) + Rc cos(2π q/λ)`` with λ a turn of the motor, or a part of it.
+
+    Its shape is λ [rad or m] at the joint; the gear ratio says it. It is far below what a
+    diagnosis of `position_ripple` tries.
+    """
+
+    name = "gear_ripple"
+    equation = "τ = Rs sin(2π q/λ) + Rc cos(2π q/λ), λ = 2π/ratio/k"
+    source = "[Holmes 1988; Tuttle & Seering 1996]"
+    units = (("Ms", "N·m", "N"), ("Mc", "N·m", "N"))
+
+    def typical(self, robot: Robot, axis: Axis) -> float:
+        """Return a turn of the motor, or of the joint where the ratio is not known."""
+        ratio = gear_ratio(robot, axis.name)
+        return float(2 * np.pi / ratio) if np.isfinite(ratio) else float(2 * np.pi)
