@@ -41,7 +41,7 @@ def convert(
     Parameters
     ----------
     table
-        TOML with the rows of the table (identifiability/robot/dh/table.py lists every key).
+        TOML with the rows of the table (identifiability/robot/dh_table.py lists every key).
     out
         MJCF to write (.xml); the sidecar of the same name (.toml) stands beside it.
     """

@@ -312,7 +312,7 @@ class PassiveJointFriction(AlongAxes):
     separate=True,
     late=True,
     told_by="repeat the motion later",
-    rank=22,
+    rank=22.5,
 )
 class FrictionDrift(AlongAxes):
     """``τ = (dv q̇ + dc sign(q̇)) t``: viscous and dry friction that change at a steady rate.

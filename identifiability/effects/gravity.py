@@ -15,7 +15,7 @@ from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array, Parameter
 from identifiability.robot import Motion, Robot
 from identifiability.robot.along import project, tree_motion
-from identifiability.robot.vectors import turn
+from identifiability.robot.kinematics import turn
 
 # Forces on the bodies of a robot, in whatever direction: what a wrong gravity is a case of.
 

@@ -73,7 +73,7 @@ class TorqueOffset(AlongAxes):
     against="time",
     late=True,
     told_by="repeat the motion later",
-    rank=21,
+    rank=21.5,
 )
 class TorqueDrift(TorqueOffset):
     """``τ = o + d t``: an offset that changes at a steady rate in every log.

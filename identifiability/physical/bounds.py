@@ -15,7 +15,7 @@ import numpy as np
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.structure import Structure
-from identifiability.robot.bound import Ellipsoid
+from identifiability.robot.description import Ellipsoid
 
 _MASS, _FIRST = INERTIAL.index("m"), [INERTIAL.index(kind) for kind in ("mx", "my", "mz")]
 

@@ -1,10 +1,7 @@
-"""Full motion of a robot from the motion of its actuated joints.
+"""Full motion of a robot from the motion of its actuated joints: loops closed by Newton steps.
 
-Open chains pass through. Closed chains: the dependent coordinates follow from the loop equations
-by Newton steps batched over samples, velocities and accelerations from their derivatives
-[Díaz 2010, Eqs. 2-7]: ``A_i q̈_i + A_e q̈_e = b``, ``X = A_e⁻¹ A_i``.
-
-Which of its assemblies a closed chain has, and how its loops are closed, is in `newton`.
+The equations of closures are errors, Jacobians and bias for batches of samples; they are solved
+for the dependent joints of each.
 """
 
 from __future__ import annotations
@@ -18,10 +15,496 @@ import scipy
 from identifiability.foundation.errors import ClosureError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.robot.dependence import invert, passes_singular
+from identifiability.robot.cables import cable_bias, cable_equation, cable_joints, cable_points
 from identifiability.robot.description import Description
-from identifiability.robot.loop_equations import loop_bias, loop_equations, loop_jacobian
-from identifiability.robot.newton import ACCEPTED, HOPELESS, close_loops, newton
+from identifiability.robot.kinematics import WORLD, Frames, Point, Tree, cross
+from identifiability.robot.parts import Coupling, Loop, LoopFrame, Term
+
+# Solve the loop equations of each sample for the dependent joints.
+#
+# There may be more equations than dependent joints: a planar loop in space has one that follows
+# from the others, and an overconstrained linkage several. No fixed choice among them holds
+# everywhere, so every sample has its own: the orthonormal directions that its dependent joints
+# span (a QR factorisation). Its triangular factor has the singular values of all the equations
+# together, so a pose is as near to singular as the mechanism is there, whatever axes the equations
+# are written in.
+
+
+#: Two samples whose equations span directions that overlap less than this (a determinant of
+#: cosines) are too far apart to say whether a singular pose lies between them.
+OVERLAP = 0.5
+
+
+def solve(A: Array, b: Array) -> Array:
+    """Solve batched systems (N, m, r), m ≥ r, by least squares; a singular one gives NaN.
+
+    Parameters
+    ----------
+    A, b : (N, m, r), (N, m)
+    """
+    if A.shape[1] > A.shape[2]:
+        Q, A = np.linalg.qr(A)
+        b = np.einsum("nmr,nm->nr", Q, b)
+    try:
+        return np.linalg.solve(A, b[..., None])[..., 0]
+    except np.linalg.LinAlgError:
+        out = np.full(b.shape, np.nan)
+        for k in range(len(A)):
+            try:
+                out[k] = np.linalg.solve(A[k], b[k])
+            except np.linalg.LinAlgError:
+                continue
+        return out
+
+
+def invert(A: Array) -> tuple[Array, Array]:
+    """Return inverses and condition numbers of batched matrices, infinite for singular ones.
+
+    Parameters
+    ----------
+    A : (N, m, r), m ≥ r
+        With more rows than columns the inverses are least-squares ones (Moore-Penrose).
+
+    Returns
+    -------
+    inverse : (N, r, m)
+    condition : (N,)
+    """
+    if A.shape[1] > A.shape[2]:
+        Q, R = np.linalg.qr(A)
+        inverse, condition = invert(R)
+        return inverse @ Q.swapaxes(1, 2), condition
+    try:
+        inverse = np.linalg.inv(A)
+    except np.linalg.LinAlgError:
+        singular = np.array([np.linalg.matrix_rank(a) < len(a) for a in A])
+        inverse = np.linalg.inv(np.where(singular[:, None, None], np.eye(A.shape[1]), A))
+    else:
+        singular = np.zeros(len(A), bool)
+    condition = np.abs(A).sum(1).max(1) * np.abs(inverse).sum(1).max(1)
+    return inverse, np.where(singular, np.inf, condition)
+
+
+def passes_singular(A: Array) -> np.ndarray:
+    """Return whether a singular matrix lies between each one and the next, (N - 1,) bool.
+
+    The determinant changes its sign there. Of matrices with more rows than columns it is taken in
+    the directions that their columns span, which must hardly turn from one to the next.
+
+    Parameters
+    ----------
+    A : (N, m, r), m ≥ r
+        Along a motion.
+    """
+    passed: np.ndarray
+    if A.shape[1] == A.shape[2]:
+        sign = np.linalg.slogdet(A)[0]
+        passed = sign[1:] != sign[:-1]
+        return passed
+    Q, R = np.linalg.qr(A)
+    overlap = np.linalg.det(Q[:-1].swapaxes(1, 2) @ Q[1:])
+    sign = np.sign(np.diagonal(R, axis1=1, axis2=2)).prod(1)
+    passed = np.sign(overlap) * sign[1:] != sign[:-1]
+    passed &= np.abs(overlap) > OVERLAP
+    return passed
+
+
+# The equations of a robot's closures: errors, Jacobians and bias, for batches of samples.
+
+
+def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:
+    """Return the errors of all loop equations and their Jacobian, samples last.
+
+    Where there are more equations than dependent joints, those of a whole point are written in the
+    axes of its first body: the plane of a planar loop stands still there while it turns in space.
+    Directions of a stated body turn with it, and the error is how far apart points are as seen from
+    there.
+
+    Parameters
+    ----------
+    robot : Robot
+    q : (N, nq)
+
+    Returns
+    -------
+    errors : (m, N) [m or rad]
+    jacobian : (m, nv, N)
+    """
+    tree, n = robot.tree, len(q)
+    frames = tree.frames(q, [*_loop_joints(robot), *cable_joints(robot)])
+    errors, J = np.empty((robot.equations, n)), np.zeros((robot.equations, robot.nv, n))
+    at = 0
+    for loop in robot.loops:
+        axes, rows = list(loop.axes), slice(at, at + len(loop.axes))
+        whole = J[rows] if len(axes) == 3 else np.zeros((3, robot.nv, n))
+        apart = tree.world_point(frames, loop.first) - tree.world_point(frames, loop.second)
+        tree.add_point_jacobian(frames, loop.first, 1.0, whole)
+        tree.add_point_jacobian(frames, loop.second, -1.0, whole)
+        if loop.frame is not None:
+            _see_from(tree, loop.frame, frames, loop, whole)
+        turn = _own_axes(robot, loop, frames)
+        if turn is not None:
+            apart = np.einsum("cxn,xn->cn", turn, apart)
+            whole[:] = np.einsum("cxn,xvn->cvn", turn, whole)
+        errors[rows] = apart[axes]
+        if len(axes) < 3:
+            J[rows] = whole[axes]
+        at = rows.stop
+    for k, coupling in enumerate(robot.couplings, at):
+        error, row = _coupling_error(coupling, q, robot)
+        errors[k], J[k] = error, row.T
+    for k, cable in enumerate(robot.cables, robot.equations - len(robot.cables)):
+        errors[k], J[k] = cable_equation(robot, cable, frames, q)
+    return errors, J
+
+
+def loop_jacobian(robot: Description, q: Array) -> Array:
+    """Return the Jacobian of the loop equations at configurations, (N, m, nv)."""
+    return np.ascontiguousarray(np.moveaxis(loop_equations(robot, q)[1], -1, 0))
+
+
+def loop_bias(robot: Description, q: Array, v: Array) -> Array:
+    """Return ``Ȧ v`` of the loop equations at configurations that close them, (N, m)."""
+    tree = robot.tree
+    points: list[Point] = [p for loop in robot.loops for p in (loop.first, loop.second)]
+    points += cable_points(robot)
+    frames = tree.frames(q, [*_loop_joints(robot), *cable_joints(robot)])
+    bias = tree.bias_accelerations(frames, v, points)
+    rows = []
+    for k, loop in enumerate(robot.loops):
+        apart, turn = bias[2 * k] - bias[2 * k + 1], _own_axes(robot, loop, frames)
+        if loop.frame is not None:
+            apart = apart - _frame_bias(tree, loop.frame, frames, loop, v)
+        if turn is not None:
+            apart = np.einsum("cxn,xn->cn", turn, apart)
+        rows.append(np.broadcast_to(apart[list(loop.axes)], (len(loop.axes), len(q))))
+    rows += [_coupling_bias(c, q, v, robot)[None] for c in robot.couplings]
+    at = 2 * len(robot.loops)
+    for cable in robot.cables:
+        ends = bias[at : at + 2 * len(cable.segments)]
+        rows.append(cable_bias(robot, cable, frames, v, ends)[None])
+        at += len(ends)
+    bias_rows: Array = np.concatenate(rows).T
+    return bias_rows
+
+
+def _loop_joints(robot: Description) -> list[int]:
+    """Return the joints that ends of loops are on, and bodies whose axes they are written in."""
+    ends = [p.joint for loop in robot.loops for p in (loop.first, loop.second)]
+    return ends + [loop.frame.joint for loop in robot.loops if loop.frame is not None]
+
+
+def _see_from(tree: Tree, frame: LoopFrame, frames: Frames, loop: Loop, whole: Array) -> None:
+    """Take off what the points would move with a body, from the Jacobian of their distance."""
+    for point, sign in ((loop.first, -1.0), (loop.second, 1.0)):
+        tree.add_jacobian_at(frames, frame.joint, tree.world_point(frames, point), sign, whole)
+
+
+def _frame_bias(tree: Tree, frame: LoopFrame, frames: Frames, loop: Loop, v: Array) -> Array:
+    """Return what a body that turns takes off the acceleration of a distance, (3, N).
+
+    Of a distance a that moves by u as seen from the body: ``α × a + ω × (ω × a) + 2 ω × u``.
+    """
+    omega, alpha, _ = tree.bias_motions(frames, v, [frame.joint])[frame.joint]
+    first, second = (tree.world_point(frames, p) for p in (loop.first, loop.second))
+    whole = np.zeros((3, tree.nv, len(v)))
+    tree.add_point_jacobian(frames, loop.first, 1.0, whole)
+    tree.add_point_jacobian(frames, loop.second, -1.0, whole)
+    _see_from(tree, frame, frames, loop, whole)
+    u, a = np.einsum("xvn,nv->xn", whole, v), first - second
+    return cross(alpha, a) + cross(omega, cross(omega, a) + 2 * u)
+
+
+def _own_axes(robot: Description, loop: Loop, frames: Frames) -> Array | None:
+    """Return the axes in which a loop is written, (3, 3, N), or None for those of the world."""
+    if loop.frame is not None:
+        return robot.tree.world_axes(frames, loop.frame.joint, loop.frame.rotation)
+    if robot.equations == len(robot.dependent) or len(loop.axes) < 3 or loop.first.joint == WORLD:
+        return None
+    return frames.axes[loop.first.joint]
+
+
+def _coupling_error(coupling: Coupling, q: Array, robot: Description) -> tuple[Array, Array]:
+    """Return the coupling error (N,) and its Jacobian (N, nv)."""
+    J = np.zeros((len(q), robot.nv))
+    J[:, robot.dof_index(coupling.joint)] = 1.0
+    error = robot.dof_position(q, coupling.joint)
+    for term in coupling.terms:
+        x, poly = _source(term, q, robot), np.polynomial.Polynomial(term.polynomial)
+        error = error - poly(x)
+        for joint, weight in term.weights.items():
+            J[:, robot.dof_index(joint)] -= weight * poly.deriv()(x)
+    return error, J
+
+
+def _coupling_bias(coupling: Coupling, q: Array, v: Array, robot: Description) -> Array:
+    """Return ``J̇ v`` of a coupling, (N,)."""
+    bias = np.zeros(len(q))
+    for term in coupling.terms:
+        poly = np.polynomial.Polynomial(term.polynomial)
+        rate = sum(w * v[:, robot.dof_index(joint)] for joint, w in term.weights.items())
+        bias -= poly.deriv(2)(_source(term, q, robot)) * rate**2
+    return bias
+
+
+def _source(term: Term, q: Array, robot: Description) -> Array:
+    parts = (w * robot.dof_position(q, joint) for joint, w in term.weights.items())
+    return sum(parts, np.zeros(len(q)))
+
+
+# Close loops by Newton steps, batched over samples.
+#
+# A closure has several assemblies. The robot's home configuration selects one; a few seed samples
+# are followed from home along a straight line of actuated coordinates, and every other sample
+# starts from the nearest seed, so the result does not depend on the order or the number of
+# samples.
+
+
+#: Newton stops below this loop error [m or rad]; it is far below any encoder and above rounding.
+TOLERANCE = 1e-12
+#: A sample whose loop error stays above this is dropped.
+ACCEPTED = 1e-9
+#: Condition number of A_e above which no digit of its inverse is left.
+HOPELESS = 1e12
+#: A dependent coordinate that ends this far from its prediction may have changed assembly [rad].
+LEAP = 0.7
+
+_MAX_STEPS = 12
+_HOMOTOPY_STEPS = 10
+
+#: Of longer motions that seem to close nowhere, only some samples are tried.
+MOST_TRIED = 2000
+
+#: Starts from which assemblies are searched, and the most steps from each.
+STARTS, FAR_STEPS = 256, 40
+#: Closed configurations in which no joint differs by more are one [rad, or sizes of the robot].
+SAME = 1e-4
+
+#: Samples a batch: its frames and Jacobians stay in the processor's cache.
+BATCH = 2048
+
+
+@frozen
+class Closed:
+    """Result of Newton steps.
+
+    Attributes
+    ----------
+    q : (N, nq)
+    error : (N,) [m or rad]
+        Largest loop error; infinite where the steps went astray.
+    A : (N, m, nv)
+        Jacobian of the loop equations at `q`.
+    """
+
+    q: Array
+    error: Array
+    A: Array
+
+
+def close_loops(robot: Description, q: Array) -> Closed:
+    """Close the loops at every sample of actuated positions (N, n)."""
+    n = len(q)
+    count = min(n, max(64, n // 32))
+    chosen = np.unique(np.linspace(0, n - 1, count).astype(int))
+    seeds = follow_from_home(robot, q[chosen], _HOMOTOPY_STEPS)
+    good = seeds.error < ACCEPTED
+    if not good.any():
+        seeds = follow_from_home(robot, q[chosen], 6 * _HOMOTOPY_STEPS)
+        good = seeds.error < ACCEPTED
+        if not good.any():
+            left = q if n <= MOST_TRIED else q[chosen]  # the rest is not worth minutes
+            tried = follow_from_home(robot, left, 2 * _HOMOTOPY_STEPS)
+            if len(left) == n:
+                return tried
+            error = np.full(n, np.inf)
+            error[chosen] = tried.error
+            rows = np.zeros(n, int)
+            return Closed(tried.q[rows], error, tried.A[rows])
+    guess = _predict(robot, q, q[chosen[good]], seeds.q[good], seeds.A[good])
+    closed = newton(robot, guess)
+    moved = np.abs(closed.q - guess).max(1)
+    doubtful = np.flatnonzero((closed.error > ACCEPTED) | (moved > LEAP))
+    if len(doubtful):
+        again = follow_from_home(robot, q[doubtful], 2 * _HOMOTOPY_STEPS)
+        q_full, error, A = closed.q.copy(), closed.error.copy(), closed.A.copy()
+        q_full[doubtful], error[doubtful], A[doubtful] = again.q, again.error, again.A
+        return Closed(q_full, error, A)
+    return closed
+
+
+def _predict(robot: Description, q: Array, at: Array, full: Array, A: Array) -> Array:
+    """Return configurations (N, nq) to first order from the nearest of some closed ones.
+
+    Parameters
+    ----------
+    robot : Description
+    q : (N, n)
+        Actuated positions that are wanted.
+    at, full, A : (S, n), (S, nq), (S, m, nv)
+        Actuated positions, configurations and Jacobians of the closed ones.
+    """
+    inverse, condition = invert(A[:, :, robot.dependent])
+    inverse[~(condition < HOPELESS)] = 0.0  # no prediction from there
+    slope = -inverse @ A[:, :, robot.actuated]
+    nearest = scipy.spatial.cKDTree(at).query(q)[1]
+    change = q - at[nearest]
+    step = np.zeros((len(q), robot.nv))
+    step[:, robot.actuated] = change
+    step[:, robot.dependent] = np.einsum("nij,nj->ni", slope[nearest], change)
+    return robot.tree.integrate(full[nearest], step)
+
+
+def follow_from_home(robot: Description, q: Array, steps: int) -> Closed:
+    """Walk from home to every sample on a straight line of actuated coordinates."""
+    here = newton(robot, np.repeat(robot.home[None], len(q), 0), most=0)
+    start = robot.actuated_positions(robot.home[None])
+    step = np.zeros((len(q), robot.nv))
+    step[:, robot.actuated] = (q - start) / steps
+    for _ in range(steps):
+        rhs = here.A[:, :, robot.actuated] @ step[:, robot.actuated, None]
+        step[:, robot.dependent] = -solve(here.A[:, :, robot.dependent], rhs[..., 0])
+        here = newton(robot, robot.tree.integrate(here.q, step), most=3)
+    return newton(robot, here.q)
+
+
+def newton(robot: Description, q: Array, most: int = _MAX_STEPS) -> Closed:
+    """Close the loops from a guess (N, nq) in at most so many steps."""
+    parts = [
+        _newton_batch(robot, q[start : start + BATCH], most) for start in range(0, len(q), BATCH)
+    ]
+    if len(parts) == 1:
+        return parts[0]
+    return Closed(
+        np.concatenate([p.q for p in parts]),
+        np.concatenate([p.error for p in parts]),
+        np.concatenate([p.A for p in parts]),
+    )
+
+
+def _newton_batch(robot: Description, q: Array, most: int) -> Closed:
+    """Close the loops of one batch; samples leave it as they converge."""
+    q = np.array(q)
+    n = len(q)
+    error = np.full(n, np.inf)
+    A = np.zeros((n, robot.equations, robot.nv))
+    left = np.arange(n)
+    for count in range(most + 1):
+        residual, jacobian = loop_equations(robot, q[left])
+        now = np.abs(residual).max(0, initial=0.0)
+        # Close to zero, an error that no longer halves has met rounding.
+        stalled = (now < ACCEPTED) & (now > 0.5 * error[left])
+        error[left] = now
+        A[left] = J = np.moveaxis(jacobian, -1, 0)
+        go_on = (now > TOLERANCE) & ~stalled & np.isfinite(now)
+        if count == most or not go_on.any():
+            break
+        left = left[go_on]
+        step = np.zeros((len(left), robot.nv))
+        step[:, robot.dependent] = -solve(J[go_on][:, :, robot.dependent], residual.T[go_on])
+        largest = np.abs(step).max(1, keepdims=True)
+        step *= np.minimum(1.0, 0.5 / np.maximum(largest, 1e-300))  # far steps are not trusted
+        q[left] = robot.tree.integrate(q[left], step)
+    error[~np.isfinite(error)] = np.inf
+    return Closed(q, error, A)
+
+
+@np.errstate(over="ignore", invalid="ignore")  # some starts lead astray
+def find_assemblies(
+    robot: Description, low: Array, high: Array, *, held: bool
+) -> tuple[Array, Array]:
+    """Return configurations that close the loops, one of each assembly, nearest to home first.
+
+    All have the same actuated positions: those of home, moved into the limits. Where the loops
+    do not close there, those of the nearest configuration at which they do.
+
+    Parameters
+    ----------
+    robot : Description
+        Its loops are open at home.
+    low, high : (nq,)
+        Position limits, infinite where there are none.
+    held : bool
+        Whether the actuated joints must stay where home has them.
+
+    Returns
+    -------
+    q : (K, nq)
+    distance : (K,)
+        Farthest way of a joint from home [rad, or sizes of the robot for slides].
+    """
+    tree, n = robot.tree, robot.nv
+    home = np.clip(robot.home, low, high)
+    points = [p.position for loop in robot.loops for p in (loop.first, loop.second)]
+    lengths = [float(np.linalg.norm(x)) for x in (*points, *(j.translation for j in tree.joints))]
+    size = max(*lengths, float(np.abs(loop_equations(robot, home[None])[0]).max()))
+    reach = np.array([size if robot.is_prismatic(k) else np.pi for k in range(n)])
+    ways = np.random.default_rng(0).uniform(-1, 1, (STARTS, n)) * reach
+    ways[0] = 0.0
+    starts = np.clip(tree.integrate(np.repeat(home[None], STARTS, 0), ways), low, high)
+
+    def close(starts: Array) -> tuple[Array, Array]:
+        closed = newton(robot, starts, FAR_STEPS)
+        inside = ((closed.q >= low - SAME) & (closed.q <= high + SAME)).all(1)
+        q = closed.q[inside & (closed.error < ACCEPTED)]
+        distance = _ways(tree, home, q, size).max(1, initial=0.0)
+        order = np.argsort(distance)
+        return q[order], distance[order]
+
+    def at(actuated: Array) -> Array:
+        moved = starts.copy()
+        moved[:, columns] = actuated[columns]
+        return moved
+
+    columns = [tree.single[name].iq for name in robot.joints]
+    q, distance = close(at(home))
+    if not len(q) and not held:
+        q, _ = close(_approach(robot, starts, low, high))
+        q, distance = close(at(q[0])) if len(q) else (q, _)
+    kept: list[int] = []
+    for k in range(len(q)):
+        turns = _ways(tree, q[k], q[kept], size, whole_turns=False)
+        if not (turns.max(1, initial=0.0) < SAME).any():
+            kept.append(k)
+    return q[kept], distance[kept]
+
+
+def _approach(robot: Description, q: Array, low: Array, high: Array) -> Array:
+    """Return configurations moved towards closed loops by shortest steps of all joints."""
+    for _ in range(FAR_STEPS):
+        residual, jacobian = map(np.nan_to_num, loop_equations(robot, q))
+        step = -np.einsum("nvm,mn->nv", np.linalg.pinv(np.moveaxis(jacobian, -1, 0)), residual)
+        step *= np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(1, keepdims=True), 1e-300))
+        q = np.clip(robot.tree.integrate(q, step), low, high)
+    return q
+
+
+def _ways(tree: Tree, start: Array, q: Array, size: float, *, whole_turns: bool = True) -> Array:
+    """Return how far joints are from where they are at a start (nq,), (N, joints)."""
+    ways = []
+    for j in tree.joints:
+        way = np.abs(q[:, j.iq : j.iq + j.nq] - start[j.iq : j.iq + j.nq])
+        if j.kind == "revolute":
+            ways.append(
+                way[:, 0] if whole_turns else np.abs((way[:, 0] + np.pi) % (2 * np.pi) - np.pi)
+            )
+            continue
+        if j.kind in ("ball", "free"):
+            last = slice(j.iq + j.nq - 4, j.iq + j.nq)
+            ways.append(2 * np.arccos(np.minimum(np.abs(q[:, last] @ start[last]), 1.0)))
+            way = way[:, :-4]
+        ways.append(way.max(1, initial=0.0) / size)
+    return np.stack(ways, 1)
+
+
+# Full motion of a robot from the motion of its actuated joints.
+#
+# Open chains pass through. Closed chains: the dependent coordinates follow from the loop equations
+# by Newton steps batched over samples, velocities and accelerations from their derivatives [Díaz
+# 2010, Eqs. 2-7]: ``A_i q̈_i + A_e q̈_e = b``, ``X = A_e⁻¹ A_i``.
+#
+# Which of its assemblies a closed chain has, and how its loops are closed, is in `newton`.
+
 
 #: Condition number of A_e above which a configuration is called near-singular; within their
 #: limits the shipped robots stay below 130.

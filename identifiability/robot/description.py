@@ -1,4 +1,9 @@
-"""`Description`: what the rest of the library needs to know of a robot file."""
+"""`Description`: what the rest of the library needs to know of a robot file.
+
+Among it what is known of the masses of bodies and where their centres are, and limits of speed.
+"""
+
+from __future__ import annotations
 
 import hashlib
 import xml.etree.ElementTree as ET
@@ -13,13 +18,53 @@ import numpy as np
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import INERTIAL, Array, Renames
 from identifiability.foundation.values import frozen
-from identifiability.robot.bound import Bound
-from identifiability.robot.kinematics import Tree
-from identifiability.robot.known_torque import KnownTorque
+from identifiability.robot.kinematics import Tree, shortest_turn
 from identifiability.robot.markup import included_files
-from identifiability.robot.measured_torque import MeasuredTorque
+from identifiability.robot.measured_torque import KnownTorque, MeasuredTorque
 from identifiability.robot.parts import Axis, Cable, Coupling, Entry, Loop, Transmission
-from identifiability.robot.vectors import shortest_turn
+
+# What is known of the mass of bodies and of where their centres are.
+
+
+@frozen
+class Ellipsoid:
+    """An ellipsoid along the axes of a body's frame.
+
+    Attributes
+    ----------
+    centre, radii : (3,) [m]
+    """
+
+    centre: tuple[float, float, float]
+    radii: tuple[float, float, float]
+
+
+@frozen
+class Bound:
+    """What is known of the mass of bodies, or of the centre of mass of one.
+
+    Attributes
+    ----------
+    bodies : tuple of str
+        Whose masses add up; one where there is anything about its centre.
+    mass : (float, float) or None [kg]
+    box : three pairs or None [m]
+        Where the centre of mass is, along the axes of the body's frame.
+    ellipsoid : Ellipsoid or None
+        The same, in the body's frame.
+    rotation, origin : (3, 3), (3,) [m]
+        The body's frame in that of its joint, which parameters are about.
+    """
+
+    bodies: tuple[str, ...]
+    mass: tuple[float, float] | None = None
+    box: tuple[tuple[float, float], ...] | None = None
+    ellipsoid: Ellipsoid | None = None
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+    origin: Array = field(default_factory=lambda: np.zeros(3))
+
+
+# `Description`: what the rest of the library needs to know of a robot file.
 
 
 def _none() -> np.ndarray:
@@ -42,7 +87,7 @@ class Tilt:
     degrees: float
 
     @staticmethod
-    def of(stated: Array, found: Array) -> "Tilt":
+    def of(stated: Array, found: Array) -> Tilt:
         """Return the tilt of a gravity (3,) against the one that a file states."""
         angle = float(np.linalg.norm(shortest_turn(stated, found)))
         return Tilt(found / np.linalg.norm(found), float(np.degrees(angle)))
@@ -411,3 +456,23 @@ class Description:
         wanted = [f"{b}.{kind}" for b in self.body_order for kind in INERTIAL]
         rank = {name: k for k, name in enumerate(wanted)}
         return sorted(range(len(names)), key=lambda k: rank.get(names[k], len(rank)))
+
+
+# Limits of speed that files of a robot state: the sidecar, else the velocities of a URDF.
+
+
+#: A speed from which on a file means that there is no limit [rad/s or m/s].
+ENDLESS = 1e6
+
+
+def stated_speeds(robot: Description) -> Array:
+    """Return limits of speed, (n,) [rad/s or m/s]; infinite where no file states one."""
+    speeds = robot.speed_limits.copy()
+    of_file = np.asarray(() if robot.mjcf else robot.model.velocityLimit, float)
+    for k, name in enumerate(robot.joints):
+        joint = robot.tree.single.get(name)
+        if joint is None or not np.isinf(speeds[k]) or joint.iv >= len(of_file):
+            continue
+        if 0 < of_file[joint.iv] < ENDLESS:  # zero where the file is silent
+            speeds[k] = of_file[joint.iv]
+    return speeds

@@ -14,10 +14,9 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError
-from identifiability.robot.bounded_xml import check_regular, check_weight
 from identifiability.robot.description import Description
 from identifiability.robot.files import plain_urdf
-from identifiability.robot.markup import read_markup
+from identifiability.robot.markup import check_regular, check_weight, read_markup
 
 #: What is no body of a robot.
 _GROUND = ("plane", "hfield")

@@ -1,24 +1,88 @@
-"""Kinematics of a tree, batched over samples: frames, point Jacobians and their bias accelerations.
+"""Kinematics of a tree, batched over samples: frames, point Jacobians, bias accelerations.
 
-Pinocchio computes one configuration a call; closing loops needs a few Newton steps for each of
-many thousand samples, so the arrays here carry all samples. They carry them in their *last* axis:
-every operation is then one pass over contiguous numbers, several times faster than products of
-3×3 matrices sample by sample. The tree itself (placements, axes) is read off the Pinocchio model,
-never from the robot file again.
+Joints are taken off a Pinocchio model once; vectors and turns of many samples have the samples
+last.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
+import pinocchio as pin
 import scipy
 
+from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.robot.vectors import basis_along, combine, cross, turned
+
+# Vectors and turns of many samples at once, samples last.
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return ``a × b`` of vectors (3, N) (numpy.cross is several times slower on batches)."""
+    out = np.empty((3, max(a.shape[1], b.shape[1])))
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+    return out
+
+
+def basis_along(axis: Array) -> Array:
+    """Return a right-handed orthonormal basis whose third column is `axis`; exact for x, y, z."""
+    axis = axis / np.linalg.norm(axis)
+    first = np.zeros(3)
+    # The coordinate after the largest is never along the axis.
+    first[(int(np.argmax(np.abs(axis))) + 1) % 3] = 1.0
+    first -= (first @ axis) * axis
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(axis, first), axis], 1)
+
+
+def shortest_turn(start: Array, end: Array) -> Array:
+    """Return the rotation vector (3,) of the shortest turn from one direction (3,) to another.
+
+    Of opposite directions, which have no shortest one, it is about a level axis.
+    """
+    start, end = start / np.linalg.norm(start), end / np.linalg.norm(end)
+    axis, cosine = np.cross(start, end), float(start @ end)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-12:
+        return np.zeros(3) if cosine > 0 else np.pi * basis_along(start)[:, 0]
+    found: Array = axis * (np.arctan2(sine, cosine) / sine)
+    return found
+
+
+def turn(vector: Array, step: Array) -> Array:
+    """Return a vector (3,) turned by a rotation vector (3,)."""
+    out: Array = scipy.spatial.transform.Rotation.from_rotvec(step).apply(vector)
+    return out
+
+
+def combine(R: Array, parts: Array) -> Array:
+    """Return the vector with some components along the axes of a frame, (3, N)."""
+    whole: Array = R[0] * parts[0] + R[1] * parts[1] + R[2] * parts[2]
+    return whole
+
+
+def turned(quat: Array, step: Array) -> Array:
+    """Return unit quaternions (x y z w) turned by rotation vectors in their own frame."""
+    rotation = scipy.spatial.transform.Rotation
+    out: Array = (rotation.from_quat(quat) * rotation.from_rotvec(step)).as_quat()
+    return out
+
+
+# Kinematics of a tree, batched over samples: frames, point Jacobians and their bias accelerations.
+#
+# Pinocchio computes one configuration a call; closing loops needs a few Newton steps for each of
+# many thousand samples, so the arrays here carry all samples. They carry them in their *last*
+# axis: every operation is then one pass over contiguous numbers, several times faster than
+# products of 3×3 matrices sample by sample. The tree itself (placements, axes) is read off the
+# Pinocchio model, never from the robot file again.
+
 
 JointType = Literal["revolute", "prismatic", "ball", "free"]
 WORLD = -1
@@ -294,3 +358,84 @@ def _move(j: Joint, q: Array, R: Array, p: Array) -> tuple[Array, Array]:
     quat = q[j.iq + j.nq - 4 : j.iq + j.nq]
     turn = scipy.spatial.transform.Rotation.from_quat(quat.T).as_matrix().T
     return np.stack([combine(R, turn[c]) for c in range(3)]), p
+
+
+# Take the joints off a Pinocchio model, for the batched kinematics.
+
+
+def read_tree(
+    path: Path, model: Any, names: Mapping[int, tuple[str, ...]]
+) -> tuple[Tree, dict[int, int]]:
+    """Return the joints of a Pinocchio model; a composite joint becomes one joint an axis.
+
+    Also return where each Pinocchio joint ends among them: loop points refer to that index.
+
+    Parameters
+    ----------
+    path : Path
+    model : pinocchio.Model
+    names : mapping
+        The file's names of the joints in each Pinocchio joint, where they are not its own.
+    """
+    joints: list[Joint] = []
+    last = {0: WORLD}
+    still = pin.neutral(model)
+    for index in range(1, model.njoints):
+        whole = model.joints[index]
+        placement = model.jointPlacements[index]
+        parts, places = [whole], [placement]
+        if whole.shortname() == "JointModelComposite":
+            inner = whole.extract()
+            parts = list(inner.joints)
+            places = [placement * inner.jointPlacements[0], *list(inner.jointPlacements)[1:]]
+        parent = last[model.parents[index]]
+        iq, iv = whole.idx_q, whole.idx_v
+        named = names.get(index, (model.names[index],))
+        for part, place, name in zip(parts, places, named, strict=True):
+            joint = _read_joint(path, part, place, name, parent, (iq, iv), still)
+            joints.append(joint)
+            parent = len(joints) - 1
+            iq, iv = iq + joint.nq, iv + joint.nv
+        last[index] = parent
+    return Tree(tuple(joints)), last
+
+
+def _read_joint(
+    path: Path, part: Any, place: Any, name: str, parent: int, at: tuple[int, int], still: Array
+) -> Joint:
+    kind = part.shortname().removeprefix("JointModel")
+    R, p = np.array(place.rotation), np.array(place.translation)
+    axis = np.zeros(3)
+    if part.nv == 1 and kind[0] in "RP":
+        type_ = "revolute" if kind[0] == "R" else "prismatic"
+        data = part.createData()
+        part.calc(data, still)
+        axis = np.array(data.S).ravel()[3:] if kind[0] == "R" else np.array(data.S).ravel()[:3]
+    elif kind == "Spherical":
+        type_ = "ball"
+    elif kind == "FreeFlyer":
+        type_ = "free"
+    else:
+        raise RobotError(
+            f"{path}: joint '{name}' is of a type ({kind}) that is not supported; use revolute, "
+            "continuous, prismatic or fixed joints."
+        )
+    if part.nv == 1 and not abs(np.linalg.norm(axis) - 1) < 1e-6:
+        raise RobotError(f"{path}: joint '{name}' has no axis; give one that is not all zero.")
+    dofs = {
+        "ball": tuple(f"{name}.{k}" for k in ("rx", "ry", "rz")),
+        "free": tuple(f"{name}.{k}" for k in ("tx", "ty", "tz", "rx", "ry", "rz")),
+    }.get(type_, (name,))
+    return Joint(dofs, type_, parent, R, p, axis, *at)  # type: ignore[arg-type]
+
+
+def body_names(model: Any) -> tuple[str, ...]:
+    """Return the body behind each joint of a Pinocchio model."""
+    names = []
+    for index in range(1, model.njoints):
+        frames = [
+            f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == index
+        ]
+        direct = [f for f in frames if model.frames[f.parentFrame].type == pin.FrameType.JOINT]
+        names.append((direct or frames)[0].name if frames else model.names[index])
+    return tuple(names)

@@ -16,10 +16,9 @@ import pinocchio as pin
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected
-from identifiability.robot.coupled import couple, hold_still, lead_by_another
 from identifiability.robot.description import Description
-from identifiability.robot.joints import body_names
-from identifiability.robot.parts import Coupling, Term
+from identifiability.robot.kinematics import body_names
+from identifiability.robot.parts import Coupling, Term, couple, hold_still, lead_by_another
 
 #: Joints by name; a number is where one is held, none is its home position.
 Locks = Mapping[str, float | None]

@@ -13,11 +13,18 @@ from identifiability.foundation.options import Expected, FilePath, Positive, che
 from identifiability.foundation.output import check_ending
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
-from identifiability.robot.changed import loaded_body, new_place, other_body, write, write_copy
+from identifiability.robot.changed import (
+    Moments,
+    Point,
+    loaded_body,
+    new_place,
+    other_body,
+    write,
+    write_copy,
+)
 from identifiability.robot.description import Description
 from identifiability.robot.files import read_robot
 from identifiability.robot.locking import LockOption, read_locks
-from identifiability.robot.weights import Moments, Point
 
 RobotSource = Annotated[str | Path, Expected("the path of a robot file or a shipped robot's name")]
 DhSource = Annotated[
@@ -96,7 +103,7 @@ class Robot(Description):
         Parameters
         ----------
         table : str, Path or mapping
-            A TOML file as `identifiability.robot.dh.table` describes it, or its content.
+            A TOML file as `identifiability.robot.dh_table` describes it, or its content.
         out : str or Path, optional
             The MJCF to write (``.xml``); its sidecar stands beside it. Without it both are gone
             when the program ends, unless the robot is saved.
@@ -137,7 +144,7 @@ class Robot(Description):
             the robot is saved.
         **more
             ``closures``, ``springs``, ``home``, ``gravity`` and ``sidecar`` (its ``nominal`` has
-            friction and rotors), as in a table of `identifiability.robot.dh.table`.
+            friction and rotors), as in a table of `identifiability.robot.dh_table`.
 
         Raises
         ------

@@ -16,8 +16,7 @@ from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.physical.feasibility import is_another
 from identifiability.regression.reduction import LadderSource, ladder_path
 from identifiability.robot import Robot
-from identifiability.robot.locate import shipped_folder
-from identifiability.robot.shared_sidecar import find_sidecar
+from identifiability.robot.locate import find_sidecar, shipped_folder
 
 #: What of a preparation an option says; others are only said from Python.
 OPTIONS = ("derivatives", "cutoff", "period", "harmonics", "decimate")

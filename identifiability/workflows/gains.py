@@ -32,7 +32,7 @@ from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.weights import Point, ten_parameters
+from identifiability.robot.changed import Point, ten_parameters
 from identifiability.workflows.opening import Logs, in_memory, read_recordings
 
 # `Gain` and `Gains`: what `identify_gains` returns.

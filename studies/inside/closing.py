@@ -11,7 +11,7 @@ import numpy as np
 from identifiability.foundation.engines.local import Processes
 from identifiability.regression.regression import Model
 from identifiability.robot import Motion, Robot, complete_motion
-from identifiability.robot.newton import newton
+from identifiability.robot.closure import newton
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from inside.pair import Array, Pair, difference, timed
 

@@ -170,7 +170,7 @@ def test_a_motion_through_a_singular_configuration_is_flagged_where_it_passes():
 
 
 def test_exactly_singular_samples_are_dropped(monkeypatch):
-    from identifiability.robot import newton
+    from identifiability.robot import closure as newton
 
     robot = Robot.load("five-bar")
     t, q = stretched(0.3)

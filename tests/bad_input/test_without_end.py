@@ -19,8 +19,8 @@ from identifiability.logs import header, sizes
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.tables import LONGEST_CELL
 from identifiability.regression.reduction import read_ladder
-from identifiability.robot import bounded_xml as xml
-from identifiability.robot import magnitudes
+from identifiability.robot import markup as magnitudes
+from identifiability.robot import markup as xml
 from identifiability.robot.dh import convert_dh
 from identifiability.robot.geometry import read_geometry
 from identifiability.workflows.predict import read_fit

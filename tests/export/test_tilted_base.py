@@ -17,7 +17,7 @@ from identifiability.regression.structure import Structure
 from identifiability.report.sections.missing import answer_missing
 from identifiability.robot import complete_motion
 from identifiability.robot.description import Tilt
-from identifiability.robot.vectors import turn
+from identifiability.robot.kinematics import turn
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.simulation.mujoco_robot import MujocoRobot
 from identifiability.workflows.analyze.next_steps import next_commands

@@ -10,7 +10,7 @@ from identifiability import Robot, analyze, inspect
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.foundation.options import OptionError
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.robot.known_torque import KnownTorque
+from identifiability.robot.measured_torque import KnownTorque
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.gains import identify_gains
 

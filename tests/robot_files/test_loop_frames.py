@@ -9,7 +9,7 @@ from made_loops import BAR, turntable
 from identifiability.foundation.errors import RobotError
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
-from identifiability.robot.loop_equations import loop_bias, loop_equations
+from identifiability.robot.closure import loop_bias, loop_equations
 from identifiability.simulation.forward import ForwardRobot
 
 #: A crank whose pin slides in the slot of a lever, on a turntable; with a light block in the slot

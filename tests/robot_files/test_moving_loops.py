@@ -11,8 +11,7 @@ from made_loops import bennett, turntable, two_rockers
 
 from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.robot import complete_motion
-from identifiability.robot.closure import loop_error
-from identifiability.robot.dependence import invert, passes_singular, solve
+from identifiability.robot.closure import invert, loop_error, passes_singular, solve
 
 EVERY_WAY = np.array([np.pi, 0.5])
 

@@ -12,8 +12,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.description import Tilt
-from identifiability.robot.kinematics import WORLD, Point
-from identifiability.robot.vectors import shortest_turn
+from identifiability.robot.kinematics import WORLD, Point, shortest_turn
 
 #: Size of the drawing and the margin around it [px].
 WIDTH, HEIGHT, MARGIN = 400, 380, 46

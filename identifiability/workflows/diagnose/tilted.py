@@ -21,7 +21,7 @@ from identifiability.logs.prepare import Samples
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.robot.vectors import shortest_turn
+from identifiability.robot.kinematics import shortest_turn
 from identifiability.workflows.diagnose.findings import NamedEffect, Placement
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.result import Diagnosis

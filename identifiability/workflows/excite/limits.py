@@ -25,13 +25,11 @@ from identifiability.regression.reduction import USUAL_EFFECTS
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
-from identifiability.robot.dependence import invert, passes_singular
+from identifiability.robot.closure import LEAP, invert, loop_jacobian, passes_singular
+from identifiability.robot.description import stated_speeds
 from identifiability.robot.geometry import body_of, read_geometry
 from identifiability.robot.kinematics import Point
-from identifiability.robot.loop_equations import loop_jacobian
-from identifiability.robot.newton import LEAP
 from identifiability.robot.sidecar import LimitEntry, Span
-from identifiability.robot.speeds import stated_speeds
 
 # `Limits`: how far, how fast and how hard the joints may move, and where bodies may be.
 #

@@ -36,7 +36,7 @@ from identifiability.physical.feasibility import ANOTHER, is_another
 from identifiability.physical.mass import state_mass
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.twin import write_twin
+from identifiability.robot.other_format import write_twin
 from identifiability.robot.write import write_robot
 from identifiability.workflows.export.code import write_code
 from identifiability.workflows.predict.fit import Entry, MissingEntry, RobotEntry, state_missing

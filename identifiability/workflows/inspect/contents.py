@@ -28,9 +28,9 @@ from identifiability.logs.spectrum import Spectrum
 from identifiability.logs.stale import StaleRule
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.robot import Robot
+from identifiability.robot.description import stated_speeds
 from identifiability.robot.parts import Coupling
 from identifiability.robot.sidecar import read_sidecar
-from identifiability.robot.speeds import stated_speeds
 from identifiability.workflows.oddities.evidence import Evidence
 from identifiability.workflows.oddities.positions import find_stretches
 from identifiability.workflows.oddities.torque import flat_share, measure_factors

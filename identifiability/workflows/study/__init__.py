@@ -19,8 +19,7 @@ from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs.there import check_there
 from identifiability.robot import Robot
-from identifiability.robot.locate import locate_robot, shipped_robots
-from identifiability.robot.shared_sidecar import find_sidecar
+from identifiability.robot.locate import find_sidecar, locate_robot, shipped_robots
 from identifiability.workflows.inspect.contents import template_frame
 
 # `new_study`: copy or write what a study begins with.

@@ -11,7 +11,7 @@ from identifiability.effects.springs import ConstantForce, FreeSpring, GravitySp
 from identifiability.foundation.errors import ModelError
 from identifiability.regression.regression import Model
 from identifiability.robot.along import known_torque
-from identifiability.robot.known_torque import KnownTorque
+from identifiability.robot.measured_torque import KnownTorque
 from identifiability.workflows.diagnose.rows import list_candidates
 
 T = np.linspace(0, 2.5, 80)

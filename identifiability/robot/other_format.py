@@ -1,0 +1,382 @@
+"""The same robot in the other format: an MJCF of a URDF, a URDF of an MJCF, and its sidecar."""
+
+from __future__ import annotations
+
+import tomllib
+import xml.etree.ElementTree as ET
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from identifiability.foundation.documents import toml_text
+from identifiability.foundation.errors import RobotError, listing
+from identifiability.foundation.names import Array
+from identifiability.foundation.output import write_text
+from identifiability.robot.description import Bound, Description
+from identifiability.robot.files import PLACEHOLDER
+from identifiability.robot.kinematics import WORLD, Joint, Point
+from identifiability.robot.markup import numbers
+from identifiability.robot.parts import Coupling
+
+# What both formats of a robot are written from.
+
+
+#: Positions beyond which a limit is none [rad or m].
+ENDLESS = 1e8
+
+
+def body_joints(robot: Description) -> Iterator[tuple[str, list[Joint]]]:
+    """Yield every body and the joints that move it on the body before, in their order."""
+    joints = {j.iv: j for j in robot.tree.joints}
+    for k, body in enumerate(robot.bodies):
+        whole = robot.model.joints[k + 1]
+        yield body, [joints[iv] for iv in range(whole.idx_v, whole.idx_v + whole.nv)]
+
+
+def body_of(robot: Description, joint: int, ground: str) -> str:
+    """Return the body behind a joint of the tree; `ground` is what stands still."""
+    if joint == WORLD:
+        return ground
+    last = robot.tree.joints[joint]
+    return next(body for body, joints in body_joints(robot) if joints[-1] is last)
+
+
+def ends_of(robot: Description, ground: str) -> list[list[tuple[str, Array]]]:
+    """Return of every loop its two bodies and the points in the frames of their joints."""
+    points: list[tuple[Point, Point]] = [(loop.first, loop.second) for loop in robot.loops]
+    return [[(body_of(robot, p.joint, ground), p.position) for p in pair] for pair in points]
+
+
+def range_of(robot: Description, joint: Joint) -> tuple[float, float] | None:
+    """Return the position limits of a joint, if it has any."""
+    low = float(robot.model.lowerPositionLimit[joint.iq])
+    high = float(robot.model.upperPositionLimit[joint.iq])
+    return (low, high) if -ENDLESS < low < high < ENDLESS else None
+
+
+def placement(joint: Joint) -> pin.SE3:
+    """Return the place of a joint on the one before it."""
+    return pin.SE3(np.array(joint.rotation), np.array(joint.translation))
+
+
+def stated_in_file(coupling: Coupling, most: int) -> bool:
+    """Whether a format whose polynomials have so many coefficients holds a coupling."""
+    return not coupling.more and len(coupling.polynomial) <= most
+
+
+# A robot as MJCF, from what is known of it.
+
+
+#: Coefficients of a coupling that an MJCF holds.
+MOST_MJCF = 5
+
+#: What stands still.
+GROUND = "world"
+
+
+def twin_mjcf(robot: Description) -> ET.Element:
+    """Return the file, with placeholders for inertias; loops are connections of sites."""
+    top = ET.Element("mujoco", model=robot.title)
+    ET.SubElement(top, "compiler", angle="radian")
+    ET.SubElement(top, "option", gravity=numbers(np.array(robot.model.gravity.linear)))
+    bodies = {GROUND: ET.SubElement(top, "worldbody")}
+    for name, joints in body_joints(robot):
+        above = body_of(robot, joints[0].parent, GROUND)
+        seen = [pin.SE3.Identity()]  # of the joints in the last one, where all of them are at zero
+        for joint in joints[:0:-1]:
+            seen.insert(0, placement(joint).inverse() * seen[0])
+        own = placement(joints[0]) * seen[0].inverse()
+        q = pin.Quaternion(own.rotation)
+        body = bodies[name] = ET.SubElement(
+            bodies[above], "body", name=name, pos=numbers(own.translation),
+            quat=numbers(np.array([q.w, q.x, q.y, q.z])),
+        )  # fmt: skip
+        for joint, place in zip(joints, seen, strict=True):
+            kind = {"revolute": "hinge", "prismatic": "slide"}[joint.kind]
+            made = ET.SubElement(
+                body, "joint", name=joint.dofs[0], type=kind,
+                axis=numbers(place.rotation @ joint.axis), pos=numbers(place.translation),
+            )  # fmt: skip
+            span = range_of(robot, joint)
+            if span is not None:
+                made.set("range", numbers(np.array(span)))
+        ET.SubElement(body, "inertial", mass="1", pos="0 0 0", diaginertia="1 1 1")
+    _add_closures(top, bodies, robot)
+    motors = ET.SubElement(top, "actuator")
+    for name in robot.joints:
+        ET.SubElement(motors, "motor", name=name, joint=name)
+    if robot.home.any():
+        ET.SubElement(ET.SubElement(top, "keyframe"), "key", name="home", qpos=numbers(robot.home))
+    return top
+
+
+def _add_closures(top: ET.Element, bodies: dict[str, ET.Element], robot: Description) -> None:
+    equality = ET.SubElement(top, "equality")
+    for loop, pair in zip(robot.loops, ends_of(robot, GROUND), strict=True):
+        sites = {f"site{k}": f"{loop.name} {k}" for k in (1, 2)}
+        for name, (body, point) in zip(sites.values(), pair, strict=True):
+            ET.SubElement(bodies[body], "site", name=name, pos=numbers(point))
+        ET.SubElement(equality, "connect", sites, name=loop.name)
+    for c in robot.couplings:
+        if not stated_in_file(c, MOST_MJCF):
+            continue
+        both = {"joint1": c.joint} | ({} if c.of is None else {"joint2": c.of})
+        padded = np.zeros(MOST_MJCF)
+        padded[: len(c.polynomial)] = c.polynomial
+        ET.SubElement(equality, "joint", both, polycoef=numbers(padded))
+
+
+# A robot as URDF, from what is known of it.
+
+
+#: Limits of a slide that has none [m].
+FAR = 1e9
+
+#: Coefficients of a coupling that a mimic joint holds.
+MOST_URDF = 2
+
+
+def ground_of(robot: Description) -> str:
+    """Return the name of the link that stands still."""
+    return next(n for n in ("base", "base_link", "the_base") if n not in robot.bodies)
+
+
+def links_between(robot: Description) -> dict[str, str]:
+    """Return the links without mass between the axes of one joint, by the axis before them."""
+    taken = {*robot.bodies, ground_of(robot)}
+    out = {}
+    for body, joints in body_joints(robot):
+        for joint in joints[:-1]:
+            name = f"{body}_behind_{joint.dofs[0]}"
+            while name in taken:
+                name += "_"
+            out[joint.dofs[0]] = name
+            taken.add(name)
+    return out
+
+
+def twin_urdf(robot: Description) -> ET.Element:
+    """Return the file, with placeholders for inertias; loops stand in the sidecar."""
+    top = ET.Element("robot", name=robot.title)
+    ground, between = ground_of(robot), links_between(robot)
+    ET.SubElement(top, "link", name=ground)
+    for name in (*robot.bodies, *between.values()):
+        size = "1" if name in robot.bodies else f"{PLACEHOLDER:g}"
+        inertial = ET.SubElement(ET.SubElement(top, "link", name=name), "inertial")
+        ET.SubElement(inertial, "mass", value=size)
+        ET.SubElement(inertial, "inertia", ixx=size, ixy="0", ixz="0", iyy=size, iyz="0", izz=size)
+    coupled = {c.joint: c for c in robot.couplings if stated_in_file(c, MOST_URDF)}
+    for body, joints in body_joints(robot):
+        above = body_of(robot, joints[0].parent, ground)
+        for joint in joints:
+            name, span = joint.dofs[0], range_of(robot, joint)
+            turning = "revolute" if span else "continuous"
+            kind = "prismatic" if joint.kind == "prismatic" else turning
+            own = ET.SubElement(top, "joint", name=name, type=kind)
+            ET.SubElement(own, "parent", link=above)
+            above = between.get(name, body)
+            ET.SubElement(own, "child", link=above)
+            rpy = np.array(pin.rpy.matrixToRpy(joint.rotation))
+            ET.SubElement(own, "origin", xyz=numbers(joint.translation), rpy=numbers(rpy))
+            ET.SubElement(own, "axis", xyz=numbers(joint.axis))
+            if span is None and joint.kind == "prismatic":
+                span = (-FAR, FAR)  # of a URDF that has none no reader makes a robot
+            if span:
+                limit = {"lower": f"{span[0]:.17g}", "upper": f"{span[1]:.17g}"}
+                ET.SubElement(own, "limit", limit, effort="0", velocity="0")
+            follows = coupled.get(name)
+            if follows is not None and follows.of is not None:
+                offset, slope = (f"{x:.17g}" for x in (*follows.polynomial, 0.0)[:2])
+                ET.SubElement(own, "mimic", joint=follows.of, multiplier=slope, offset=offset)
+    return top
+
+
+# The sidecar of a robot that is written in the other format.
+#
+# What is locked is one body with its host there. An MJCF states home, motors and loops itself; a
+# URDF does not.
+
+
+#: Keys that are written anew.
+_ANEW = ("locked", "massless", "loops", "couplings", "axes", "actuated", "home", "rest")
+
+
+def twin_sidecar(robot: Description, path: Path) -> dict[str, Any]:
+    """Return what stands in the sidecar of a robot that is written to another path.
+
+    Raises
+    ------
+    RobotError
+        If it cannot say a coupling or a bound.
+    """
+    text = robot.sidecar.read_text(encoding="utf-8-sig") if robot.sidecar is not None else ""
+    given = {k: v for k, v in tomllib.loads(text).items() if k not in _ANEW}
+    given = _without(given, {*robot.locked, *robot.welded})
+    new: dict[str, Any] = {}
+    mjcf = path.suffix == ".xml"
+    if not mjcf:
+        new["actuated"] = list(robot.joints)
+        new["massless"] = list(links_between(robot).values())
+        if robot.home.any():
+            places = {name: j.iq for name, j in robot.tree.single.items()}
+            new["home"] = {name: float(robot.home[at]) for name, at in places.items()}
+    whole = all(len(loop.axes) == 3 for loop in robot.loops)
+    ground = GROUND if mjcf else ground_of(robot)
+    new["loops"] = [] if mjcf and whole else _loops(robot, ground)
+    most = MOST_MJCF if mjcf else MOST_URDF
+    left = [c for c in robot.couplings if not stated_in_file(c, most)]
+    new["couplings"] = [_coupling(robot, c) for c in left]
+    new["axes"] = [_axis(robot, name) for name in robot.combinations]
+    if "bounds" in given:
+        given["bounds"] = {**given["bounds"], "bodies": _bounds(robot)}
+    return {**{k: v for k, v in new.items() if v}, **given}
+
+
+def _without(given: dict[str, Any], gone: Collection[str]) -> dict[str, Any]:
+    """Return a sidecar without what is said of joints and bodies that are gone."""
+    kept = _pruned(given, gone)
+    kept["symmetry"] = [
+        {**entry, "tie": {k: v for k, v in entry["tie"].items() if not _any_of(v, gone)}}
+        for entry in given.get("symmetry", [])
+    ]
+    kept["known_torque"] = [
+        entry for entry in given.get("known_torque", []) if entry["along"] not in gone
+    ]
+    kept["effects"] = [
+        text for text in given.get("effects", []) if text.partition("@")[2] not in gone
+    ]
+    return {key: value for key, value in kept.items() if value or key in given}
+
+
+def _any_of(names: list[str], gone: Collection[str]) -> bool:
+    return any(name.rpartition(".")[0] in gone for name in names)
+
+
+def _pruned(value: Any, gone: Collection[str]) -> Any:
+    if isinstance(value, dict):
+        left = {k: v for k, v in value.items() if k not in gone}
+        return {k: _pruned(v, gone) for k, v in left.items() if k.rpartition(".")[0] not in gone}
+    if isinstance(value, list):
+        return [_pruned(v, gone) for v in value if not (isinstance(v, str) and v in gone)]
+    return value
+
+
+def _loops(robot: Description, ground: str) -> list[dict[str, Any]]:
+    out = []
+    for loop, ends in zip(robot.loops, ends_of(robot, ground), strict=True):
+        entry: dict[str, Any] = {"name": loop.name}
+        for k, (body, point) in enumerate(ends, 1):
+            entry |= {f"body{k}": body, f"point{k}": point.tolist()}
+        if len(loop.axes) < 3:
+            entry["axes"] = ["xyz"[axis] for axis in loop.axes]
+        if loop.frame is not None:
+            if not np.allclose(loop.frame.rotation, np.eye(3), atol=1e-9):
+                raise RobotError(
+                    f"The frame of '{loop.frame.body}' in {robot.path} is turned against "
+                    f"its joint, so the axes of the loop '{loop.name}' cannot be said in the other "
+                    "format: export it in its own, or as JSON."
+                )
+            entry |= {} if loop.frame.joint == WORLD else {"frame": loop.frame.body}
+        out.append(entry)
+    return out
+
+
+def _coupling(robot: Description, coupling: Coupling) -> dict[str, Any]:
+    """Return a coupling as the sidecar says it: a polynomial of each joint.
+
+    Raises
+    ------
+    RobotError
+        If it has one of a sum of joints.
+    """
+    entry: dict[str, Any] = {"joint": coupling.joint, "polynomial": list(coupling.polynomial)}
+    terms: dict[str, Any] = {}
+    for term in coupling.more:
+        poly = np.polynomial.Polynomial(term.polynomial).trim()
+        if (len(term.weights) > 1 and poly.degree() > 1) or terms.keys() & term.weights.keys():
+            raise RobotError(
+                f"A sidecar cannot hold how '{coupling.joint}' of {robot.path} is coupled to "
+                "several joints: export it in its own format, or as JSON."
+            )
+        for k, (joint, weight) in enumerate(term.weights.items()):
+            own = poly(np.polynomial.Polynomial([0.0, weight])) - (poly(0.0) if k else 0.0)
+            terms[joint] = own.coef.tolist()
+    if coupling.of is not None:
+        entry["of"] = coupling.of
+    return {**entry, "terms": terms} if terms else entry
+
+
+def _axis(robot: Description, name: str) -> dict[str, Any]:
+    rest = {"rest": robot.rest[name]} if name in robot.rest else {}
+    return {"name": name, "joints": dict(robot.combinations[name]), **rest}
+
+
+def _bounds(robot: Description) -> dict[str, Any]:
+    """Return what is known of bodies in the frames of their joints, which are the new file's."""
+    out: dict[str, Any] = {}
+    for bound in (b for b in robot.bounds if len(b.bodies) == 1):
+        entry: dict[str, Any] = {} if bound.mass is None else {"mass": list(bound.mass)}
+        _check_turn(robot, bound)
+        if bound.box is not None:
+            spans = zip(bound.box, bound.origin.tolist(), strict=True)
+            entry["box"] = [[low + at, high + at] for (low, high), at in spans]
+        if bound.ellipsoid is not None:
+            centre = (np.array(bound.ellipsoid.centre) + bound.origin).tolist()
+            entry["ellipsoid"] = {"centre": centre, "radii": list(bound.ellipsoid.radii)}
+        out[bound.bodies[0]] = entry
+    return out
+
+
+def _check_turn(robot: Description, bound: Bound) -> None:
+    turned = not np.allclose(bound.rotation, np.eye(3), atol=1e-9)
+    if turned and (bound.box is not None or bound.ellipsoid is not None):
+        raise RobotError(
+            f"The frame of '{bound.bodies[0]}' in {robot.path} is turned against its joint, so "
+            "what [bounds] says of its centre cannot be said in the other format: take it out."
+        )
+
+
+# The same robot in the other format: an MJCF of a URDF, a URDF of an MJCF.
+#
+# It is written from what is known of the robot (joints, their places, loops, couplings), not from
+# the text of its file: no geometry, so a simulator shows nothing and nothing collides.
+
+
+def write_twin(robot: Description, path: Path) -> None:
+    """Write a robot in another format, with placeholders for its inertias, and its sidecar.
+
+    Parameters
+    ----------
+    robot : Description
+    path : Path
+        ``.xml`` for MJCF, ``.urdf`` for URDF.
+
+    Raises
+    ------
+    RobotError
+        If the format cannot hold it, or nothing here can write it.
+    """
+    _check(robot, path)
+    top = twin_mjcf(robot) if path.suffix == ".xml" else twin_urdf(robot)
+    ET.indent(top)
+    write_text(path, ET.tostring(top, encoding="unicode") + "\n")
+    write_text(path.with_suffix(".toml"), toml_text(twin_sidecar(robot, path)))
+
+
+def _check(robot: Description, path: Path) -> None:
+    word = "MJCF" if path.suffix == ".xml" else "URDF"
+    own = "MJCF" if robot.mjcf else "URDF"
+    if robot.cables:
+        raise RobotError(
+            f"{robot.path} has tendons between bodies ({listing([t.name for t in robot.cables])}), "
+            f"which cannot be written as {word}: export it as {own}, or as JSON."
+        )
+    odd = [j.dofs[0].rpartition(".")[0] for j in robot.tree.joints if j.nv > 1]
+    if odd:
+        raise RobotError(
+            f"{robot.path} has joints that turn every way ({listing(odd, 4)}), which cannot be "
+            f"written as {word}: export it as {own}, or as JSON."
+        )
