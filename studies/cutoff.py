@@ -30,10 +30,9 @@ from identifiability.foundation.engines.mapping import Serial
 from identifiability.foundation.output import write_json
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, Samples, prepare_samples
-from identifiability.logs.prepare.instruments import attach_record
+from identifiability.logs.prepare.instruments import SecondRecord, attach_record
 from identifiability.logs.prepare.plan import joint_log
 from identifiability.logs.prepare.preparation import make_plan, settle_cutoff
-from identifiability.logs.prepare.second_record import SecondRecord
 from identifiability.logs.spectrum import LEAST_CUTOFF, NARROW, NOISE_SHARE, WIDE, Spectrum
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import choose_model

@@ -7,7 +7,7 @@ import pytest
 
 from identifiability import analyze
 from identifiability.foundation.numbers import Share
-from identifiability.logs.prepare.white_noise import noise_size
+from identifiability.logs.prepare.plan import noise_size
 from identifiability.physical.pseudo_inertia import margin, natural_scale
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.robot import Robot

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from identifiability.cli import app
 from identifiability.foundation.errors import LogError
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.header import check_header
+from identifiability.logs.source import check_header
 from identifiability.robot import Robot
 from identifiability.robot.locate import shipped_folder
 

@@ -143,14 +143,14 @@ def _several(value: Any) -> list[str]:
 
 def _look_at_logs(logs: list[str], machine: Any, recorded: Any, *, motion_alone: bool) -> None:
     """Refuse logs that are not there, and tables whose columns are none of the robot's."""
-    from identifiability.logs.there import check_there  # noqa: PLC0415
+    from identifiability.logs.bags import check_there  # noqa: PLC0415
 
     for path in logs:
         check_there(Path(path))
     tables = [Path(name) for name in logs if name.lower().endswith(".csv")]
     if tables and machine is not None and recorded is not None:
         from identifiability.logs.conventions import Conventions  # noqa: PLC0415
-        from identifiability.logs.header import check_header  # noqa: PLC0415
+        from identifiability.logs.source import check_header  # noqa: PLC0415
 
         known = replace(Conventions.of(machine.load(recorded)), motion_alone=motion_alone)
         for table in tables:

@@ -29,7 +29,7 @@ from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.linalg import few_at_once
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare.survey import find_signal
+from identifiability.logs.prepare.samples import find_signal
 from identifiability.logs.signals import is_constant
 from identifiability.regression.regression import LogPart, Regression, map_parts
 

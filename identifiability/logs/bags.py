@@ -23,7 +23,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
-from identifiability.logs.sizes import MOST_DESCRIBED, check_values
+from identifiability.logs.form import MOST_DESCRIBED, check_values
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -331,3 +331,25 @@ def _pick(values: Any, names: Sequence[str], order: Sequence[int]) -> Array | No
     """Values of some joints, or None where the message leaves the field empty."""
     array = np.asarray(values, float)
     return array[list(order)] if len(array) == len(names) else None
+
+
+# Who looks for a file waits for nothing else.
+def check_there(path: Path) -> None:
+    """Refuse a path at which there is no log.
+
+    Raises
+    ------
+    LogError
+    """
+    bag = split_topic(path)[0]
+    try:
+        there = bag.exists()
+        other = there and not bag.is_file() and not bag.is_dir()
+    except OSError:  # no name of a file; its reader says why
+        return
+    if not there and is_bag(bag):
+        raise LogError(f"There is no bag '{bag}'; give a .mcap, .db3 or .bag file or a folder.")
+    if other:  # a pipe would be waited for, a device has no end
+        raise LogError(f"'{path}' is no file; give a CSV or Parquet file.")
+    if not there:
+        raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")

@@ -1,6 +1,7 @@
-"""`Form`: how a table of text was written: separators, decimal commas, units, comments.
+"""`Form`: how a table of text was written; how large a log may be, and whether it was cut.
 
-It is decided once, on the first lines, before anything is read as a number.
+Separators, decimal commas, units, comments; a last line without an end may lack digits that nobody
+misses.
 """
 
 from __future__ import annotations
@@ -8,12 +9,152 @@ from __future__ import annotations
 import codecs
 import csv
 import re
+import struct
+import zipfile
+import zlib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+from typing import Literal
 
+from identifiability.foundation.errors import LogError
 from identifiability.foundation.values import frozen
-from identifiability.logs.stated_units import find_unit, is_no_unit
+from identifiability.logs.aliases import find_unit, is_no_unit
+
+# How large a log may be, so that one without end is a sentence and not all the memory.
+
+
+#: Columns of any log.
+MOST_COLUMNS = 5_000
+
+#: Of files of arrays and sheets, which are read at once: bytes as they are unpacked, bytes of a
+#: sheet (some 75,000 samples of six joints), values, and parts.
+MOST_BYTES, MOST_SHEET_BYTES = 250_000_000, 50_000_000
+MOST_VALUES, MOST_PARTS = 30_000_000, 1_000
+
+#: Bytes of what describes a workbook or a bag beside its data.
+MOST_DESCRIBED = 2_000_000
+
+#: Where a cell or a row of a sheet is.
+_PLACE = re.compile(rb"""\br\s*=\s*["']([A-Z]*)(\d+)""")
+
+_INSTEAD = "write Parquet, which is read piece by piece"
+
+
+def check_columns(path: Path | str, count: int) -> None:
+    """Refuse a log with more columns than any robot has.
+
+    Raises
+    ------
+    LogError
+    """
+    if count > MOST_COLUMNS:
+        raise LogError(
+            f"{path} has {count} columns; logs of up to {MOST_COLUMNS} are read: give those of the "
+            "robot's joints alone."
+        )
+
+
+def check_values(path: Path | str, count: int) -> None:
+    """Refuse a container of more values than are held in memory.
+
+    Raises
+    ------
+    LogError
+    """
+    if count > MOST_VALUES:
+        raise LogError(
+            f"{path} holds {count} values; up to {MOST_VALUES} are read from such a file: "
+            f"{_INSTEAD}."
+        )
+
+
+def check_archive(path: Path, content: bytes, most: int | None = None) -> None:
+    """Refuse an archive (.npz, .xlsx) that unpacks to more than is held in memory.
+
+    Raises
+    ------
+    LogError
+    """
+    with zipfile.ZipFile(BytesIO(content)) as archive:
+        parts = archive.infolist()
+    if len(parts) > MOST_PARTS:
+        raise LogError(f"{path} has {len(parts)} parts; files of up to {MOST_PARTS} are read.")
+    _check_unpacked(path, sum(part.file_size for part in parts), most or MOST_BYTES)
+
+
+def check_sheets(path: Path, content: bytes) -> None:
+    """Refuse a workbook that says of itself more than it holds, or has cells far out.
+
+    Raises
+    ------
+    LogError
+    """
+    with zipfile.ZipFile(BytesIO(content)) as archive:
+        for part in archive.infolist():
+            data = part.filename.startswith(("xl/worksheets/", "xl/sharedStrings", "xl/media/"))
+            if not data and part.file_size > MOST_DESCRIBED:
+                raise LogError(
+                    f"{path}: its part '{part.filename}' is larger than "
+                    f"{MOST_DESCRIBED // 10**6} MB; save the sheet alone as CSV."
+                )
+            if part.filename.startswith("xl/worksheets/"):
+                _check_places(path, archive.read(part))
+
+
+def _check_places(path: Path, sheet: bytes) -> None:
+    """Refuse a sheet with cells far out: what reads it fills all that is in between."""
+    height = width = 1
+    for letters, digits in set(_PLACE.findall(sheet)):
+        column = 0
+        for letter in letters[:4]:
+            column = 26 * column + letter - 64
+        width, height = max(width, column), max(height, int(digits[:9]))
+    check_columns(path, width)
+    check_values(path, width * height)
+
+
+def check_elements(path: Path, content: bytes) -> None:
+    """Refuse a MATLAB file (version 5) that unpacks to more than is held in memory.
+
+    Raises
+    ------
+    LogError
+    """
+    unpacked = 0
+    for element in _compressed(content):
+        unpacking, left = zlib.decompressobj(), element
+        while left and unpacked <= MOST_BYTES:
+            unpacked += len(unpacking.decompress(left, 1_000_000))
+            left = unpacking.unconsumed_tail
+        _check_unpacked(path, unpacked, MOST_BYTES)
+
+
+def _compressed(content: bytes) -> Iterator[bytes]:
+    """Yield the compressed elements of a MATLAB file; its own reader says what is damaged."""
+    order = ">" if content[126:128] == b"MI" else "<"
+    at = 128
+    while at + 8 <= len(content):
+        kind, size = struct.unpack_from(f"{order}II", content, at)
+        if kind == 15:
+            yield content[at + 8 : at + 8 + size]
+        at += 8 + size
+
+
+def _check_unpacked(path: Path, size: int, most: int) -> None:
+    if size > most:
+        raise LogError(
+            f"{path} unpacks to more than {most // 10**6} MB, up to which such files are read: "
+            f"{_INSTEAD}."
+        )
+
+
+# `Form`: how a table of text was written: separators, decimal commas, units, comments.
+#
+# It is decided once, on the first lines, before anything is read as a number.
+
 
 #: Marks that begin a line of comment.
 COMMENTS = ("#", "%", "//")
@@ -209,3 +350,48 @@ def _notes(form: Form, lines: Sequence[str], plain: Sequence[int]) -> tuple[str,
     if len(before) > 1:
         notes.append(f"{len(before) - 1} line(s) above its header were passed over")
     return tuple(notes)
+
+
+# Was a file cut? A last line without an end may lack digits that nobody misses.
+
+
+_NUMBER = re.compile(r"[-+]?\d*(?:[.,](\d*))?(?:[eE][-+]?(\d+))?")
+
+#: A last line is whole, or cut, or nobody can tell.
+End = Literal["whole", "cut", "unsure"]
+
+
+def judge_end(line: str, others: Sequence[str], form: Form) -> End:
+    """Return whether a line without an end is whole, by the form of other lines.
+
+    Numbers of a fixed number of digits behind the point show it; of others the last digits may be
+    missing, by which a number may be wrong by a power of ten.
+
+    Parameters
+    ----------
+    line : str
+        The last one.
+    others : sequence of str
+        Some of those before.
+    form : Form
+    """
+    fields = form.split(line)
+    if len(fields) < len(form.columns) or line.count('"') % 2:
+        return "cut"
+    last = fields[-1].strip()
+    before = [row[-1].strip() for row in map(form.split, others) if len(row) == len(fields)]
+    numbers = [match for text in before if text and (match := _NUMBER.fullmatch(text))]
+    if not before or 2 * len(numbers) < len(before):  # a column of text
+        return "whole" if last in before else "unsure"
+    match = _NUMBER.fullmatch(last)
+    if match is None or not last or not last[-1].isdigit():
+        return "cut" if all(n[0][-1].isdigit() for n in numbers) else "unsure"
+    decimals, exponents = ({len(n[k] or "") for n in numbers} for k in (1, 2))
+    if len(match[2] or "") < min(exponents):
+        return "cut"
+    if min(exponents) > 0:
+        return "whole" if len(exponents) == 1 else "unsure"
+    if len(match[1] or "") < min(decimals) and not match[2]:
+        return "cut"
+    fixed = len(decimals) == 1 and min(decimals) > 0 and exponents == {0}
+    return "whole" if fixed else "unsure"

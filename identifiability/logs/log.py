@@ -24,8 +24,7 @@ from identifiability.logs import signals
 from identifiability.logs.checks import CHANNELS, Clock, find_channels
 from identifiability.logs.containers import numbered, stack_arrays
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.missing import propose_locks
-from identifiability.logs.naming import Naming
+from identifiability.logs.naming import Naming, propose_locks
 from identifiability.logs.reading import Reading
 from identifiability.logs.source import scan_file
 from identifiability.logs.tables import write_table

@@ -19,10 +19,9 @@ from identifiability.logs.log import Log, build_log
 from identifiability.logs.naming import Column, Naming
 from identifiability.logs.reading import MixedRatesError, Reading
 from identifiability.logs.source import is_long, scan_file
-from identifiability.logs.spikes import Spike, mend_column
+from identifiability.logs.spikes import Spike, Wraps, mend_column
 from identifiability.logs.tables import Table, parsing
-from identifiability.logs.times import as_times
-from identifiability.logs.wraps import Wraps
+from identifiability.logs.to_si import as_times
 
 
 @frozen

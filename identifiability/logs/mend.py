@@ -1,4 +1,7 @@
-"""Logs without their wrong samples: none that stands alone decides what is identified."""
+"""Logs without their wrong samples, angles that go on, columns that contradict each other.
+
+Columns may contradict the joints' limits, or derivatives what they are derivatives of.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.logs.log import Log
+from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.logs.log import Log, join_logs
 from identifiability.logs.logfile import LogFile
-from identifiability.logs.spikes import Spike, find_spikes, mend_column
+from identifiability.logs.signals import spread_windows
+from identifiability.logs.spikes import Spike, WrapFinder, Wraps, find_spikes, mend_column
+from identifiability.robot import Robot
+
+# Logs without their wrong samples: none that stands alone decides what is identified.
+
 
 #: Wrong values that a hint lists.
 LISTED = 3
@@ -26,7 +37,7 @@ def mend_logs(logs: Sequence[Log | LogFile]) -> tuple[list[Log | LogFile], tuple
     """
     mended, hints = [], []
     for log in logs:
-        wrong = _find(log)
+        wrong = _find_spikes(log)
         if not wrong:
             mended.append(log)
             continue
@@ -35,7 +46,7 @@ def mend_logs(logs: Sequence[Log | LogFile]) -> tuple[list[Log | LogFile], tuple
     return mended, tuple(hints)
 
 
-def _find(log: Log | LogFile) -> dict[str, tuple[Spike, ...]]:
+def _find_spikes(log: Log | LogFile) -> dict[str, tuple[Spike, ...]]:
     """Return the wrong samples of each column that has any."""
     columns = [(f"{j}.{c}", c, k) for c in log.channels for k, j in enumerate(log.joints)]
     if isinstance(log, LogFile):
@@ -71,3 +82,274 @@ def _state(log: Log | LogFile, wrong: dict[str, tuple[Spike, ...]]) -> str:
         f"before and after, as no motion or torque does, and {'was' if one else 'were'} {REPLACED} "
         f"({'; '.join(shown)}{more}): check the log."
     )
+
+
+# Logs whose angles go on where they were written within one turn.
+
+
+def unwrap_logs(logs: Sequence[Log | LogFile]) -> tuple[list[Log | LogFile], tuple[str, ...]]:
+    """Return logs with the jumps of wrapped angles undone, and a hint for each that has any."""
+    out: list[Log | LogFile] = []
+    hints = []
+    for log in logs:
+        found = _find_wraps(log)
+        if not found:
+            out.append(log)
+            continue
+        out.append(_undo(log, found))
+        columns = listing([f"'{j}.q' {_times(len(w.rows))}" for j, w in found.items()], 4)
+        hints.append(
+            f"{log.name}: angles jump by a whole turn ({columns}); they were written within one "
+            "turn and are read as going on (unwrapped)."
+        )
+    return out, tuple(hints)
+
+
+def _find_wraps(log: Log | LogFile) -> dict[str, Wraps]:
+    """Return the jumps of every joint that has any."""
+    if isinstance(log, LogFile):
+        return {j: log.wraps[f"{j}.q"] for j in log.joints if f"{j}.q" in log.wraps}
+    found = {}
+    for joint, column in zip(log.joints, log.q.T, strict=True):
+        finder = WrapFinder()
+        finder.add(column)
+        wraps = finder.finish()
+        if wraps is not None:
+            found[joint] = wraps
+    return found
+
+
+def _undo(log: Log | LogFile, found: dict[str, Wraps]) -> Log | LogFile:
+    if isinstance(log, LogFile):
+        return replace(log, unwrapped={f"{j}.q": w for j, w in found.items()})
+    columns = [
+        found[j].undo(x) if j in found else x for j, x in zip(log.joints, log.q.T, strict=True)
+    ]
+    return replace(log, q=np.stack(columns, 1))
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else "twice" if count == 2 else f"{count} times"
+
+
+# Columns that can be seen to be wrong: by the joints' limits, and by derivatives that do not fit.
+#
+# A change of unit or sign is refused; what merely contradicts is remarked on.
+
+
+#: Units of length that people give instead of SI, and how many make one of SI.
+_LENGTHS = {"mm": 1e3, "cm": 1e2}
+
+#: What sentences call derivatives.
+WORDS = {"dq": "velocities", "ddq": "accelerations"}
+
+#: Share of the motion's variance that a given derivative may leave unexplained.
+UNEXPLAINED = 0.2
+
+#: The given derivative may be this much too small, or its inverse too large.
+SCALE = 0.8
+
+#: Motion must stand out this much from the noise of single samples to be compared.
+STANDS_OUT = 4.0
+
+#: Steps longer than this many usual ones are gaps.
+GAP = 3.0
+
+
+def check_units(robot: Robot, windows: Sequence[Log]) -> None:
+    """Refuse degrees given as radians and millimetres given as metres, where they can be seen.
+
+    Parameters
+    ----------
+    robot : Robot
+    windows : sequence of Log
+        Stretches of one log, or all of it as one.
+
+    Raises
+    ------
+    LogError
+    """
+    log = windows[0]
+    if robot.angles is None:
+        _check_angles(robot, windows)
+    for k, joint in enumerate(log.joints):
+        if robot.is_prismatic(int(robot.actuated[k])):
+            q = np.concatenate([w.q[:, k] for w in windows])
+            low, high = robot.limits[k]
+            fits = [u for u, f in _LENGTHS.items() if _fits(q, low, high, f)]
+            if fits:
+                raise LogError(
+                    f"{log.name}: {_span(joint, q)}, which does not fit the joint's limits "
+                    f"{low:.4g} … {high:.4g} m; it looks like {fits[0]}: convert it to m."
+                )
+        if log.dq is not None:
+            _check_rate(windows, k, "q", "dq")
+        if log.dq is not None and log.ddq is not None:
+            _check_rate(windows, k, "dq", "ddq")
+
+
+def looks_like_degrees(q: Array, low: float, high: float) -> bool:
+    """Return whether positions (N,) fit limits [rad] in degrees, and not in rad by whole turns."""
+    middle = round((float(np.median(q)) - 0.5 * (low + high)) / (2 * np.pi)) * 2 * np.pi
+    if not np.isfinite(middle) or np.mean((q - middle < low) | (q - middle > high)) < 0.01:
+        return False
+    return _fits(q, low, high, 180 / np.pi)
+
+
+def _fits(q: Array, low: float, high: float, factor: float) -> bool:
+    """Return whether positions (N,) do not fit limits as they are, but divided by a factor do."""
+    if not np.isfinite(high - low) or np.mean((q < low) | (q > high)) <= 0.5:
+        return False
+    return bool(np.mean((q >= low * factor) & (q <= high * factor)) > 0.99)
+
+
+def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
+    """Refuse degrees where most joints that turn, and have limits, show them."""
+    bounded = [
+        k
+        for k, dof in enumerate(robot.actuated)
+        if not robot.is_prismatic(int(dof)) and np.isfinite(np.ptp(robot.limits[k]))
+    ]
+    columns = {k: np.concatenate([w.q[:, k] for w in windows]) for k in bounded}
+    odd = [k for k in bounded if looks_like_degrees(columns[k], *robot.limits[k])]
+    if 2 * len(odd) > len(bounded):
+        k, log = odd[0], windows[0]
+        low, high = robot.limits[k]
+        raise LogError(
+            f"{log.name}: {_span(log.joints[k], columns[k])}, which does not fit the joint's "
+            f"limits {low:.4g} … {high:.4g} rad; it looks like degrees: say --angles deg (or "
+            'angles = "deg" in the sidecar), or --angles rad if they are rad.'
+        )
+
+
+def _span(joint: str, q: Array) -> str:
+    return f"'{joint}.q' spans {q.min():.4g} … {q.max():.4g}"
+
+
+def _check_rate(windows: Sequence[Log], joint: int, kind: str, rate_kind: str) -> None:
+    """Refuse a derivative that has the shape of the difference quotient, but not its size."""
+    slope = np.concatenate([np.gradient(getattr(w, kind)[:, joint], w.t) for w in windows])
+    rate = np.concatenate([getattr(w, rate_kind)[:, joint] for w in windows])
+    size = np.sqrt(np.mean(slope**2)), np.sqrt(np.mean(rate**2))
+    if min(size) <= 1e-6 * max(size):  # one of them is zero but for noise
+        return
+    fit = float(np.mean(slope * rate)) / (size[0] * size[1])
+    ratio = fit * size[1] / size[0]
+    if abs(fit) > 0.9 and not 0.5 < ratio < 2:
+        log, name = windows[0], windows[0].joints[joint]
+        raise LogError(
+            f"{log.name}: '{name}.{rate_kind}' is {ratio:.4g} times the time derivative of "
+            f"'{name}.{kind}'; one of them (or the time) is in another unit or has another sign: "
+            "give all in SI units."
+        )
+
+
+@frozen
+class Contradiction:
+    """A given derivative that does not fit what it is derived from.
+
+    Attributes
+    ----------
+    joint, kind, of : str
+        Whose, which channel, and of which it should be the derivative.
+    explained : float
+        Share of the variance of what it is derived from that its integral explains.
+    slope : float
+        With this factor.
+    """
+
+    joint: str
+    kind: str
+    of: str
+    explained: float
+    slope: float
+
+    @property
+    def text(self) -> str:
+        """It in half a sentence."""
+        return (
+            f"'{self.joint}.{self.kind}' contradicts '{self.joint}.{self.of}': integrated, it "
+            f"explains {100 * max(self.explained, 0.0):.0f} % of its variance with a factor of "
+            f"{self.slope:.2g}"
+        )
+
+    @property
+    def in_unit(self) -> bool:
+        """Whether it is the derivative, but in another unit or of another sign."""
+        return self.explained > 1 - UNEXPLAINED and not 0.5 < self.slope < 2
+
+
+def contradictions(log: Log) -> list[Contradiction]:
+    """Return every given derivative that does not fit what it is derived from.
+
+    It finds columns of other joints, of desired motion, delayed or filtered too much. They are
+    compared by integration, which forgives noise where differentiation would not.
+    """
+    found = []
+    for kind, of in (("dq", "q"), ("ddq", "dq")):
+        rate, x = getattr(log, kind), getattr(log, of)
+        if rate is None or x is None:
+            continue
+        for k, joint in enumerate(log.joints):
+            fit = _compare(log.t, x[:, k], rate[:, k])
+            if fit is None:
+                continue
+            slope, unexplained = fit
+            if unexplained > UNEXPLAINED or not SCALE < slope < 1 / SCALE:
+                found.append(Contradiction(joint, kind, of, 1 - unexplained, slope))
+    return found
+
+
+def find_contradictions(log: Log) -> list[str]:
+    """Return one remark for every given derivative that does not fit what it is derived from."""
+    advice = "check the column, or leave it out and it is computed"
+    return [f"{c.text}; {advice}" for c in contradictions(log)]
+
+
+def drop_contradictions(
+    logs: Sequence[Log | LogFile],
+) -> tuple[list[Log | LogFile], tuple[str, ...]]:
+    """Return logs without derivatives that contradict what they are derived from, and hints.
+
+    Those of another unit or sign are left to be refused by `check_units`.
+    """
+    kept, hints = [], []
+    for log in logs:
+        windows = [log.rows(a, b) for a, b in spread_windows(len(log))]
+        wrong = [c for c in contradictions(join_logs(windows)) if not c.in_unit]
+        if not wrong:
+            kept.append(log)
+            continue
+        # What is derived from a wrong velocity cannot be compared with anything.
+        gone = ("dq", "ddq") if any(c.kind == "dq" for c in wrong) else ("ddq",)
+        words = [WORDS[c] for c in gone if c in log.channels]
+        kept.append(log.without(gone))
+        hints.append(
+            f"The {' and '.join(words)} of {log.name} were not used, but computed: "
+            f"{listing([c.text for c in wrong], 2)}. Check the columns; --derivatives given "
+            "(derivatives='given') uses them as they are."
+        )
+    return kept, tuple(hints)
+
+
+def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float] | None:
+    """Return by how much the integral of a rate (N,) must be multiplied, and what it leaves.
+
+    None if the motion does not stand out from the noise.
+    """
+    dt = np.diff(t)
+    whole = dt < GAP * np.median(dt)
+    given = np.cumsum(np.where(whole, np.diff(x), 0.0))
+    integral = np.cumsum(np.where(whole, 0.5 * (rate[1:] + rate[:-1]) * dt, 0.0))
+    # An offset of the rate is a drift of its integral, which says nothing of its shape.
+    drift = np.column_stack([np.ones(len(dt)), t[1:] - t[0]])
+    Q = np.linalg.qr(drift)[0]
+    given, integral = given - Q @ (Q.T @ given), integral - Q @ (Q.T @ integral)
+    noise = np.sqrt(np.mean(np.diff(x, 2) ** 2) / 6) if len(x) > 2 else 0.0
+    size = float(np.sqrt(np.mean(given**2)))
+    if not size > STANDS_OUT * noise or not size > 0:
+        return None
+    square = float(integral @ integral)
+    slope = float(given @ integral) / square if square > 0 else 0.0
+    left = given - slope * integral
+    return slope, float(left @ left) / float(given @ given)

@@ -1,23 +1,393 @@
-"""Which column of a table is what: its joint and channel, whatever the table calls it."""
+"""Which column of a table is what: its joint and channel, whatever the table calls it.
+
+By names, by numbers (``q1`` … ``q6``, ``position[0]``, ``qpos[7]``), or as the user maps them;
+what is missing is said with the remedy ready to copy.
+"""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import field, replace
+from os.path import commonprefix
+from typing import NoReturn
 
 import numpy as np
 
-from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array, Renames
 from identifiability.foundation.values import frozen
-from identifiability.logs.aliases import INDEX, KINDS, Guess, guess_column, unread_unit
+from identifiability.logs.aliases import (
+    CHANNEL_WORDS,
+    COMMANDED,
+    INDEX,
+    KINDS,
+    Guess,
+    Unit,
+    find_unit,
+    guess_column,
+    split_unit,
+    unread_unit,
+    words_of,
+)
 from identifiability.logs.checks import CHANNELS, find_joints
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.missing import may_be_torque, refuse_missing, several
-from identifiability.logs.numbered import find_entries, settle_numbers
-from identifiability.logs.stated_units import Unit, find_unit, split_unit
+
+# Sentences about columns that a log lacks, with the remedy ready to copy.
+
+
+#: Pairs of names that a sentence proposes, at most.
+MOST = 3
+
+
+def several(source: str, name: str, what: str, columns: Sequence[str]) -> str:
+    """Return the sentence on several columns that may be one."""
+    return (
+        f"{source} has several columns that may be {what}: {listing(columns, 6)}; say which it is, "
+        f"as in --map '{columns[0].strip()}={name}'."
+    )
+
+
+def refuse_missing(
+    names: Mapping[str, str],
+    meant: Mapping[str, str],
+    source: str,
+    known: Conventions,
+    works: Callable[[dict[str, str]], bool],
+) -> NoReturn:
+    """Refuse a log that lacks what is needed, and say what it has instead.
+
+    Parameters
+    ----------
+    names : mapping of str to str
+        Its columns and what they are renamed to.
+    meant : mapping of str to str
+        Columns that are understood, and what they are.
+    source : str
+        What sentences call the table.
+    known : Conventions
+    works : callable(dict) -> bool
+        Whether the log could be read with another rule for its names.
+
+    Raises
+    ------
+    LogError
+    """
+    taken = set(meant.values())
+    columns = [meant.get(column, name) for column, name in names.items()]
+    if "t" not in taken:
+        find_joints(columns, source)  # it says which column may be the time
+    missing = [j for j in known.joints if not {f"{j}.q", f"{j}.tau"} & taken]
+    strange = _strangers([c for c in columns if c not in taken], known)
+    if missing and strange:
+        _refuse_strangers(missing, strange, source, known, len(missing) < len(known.joints))
+    before = _before(columns)
+    if before and works({f"{re.escape(before)}(.*)": r"\1"}):
+        raise LogError(
+            f"{source} has no columns for the actuated joints {listing(missing)}, but for others "
+            f"whose names begin with '{before}'; if these are they, add --map "
+            rf"'{re.escape(before)}(.*)=\1'."
+        )
+    half = [j for j in known.joints if f"{j}.q" in taken or f"{j}.tau" in taken]
+    own = [n for n in columns if n.rpartition(".")[2] not in CHANNELS or _owner(n) in known.joints]
+    if half:
+        commands = [c for c in columns if {*words_of(c)} & {*COMMANDED} and _kind(c) == "tau"]
+        if commands and not any(f"{j}.tau" in taken for j in known.joints):
+            raise LogError(
+                f"{source} has '{half[0]}.q' but no torque column '{half[0]}.tau'; "
+                f"{listing(commands, 3)} tell by their names what was commanded, not what was "
+                f"measured: if they are what you have, add --map '{commands[0]}={half[0]}.tau' and "
+                "so on."
+            )
+        find_joints(own, source, known.joints)
+    locks = propose_locks(missing, known.joints)
+    raise LogError(
+        f"{source} has no columns for the actuated joint{'s' if len(missing) > 1 else ''} "
+        f"{listing(missing)}; every actuated joint needs '<joint>.q' and '<joint>.tau'"
+        f"{locks or f'. It has the columns {listing(list(names))}'}."
+    )
+
+
+def may_be_torque(column: str, joint: str) -> bool:
+    """Whether a column that is nothing else may be a joint's torque, misspelt or a command."""
+    owner, _, kind = column.rpartition(".")
+    if owner == joint:
+        return kind not in CHANNELS
+    words = {*words_of(column)}
+    if {*words_of(joint)} <= words:
+        return bool(words & {*COMMANDED} and _kind(column) == "tau") or not _kind(column)
+    alike = bool(owner) and near_match(owner, [joint]).endswith("?")
+    return alike and kind in ("tau", *CHANNEL_WORDS["tau"])
+
+
+def _kind(column: str) -> str:
+    """Return the channel that a word of a name is about, if one is."""
+    return next((KINDS[w] for w in words_of(column) if w in KINDS), "")
+
+
+def _before(columns: Sequence[str]) -> str:
+    """Return what the names of all channels begin with, up to a sign."""
+    channels = [c for c in columns if {*words_of(c)} & {*KINDS}]
+    shared = commonprefix(channels)  # noqa: RUF071 - letters are meant
+    return re.sub(r"[^._/ -]*$", "", shared)
+
+
+def _strangers(columns: Sequence[str], known: Conventions) -> list[str]:
+    """Return the joints of other names that a log has positions and torques of."""
+    has: dict[str, set[str]] = {}
+    for name in columns:
+        owner, _, kind = name.rpartition(".")
+        if owner and kind in CHANNELS and owner not in (*known.joints, *known.motors):
+            has.setdefault(owner, set()).add(kind)
+            continue
+        found = re.match(r"(.*?)[._/ ]*([A-Za-z]+)$", name)
+        guess = guess_column(name, f"{found[2]}1", ()) if found and found[1] else None
+        if guess is not None and found is not None:
+            has.setdefault(found[1].rpartition("/")[2], set()).add(guess.kind)
+    return [owner for owner, kinds in has.items() if {"q", "tau"} & kinds]
+
+
+def _refuse_strangers(
+    missing: Sequence[str], strange: Sequence[str], source: str, known: Conventions, some: bool
+) -> NoReturn:
+    """Refuse a log that calls joints otherwise, and propose which is which.
+
+    Where it has `some` of the joints by their own names, the others are of another device.
+    """
+    rule, others = _pattern(missing, strange)
+    near = [(s, n) for s in strange if (n := near_match(s, missing)[:-1]).endswith("'")]
+    of = "joint" if len(missing) == 1 else "joints"
+    tells = (
+        f"{source} has no columns for the actuated {of} {listing(missing)}, but for "
+        f"{listing(strange)}, which the robot does not have"
+    )
+    if rule:
+        rest = " ".join(f"--lock {name}" for name in others)
+        locks = f", and if {listing(others)} does not move, {rest}" if others else ""
+        raise LogError(f"{tells}; if these are they, add --map '{rule}'{locks}.")
+    if near and len(missing) == 1:
+        name, match = near[0]
+        raise LogError(
+            f"{source}: the column '{name}.q' names a joint that the robot does not have{match}? "
+            f"Its actuated joints are {listing(known.joints)}; if it is that one, add --map "
+            f"'{name}={missing[0]}'."
+        )
+    if some:
+        locks = propose_locks(missing, known.joints)
+        raise LogError(
+            f"{tells}; every actuated joint needs '<joint>.q' (and '<joint>.tau' where its torque "
+            f"was measured){locks}."
+        )
+    pairs = zip(strange, missing, strict=False)
+    example = " ".join(f"--map '{old}={new}'" for old, new in list(pairs)[:MOST])
+    raise LogError(
+        f"{tells}; every actuated joint needs '<joint>.q' and '<joint>.tau': say which is which, "
+        f"as in {example}."
+    )
+
+
+def _pattern(missing: Sequence[str], strange: Sequence[str]) -> tuple[str, list[str]]:
+    """Return the rule by which other names differ from the robot's in what surrounds a number.
+
+    Returns
+    -------
+    rule : str
+        Empty if there is none, or several.
+    others : list of str
+        Joints that it does not find.
+    """
+    ours, theirs = _by_shape(missing), _by_shape(strange)
+    pairs = [
+        (len(numbers), around, other)
+        for around, numbers in ours.items()
+        for other, has in theirs.items()
+        if len(numbers) > 1 and numbers <= has
+    ]
+    most = [pair for pair in pairs if pair[0] == max(pairs)[0]]
+    if len(most) != 1:
+        return "", []
+    _, (before, after), (was_before, was_after) = most[0]
+    numbers = ours[before, after]
+    digits = r"(\d)" if all(len(n) == 1 for n in numbers) else r"(\d+)"
+    rule = f"{re.escape(was_before)}{digits}{re.escape(was_after)}={before}\\1{after}"
+    return rule, [n for n in missing if n not in {f"{before}{k}{after}" for k in numbers}]
+
+
+def _by_shape(names: Sequence[str]) -> dict[tuple[str, str], set[str]]:
+    """Return the last number of each name, by what stands before and behind it."""
+    found: dict[tuple[str, str], set[str]] = {}
+    for name in names:
+        cut = re.fullmatch(r"(.*?)(\d+)(\D*)", name)
+        if cut:
+            found.setdefault((cut[1], cut[3]), set()).add(cut[2])
+    return found
+
+
+def _owner(name: str) -> str:
+    return name.rpartition(".")[0]
+
+
+def propose_locks(missing: Sequence[str], wanted: Sequence[str]) -> str:
+    """Return what to write where joints that a log does not have stand still, or nothing."""
+    if len(missing) == len(wanted):  # foreign names are likelier
+        return ""
+    they, line = ("it does", "it") if len(missing) == 1 else ("they do", "them")
+    options = " ".join(f"--lock {name}" for name in missing)
+    names = ", ".join(f'"{name}"' for name in missing)
+    return f". If {they} not move, lock {line}: {options}, or locked = [{names}] in the sidecar"
+
+
+# Columns that tell their joint by a number: ``q1`` … ``q6``, ``position[0]``, ``qpos[7]``.
+
+
+#: Words of a column that holds names of joints.
+NAMES = ("name", "names")
+
+
+#: Arrays of MuJoCo; of several with torques the first that is there is taken.
+ARRAYS = ("qpos", "qvel", "qacc", "qfrc_actuator", "actuator_force", "ctrl")
+_ENTRY = re.compile(rf"(.*?)[./_ ]*(?<![A-Za-z])({'|'.join(ARRAYS)})[./_ ]*(.*)")
+_BEFORE = {"data", "d", "mjdata", "mj", "sim", "state", "log"}
+
+
+def find_entries(names: Mapping[str, str], known: Conventions) -> dict[str, Guess | None]:
+    """Return the columns that are called as MuJoCo calls its arrays, and what they are; or None.
+
+    Parameters
+    ----------
+    names : mapping of str to str
+        Columns and what they are renamed to.
+    known : Conventions
+    """
+    found: dict[str, tuple[str, str]] = {}
+    for column, name in names.items():
+        match = _ENTRY.fullmatch(split_unit(name)[0]) if known.entries else None
+        if match:
+            before = "" if _BEFORE.issuperset(words_of(match[1])) else match[1]
+            found[column] = match[2], before.rpartition("/")[2] or match[3].strip("[]() ")
+    out: dict[str, Guess | None] = {}
+    for column, (array, key) in found.items():
+        keys = {k for a, k in found.values() if a == array}
+        from_one = "0" not in keys and "1" in keys and all(k.isdecimal() for k in keys)
+        if from_one:
+            key = str(int(key) - 1)  # noqa: PLW2901
+        entry = known.entries.get(array, {}).get(key)
+        joint, _, kind = entry.column.rpartition(".") if entry else ("", "", "")
+        unit = split_unit(names[column])[1]
+        out[column] = Guess(column, kind, joint, -1, unit, entry=entry) if entry else None
+    used = {}  # the first array that states a torque
+    for column, (array, _) in found.items():
+        guess = out[column]
+        if guess is not None and guess.kind == "tau":
+            used[column] = ARRAYS.index(array)
+    return {c: g for c, g in out.items() if c not in used or used[c] == min(used.values())}
+
+
+def settle_numbers(
+    guesses: Sequence[Guess],
+    source: str,
+    known: Conventions,
+    names: Mapping[str, str],
+    first: Mapping[str, str],
+) -> tuple[list[Guess], dict[str, str], str]:
+    """Return the guesses with joints instead of numbers, as far as that is certain.
+
+    Columns beside them may hold the joints' names (``name0``, as recorders of ROS write); else the
+    numbers count the robot's joints in its order, from 0 or from 1.
+
+    Parameters
+    ----------
+    guesses : sequence of Guess
+    source : str
+        What sentences call the table.
+    known : Conventions
+    names : mapping of str to str
+        Columns and what they are renamed to.
+    first : mapping of str to str
+        Texts in the first row.
+
+    Returns
+    -------
+    guesses : list of Guess
+    labels : dict of str to str
+        Columns with names of joints that were followed.
+    how : str
+        What a note says of it, to be added to a list of columns.
+
+    Raises
+    ------
+    LogError
+        If there are other numbers than joints, or the joints' own numbers have another order.
+    """
+    loose = [g for g in guesses if not g.joint and g.kind in CHANNELS]
+    told = [g for g in guesses if g.joint or g.kind == "t"]
+    named = {g.joint for g in told if g.kind in ("q", "tau")}
+    if not loose or named.issuperset(known.joints):
+        return told, {}, ""
+    labels = _labels(names, first)
+    if labels:
+        owners = {number: known.columns.apply(text) for number, (_, text) in labels.items()}
+        out = [replace(g, joint=owners[g.number]) for g in loose if g.number in owners]
+        followed = dict(labels.values())
+        return [*told, *out], followed, " (the names that stand in the log say which joint it is)"
+    if len(known.joints) == 1 and all(g.number < 0 for g in loose):
+        return [*told, *(replace(g, joint=known.joints[0]) for g in loose)], {}, ""
+    return [*told, *_in_order(loose, source, known)], {}, " (in the robot's order)"
+
+
+def _labels(names: Mapping[str, str], first: Mapping[str, str]) -> dict[int, tuple[str, str]]:
+    """Return column and text of the names of joints, by their number."""
+    found = {}
+    for column, name in names.items():
+        words = words_of(name)
+        if column in first and len(words) > 1 and words[-2] in NAMES and words[-1].isdecimal():
+            found[int(words[-1])] = (column, first[column].strip())
+    return found
+
+
+def _in_order(loose: Sequence[Guess], source: str, known: Conventions) -> list[Guess]:
+    """Return the guesses with the joints of the robot's order."""
+    numbers = {kind: {g.number for g in loose if g.kind == kind} for kind in CHANNELS}
+    count = len(known.joints)
+    needed = [kind for kind in ("q", "tau") if numbers[kind]]
+    if not needed or -1 in numbers["q"] | numbers["tau"]:
+        return []
+    start = min(numbers[needed[0]])
+    all_of_them = set(range(start, start + count))
+    if start not in (0, 1) or any(numbers[kind] != all_of_them for kind in needed):
+        columns = [g.source for g in loose if g.kind in needed]
+        raise LogError(
+            f"{source} numbers its joints otherwise than the robot has them ({listing(columns)}; "
+            f"the robot has {count}: {listing(known.joints)}); say which is which, as in "
+            f"--map '{_regular(columns[0])}={known.joints[0]}.{needed[0]}'."
+        )
+    own = [_number(joint) for joint in known.joints]
+    if None not in own and len({*own}) == count and own != sorted(own, key=lambda n: n or 0):
+        columns = [g.source for g in loose if g.kind == "q"]
+        raise LogError(
+            f"{source} numbers its joints ({listing(columns)}), and the robot's order, "
+            f"{listing(known.joints)}, is not that of its own numbers; say which is which, as in "
+            f"--map '{_regular(columns[0])}={known.joints[0]}.q'."
+        )
+    return [
+        replace(g, joint=known.joints[g.number - start])
+        for g in loose
+        if numbers[g.kind] == all_of_them
+    ]
+
+
+def _regular(column: str) -> str:
+    return column.strip()
+
+
+def _number(joint: str) -> int | None:
+    found = re.findall(r"\d+", joint)
+    return int(found[-1]) if found else None
+
+
+# Which column of a table is what: its joint and channel, whatever the table calls it.
+
 
 #: A unit of each channel, for sentences.
 EXAMPLES = {"t": "ms", "q": "deg", "q_ref": "deg", "dq": "deg/s", "ddq": "deg/s2", "tau": "Nm"}
@@ -390,10 +760,6 @@ def _tell_left(owners: Sequence[str]) -> list[str]:
     if not left:
         return []
     return [f"columns of {listing(left, 6)}, which the robot does not drive, were left out"]
-
-
-def _owner(name: str) -> str:
-    return name.rpartition(".")[0]
 
 
 def _is_channel(name: str) -> bool:

@@ -1,16 +1,12 @@
 """Rows that are given more than once: copies are no new evidence, however often they come.
 
-A measurement that is repeated has noise of its own. Rows whose positions and torques all agree to
-a ten-thousandth of how much they vary, many rows on end, are therefore copies: a log joined to
-itself, a cut of another log, a log that was written again with fewer digits. Torque that saturates
-or has few steps agrees many rows on end by chance, too, where a motion is repeated: only rows in
-which the torque changes are counted, and how often it then agrees nearby, where the motion does,
-says how many of them chance explains.
+And the clock of a session: when each of some logs began, where all of them say so.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import chain, pairwise
 
 import numpy as np
@@ -21,6 +17,16 @@ from identifiability.logs import signals
 from identifiability.logs.checks import FEWEST
 from identifiability.logs.log import Log
 from identifiability.logs.logfile import LogFile
+
+# Rows that are given more than once: copies are no new evidence, however often they come.
+#
+# A measurement that is repeated has noise of its own. Rows whose positions and torques all agree
+# to a ten-thousandth of how much they vary, many rows on end, are therefore copies: a log joined
+# to itself, a cut of another log, a log that was written again with fewer digits. Torque that
+# saturates or has few steps agrees many rows on end by chance, too, where a motion is repeated:
+# only rows in which the torque changes are counted, and how often it then agrees nearby, where the
+# motion does, says how many of them chance explains.
+
 
 #: Values agree within this share of their standard deviation.
 AGREES = 1e-4
@@ -258,3 +264,23 @@ def _torque_changes(rows: Array, near: Array) -> np.ndarray:
     tau = rows[:, rows.shape[1] // 2 :]
     changes = np.abs(np.diff(tau, axis=0)) > near[rows.shape[1] // 2 :]
     return np.concatenate([[True], np.asarray(changes.any(1))])
+
+
+# The clock of a session: when each of some logs began, where all of them say so.
+
+
+def share_clock(logs: Sequence[Recording]) -> list[Recording]:
+    """Return logs whose starts count from where the first of them begins, or all without a start.
+
+    A robot records one log at a time: logs of which two overlap are not of one clock, and where one
+    does not say when it began, nothing is known of the order of all.
+    """
+    spans = [
+        (log.start + log.clock.first, log.start + log.clock.last)
+        for log in logs
+        if log.start is not None
+    ]
+    order = sorted(spans)
+    if len(spans) < len(logs) or any(last >= first for (_, last), (first, _) in pairwise(order)):
+        return [log if log.start is None else replace(log, start=None) for log in logs]
+    return [replace(log, start=(log.start or 0.0) - order[0][0]) for log in logs]

@@ -1,24 +1,193 @@
-"""Where logs come from: CSV, Parquet, bags and DataFrames, short and long, are read alike."""
+"""Where logs come from: CSV, Parquet, bags and DataFrames, short and long, are read alike.
+
+A table is read once from its first row to its last and hashed; a log that its first lines refuse
+is a sentence before anything else is looked at.
+"""
 
 from __future__ import annotations
 
+import csv
 import hashlib
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identifiability.foundation.errors import LogError
 from identifiability.logs.bags import MixedJointsError, hash_files, is_bag, read_bag, split_topic
-from identifiability.logs.containers import CONTAINERS, check_suffix, read_container
+from identifiability.logs.containers import CONTAINERS, check_suffix, check_text, read_container
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.form import PLAIN, Form
+from identifiability.logs.form import (
+    LINE_END,
+    PLAIN,
+    Form,
+    check_columns,
+    find_encoding,
+    find_form,
+    judge_end,
+)
+from identifiability.logs.naming import name_columns
 from identifiability.logs.reading import with_index
-from identifiability.logs.scan import scan_table
-from identifiability.logs.tables import Table, is_parquet, open_parquet, parsing
+from identifiability.logs.tables import Table, is_parquet, open_parquet, opened, parsing
+from identifiability.logs.to_si import call_currents, missing_torque
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+# Read a table once from its first row to its last, and hash what is read.
+
+
+#: Bytes of a piece of CSV.
+PIECE_BYTES = 2_000_000
+
+#: Bytes of a Parquet file that is read at once.
+WHOLE = 16_000_000
+
+#: Bytes in which the form of a text is decided.
+BEGINNING = 1 << 18
+
+#: Bytes in which a file that is no text shows it.
+BINARY = 4096
+
+#: Lines that show whether the last one is whole.
+LOOKED_AT = 1000
+
+#: A line of a CSV is shorter than so many pieces.
+MOST_PIECES = 8
+
+
+def scan_table(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[str, Table]:
+    """Call a function with every piece in order, at least once; return hash and table.
+
+    What is hashed is what is read, also where the file is written anew meanwhile.
+    """
+    if not is_parquet(path):
+        return _scan_csv(path, each)
+    whole = path.read_bytes() if path.stat().st_size <= WHOLE else None
+    digest = hash_files(path) if whole is None else hashlib.sha256(whole).hexdigest()
+    table = open_parquet(path, whole)
+    if not table.rows:
+        with opened(path, whole) as file:
+            each(file.read().to_pandas(), PLAIN)
+    for batch in table.parts(0, table.rows, whole=whole):
+        each(batch.to_pandas(), PLAIN)
+    return digest, table
+
+
+def _scan_csv(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[str, Table]:
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+
+        def read() -> bytes:
+            more = file.read(PIECE_BYTES)
+            digest.update(more)
+            return more
+
+        start = read()
+        table, rest = begin_csv(path, start)
+        lines = table.form.plain_text(rest).decode(errors="replace").splitlines()[:-1][:LOOKED_AT]
+        row, byte, ended = 0, len(start) - len(rest), False
+        pieces = [(row, byte)]
+        while not ended:
+            more = read()
+            rest, ended = rest + more, not more
+            too_long = len(rest) > MOST_PIECES * PIECE_BYTES
+            cut = len(rest) if ended else _last_line(rest, table.form) or len(rest) * too_long
+            if ended:
+                table, cut = _leave_half_line(table, rest, lines, row)
+            if cut or (ended and (len(pieces) == 1 or rest)):
+                frame = table.parse(rest[:cut], row)
+                each(frame, table.form)
+                row, byte, rest = row + len(frame), byte + cut, rest[cut:]
+                pieces.append((row, byte))
+    return digest.hexdigest(), replace(table, pieces=tuple(pieces))
+
+
+def begin_csv(path: Path, start: bytes) -> tuple[Table, bytes]:
+    """Return a CSV without its rows, and what follows its header."""
+    if not start.strip(b"\xef\xbb\xbf\0 \t\r\n"):
+        raise LogError(f"{path} is empty; nothing was written to it.")
+    if len(start) >= BEGINNING and not re.search(rb"[\r\n]", start[:BEGINNING]):
+        raise LogError(
+            f"{path} has no end of a line in its first {BEGINNING // 1000} kB, so it has no "
+            "header; give a table with a row a sample."
+        )
+    encoding = find_encoding(start)
+    if not encoding.startswith("utf-16"):
+        check_text(path, start[:BINARY])
+    text = start[:BEGINNING].decode(encoding, errors="replace")
+    form = find_form(text, encoding)
+    check_columns(path, len(form.columns))
+    if form.plain:
+        header, rest = _split_header(start)
+        names = header.decode("utf-8-sig").strip()
+        columns = tuple(next(csv.reader([names], skipinitialspace=True), []))
+        return Table(path, columns, (), header, replace(form, columns=columns)), rest
+    mark = {" ": "\t"}.get(form.separator, form.separator)
+    line = mark.join(f'"{name.replace(chr(34), chr(34) * 2)}"' for name in form.columns) + "\n"
+    # A letter of another code, in a comment, takes as many bytes as it has.
+    errors = "surrogateescape" if encoding == "utf-8" else "replace"
+    exact = start[:BEGINNING].decode(encoding, errors)
+    ends = [m.end() for m in LINE_END.finditer(exact)][: form.lines]
+    at = len(exact[: ends[-1] if ends else 0].encode(encoding, errors))
+    return Table(path, form.columns, (), line.encode(), form), start[at:]
+
+
+def _leave_half_line(
+    table: Table, rest: bytes, lines: Sequence[str], row: int
+) -> tuple[Table, int]:
+    """Return how much of the end of a file is whole, with a note if the last line is left out.
+
+    Raises
+    ------
+    LogError
+        If the last line was cut.
+    """
+    end_of_file = table.form.plain_text(rest)
+    at = max(end_of_file.rfind(b"\n"), end_of_file.rfind(b"\r")) + 1
+    last = end_of_file[at:].decode(errors="replace")
+    if not last.strip() or not lines:
+        return table, len(rest)
+    others = [line for line in lines if line.strip()]
+    judged = judge_end(last, others, table.form) if others else "whole"
+    if judged == "whole":
+        return table, len(rest)
+    kept = len(rest) - len(last.encode(table.form.encoding, "replace"))
+    if judged == "cut":
+        number = row + len(table.parse(rest[:kept], row)) + 1
+        raise LogError(
+            f"{table.path} ends in the middle of data row {number} ('{last[-40:].strip()}'): the "
+            "file was cut; copy it again, or remove its last line."
+        )
+    note = "its last line has no end and was left out, for it may have been cut"
+    form = replace(table.form, notes=(*table.form.notes, note))
+    return replace(table, form=form), kept
+
+
+def _split_header(start: bytes) -> tuple[bytes, bytes]:
+    """Return the first line that is not blank with all before it, and the rest."""
+    match = re.match(rb"(?:\xef\xbb\xbf)?\s*[^\r\n]*(?:\r\n|\r|\n|$)", start)
+    at = match.end() if match else 0
+    return start[:at], start[at:]
+
+
+def _last_line(piece: bytes, form: Form) -> int:
+    """Return where the last line ends that is whole, as far as quotes can tell."""
+    if form.encoding.startswith("utf-16"):
+        letters = piece[: len(piece) - len(piece) % 2].decode(form.encoding, errors="replace")
+        end = max(letters.rfind("\n"), letters.rfind("\r") if "\n" not in letters else -1) + 1
+        return len(letters[:end].encode(form.encoding))
+    mark = b"\n" if b"\n" in piece else b"\r"
+    cut = piece.rfind(mark) + 1
+    if piece.count(b'"', 0, cut) % 2:  # a line break between quotes: cut before it
+        cut = piece.rfind(mark, 0, piece.rfind(b'"', 0, cut)) + 1 or cut
+    return cut
+
+
+# Where logs come from: CSV, Parquet, bags and DataFrames, short and long, are read alike.
+
 
 #: Tables with more values are read piece by piece; a value of a CSV takes about so many bytes.
 LONG, BYTES_PER_VALUE = 2_000_000, 12
@@ -124,3 +293,43 @@ def is_long(path: Path, limit: int | None = None) -> bool:
             table = open_parquet(path)
             return table.rows * len(table.columns) > most
         return path.stat().st_size > most * BYTES_PER_VALUE
+
+
+# Refuse a log by its first lines, before anything else of it, or any number, is looked at.
+
+
+#: Bytes in which there is no quoted name in most logs.
+QUOTED = 4096
+
+
+def check_header(path: Path, known: Conventions) -> None:
+    """Refuse a CSV whose columns are none of a robot's log; other files are left to their reader.
+
+    Parameters
+    ----------
+    path : Path
+    known : Conventions
+
+    Raises
+    ------
+    LogError
+        What `Log.read` would say of the columns.
+    """
+    if not path.is_file():  # a pipe would be waited for
+        return
+    with parsing(path):
+        with path.open("rb") as file:
+            start = file.read(BEGINNING)
+        if b'"' in start[:QUOTED]:  # a name may go over several lines
+            return
+        table, rest = begin_csv(path, start)
+        line = table.form.plain_text(rest).decode(errors="replace").partition("\n")[0]
+        row = dict(zip(table.columns, table.form.split(line), strict=False))
+    texts = {name: text for name, text in row.items() if not table.form.is_number(text)}
+    made = missing_torque(table.columns, known) if known.motion_alone else []
+    found = [*table.columns, *made]
+    called = call_currents(found, known)
+    sources = dict(zip(called, found, strict=True))
+    units = dict(zip(called, table.form.units, strict=False))
+    currents = {name for name, column in sources.items() if name != column}
+    name_columns(called, str(path), known, units, texts, currents=currents, made=made)

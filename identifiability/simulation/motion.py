@@ -18,9 +18,9 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.gaps import BRIDGED, Gaps, fill
+from identifiability.logs.mend import check_units
 from identifiability.logs.source import read_table
 from identifiability.logs.spectrum import Spectrum, choose_band
-from identifiability.logs.units import check_units
 from identifiability.robot import Robot
 
 # Prescribed motion of the actuated joints: Fourier series, from a file or at random, or a table.

@@ -25,14 +25,11 @@ from identifiability.logs import Log
 from identifiability.logs.containers import frame_of
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.logfile import LogFile, open_log
-from identifiability.logs.mend import mend_logs
+from identifiability.logs.mend import drop_contradictions, mend_logs, unwrap_logs
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.longsamples import LongSamples, Prepared
-from identifiability.logs.prepare.survey import explain_silence, stands_still, torque_varies
-from identifiability.logs.repeats import Recording, check_held_out, drop_repeats
-from identifiability.logs.session import share_clock
-from identifiability.logs.units import drop_contradictions
-from identifiability.logs.unwrap import unwrap_logs
+from identifiability.logs.prepare.samples import explain_silence, stands_still, torque_varies
+from identifiability.logs.repeats import Recording, check_held_out, drop_repeats, share_clock
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure

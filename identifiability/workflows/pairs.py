@@ -19,7 +19,7 @@ from identifiability.logs import Log
 from identifiability.logs.checks import FEWEST
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, Samples, prepare_samples
-from identifiability.logs.prepare.repetition import COVERED, find_lag
+from identifiability.logs.prepare.instruments import COVERED, find_lag
 from identifiability.logs.repeats import Recording
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure

@@ -7,8 +7,8 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log, reading
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.header import check_header
 from identifiability.logs.logfile import LogFile
+from identifiability.logs.source import check_header
 from identifiability.robot import Robot
 
 
@@ -69,7 +69,7 @@ FORMS = {
 def test_other_forms_are_read_and_said_short_and_long_alike(
     form, encoding, bare, known, write, monkeypatch
 ):
-    monkeypatch.setattr("identifiability.logs.scan.PIECE_BYTES", 5000)
+    monkeypatch.setattr("identifiability.logs.source.PIECE_BYTES", 5000)
     options, before, note = FORMS[form]
     path = write("log.txt", (before + text_of(bare, **options)).encode(encoding))
     log = read_both(path, known)

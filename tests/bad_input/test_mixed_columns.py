@@ -10,8 +10,8 @@ from identifiability import analyze
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.logfile import LogFile
+from identifiability.logs.mend import find_contradictions
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.logs.units import find_contradictions
 from identifiability.regression import mix_up
 from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.mix_up import find_mix_up

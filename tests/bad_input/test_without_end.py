@@ -15,7 +15,8 @@ from identifiability.foundation.documents import MOST_BYTES as DOCUMENT
 from identifiability.foundation.documents import MOST_KEYS, MOST_PARTS, MOST_TABLES, MOST_VALUES
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Renames
-from identifiability.logs import header, sizes
+from identifiability.logs import form as sizes
+from identifiability.logs import source as header
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.tables import LONGEST_CELL
 from identifiability.regression.reduction import read_ladder

@@ -12,7 +12,7 @@ import pytest
 
 from identifiability.effects import FAMILIES
 from identifiability.logs.prepare import Samples, prepare_samples
-from identifiability.logs.prepare.closing import OPEN
+from identifiability.logs.prepare.instruments import OPEN
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
 from identifiability.workflows.export import export

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.logs.rates import unify_rates
-from identifiability.logs.units import contradictions, looks_like_degrees
+from identifiability.logs.mend import contradictions, looks_like_degrees
+from identifiability.logs.reading import unify_rates
 from identifiability.workflows.analyze import cutoff_check, several_logs
 from identifiability.workflows.analyze.words import grade_of
 from identifiability.workflows.oddities import torque as exchanged

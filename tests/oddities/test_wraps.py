@@ -7,8 +7,8 @@ import pytest
 
 from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile
-from identifiability.logs.unwrap import unwrap_logs
-from identifiability.logs.wraps import TURN, WrapFinder
+from identifiability.logs.mend import unwrap_logs
+from identifiability.logs.spikes import TURN, WrapFinder
 
 
 @pytest.fixture

@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.logs import scan, signals, tables
+from identifiability.logs import signals, tables
+from identifiability.logs import source as scan
 from identifiability.logs.prepare import longsamples
 from identifiability.regression import regression as windows
 from identifiability.robot import Robot

@@ -15,12 +15,17 @@ import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.logs import Log, signals
-from identifiability.logs.prepare.closing import complete_along
-from identifiability.logs.prepare.plan import Plan, joint_log
+from identifiability.logs.gaps import StaleRule
+from identifiability.logs.prepare.instruments import complete_along
+from identifiability.logs.prepare.plan import (
+    Plan,
+    joint_log,
+    lowest_cutoff,
+    noise_level,
+    resolution,
+)
 from identifiability.logs.prepare.preparation import SHORT, Preparation, make_plan
 from identifiability.logs.prepare.samples import Samples
-from identifiability.logs.prepare.white_noise import lowest_cutoff, noise_level, resolution
-from identifiability.logs.stale import StaleRule
 from identifiability.robot import Robot
 
 #: Noise with a smaller share of every acceleration (rms) does nothing to values.

@@ -27,11 +27,11 @@ from identifiability.logs.prepare.preparation import Preparation, make_plan
 from identifiability.logs.prepare.samples import (
     Piece,
     Samples,
+    Survey,
     check_left,
     join_motions,
     prepare_rows,
 )
-from identifiability.logs.prepare.survey import Survey
 from identifiability.logs.tables import is_parquet
 from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
 

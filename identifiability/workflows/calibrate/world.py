@@ -27,11 +27,9 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier, signals
 from identifiability.logs.prepare import Preparation, Samples
-from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.logs.prepare.plan import Plan, joint_log
+from identifiability.logs.prepare.instruments import SecondRecord, add_instrument, find_record
+from identifiability.logs.prepare.plan import Plan, joint_log, noise_size
 from identifiability.logs.prepare.preparation import make_plan
-from identifiability.logs.prepare.second_record import SecondRecord, find_record
-from identifiability.logs.prepare.white_noise import noise_size
 from identifiability.logs.spectrum import HIGHEST, LOWEST_CUTOFF, WIDE, bandwidth_of_windows
 from identifiability.physical.pseudo_inertia import BASIS, natural_scale, scale_matrix, to_matrix
 from identifiability.regression.information import Information

@@ -19,13 +19,11 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
-from identifiability.logs.gaps import Gaps
+from identifiability.logs.gaps import Gaps, StaleRule
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.logs.prepare.plan import joint_log
-from identifiability.logs.prepare.white_noise import noise_level, resolution
+from identifiability.logs.prepare.plan import joint_log, noise_level, resolution
 from identifiability.logs.spectrum import Spectrum
-from identifiability.logs.stale import StaleRule
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.robot import Robot
 from identifiability.robot.description import stated_speeds

@@ -23,7 +23,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared, prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
-from identifiability.logs.prepare.survey import explain_silence
+from identifiability.logs.prepare.samples import explain_silence
 from identifiability.logs.repeats import Recording
 from identifiability.regression.base_parameters import group_columns
 from identifiability.regression.reduction import (

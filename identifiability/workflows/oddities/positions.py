@@ -9,8 +9,8 @@ import numpy as np
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
-from identifiability.logs.stale import LONGEST, NAMES, smallest_change
-from identifiability.logs.units import looks_like_degrees
+from identifiability.logs.gaps import LONGEST, NAMES, smallest_change
+from identifiability.logs.mend import looks_like_degrees
 from identifiability.workflows.oddities.evidence import Evidence
 
 # Positions beyond the limits of the robot file: another unit, zero, sign or joint.

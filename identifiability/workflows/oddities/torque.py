@@ -11,7 +11,7 @@ import numpy as np
 from identifiability.foundation.errors import ClosureError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.stale import smallest_change
+from identifiability.logs.gaps import smallest_change
 from identifiability.regression.mix_up import find_mix_up
 from identifiability.robot import complete_motion
 from identifiability.workflows.oddities.evidence import Evidence, unexplained, without

@@ -24,7 +24,7 @@ from identifiability.foundation.options import (
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
-from identifiability.logs.prepare.survey import find_signal
+from identifiability.logs.prepare.samples import find_signal
 from identifiability.physical.feasibility import PhysicalResult, assess_feasibility
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information

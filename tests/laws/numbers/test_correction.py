@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimator import Correction, Estimate, correct
-from identifiability.logs.prepare import closing
-from identifiability.logs.prepare.closing import complete_along
+from identifiability.logs.prepare import instruments as closing
+from identifiability.logs.prepare.instruments import complete_along
 from identifiability.robot import Robot, complete_motion
 
 

@@ -11,7 +11,7 @@ from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.logs.prepare.white_noise import noise_level, resolution
+from identifiability.logs.prepare.plan import noise_level, resolution
 from identifiability.robot import Robot
 
 STEP = 0.005

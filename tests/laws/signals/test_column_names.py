@@ -7,9 +7,8 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Renames
 from identifiability.logs import Log
-from identifiability.logs.aliases import words_of
+from identifiability.logs.aliases import find_unit, words_of
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.stated_units import find_unit
 
 ARM = tuple(f"panda_joint{k}" for k in (1, 2, 3))
 UR = ("shoulder_pan_joint", "elbow_joint", "wrist_3_joint")

@@ -14,9 +14,9 @@ from identifiability.logs import Log
 from identifiability.logs.gaps import Gaps, fill
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Preparation, longsamples, prepare_samples
+from identifiability.logs.prepare.instruments import find_record
 from identifiability.logs.prepare.longsamples import prepare_log
-from identifiability.logs.prepare.second_record import find_record
-from identifiability.logs.prepare.white_noise import noise_level
+from identifiability.logs.prepare.plan import noise_level
 from identifiability.logs.signals import has_gap
 from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.regression.base_parameters import find_base_parameters

@@ -7,7 +7,7 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log, source
 from identifiability.logs.logfile import LogFile, open_log
-from identifiability.logs.rates import unify_rates
+from identifiability.logs.reading import unify_rates
 
 W = 2 * np.pi * np.array([0.8, 1.1])
 

@@ -8,10 +8,10 @@ import pytest
 
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
+from identifiability.logs.mend import check_units, find_contradictions
 from identifiability.logs.prepare import Preparation, Samples, prepare_samples
-from identifiability.logs.prepare.survey import Survey, explain_silence, find_signal
+from identifiability.logs.prepare.samples import Survey, explain_silence, find_signal
 from identifiability.logs.signals import Decimation
-from identifiability.logs.units import check_units, find_contradictions
 from identifiability.robot import Robot, complete_motion
 
 

@@ -8,7 +8,7 @@ import pytest
 from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import prepare_samples
-from identifiability.logs.session import share_clock
+from identifiability.logs.repeats import share_clock
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, random_trajectory
 from identifiability.workflows.diagnose.motion import divide, prepare_rows

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from identifiability.logs import Log, signals
+from identifiability.logs.gaps import StaleRule, find_stale, interpolate, tell_steps
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.logs.spectrum import NOISE_SHARE, Spectrum, choose_band
-from identifiability.logs.stale import StaleRule, find_stale, interpolate, tell_steps
 from identifiability.robot import Robot
 
 
