@@ -26,8 +26,7 @@ from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import Rung
 from identifiability.report import Check, Picture, Prose, Section, frame_table, write_page
-from identifiability.report.calibration_report import label
-from identifiability.report.figures.calibration import draw_coverage, draw_wrong
+from identifiability.report.calibration_report import draw_coverage, draw_wrong, label
 from identifiability.robot import Robot
 from identifiability.simulation import (
     Noise,

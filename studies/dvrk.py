@@ -38,8 +38,7 @@ from identifiability.report import (
     frame_table,
     write_page,
 )
-from identifiability.report.drawing import BLUE, GREY, INK
-from identifiability.report.figures.axes import label_axes, legend_above
+from identifiability.report.drawing import BLUE, GREY, INK, label_axes, legend_above
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import Campaign, Noise, shipped_trajectory
 from identifiability.workflows.analyze import Analysis, analyze

@@ -17,7 +17,7 @@ from paper_study.subject import TRAJECTORIES, load_subject
 
 from identifiability.foundation.names import Array
 from identifiability.report import Gallery, Picture
-from identifiability.report.figures.motion import draw_torque
+from identifiability.report.torque import draw_torque
 
 #: Fitted to the first, drawn on the second.
 SHOWN = ("601", "595")

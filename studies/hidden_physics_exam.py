@@ -35,7 +35,7 @@ from identifiability import analyze, diagnose
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.output import plain, write_json
 from identifiability.report import Check, Prose, Section, frame_table, write_page
-from identifiability.report.sections.answer import answer_notes, answer_questions
+from identifiability.report.analysis_report import answer_notes, answer_questions
 
 ROOT = Path(__file__).resolve().parents[1]
 #: z from which on an effect counts as visible, and weight from which on a name is sure.

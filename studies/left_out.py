@@ -22,7 +22,7 @@ from identifiability.estimation.omitted import SHARE
 from identifiability.foundation.numbers import Share
 from identifiability.foundation.output import write_json
 from identifiability.report import Check, Fold, Picture, Prose, Section, frame_table, write_page
-from identifiability.report.figures.calibration import draw_each
+from identifiability.report.calibration_report import draw_each
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[1]

@@ -76,6 +76,7 @@ def test_measured_derivatives_have_no_cut_off_to_vary(simulated_session):
     assert about_cutoff(analyze("two-link", log, replicates=20)) == []
 
 
+@pytest.mark.everything
 def test_pruning_says_it_too(positions):
     loud = Preparation(cutoff=16)
     hints = about_cutoff(prune("two-link", positions(5e-3), preparation=loud, replicates=20))

@@ -151,6 +151,7 @@ def test_results_say_what_least_squares_would_have_been(noisy_log, monkeypatch):
     assert any("Fourier series" in note for note in found.samples[0].notes)
 
 
+@pytest.mark.everything
 def test_pruning_follows_the_estimator(noisy_log):
     found = prune("3-rps", noisy_log, propose=False, replicates=10)
     chosen = found.rungs[found.selected]

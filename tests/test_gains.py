@@ -126,6 +126,7 @@ def test_the_command_prints_what_the_sidecar_needs(made, tmp_path):
     assert known.torque.factor("lift") == pytest.approx(TRUE["lift"], rel=0.05)
 
 
+@pytest.mark.everything
 def test_intervals_hold_where_noise_remembers_ten_samples():
     """95 % of 120 gains, within two Monte-Carlo errors of that: slow noise hides in the fit."""
     rng, n, inside = np.random.default_rng(0), 300, []

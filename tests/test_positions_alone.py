@@ -101,6 +101,7 @@ def test_intervals_hold_where_those_of_least_squares_do_not(structure, exact):
     assert np.corrcoef(seen, off["ls"].mean(0) / scatter)[0, 1] > 0.95
 
 
+@pytest.mark.everything
 def test_auto_takes_it_in_every_verb(exact):
     log = measure(exact, 0).rows(0, 2500)
     found = analyze("two-link", log, preparation=HOW, replicates=0)

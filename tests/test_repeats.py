@@ -78,6 +78,7 @@ def test_a_robot_that_never_moved_is_compared_without_a_warning(log, size):
     assert drop_repeats([rest]) == ([rest], [], ())
 
 
+@pytest.mark.everything
 def test_pruning_and_diagnosis_count_copies_once_too(log, again):
     logs = [log, again, shaken(log, 1e-9)]
     ladder = prune("two-link", logs, replicates=2)

@@ -43,6 +43,7 @@ def test_a_seed_from_python_is_the_seed_of_the_command(robot, tmp_path):
     assert not np.allclose(pd.read_csv(tmp_path / "4.csv"), ours)
 
 
+@pytest.mark.everything
 def test_quick_is_a_tenth_unless_somebody_says_how_many(robot, monkeypatch):
     motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 200)
     log = simulate(robot, motion, noise="torque=0.02")

@@ -99,6 +99,7 @@ def test_json_and_page_show_each_log(mixed, tmp_path):
     assert "Each log by itself" in page
 
 
+@pytest.mark.everything
 def test_pruning_says_it_too(logs):
     ladder = prune("two-link", [logs[0], rubbed(logs[1], 0.3), logs[2]], replicates=5)
     assert any("second disagrees with the other logs" in hint for hint in ladder.hints)

@@ -19,9 +19,9 @@ from identifiability.cli.diagnose import diagnose
 from identifiability.cli.excite import excite
 from identifiability.cli.export import export
 from identifiability.cli.gain import gain
-from identifiability.cli.grouping import Command
 from identifiability.cli.inspect import inspect
 from identifiability.cli.new import new
+from identifiability.cli.options import Command
 from identifiability.cli.paper import paper
 from identifiability.cli.payload import payload
 from identifiability.cli.predict import predict

@@ -10,7 +10,7 @@ from typer import Option
 
 from identifiability.cli import common, options
 from identifiability.cli.analyze import print_analysis
-from identifiability.cli.first_look import Writes
+from identifiability.cli.common import Writes
 
 if TYPE_CHECKING:
     from identifiability.logs import Log

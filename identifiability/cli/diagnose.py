@@ -9,7 +9,7 @@ from typing import Annotated
 from typer import Option
 
 from identifiability.cli import common, options
-from identifiability.cli.first_look import Reads, Writes
+from identifiability.cli.common import Reads, Writes
 from identifiability.foundation.errors import IdentifiabilityError
 
 

@@ -9,7 +9,7 @@ import typer
 from typer import Option
 
 from identifiability.cli import common, options
-from identifiability.cli.first_look import Writes
+from identifiability.cli.common import Writes
 
 
 @options.command

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from identifiability.cli import common, options
-from identifiability.cli.first_look import Writes
+from identifiability.cli.common import Writes
 
 if TYPE_CHECKING:
     from identifiability.workflows.inspect import Inspection

@@ -10,7 +10,7 @@ import typer
 from typer import Argument, Option
 
 from identifiability.cli import common, options
-from identifiability.cli.first_look import Writes
+from identifiability.cli.common import Writes
 
 #: The studies of the paper, beside the package in a checkout.
 STUDIES = Path(__file__).resolve().parents[2] / "studies"

@@ -8,7 +8,7 @@ from typing import Annotated
 from typer import Option
 
 from identifiability.cli import common, options
-from identifiability.cli.first_look import Writes
+from identifiability.cli.common import Writes
 
 
 @options.command_along_motion

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from typer import Option
 
 from identifiability.cli import common, options
-from identifiability.cli.first_look import Writes
+from identifiability.cli.common import Writes
 
 if TYPE_CHECKING:
     from identifiability.workflows.prune import Ladder

@@ -9,7 +9,7 @@ import typer
 from typer import Argument, Option
 
 from identifiability.cli import common, options
-from identifiability.cli.first_look import Reads, Writes
+from identifiability.cli.common import Reads, Writes
 
 
 @options.command

@@ -23,7 +23,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
-from identifiability.logs.form import MOST_DESCRIBED, check_values
+from identifiability.logs.sizes import MOST_DESCRIBED, check_values
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -16,16 +16,14 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.logs.aliases import guess_column
-from identifiability.logs.form import (
+from identifiability.logs.form import PLAIN, Form, find_form
+from identifiability.logs.sizes import (
     MOST_SHEET_BYTES,
-    PLAIN,
-    Form,
     check_archive,
     check_columns,
     check_elements,
     check_sheets,
     check_values,
-    find_form,
 )
 
 if TYPE_CHECKING:

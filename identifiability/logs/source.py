@@ -18,17 +18,10 @@ from identifiability.foundation.errors import LogError
 from identifiability.logs.bags import MixedJointsError, hash_files, is_bag, read_bag, split_topic
 from identifiability.logs.containers import CONTAINERS, check_suffix, check_text, read_container
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.form import (
-    LINE_END,
-    PLAIN,
-    Form,
-    check_columns,
-    find_encoding,
-    find_form,
-    judge_end,
-)
+from identifiability.logs.form import LINE_END, PLAIN, Form, find_encoding, find_form, judge_end
 from identifiability.logs.naming import name_columns
 from identifiability.logs.reading import with_index
+from identifiability.logs.sizes import check_columns
 from identifiability.logs.tables import Table, is_parquet, open_parquet, opened, parsing
 from identifiability.logs.to_si import call_currents, missing_torque
 

@@ -20,7 +20,8 @@ from identifiability.foundation.output import check_ending, csv_text, write_byte
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import to_floats
 from identifiability.logs.containers import CONTAINERS
-from identifiability.logs.form import PLAIN, Form, check_columns
+from identifiability.logs.form import PLAIN, Form
+from identifiability.logs.sizes import check_columns
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -2,23 +2,264 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
+from typing import Any
 
-from identifiability.report.blocks import Fold, Notes, Prose, Section
-from identifiability.report.figures.calibration import (
-    draw_coverage,
-    draw_each,
-    draw_ranks,
-    draw_wrong,
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from identifiability.foundation.names import Array
+from identifiability.report.answers import answer_next
+from identifiability.report.blocks import Answer, Answers, Fold, Notes, Prose, Section, Sketch
+from identifiability.report.drawing import (
+    BLUE,
+    GREY,
+    INK,
+    MUTED,
+    VERMILION,
+    canvas,
+    drawn,
+    label_axes,
+    legend_above,
+    plain,
+    row_canvas,
+    whiskers,
 )
-from identifiability.report.numbers import NONE, digits, format_number, rough_percent, whole_percent
+from identifiability.report.numbers import (
+    NONE,
+    digits,
+    format_number,
+    join,
+    rough_percent,
+    whole_percent,
+)
 from identifiability.report.page import Page
-from identifiability.report.sections.calibrated import answer_calibration
+from identifiability.report.skeleton import Part, moved_pose, sketch_parts
 from identifiability.report.tables import Column, Table
 from identifiability.report.words import columns, note, picture, section, sentence
-from identifiability.workflows.calibrate.calibration import WORDS, Calibration
+from identifiability.workflows.calibrate.calibration import MOST_WRONG, WORDS, Calibration
 from identifiability.workflows.calibrate.outcome import PRIOR_WIDTH, Cell, RankCheck
+from identifiability.workflows.calibrate.world import Cause
+from identifiability.workflows.commands import (
+    held_back,
+    ladder_option,
+    name_logs,
+    quote,
+    source_name,
+)
 from identifiability.workflows.diagnose import FalseNames
+
+# Operating characteristics: coverage, wrong verdicts, and ranks of planted values.
+
+
+_ROW = 30
+
+
+@drawn
+def draw_coverage(labels: Sequence[str], white: Array, robust: Array, spread: Array) -> Figure:
+    """Draw the coverage of white-noise and of robust 95 % intervals.
+
+    Parameters
+    ----------
+    labels : sequence of str
+        Simulated noise.
+    white, robust : (c,)
+        Shares of intervals that hold the truth.
+    spread : (c,)
+        Monte-Carlo standard error of `robust`.
+    """
+    figure, axes = row_canvas(labels, _ROW, xlabel="intervals that hold the truth [%]")
+    rows = np.arange(len(labels))
+    axes.axvline(95, color=INK, linewidth=1)
+    axes.plot(100 * white, rows, "o", fillstyle="none", color=MUTED, markersize=7, label="white σ")
+    whiskers(axes, 100 * robust, rows, 200 * np.nan_to_num(spread), label="robust σ")
+    legend_above(axes, handletextpad=0.3, borderaxespad=None)
+    axes.set_xlim(0, 102)
+    return figure
+
+
+@drawn
+def draw_wrong(labels: Sequence[str], ours: Array, paper: Array, high: Array) -> Figure:
+    """Draw the share of believed parameters that are off by more than half.
+
+    Parameters
+    ----------
+    labels : sequence of str
+        Simulated noise.
+    ours, paper : (c,)
+        Shares among the parameters called identifiable and those that pass the 10× rule.
+    high : (c,)
+        Upper ends of the intervals of `ours`.
+    """
+    figure, axes = row_canvas(labels, _ROW, xlabel="off by more than half [%]")
+    rows = np.arange(len(labels))
+    axes.plot(100 * paper, rows, "x", color=VERMILION, markersize=7, label="10× rule")
+    reach = 100 * np.nan_to_num(np.maximum(high - ours, 0.0))
+    whiskers(axes, 100 * ours, rows, [np.zeros(len(rows)), reach], label="identifiable")
+    most = float(np.nanmax(np.concatenate([paper, ours, high, [0.0]])))
+    axes.set_xlim(-2, max(10.0, 105 * most))
+    legend_above(axes, handletextpad=0.3, borderaxespad=None)
+    return figure
+
+
+@drawn
+def draw_each(names: Sequence[str], share: Array, low: Array, high: Array) -> Figure:
+    """Draw the coverage of every parameter's robust 95 % intervals, the worst on top.
+
+    Parameters
+    ----------
+    names : sequence of str
+    share, low, high : (k,)
+        Shares of intervals that hold the truth, with Monte-Carlo intervals.
+    """
+    figure, axes = row_canvas(names, xlabel="intervals that hold the truth [%]")
+    rows = np.arange(len(names))
+    axes.axvline(95, color=INK, linewidth=1)
+    bad = high < 0.95
+    reach = 100 * np.maximum([share - low, high - share], 0.0)
+    for own, colour in ((~bad, BLUE), (bad, VERMILION)):
+        small: Any = {"color": colour, "markersize": 4, "elinewidth": 1.4, "capsize": 0}
+        whiskers(axes, 100 * share[own], rows[own], reach[:, own], **small)
+    axes.set_xlim(min(80.0, 100 * float(low.min()) - 2), 102)
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    return figure
+
+
+@drawn
+def draw_ranks(counts: Array, band: tuple[float, float], worst: int, name: str) -> Figure:
+    """Draw how often planted values fall into each part of their posterior's draws.
+
+    Parameters
+    ----------
+    counts : (p, b)
+        For each parameter and each of b equal parts of the ranks.
+    band : (float, float)
+        Counts between which 99 % of them lie when ranks are uniform.
+    worst : int
+    name : str
+        Of the worst parameter.
+    """
+    figure, (axes,) = canvas(440, 270, (58, 14, 34, 38))
+    edges, level = np.linspace(0, 1, counts.shape[1] + 1), float(np.mean(band))
+    axes.axhspan(*band, color=GREY, alpha=0.12, linewidth=0)
+    axes.axhline(level, color=INK, linewidth=1)
+    for row in np.delete(counts, worst, axis=0):
+        axes.stairs(row, edges, baseline=None, color=MUTED, alpha=0.35, linewidth=0.9)
+    own: Any = {"color": VERMILION, "linewidth": 1.8, "label": f"smallest p: {plain(name)}"}
+    axes.stairs(counts[worst], edges, baseline=None, **own)
+    axes.stairs([], [0], baseline=None, color=MUTED, label="others")
+    axes.set_xlim(0, 1)
+    low, high = axes.get_ylim()
+    spread = max(high - level, level - low)
+    axes.set_ylim(level - 1.1 * spread, level + 1.1 * spread)
+    legend_above(axes)
+    label = "rank of the planted value among the draws [share]"
+    label_axes(axes, label, "simulated experiments [–]")
+    return figure
+
+
+# What a calibration answers first: trust or not, how often wrong, where weakest, what next.
+
+
+TONES = {"yes": "green", "no": "vermilion", "not enough trials": "amber"}
+
+
+def answer_calibration(calibration: Calibration) -> Answers:
+    """Return the first screen of a calibration."""
+    answers: tuple[Answer, ...] = (_trust(calibration), _wrong(calibration), _weakest(calibration))
+    commands = _next_commands(calibration)
+    if commands:
+        answers = (*answers, answer_next(commands))
+    return Answers(answers, _sketch(calibration))
+
+
+def _trust(calibration: Calibration) -> Answer:
+    start, _, rest = calibration.lines[0].partition(": ")
+    text = f"{rest[:1].upper()}{rest[1:]}"
+    answer = calibration.answer
+    tone = "amber" if answer.word == "yes" and answer.missing else TONES[answer.word]
+    return Answer("May intervals and verdicts be trusted here?", f"{start}.", text, tone)
+
+
+def _wrong(calibration: Calibration) -> Answer:
+    cell, question = calibration.cells[0], "How often is a verdict wrong?"
+    if not cell.called:
+        return Answer(question, "Never: nothing is called identifiable.", tone="grey")
+    share = rough_percent(cell.wrong) if cell.wrong else "None"
+    short = f"{share} of what is called identifiable is off by more than half."
+    tone = "green" if cell.wrong_high <= MOST_WRONG else "amber"
+    text = f"At most {rough_percent(cell.wrong_high)} by these trials."
+    if cell.not_judged:
+        text += f" In {whole_percent(cell.not_judged)} of the repetitions nothing is judged."
+    return Answer(question, short, text, "vermilion" if cell.wrong_low > MOST_WRONG else tone)
+
+
+def _weakest(calibration: Calibration) -> Answer:
+    cell = calibration.cells[0]
+    name, share = cell.names[cell.worst], whole_percent(cell.each[cell.worst].value)
+    short = f"In {name}: {share} of its intervals hold the truth."
+    text = calibration.lines[2] if calibration.answer.word == "no" else ""
+    if cell.below and share != NONE:
+        text = f"Too few beyond chance: {join(list(cell.below))}. {text}".strip()
+    return Answer("Where is it weakest, and why?", short, text, "amber" if cell.below else "")
+
+
+def _next_commands(calibration: Calibration) -> list[tuple[str, str]]:
+    analysis = calibration.analysis
+    if analysis is None:
+        return []
+    robot, how = source_name(analysis.robot), analysis.settings.get("preparation")
+    names = [s.name for s in analysis.samples]
+    logs = name_logs(analysis.robot, names, how=how) + ladder_option(
+        analysis.robot, analysis.source
+    )
+    word = calibration.answer.word
+    use = (
+        "Use intervals and verdicts:",
+        f"identifiability analyze {robot} {logs} --report report.html --json result.json",
+    )
+    begun = name_logs(analysis.robot, names, "--start-from", how)
+    longer = (
+        "Find a motion to measure next, for longer and other logs:",
+        f"identifiability excite {robot} {begun} --out next.json",
+    )
+    if word == "yes" and analysis.missing.functions:
+        held = held_back(analysis.validation)
+        line = f"identifiability diagnose {robot} {logs}{held} --report missing.html"
+        return [("Find out what the model misses:", line), use]
+    if word == "yes":
+        return [use]
+    if word == "not enough trials":
+        again = f"--replicates {calibration.answer.enough} --report calibration.html"
+        return [
+            ("Ask again with more trials:", f"identifiability calibrate {robot} {logs} {again}")
+        ]
+    blamed = {e.cause for e in calibration.effects if e.harmful}
+    if Cause.LEFT_OUT in blamed and analysis.full.name != calibration.model:
+        model = f"--model {quote(analysis.full.name)} --report calibration.html"
+        text = "Ask the same of the model that leaves nothing out:"
+        return [(text, f"identifiability calibrate {robot} {logs} {model}"), longer]
+    return [longer]
+
+
+def _sketch(calibration: Calibration) -> Sketch | None:
+    analysis, cell = calibration.analysis, calibration.cells[0]
+    if analysis is None:
+        return None
+    owners: dict[str, list[str]] = {}
+    for name in cell.names:
+        owners.setdefault(name.rpartition(".")[0], []).append(name)
+    parts = {}
+    for owner, names in owners.items():
+        few = [n for n in names if n in cell.below]
+        text = f"too narrow: {join(few)}" if few else "intervals hold"
+        parts[owner] = Part("vermilion" if few else "blue", text)
+    pose = moved_pose(analysis.robot, analysis.samples)
+    return sketch_parts(analysis.robot, parts, "decision.calibrated", pose, "not in the model")
+
+
+# The report of a calibration: may intervals and verdicts be trusted on this motion?
 
 
 def build_calibration_page(calibration: Calibration) -> Page:

@@ -1,4 +1,4 @@
-"""The report on a `Diagnosis`: the answer, the gap before and after, the evidence, what is left."""
+"""The report on a `Diagnosis`: the answer, the evidence, what is left."""
 
 from __future__ import annotations
 
@@ -7,20 +7,222 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.effects import find_effect, title_of
-from identifiability.report.blocks import Note, Notes, Prose, Section, Term, Terms
-from identifiability.report.figures.diagnosis import draw_against, draw_evidence, draw_gap
-from identifiability.report.numbers import digits, error_text, format_number, percent, rough_percent
+from identifiability.report.answers import (
+    after_mass,
+    answer_next,
+    state_error,
+    tone_of,
+    torque_units,
+    velocity_units,
+)
+from identifiability.report.blocks import (
+    Answer,
+    Answers,
+    Gallery,
+    Note,
+    Notes,
+    Prose,
+    Section,
+    Sketch,
+    Term,
+    Terms,
+)
+from identifiability.report.numbers import (
+    digits,
+    error_text,
+    format_number,
+    join,
+    percent,
+    rough_percent,
+)
 from identifiability.report.page import Page
-from identifiability.report.sections.effects import section_effects, section_forward
-from identifiability.report.sections.facts import torque_units, velocity_units
-from identifiability.report.sections.missing import answer_missing
+from identifiability.report.skeleton import Part, moved_pose, sketch_parts
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.report.torque import (
+    draw_against,
+    draw_curve,
+    draw_evidence,
+    draw_forward,
+    draw_gap,
+    draw_shrink,
+)
 from identifiability.report.words import columns, gallery, note, picture, section, sentence
+from identifiability.workflows.diagnose.findings import Curve, NamedEffect
+from identifiability.workflows.diagnose.forward import ForwardGap
+from identifiability.workflows.diagnose.next_steps import next_commands
 from identifiability.workflows.diagnose.result import Diagnosis
-from identifiability.workflows.diagnose.words import remarks
+from identifiability.workflows.diagnose.words import headline, remarks
 
-#: Joints whose gap is drawn.
+# What a diagnosis answers first: what is missing, what it explains, what is left, what next.
+
+
+#: Places of an effect that the first line lists.
+PLACES = 3
+
+
+def answer_missing(d: Diagnosis) -> Answers:
+    """Return the first screen of a diagnosis."""
+    return Answers(
+        (after_mass(_what(d), d.mass_warning), _gap(d), _left(d), answer_next(next_commands(d))),
+        _sketch(d),
+    )
+
+
+def _what(d: Diagnosis) -> Answer:
+    question = "What is missing?"
+    if not d.effects:
+        return Answer(question, "Nothing that can be named.", headline(d), "grey")
+    named = [f"{_call(e)} in {join(e.joints, PLACES)}" for e in d.effects]
+    short = join(named)
+    return Answer(question, f"{short[0].upper()}{short[1:]}.", headline(d), "vermilion")
+
+
+def _call(e: NamedEffect) -> str:
+    """Return a name with what the motion cannot tell from it: the first line may not be surer."""
+    others = len(e.alternatives)
+    return e.names if others < 2 else f"{e.title} or one of {others} that look like it"
+
+
+def _gap(d: Diagnosis) -> Answer:
+    question = "How much of the gap does it explain?"
+    if not d.effects:
+        short = f"The error on unseen motion stays at {percent(d.held_before)}."
+        return Answer(question, short, f"Measured on {d.verified_on}.")
+    low, high = (format_number(100 * x, 2) for x in d.interval)
+    falls = d.interval[1] < 0
+    before, after = percent(d.held_before), percent(d.held_after)
+    short = f"The error goes from {before} to {after}."
+    if before == after:
+        short = f"Hardly any: the error over all joints stays at {after}."
+    text = (
+        f"All joints together on {d.verified_on}, which took no part in fitting or choosing (95 % "
+        f"of the change: {low} … {high} points)."
+    )
+    return Answer(question, short, text, "green" if falls else "amber")
+
+
+def _left(d: Diagnosis) -> Answer:
+    error = d.held_after if d.effects else d.held_before
+    question = "How good is the model then?"
+    if not np.isfinite(error):
+        return Answer(question, "There is no error to tell.", d.unexplained, "grey")
+    judged, short, spread = state_error(error, d.robot.joints, d.error_frame()["after"].to_numpy())
+    return Answer(question, short, f"{spread}{d.unexplained}", tone_of(judged))
+
+
+def _sketch(d: Diagnosis) -> Sketch | None:
+    missing: dict[str, list[str]] = {}
+    for e in d.effects:
+        for p in e.placements:
+            missing.setdefault(p.place, []).append(e.title)
+    parts = {joint: Part("grey", "nothing was found to be missing") for joint in d.robot.joints}
+    parts |= {place: Part("vermilion", f"misses {join(t)}") for place, t in missing.items()}
+    robot = d.completed.robot
+    return sketch_parts(robot, parts, "decision.missing", moved_pose(robot, d.samples))
+
+
+# What a diagnosis named, what each effect was learned to be, and how the model moves with it.
+
+
+#: Curves that are drawn.
 SHOWN = 6
+
+EFFECTS = (
+    Column("effect"),
+    Column("where"),
+    Column("parameter", "code"),
+    Column("value", digits(3)),
+    Column("± se", digits(2)),
+    Column("unit"),
+    Column("p", digits(2), hint="Family-wise."),
+    Column("adds, rms", digits(3)),
+    Column("resembles"),
+)
+
+
+def section_effects(d: Diagnosis) -> Section:
+    """Return the effects that were named, with their values, and those that were refuted."""
+    rows = []
+    for e in d.effects:
+        close = [f"{n.replace('_', ' ')} ({s:.2f})" for n, s in e.similar.items() if s > 0.5]
+        for p in e.placements:
+            shape = f"shape {format_number(p.shape, 3)}" if np.isfinite(p.shape) else ""
+            first = (Cell(e.names, note=shape), p.place)
+            last = (p.p_value, p.rms, close[0] if close else "nothing")
+            rows += [(*first, *row, *last) for row in p.rows]
+    if not rows and not d.refuted:
+        nothing = "No effect stands out from the noise and helps on unseen motion."
+        return section("diagnosis.effects", nothing)
+    labels = ["model as it was", *(f"+ {_short(e.title)}" for e in d.effects)]
+    errors = np.array([d.held_before, *(e.after for e in d.effects)])
+    shrink = picture("shrink", draw_shrink(labels, errors), motion=d.verified_on)
+    found = (Table.of("Effects that were added", EFFECTS, rows), shrink, _curves(d))
+    refuted = _table_refuted(d) if d.refuted else None
+    return section("diagnosis.effects", *(found if rows else ()), refuted)
+
+
+def _table_refuted(d: Diagnosis) -> Table:
+    columns = (
+        Column("effect", get="names"),
+        Column("where", get=lambda e: ", ".join(e.joints)),
+        Column("p", digits(2), "p_value", "Family-wise."),
+        Column("error without", percent, "before", f"On {d.verified_on}."),
+        Column("with", percent, "after"),
+        Column("change, 95 %", "number", _change, "Points."),
+    )
+    return Table.of("Refuted by the motion that verifies, and in no model", columns, d.refuted)
+
+
+def _change(e: NamedEffect) -> Cell:
+    low, high = (format_number(100 * x, 2) for x in e.interval)
+    return Cell(f"{low} … {high}", e.interval[0])
+
+
+def _curves(d: Diagnosis) -> Gallery:
+    units = torque_units(d.robot)
+    pictures = []
+    for c in d.curves[:SHOWN]:
+        other = "" if c.of == c.joint else f" of {d.robot.joints[c.of]}"
+        over = "time of the session" if c.against == "session" else c.against
+        labels = (f"{over}{other} [{_unit(d, c)}]", f"torque [{units[c.joint]}]")
+        title = f"{_short(c.title)}, {d.robot.joints[c.joint]}"
+        figure = draw_curve(c.x, c.learned, c.spread, c.data, title, labels)
+        pictures.append(picture("curve", figure, title=title))
+    return gallery("curves", pictures)
+
+
+def _short(title: str) -> str:
+    """Return a title for a label, where a function needs not say that it has no name."""
+    return title.removeprefix("an unnamed ")
+
+
+def _unit(d: Diagnosis, c: Curve) -> str:
+    speed, torque = velocity_units(d.robot)[c.of], torque_units(d.robot)[c.of]
+    position = speed.removesuffix("/s")
+    seconds = {"time": "s", "session": "s"}
+    return {"velocity": speed, "position": position, "load": torque, **seconds}[c.against]
+
+
+def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
+    """Return the section on simulated motion before and after the named effects."""
+    horizon = format_number(gap.horizon, 2)
+    if not gap.measured:
+        return section("diagnosis.motion", f"Not done: {gap.note}", horizon=horizon)
+    figure = draw_forward(gap.t, *gap.shares())
+    columns = (
+        Column("joint"),
+        Column("before", percent, hint="Of the distance moved, at the end."),
+        Column("after", percent),
+    )
+    rows = zip(joints, *gap.joint_shares(), strict=True)
+    table = Table.of("Position error at the end of a stretch", columns, rows)
+    shown = picture("forward", figure, stretches=len(gap.before))
+    return section("diagnosis.motion", shown, table, horizon=horizon)
+
+
+# The report on a `Diagnosis`: the answer, the gap before and after, the evidence, what is left.
+
+
 #: Seconds of unseen motion that are drawn.
 STRETCH = 10.0
 

@@ -2,25 +2,224 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
+from identifiability.foundation.names import Array
+from identifiability.report.answers import answer_next
 from identifiability.report.blocks import (
+    Answer,
+    Answers,
     Fold,
     Gallery,
     Note,
     Notes,
     Prose,
     Section,
+    Sketch,
 )
-from identifiability.report.figures.excitation import draw_gain, draw_joint, draw_search
-from identifiability.report.numbers import digits, format_count, format_number
+from identifiability.report.drawing import (
+    BLUE,
+    COLOURS,
+    DASHED,
+    INK,
+    MUTED,
+    VERMILION,
+    canvas,
+    drawn,
+    label_axes,
+    legend_above,
+    log_scale,
+    plain,
+    row_canvas,
+    row_lines,
+)
+from identifiability.report.numbers import digits, format_count, format_number, join, whole_percent
 from identifiability.report.page import Page
-from identifiability.report.sections.excited import answer_excitation
+from identifiability.report.skeleton import Part, actuated_pose, sketch_parts
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.report.words import note, picture, section, sentence, words
+from identifiability.workflows.commands import name_logs, on_file, source_name
 from identifiability.workflows.excite.result import CONFUSABLE, Excitation
+
+# An exciting motion: each joint within its limits, the search, and what it gains.
+
+
+@drawn
+def draw_joint(
+    t: Array, parts: Sequence[Array], bounds: tuple[Array, Array], title: str, unit: str
+) -> Figure:
+    """Draw position, velocity and acceleration of a joint between their limits.
+
+    Parameters
+    ----------
+    t : (N,) [s]
+    parts : three of (N,) [unit, unit/s, unit/s²]
+    bounds : (3,), (3,)
+        Least and largest of each.
+    title, unit : str
+    """
+    figure, axes = canvas(400, 330, (66, 10, 34, 38), (1, 1, 1))
+    labels = (f"q [{unit}]", f"q̇ [{unit}/s]", f"q̈ [{unit}/s²]")
+    for ax, y, low, high, label in zip(axes, parts, *bounds, labels, strict=True):
+        for bound in (low, high):
+            ax.axhline(bound, color=VERMILION, **DASHED)
+        ax.plot(t, y, color=BLUE, linewidth=1.4)
+        room = 0.08 * (high - low)
+        ax.set_ylim(low - room, high + room)
+        label_axes(ax, "time [s]" if ax is axes[-1] else "", label, title if ax is axes[0] else "")
+        ax.locator_params(axis="y", nbins=4)
+    axes[-1].set_xlim(float(t[0]), float(t[-1]))
+    figure.align_ylabels(axes)
+    return figure
+
+
+@drawn
+def draw_search(
+    starts: Sequence[Array], before: float, label: str, *, logarithmic: bool = True
+) -> Figure:
+    """Draw the figure of merit by iteration, one line a start.
+
+    Parameters
+    ----------
+    starts : sequence of (i,)
+        The figure after each iteration.
+    before : float
+        What it is compared with.
+    label : str
+        Name of the figure.
+    logarithmic : bool
+    """
+    figure, (axes,) = canvas(720, 260, (70, 16, 30, 40))
+    colours = ("blue", "green", "purple", "amber", "sky")
+    for k, y in enumerate(starts):
+        colour = COLOURS[colours[k % len(colours)]]
+        axes.plot(np.arange(1, len(y) + 1), y, color=colour, label=f"start {k + 1}")
+    axes.axhline(before, color=MUTED, label="compared with", **DASHED)
+    if logarithmic:
+        axes.set_yscale("log")
+        low, high = axes.get_ylim()
+        axes.set_ylim(low, high)
+        _plain_ticks(axes.yaxis, low, high)
+    label_axes(axes, "iteration", plain(label, 40))
+    legend_above(axes, ncols=4, handlelength=1.4, borderaxespad=None)
+    return figure
+
+
+@drawn
+def draw_gain(names: Sequence[str], ratio: Array) -> Figure:
+    """Draw standard deviations relative to those of the motion compared with.
+
+    Parameters
+    ----------
+    names : sequence of str
+    ratio : (k,)
+    """
+    figure, axes = row_canvas(names, xlabel="σ with this motion / σ compared with")
+    shown = np.where(np.isfinite(ratio) & (ratio > 0), ratio, 1.0)
+    log_scale(axes, 0.8 * float(shown.min(initial=0.5)), 1.25 * float(shown.max(initial=2.0)))
+    _plain_ticks(axes.xaxis, *axes.get_xlim())
+    row_lines(axes, len(names))
+    axes.axvline(1.0, color=INK, linewidth=1)
+    colours = np.where(shown <= 1, BLUE, VERMILION)
+    axes.scatter(shown, np.arange(len(names)), c=colours.tolist(), s=36, zorder=3)
+    return figure
+
+
+def _plain_ticks(axis: Axis, low: float, high: float) -> None:
+    """Write plain numbers 1, 2, 5, 10 … along a logarithmic axis, fewer where it is long."""
+    decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    leading = (1, 2, 5) if np.log10(high / low) < 2.5 else (1,)
+    ticks = [lead * 10.0**k for k in decades for lead in leading]
+    axis.set_major_locator(FixedLocator([x for x in ticks if low <= x <= high]))
+    axis.set_major_formatter(FuncFormatter(lambda x, _: format_number(x, 2)))
+    axis.set_minor_locator(NullLocator())
+
+
+# What an excitation answers first: what to play, what it tells, whether it is safe, what next.
+
+
+#: σ of a parameter relative to before, up to which it is known better.
+BETTER = 0.95
+
+
+def answer_excitation(result: Excitation) -> Answers:
+    """Return the first screen of an excitation."""
+    next_ = answer_next(_next_commands(result))
+    return Answers((_motion(result), _worth(result), _safe(result), next_), _sketch(result))
+
+
+def _motion(result: Excitation) -> Answer:
+    joints = format_count(len(result.limits.joints), "joint")
+    seconds = format_number(result.trajectory.period, 3)
+    short = f"Move {joints} along this motion of {seconds} s, several times."
+    return Answer("What should the robot do?", short, sentence("excitation.files"), "blue")
+
+
+def _worth(result: Excitation) -> Answer:
+    gain = result.gain[np.isfinite(result.gain)]
+    better = int((gain < BETTER).sum())
+    short = (
+        f"{better} of {format_count(len(result.gain), 'parameter')} are known better than from "
+        f"{result.beside}."
+    )
+    tone = "green" if better > len(result.gain) / 2 else "amber"
+    return Answer("What does it tell?", short, result.worth, tone)
+
+
+def _safe(result: Excitation) -> Answer:
+    frame, question = result.to_frame(), "May the robot play it?"
+    fast = float((frame["speed"] / frame["speed_limit"]).max())
+    text = f"{result.limits_statement} The fastest joint uses {whole_percent(fast)} of its speed."
+    if result.limits.assumed:
+        return Answer(question, "Check the limits first: some were assumed.", text, "amber")
+    return Answer(question, "Yes, as far as its limits say.", text, "green")
+
+
+def _next_commands(result: Excitation) -> list[tuple[str, str]]:
+    robot = source_name(result.robot)
+    logs = name_logs(result.robot, [*result.logs, "next.csv"])
+    return [
+        (
+            "Rehearse it in simulation:",
+            on_file(
+                result,
+                "json",
+                "motion.json",
+                f"identifiability excite {robot} --out",
+                f"identifiability simulate {robot} {{file}} --out rehearsal.csv",
+            ),
+        ),
+        (
+            "When it is measured (as next.csv), judge all logs together:",
+            f"identifiability analyze {robot} {logs} --report report.html",
+        ),
+    ]
+
+
+def _sketch(result: Excitation) -> Sketch | None:
+    owners: dict[str, list[str]] = {}
+    known = dict.fromkeys(n.rpartition(".")[0] for n in result.names)
+    for name, gain in zip(result.names, result.gain, strict=True):
+        if gain < BETTER:
+            owners.setdefault(name.rpartition(".")[0], []).append(name)
+    parts = {
+        owner: Part("green", f"better known: {join(owners[owner])}")
+        if owner in owners
+        else Part("grey", "not better known")
+        for owner in known
+    }
+    pose = actuated_pose(result.robot, result.motion[1])
+    return sketch_parts(result.robot, parts, "decision.excited", pose, "not in the model")
+
+
+# The report on an `Excitation`: the motion to measure, and what it is worth.
+
 
 TITLES = {
     "condition": "A motion that excites all parameters alike",

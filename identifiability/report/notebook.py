@@ -8,7 +8,7 @@ from functools import cache
 import pandas as pd
 from markupsafe import Markup
 
-from identifiability.report.marks import MARKS
+from identifiability.report.numbers import MARKS
 from identifiability.report.page import page_environment
 from identifiability.report.tables import Table, badge_cell, frame_table
 

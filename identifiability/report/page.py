@@ -17,8 +17,7 @@ from identifiability.foundation.output import write_text
 from identifiability.foundation.values import frozen
 from identifiability.report.blocks import Block, Fold, Section, Tile, Traces
 from identifiability.report.drawing import TEMPLATES
-from identifiability.report.marks import mark_of
-from identifiability.report.numbers import superscript
+from identifiability.report.numbers import mark_of, superscript
 from identifiability.report.tables import Table
 
 

@@ -22,12 +22,10 @@ from matplotlib.figure import Figure
 from identifiability.estimation.estimator import PAPER_FACTOR
 from identifiability.foundation.errors import near_match
 from identifiability.foundation.options import OptionError
-from identifiability.report.figures.confusion import draw_confusion, order_confused
-from identifiability.report.figures.diagnosis import draw_shrink
-from identifiability.report.figures.models import draw_errors, draw_ladder
-from identifiability.report.figures.motion import draw_torque
-from identifiability.report.figures.parameters import draw_precision
-from identifiability.report.sections.facts import sigma_percents
+from identifiability.report.answers import sigma_percents
+from identifiability.report.belief import draw_precision
+from identifiability.report.models import draw_errors, draw_ladder
+from identifiability.report.torque import draw_confusion, draw_shrink, draw_torque, order_confused
 
 if TYPE_CHECKING:  # every report loads this module, and few need what prunes or diagnoses
     from identifiability.workflows.analyze import Analysis

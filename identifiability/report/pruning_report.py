@@ -9,8 +9,20 @@ import numpy as np
 
 from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.verdict import Class, Verdict
+from identifiability.report.answers import (
+    SIGMA,
+    UNIT,
+    VALUE,
+    VERDICT,
+    after_mass,
+    answer_next,
+    answer_quality,
+    answer_trust,
+    bias_columns,
+    found_cell,
+)
 from identifiability.report.blocks import Answer, Answers, Fold, Note, Notes, Prose, Section
-from identifiability.report.figures.models import draw_ladder, draw_survival
+from identifiability.report.models import draw_ladder, draw_survival, mass_table
 from identifiability.report.numbers import (
     NONE,
     digits,
@@ -23,24 +35,9 @@ from identifiability.report.numbers import (
     whole_percent,
 )
 from identifiability.report.page import Page
-from identifiability.report.sections.connections import section_budget, section_confused
-from identifiability.report.sections.decision import (
-    after_mass,
-    answer_next,
-    answer_quality,
-    answer_trust,
-)
-from identifiability.report.sections.drawn import sketch_robot
-from identifiability.report.sections.facts import (
-    SIGMA,
-    UNIT,
-    VALUE,
-    VERDICT,
-    bias_columns,
-    found_cell,
-)
-from identifiability.report.sections.robot import mass_table
+from identifiability.report.skeleton import sketch_robot
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.report.torque import section_budget, section_confused
 from identifiability.report.words import columns, note, picture, section, sentence, words
 from identifiability.workflows.commands import (
     held_back,

@@ -13,8 +13,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.foundation.values import frozen
-from identifiability.report.marks import MARKS
-from identifiability.report.numbers import NONE, format_measured, format_number
+from identifiability.report.numbers import MARKS, NONE, format_measured, format_number
 
 Kind = Literal["text", "number", "error", "bar", "badge", "code"]
 

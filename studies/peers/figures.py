@@ -10,8 +10,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from identifiability.report.drawing import COLOURS, INK, MUTED, canvas, drawn, plain
-from identifiability.report.figures.axes import log_scale, power_of_ten, row_canvas
+from identifiability.report.drawing import (
+    COLOURS,
+    INK,
+    MUTED,
+    canvas,
+    drawn,
+    log_scale,
+    plain,
+    power_of_ten,
+    row_canvas,
+)
 
 Array = Any
 

@@ -68,6 +68,7 @@ def test_it_is_named_and_weighs_nothing(frame, fault, analysed):
     assert [v.verdict for v in bad.full.verdicts] == [v.verdict for v in good.full.verdicts]
 
 
+@pytest.mark.everything
 def test_prune_and_diagnose_name_it_fitted_or_held_out(frame):
     spoilt, _ = spoil(frame, "torque times 1000")
     good, bad = Log.from_frame(frame.iloc[::2], "good"), Log.from_frame(spoilt, "bad")
@@ -91,6 +92,7 @@ def test_a_burst_that_is_no_single_sample_is_told_by_every_verb(frame):
         assert hint.startswith(("a from t = 2.", "a, part 1 from t = 2."))
 
 
+@pytest.mark.everything
 def test_the_command_line_says_it_on_the_page_and_in_the_file(frame, command, write, tmp_path):
     spoilt, named = spoil(frame.iloc[: ROW + 49], "torque times 1000")
     path, result, page = write("log.csv", spoilt), tmp_path / "out.json", tmp_path / "out.html"

@@ -14,7 +14,6 @@ from identifiability import Robot
 from identifiability.cli.common import harmless
 from identifiability.cli.options import Outputs
 from identifiability.foundation import documents, output
-from identifiability.foundation import output as scratch
 from identifiability.foundation.errors import IdentifiabilityError, OutputError
 from identifiability.foundation.output import csv_text, write_text
 
@@ -124,21 +123,21 @@ def test_long_arrays_of_numbers_are_no_deep_keys(tmp_path):
 BEGINS = """
 import sys, time
 from pathlib import Path
-from identifiability.foundation import output, scratch
-folder = scratch.temporary_folder()
+from identifiability.foundation import output
+folder = output.temporary_folder()
 begun = output._beside(Path(sys.argv[1], "result.json"))
 held = output._fill(begun, b"half", begun.with_name("result.json"))
 for path in (Path(folder.name), begun):
-    path.rename(path.with_name(path.name.replace(f"-{scratch.os.getpid()}-", "-999999999-")))
+    path.rename(path.with_name(path.name.replace(f"-{output.os.getpid()}-", "-999999999-")))
 print("begun", flush=True)
 sys.stdin.read()
-scratch.os._exit(9)
+output.os._exit(9)
 """
 
 
 def test_what_killed_programs_left_is_swept_and_what_others_work_on_is_not(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    saved = tmp_path / f"identifiability-{scratch.host_mark()}"  # a result
+    saved = tmp_path / f"identifiability-{output.host_mark()}"  # a result
     saved.mkdir()
     with subprocess.Popen(
         [sys.executable, "-c", BEGINS, str(tmp_path)],
@@ -149,12 +148,12 @@ def test_what_killed_programs_left_is_swept_and_what_others_work_on_is_not(tmp_p
         assert other.stdout.readline() == b"begun\n"
         theirs = set(tmp_path.iterdir())
         assert len(theirs) == 3
-        with scratch.temporary_folder() as mine, scratch.temporary_folder() as more:
+        with output.temporary_folder() as mine, output.temporary_folder() as more:
             output.write_text(tmp_path / "mine.txt", "whole")
             new = {tmp_path / "mine.txt", Path(mine), Path(more)}
             assert set(tmp_path.iterdir()) == theirs | new
         other.stdin.close()
     assert other.returncode == 9
     output.write_text(tmp_path / "mine.txt", "whole")
-    scratch.temporary_folder().cleanup()
+    output.temporary_folder().cleanup()
     assert set(tmp_path.iterdir()) == {saved, tmp_path / "mine.txt"}

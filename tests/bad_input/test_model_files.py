@@ -158,6 +158,7 @@ def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(besid
     assert [found[k] for k in decided] == ["ols", "0.5", "0", "0"]
 
 
+@pytest.mark.everything
 def test_diagnosis_and_excitation_use_the_effects_of_a_model_file_and_say_so(pruned, log, tmp_path):
     path = pruned.write_model(tmp_path / "model.toml")
     free = "Of the model file only the effects were used"

@@ -15,8 +15,7 @@ from identifiability.foundation.documents import MOST_BYTES as DOCUMENT
 from identifiability.foundation.documents import MOST_KEYS, MOST_PARTS, MOST_TABLES, MOST_VALUES
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Renames
-from identifiability.logs import form as sizes
-from identifiability.logs import source as header
+from identifiability.logs import sizes, source
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.tables import LONGEST_CELL
 from identifiability.regression.reduction import read_ladder
@@ -350,7 +349,7 @@ def test_a_pipe_is_not_waited_for(refuses, name):
 
 def test_a_header_of_a_pipe_is_left_to_its_reader(tmp_path):
     os.mkfifo(tmp_path / "run.csv")
-    header.check_header(tmp_path / "run.csv", Conventions())
+    source.check_header(tmp_path / "run.csv", Conventions())
 
 
 def test_a_ring_of_links_is_one_sentence(tmp_path):

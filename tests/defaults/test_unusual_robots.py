@@ -140,6 +140,7 @@ def test_rounding_is_not_something_that_is_left(case):
     )
 
 
+@pytest.mark.everything
 @ONE
 def test_coulomb_friction_that_was_left_out_is_named(case):
     logs = [case.log(seed, NOISE) for seed in (5, 6, 7)]

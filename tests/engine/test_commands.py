@@ -28,6 +28,7 @@ def log(simulated_session):
     return simulated_session("two-link", "a", 0)
 
 
+@pytest.mark.everything
 def test_seeds_of_a_calibration_do_not_depend_on_who_does_it(log, two, monkeypatch):
     monkeypatch.setattr(ranks, "PART", 10)  # so that few experiments are several items
     analysis = analyze("two-link", log, replicates=0)
@@ -41,6 +42,7 @@ def test_seeds_of_a_calibration_do_not_depend_on_who_does_it(log, two, monkeypat
     assert other["cells"] != here["cells"]
 
 
+@pytest.mark.everything
 def test_seeds_of_pruning_do_not_depend_on_who_does_it(log, two):
     here, there = (
         prune("two-link", log, replicates=25, seed=1, engine=engine).stability

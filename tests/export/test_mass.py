@@ -63,6 +63,7 @@ def test_pruning_knows_the_remedy(log):
     assert heavy.to_dict()["physical"]["cad_prior"] == 1.0
 
 
+@pytest.mark.everything
 def test_a_diagnosis_chooses_the_prior_on_motion_that_it_has_not_seen(log, simulated_session):
     """As an analysis does under the same model; the choice is not the weight where none is."""
     from identifiability.physical.cad_prior import WEAK

@@ -14,7 +14,7 @@ from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.report.sections.missing import answer_missing
+from identifiability.report.diagnosis_report import answer_missing
 from identifiability.robot import complete_motion
 from identifiability.robot.description import Tilt
 from identifiability.robot.kinematics import turn
@@ -148,6 +148,7 @@ def test_a_wall_is_found_stated_written_and_drawn(on_a_wall, tmp_path):
     assert again.chosen.error_ra_validation < 0.03
 
 
+@pytest.mark.everything
 def test_where_nothing_is_believed_and_gravity_disagrees_diagnose_comes_next(on_a_wall):
     robot, (log, _) = on_a_wall
     few = ("viscous_friction", "rigid_body")

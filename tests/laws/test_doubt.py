@@ -12,7 +12,7 @@ from identifiability.estimation.noise.restricted_likelihood import (
     RestrictedLikelihood,
 )
 from identifiability.estimation.verdict import Class
-from identifiability.report.sections.answer import answer_notes, answer_questions
+from identifiability.report.analysis_report import answer_notes, answer_questions
 from identifiability.simulation import Noise
 from identifiability.simulation.noise import ar1
 from identifiability.workflows.analyze.next_steps import next_commands

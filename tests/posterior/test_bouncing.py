@@ -39,6 +39,7 @@ def fly(flight):
     return flight
 
 
+@pytest.mark.everything
 def test_signs_agree_with_a_gibbs_sampler(posteriors, rng):
     target, start = posteriors.sign_target(rng, variance=1.0)
     draws = sample_exact(target, start, 300, rng, chains=128)

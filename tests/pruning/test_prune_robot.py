@@ -124,6 +124,7 @@ def test_pruning_starts_from_the_users_own_ladder(simulated, tmp_path):
     assert set(again.models[1].rung.columns) == set(out.chosen.columns)
 
 
+@pytest.mark.everything
 def test_several_logs_are_left_out_one_at_a_time(simulated):
     logs = [simulated("3-rps", t, k) for k, t in enumerate(("571", "595", "601"))]
     out = prune("3-rps", logs, replicates=0)

@@ -127,6 +127,7 @@ def test_all_published_values_but_friction_agree_within_their_own_uncertainty(co
     assert (well["ratio"] - 1).abs().max() < 0.05
 
 
+@pytest.mark.everything
 @pytest.mark.parametrize("method", ["ols", "wls"])
 def test_the_published_treatment_of_the_rows_that_we_take_gives_all_our_values(
     tx40, folder, base, compared, published, method

@@ -11,7 +11,7 @@ import pytest
 from identifiability import analyze
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.report import build_analysis_page, write_analysis_report
-from identifiability.report.sections.answer import answer_notes
+from identifiability.report.analysis_report import answer_notes
 
 SECTIONS = (
     "parameters", "models", "prediction", "budget", "confused", "motions", "residuals", "physics",
@@ -158,7 +158,7 @@ def test_impossible_values_are_a_warning_and_not_a_footnote(paper_analysis):
 
 
 def test_long_combinations_are_cut_between_terms():
-    from identifiability.report.sections.models import shorten_label
+    from identifiability.report.models import shorten_label
 
     label = " + ".join(f"0.1234·m({k})" for k in range(40))
     short = shorten_label(label)

@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 
 from identifiability.report import analysis_report, build_analysis_page, render_page
-from identifiability.report.sections.belief import forest_groups, forest_layers, strongest_pairs
-from identifiability.report.sections.models import parameter_table
-from identifiability.report.sections.standard import contraction_order
+from identifiability.report.belief import (
+    contraction_order,
+    forest_groups,
+    forest_layers,
+    strongest_pairs,
+)
+from identifiability.report.models import parameter_table
 from identifiability.workflows.analyze.belief import LEARNED, Source
 
 REASON = "The ensembles disagree: nested R-hat of platform.mx is 1.300 (at most 1.01)."
@@ -199,11 +203,12 @@ def test_bodies_that_are_held_at_the_edge_are_named(believed_analysis):
 
 
 def build_bodies(analysis):
-    from identifiability.report.sections.standard import section_bodies
+    from identifiability.report.belief import section_bodies
 
     return section_bodies(analysis)
 
 
+@pytest.mark.everything
 def test_odd_robots_have_the_same_sections(chain_analysis, believe_small, hostile_names):
     text = html_of(believe_small(chain_analysis(hostile_names)))
     assert text.count("<script") == 1

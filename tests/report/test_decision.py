@@ -15,17 +15,11 @@ from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.logs.spectrum import Band
 from identifiability.regression.reduction import LadderEntry, LadderSource, RungEntry
 from identifiability.report import build_analysis_page, render_page
+from identifiability.report import diagnosis_report as missing
+from identifiability.report.answers import answer_quality, answer_trust, grade_of, state_error
 from identifiability.report.blocks import Note, Trace
-from identifiability.report.figures.confusion import order_confused
-from identifiability.report.figures.skeleton import Part, draw_skeleton, trace_limbs
-from identifiability.report.sections import missing
-from identifiability.report.sections.connections import section_confused
-from identifiability.report.sections.decision import (
-    answer_quality,
-    answer_trust,
-    grade_of,
-    state_error,
-)
+from identifiability.report.skeleton import Part, draw_skeleton, trace_limbs
+from identifiability.report.torque import order_confused, section_confused
 from identifiability.robot import Robot
 from identifiability.workflows.commands import (
     file_names,
@@ -70,6 +64,7 @@ def test_names_are_quoted_for_a_shell():
     assert source_name(Robot.load("3-rps")) == "3-rps"
 
 
+@pytest.mark.everything
 def test_commands_stand_on_the_page_and_can_be_copied(paper_analysis):
     html = render_page(build_analysis_page(paper_analysis))
     export = r"identifiability export 3-rps result.json --out fitted.(xml|json)"

@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from identifiability.report import COLOURS, svg
+from identifiability.report import COLOURS, belief, models, svg
+from identifiability.report import belief as parameters
+from identifiability.report import torque as motion
+from identifiability.report.calibration_report import draw_ranks
 from identifiability.report.drawing import (
     STYLE,
     TEMPLATES,
@@ -18,9 +21,7 @@ from identifiability.report.drawing import (
     plain,
     thin,
 )
-from identifiability.report.figures import belief, models, motion, parameters
-from identifiability.report.figures.calibration import draw_ranks
-from identifiability.report.figures.motion import choose_stretch, find_runs
+from identifiability.report.torque import choose_stretch, find_runs
 
 INF, NAN = np.inf, np.nan
 HOSTILE = [

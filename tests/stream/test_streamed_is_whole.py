@@ -115,6 +115,7 @@ def test_a_given_period(sizes, frame_of, saved):
     assert_same(*both("two-link", saved(frame), Preparation("fourier", period=period)))
 
 
+@pytest.mark.everything
 def test_loops_that_close_in_some_parts_only(sizes, frame_of, saved):
     frame = frame_of("3-rps", periods=4)
     joints = [c for c in frame if c.endswith(".q")]
@@ -139,6 +140,7 @@ def test_an_analysis_gives_the_same_answer(name, sizes, frame_of, saved):
         np.testing.assert_allclose(two.uncertainty.robust, wanted, rtol=1e-6)
 
 
+@pytest.mark.everything
 def test_a_pruning_gives_the_same_model(sizes, frame_of, saved):
     path = saved(frame_of("two-link", periods=4))
     whole = prune("two-link", Log.read(path), replicates=5)

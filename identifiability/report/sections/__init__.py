@@ -1,1 +1,0 @@
-"""The sections of reports; each is a pure function of a result."""
