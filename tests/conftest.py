@@ -17,9 +17,12 @@ import joblib
 import mujoco
 import numpy as np
 import pytest
+from markupsafe import Markup
+from matplotlib.figure import Figure
 
 from identifiability.logs import Log
 from identifiability.regression.regression import Model
+from identifiability.report import blocks
 from identifiability.robot import Robot
 from identifiability.simulation import (
     PAPER_NOISE,
@@ -50,6 +53,7 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     config.addinivalue_line("markers", "everything: takes too long for make test")
+    config.addinivalue_line("markers", "pictures: looks at what is drawn on a page")
     # Else a fifth of the time goes into looking for garbage among what modules hold for good.
     gc.set_threshold(100_000, 50, 100)
     if not hasattr(config, "workerinput"):  # runners, which begin later, find it there
@@ -130,6 +134,26 @@ def _remember(simulator: MujocoRobot, *motion: np.ndarray) -> RigidTorque:
 
 
 MujocoRobot.inverse_dynamics = _remember
+
+
+#: Folders of tests that look at pages as they are; elsewhere their pictures are empty frames.
+PICTURED = ("report", "browser", "paper", "golden", "benchmarks")
+
+_draw = blocks.svg
+_looks = {"now": True}
+
+
+def pytest_runtest_setup(item):
+    pictured = item.path.parent.name in PICTURED or item.get_closest_marker("pictures")
+    _looks["now"] = bool(pictured)
+
+
+def _sketch(figure: Figure, alt: str = "") -> Markup:
+    """Leave a picture out of a page where no test looks at it: it takes most of a page's time."""
+    return _draw(figure, alt) if _looks["now"] else Markup('<svg role="img"></svg>')
+
+
+blocks.svg = _sketch
 
 
 @pytest.fixture(
