@@ -12,7 +12,6 @@ from identifiability.estimation.evidence import Held
 from identifiability.estimation.memory import Noise
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
-from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
     Names,
     NotNegative,
@@ -31,7 +30,6 @@ from identifiability.physical.certify import Certificate
 from identifiability.physical.feasibility import PhysicalResult, certify_model
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.gather import gather_information
-from identifiability.regression.information import Information
 from identifiability.regression.reduction import (
     LadderEntry,
     LadderLike,
@@ -52,7 +50,6 @@ from identifiability.workflows.band import settle_band
 from identifiability.workflows.instruments import add_instruments
 from identifiability.workflows.opening import (
     Logs,
-    Opening,
     Progress,
     open_logs,
     read_recordings,
@@ -174,7 +171,7 @@ def prune(
         building = share(say, "building the regression", 0.1, 0.4)
         information = gather_information(opening.regression, engine=runner, progress=building)
         start = build_ladder(LadderEntry(models=source.entry.models[:1]), structure)[0]
-        variation = _measure_variation(opening, information)
+        variation = information.variation * find_signal([s.survey for s in opening.samples])
         information, burst = weigh_rows(robot.joints, opening.samples, information, asked)
         asked = settle_noise(asked, start.reduce(information))
         question = Question(opening=opening, information=information, start=start, estimator=asked)
@@ -252,16 +249,6 @@ def prune(
             },
             **vars(measured),
         )
-
-
-def _measure_variation(opening: Opening, information: Information) -> Array:
-    """Return the sum of squares of each joint's torque about its mean, (n,) [(N·m)² or N²]."""
-    surveys = [s.survey for s in opening.samples]
-    outputs = sum(s.outputs for s in surveys)
-    mean = sum(s.torque for s in surveys) / outputs
-    squares = information.torque - outputs * mean**2
-    variation: Array = np.maximum(squares, 0.0) * find_signal(surveys)
-    return variation
 
 
 def _check_wishes(start: Rung, forbid: Sequence[str], force: Sequence[str]) -> None:
