@@ -18,7 +18,9 @@ import pandas as pd
 from scipy.signal import lfilter
 from scipy.special import ndtr
 
+from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.holm import holm
+from identifiability.estimation.outliers import weigh_outliers
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.output import write_json
@@ -145,6 +147,7 @@ def draw_noise(kind: str, tau: Array, rng: np.random.Generator) -> Array:
 def measure_noises(trials: int, seed: int) -> pd.DataFrame:
     """Return coverage under every noise, and how many of an oracle's verdicts are given.
 
+    Outlying stretches are weighed down, as `analyze` does.
     The oracle knows how far values of its logs scatter, and judges by the same thresholds.
     """
     rows = []
@@ -163,6 +166,7 @@ def measure_noises(trials: int, seed: int) -> pd.DataFrame:
                 out = []
                 for own in stream.spawn(trials):
                     information, tau = e.outcome(truth, level * size * draw_noise(kind, e.tau, own))
+                    information = weigh_outliers(information, find_estimator("wls"))[0]
                     out.append(e.judge(information, tau, own))
                 value, sigma = (np.array([getattr(o, x) for o in out]) for x in ("value", "robust"))
                 held = np.abs(value - truth) <= REACH * sigma

@@ -23,6 +23,7 @@ import kuka_lwr4
 import staubli_tx40
 
 from identifiability import Log, Robot
+from identifiability.logs.conventions import Conventions
 from identifiability.workflows.prune import prune
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -60,7 +61,7 @@ def find_cases(data: Path, folder: Path) -> Iterator[Case]:
     convert = [sys.executable, "-m", "identifiability", "convert", where / "dh.toml", "--out", out]
     subprocess.run(convert, check=True, capture_output=True)
     heavy = Robot.load(out)
-    logs = {k: Log.read(where / f"{k}.csv") for k in "ABC"}
+    logs = {k: Log.read(where / f"{k}.csv", Conventions.of(heavy)) for k in "ABC"}
     for fitted, other in (("AC", "B"), ("AB", "C")):
         name = f"KR300 {', '.join(fitted)} → {other}"
         yield name, heavy, [logs[k] for k in fitted], logs[other]

@@ -105,8 +105,8 @@ class Levels:
 
 LEVELS = Levels()
 
-#: Squares below this share of the torque's are rounding.
-NOTHING = 1e-18
+#: Squares below this share of the torque's, and columns below this one of others', are rounding.
+NOTHING, ROUNDING = 1e-18, 1e-13
 
 
 @frozen
@@ -195,8 +195,6 @@ class Score:
     ----------
     density : (F,) [nats]
         Predictive log density, up to a constant; NaN where there is none.
-    joint_density : (F, n) [nats]
-        Of each joint by itself.
     squares : (F, n) [(N·m)² or N²]
         Sums of squared errors.
     variation : (n,) [(N·m)² or N²]
@@ -207,7 +205,6 @@ class Score:
     """
 
     density: Array
-    joint_density: Array
     squares: Array
     variation: Array
     ratio: float
@@ -215,8 +212,7 @@ class Score:
     @staticmethod
     def of_errors(squares: Array, variation: Array, ratio: float) -> Score:
         """Return the score of squared errors alone."""
-        nothing = np.full(squares.shape, np.nan)
-        return Score(nothing[:, 0], nothing, squares, variation, ratio)
+        return Score(np.full(len(squares), np.nan), squares, variation, ratio)
 
     @property
     def shares(self) -> Array:
@@ -253,6 +249,9 @@ class Held:
         ``[W τ] = Z basis`` of each joint.
     tests, rests : tuple of (F, r, r)
         ``Zᵀ Z`` of what each fold predicts, and of what its fit rests on.
+    turn, whole : (q, k + 1) and (F, q, q)
+        ``([W τ] x)ᵀ ([W τ] x) = |turn x|²`` of everything, whitened, and what each fold predicts
+        of it: of these coordinates nothing is lost by squaring.
     variation : (n,)
     """
 
@@ -262,6 +261,8 @@ class Held:
     bases: tuple[Array, ...]
     tests: tuple[Array, ...]
     rests: tuple[Array, ...]
+    turn: Array
+    whole: Array
     variation: Array
 
     @staticmethod
@@ -292,8 +293,18 @@ class Held:
             bases.append(basis)
             tests.append(_sum_blocks(part, folds.test == np.arange(folds.count)[:, None]))
             rests.append(_sum_blocks(part, folds.train))
+        R = information.factor(1.0 / own)
+        length = np.maximum(np.linalg.norm(R, axis=0), 1e-300)
+        _, s, Vt = np.linalg.svd(R / length)
+        seen = s > ROUNDING * s.max(initial=0.0)
+        turn, back = s[seen, None] * Vt[seen] * length, (Vt[seen].T / s[seen]) / length[:, None]
+        whole = sum(
+            (basis @ back).T @ test @ (basis @ back) / joint
+            for basis, test, joint in zip(bases, tests, own, strict=True)
+        )
         spread = squares if variation is None else variation
-        return Held(information, folds, own, tuple(bases), tuple(tests), tuple(rests), spread)
+        sums = tuple(bases), tuple(tests), tuple(rests)
+        return Held(information, folds, own, *sums, turn, np.asarray(whole), spread)
 
     def score_fit(self, fit: Estimate, M: Array | None = None, held: Array | None = None) -> Score:
         """Return what a model predicts, fitted to each fold's rest.
@@ -307,12 +318,17 @@ class Held:
         held : (k,), optional
             Values that it holds fixed.
         """
-        part, M_ = self.information, np.eye(self.information.size) if M is None else M
+        M_ = np.eye(self.information.size) if M is None else M
+        return self.score_roots(self.refit(fit, M, held), self.roots(M_[:, list(fit.kept)]))
+
+    def refit(self, fit: Estimate, M: Array | None = None, held: Array | None = None) -> Array:
+        """Return the values of a model fitted to each fold's rest, (F, k); as `score_fit`."""
+        part = self.information
         if M is not None:
             part = part.reduce(M, fit.columns, held)
-        values = fit.estimator.refit(part, fit, self.folds.train.astype(float)) @ M_.T
-        kept = M_[:, list(fit.kept)]
-        return self._score(values if held is None else values + held, self.roots(kept))
+        values = fit.estimator.refit(part, fit, self.folds.train.astype(float))
+        whole: Array = values if M is None else values @ M.T
+        return whole if held is None else whole + held
 
     def roots(self, M: Array) -> Array:
         """Return roots L of the errors of a model fitted to each fold's rest, (F, k, m).
@@ -343,26 +359,20 @@ class Held:
         covariance : (F, k, k) or (k, k)
             Errors of the values, with what the noise remembers.
         """
-        return self._score(values, _root(covariance))
+        return self.score_roots(values, _root(covariance))
 
-    def _score(self, values: Array, roots: Array) -> Score:
-        F, k = self.folds.count, self.information.size
-        change = np.zeros((F, k + 1, roots.shape[-1] + 1))
-        change[:, :k, :-1] = roots
-        change[:, :k, -1] = -values
-        change[:, k, -1] = 1.0
-        grams = np.stack(
-            [
-                np.swapaxes(basis @ change, 1, 2) @ test @ (basis @ change) / own
-                for basis, test, own in zip(self.bases, self.tests, self.noise, strict=True)
-            ],
-            1,
-        )
-        both = np.concatenate([grams, grams.sum(1, keepdims=True)], 1)
-        density = predictive_density(both)
+    def score_roots(self, values: Array, roots: Array) -> Score:
+        """Return what an account predicts whose errors are ``L Lᵀ``, of roots L (F, k, m)."""
+        left = np.concatenate([-values, np.ones((*values.shape[:-1], 1))], -1)
+        left = np.broadcast_to(left, (self.folds.count, left.shape[-1]))
+        change = np.zeros((self.folds.count, len(self.turn), roots.shape[-1] + 1))
+        change[:, :, :-1] = self.turn[:, :-1] @ roots
+        change[:, :, -1] = left @ self.turn.T
+        density = predictive_density(np.swapaxes(change, 1, 2) @ self.whole @ change)
+        pairs = ((left @ basis.T, test) for basis, test in zip(self.bases, self.tests, strict=True))
+        squares = np.stack([np.einsum("fr,frs,fs->f", e, test, e) for e, test in pairs], 1)
         ratio = self.folds.ratio if np.ndim(values) > 1 else 0.0
-        squares = grams[:, :, -1, -1] * self.noise
-        return Score(density[:, -1], density[:, :-1], squares, self.variation, ratio)
+        return Score(density, squares, self.variation, ratio)
 
 
 def predictive_density(grams: Array) -> Array:

@@ -7,15 +7,25 @@ weight of it [Huber 1964], one up to a limit and its inverse beyond, makes what 
 by its own variance, as `estimate.weigh_logs` does with whole logs, so that it moves the less the
 farther out it lies. The limit is what the largest of so many blocks is by chance, so logs without
 outliers are as they were. Iterated to convergence from `Information` alone.
+
+Far from the model is also what the model leaves out: where a joint turns round, say, again and
+again. Such blocks are no accident but the only ones that say how the robot moves there, and other
+motion has them, too. So the weights stand only where the fit with them predicts the torque of
+blocked folds, all of it, no worse than the fit without. An accident is in one fold, whose fits have
+not seen it, and spoils all others.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.special import chdtri
 
 from identifiability.estimation.bootstrap import FEWEST_BLOCKS
 from identifiability.estimation.estimator import NOTHING, Estimate, Estimator
+from identifiability.estimation.evidence import Folds, Score
+from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
@@ -71,7 +81,7 @@ def weigh_outliers(
             break
         fit = estimator.fit(weighed)
     out = (weights < 1.0).any(0)
-    if not out.any():
+    if not out.any() or not _predicts(information, (before, fit), weighed):
         return information, None
     scatter = np.sqrt((fit.estimator.influence(weighed, fit) ** 2).sum(0))
     known = fit.determined & (scatter > 0)
@@ -80,6 +90,30 @@ def weigh_outliers(
     return weighed, Outliers(
         information.log[out], (stop - information.counts)[out], stop[out], beyond.T[out], moved
     )
+
+
+def _predicts(information: Information, fits: Sequence[Estimate], weighed: Information) -> bool:
+    """Return whether fits to folds of weighed blocks err no more than those to the blocks.
+
+    Parameters
+    ----------
+    information : Information
+    fits : sequence of Estimate
+        To the information, and to it with weights.
+    weighed : Information
+    """
+    try:
+        folds = Folds.of(information, float(fits[0].times.max()))
+    except LogError:  # too short to be asked
+        return True
+    tests = folds.test == np.arange(folds.count)[:, None]
+    errors = []
+    for part, fit in zip((information, weighed), fits, strict=True):
+        values = fit.estimator.refit(part, fit, folds.train.astype(float))
+        each = [information.squares_of_blocks(np.append(-v, 1.0)[:, None]) for v in values]
+        squares = np.array([x @ own for x, own in zip(each, tests, strict=True)])
+        errors.append(Score.of_errors(squares, information.variation, folds.ratio).error)
+    return not errors[1] > errors[0]
 
 
 def _measure(information: Information, fit: Estimate) -> tuple[Array, Array]:

@@ -12,11 +12,10 @@ from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.program import adjoint_inverse, square
 from identifiability.physical.pseudo_inertia import BASIS, BOUNDARY, check_body, to_matrix
 
-#: Weights [σ²] among which the error on unseen motion chooses by default, the strongest first. All
-#: are weak: at 10 a body three times as heavy as the file's costs what a 3 σ deviation does, and at
-#: the last what 0.1 σ does. It breaks ties and no more: without any, bodies of which the logs say
-#: nothing weigh anything.
-WEIGHTS = (10.0, 0.3, 0.01)
+#: Weights [σ²] of the path on which predictions choose, the heaviest first. At 10 a body three
+#: times as heavy as the file's costs what a 3 σ deviation does, at 0.01 what 0.1 σ does: it breaks
+#: ties and no more. Without any, bodies of which the logs say nothing weigh anything.
+WEIGHTS = tuple(10.0**k for k in range(5, -3, -1))
 
 #: The one where nothing chooses.
 WEAK = 1.0

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from identifiability.effects.vocabulary import file_kinds, held_by_file
 from identifiability.estimation.estimator import settle_signs
+from identifiability.estimation.evidence import LEVELS, Held, Score, near_best
+from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
-from identifiability.physical.cad_prior import WEIGHTS, CadPrior
+from identifiability.physical.cad_prior import WEAK, WEIGHTS, CadPrior
 from identifiability.physical.certify import Certificate, certify
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import FittedModel, physical_set
@@ -59,6 +62,9 @@ class PhysicalResult:
         The certificate in words.
     cad_weight : float
         Of the prior around the robot file that the nearest real robot was sought with.
+    as_good : bool
+        Whether the nearest real robot predicts stretches of the fitted logs that it has not seen
+        as well as the estimate does.
     """
 
     region: PhysicalSet
@@ -69,6 +75,11 @@ class PhysicalResult:
     in_files: Array
     sentence: str
     cad_weight: float
+    as_good: bool = False
+
+    def with_certificate(self, certificate: Certificate | None, sentence: str) -> PhysicalResult:
+        """Return the result with what is proved of the estimated parameters, in words before."""
+        return replace(self, certificate=certificate, sentence=sentence + self.sentence)
 
     @property
     def feasible(self) -> bool:
@@ -136,56 +147,144 @@ def stated_body(robot: Robot, body: str) -> Array:
     return np.array([robot.nominal[f"{body}.{kind}"] for kind in INERTIAL])
 
 
-def assess_feasibility(
-    model: FittedModel, cad_weight: float | None = None
-) -> tuple[PhysicalResult, ...]:
-    """Say whether a real robot has the estimated parameters, and find the nearest that have.
+def assess_feasibility(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult:
+    """Say whether a real robot has the estimated parameters, and find the nearest that has.
 
     Parameters
     ----------
     model : FittedModel
-    cad_weight : float, optional
-        Weight of a log-det prior around the bodies of the robot file, in σ² of the residual. By
-        default there is one result for each of `cad_prior.WEIGHTS`, the strongest first, and the
-        error on unseen motion chooses.
+    cad_weight : float
+        Weight of a log-det prior around the bodies of the robot file, in σ² of the residual.
     """
-    certificate = None
-    sentence = "The motion leaves parameters of the model undetermined."
+    return find_nearest(model, cad_weight).with_certificate(*certify_model(model))
+
+
+def certify_model(model: FittedModel) -> tuple[Certificate | None, str]:
+    """Say whether a real robot has the estimated parameters; None if that is open, and why."""
     try:
         if model.determined:
             settled = settle_signs(model.information, model.estimate, model.rung.nonnegative)
             certificate = certify(model.to_x, settled, physical_set(model.structure))
-            sentence = certificate.sentence(model.rung.columns)
+            return certificate, certificate.sentence(model.rung.columns)
     except ValueError as error:
-        sentence = f"Whether a real robot has these values was not decided: {error}"
-    return tuple(
-        replace(found, certificate=certificate, sentence=sentence + found.sentence)
-        for found in find_nearest(model, cad_weight)
+        return None, f"Whether a real robot has these values was not decided: {error}"
+    return None, "The motion leaves parameters of the model undetermined."
+
+
+@frozen
+class PriorChoice:
+    """How strongly the nearest real robot is drawn to the robot file, by what it predicts.
+
+    Attributes
+    ----------
+    weight : float
+        Of the prior [σ²].
+    values : (F, b)
+        Base parameters of the nearest real robot under it, found from each fold's rest.
+    as_good : bool
+        Whether it may stand for the best of these and the free fit (`near_best`).
+    """
+
+    weight: float
+    values: Array
+    as_good: bool
+
+
+def choose_prior(
+    model: FittedModel, held: Held, free: Score, weights: Sequence[float] = WEIGHTS
+) -> PriorChoice | None:
+    """Choose the heaviest prior within two nats of the best predictive log density.
+
+    Parameters
+    ----------
+    model : FittedModel
+    held : evidence.Held
+        Folds of what was fitted, about all base parameters.
+    free : Score
+        Of the model without a prior, on the same folds.
+    weights : sequence of float
+        Among which, the heaviest first; of a single one only whether it predicts as well is asked.
+
+    Returns
+    -------
+    PriorChoice or None
+        None if no nearest real robot was found.
+    """
+    structure, fit = model.structure, model.estimate
+    try:
+        projection = _projection(model, 1.0)
+    except ValueError:
+        return None
+    G, wider = structure.G, float(np.sqrt(fit.memory))  # a log counts as its independent samples
+    with one_thread():
+        if len(weights) > 1:
+            weights = _within_reach(model, projection, weights)
+        ways = []
+        for row in held.folds.train:
+            rest = model.whole.take(row)
+            part = FittedModel(structure, model.rung, rest, model.rung.reduce(rest), fit)
+            ways.append(projection.follow(part.data.beside(*part.left_out), weights))
+        values: list[Array] = []
+        scores: list[Score] = []
+        for found in zip(*ways, strict=False):
+            values.append(np.stack([phi for phi, _ in found]) @ G.T)
+            roots = wider * (G @ np.stack([root for _, root in found]))
+            scores.append(held.score_roots(values[-1], roots))
+            total = [float(score.density.sum()) for score in scores]
+            if total[-1] < max(total) - LEVELS.nats:
+                break
+    if not scores:
+        return None
+    at = int(np.argmax(np.array(total) >= max(total) - LEVELS.nats))
+    good = bool(near_best([scores[at], free])[0])
+    return PriorChoice(weights[at], values[at], good)
+
+
+def _within_reach(
+    model: FittedModel, projection: Projection, weights: Sequence[float]
+) -> Sequence[float]:
+    """Return the weights without those that are surely too heavy.
+
+    With the next lighter one the log likelihood of what is fitted rises by more than a nat a
+    parameter, and no more than that is a prior worth on what is not fitted.
+    """
+    data, before = model.data.beside(*model.left_out), np.inf
+    nat = 2.0 * data.unit**2 * model.estimate.memory
+    for k, (phi, _) in enumerate(projection.follow(data, weights)):
+        misfit = float(data.rss(phi)) / nat
+        if before - misfit <= len(model.estimate.kept):
+            return weights[k - 1 :]
+        before = misfit
+    return weights[-1:]
+
+
+def _projection(model: FittedModel, cad_weight: float) -> Projection:
+    """Return the program of the nearest real robot of a model.
+
+    Raises
+    ------
+    ValueError
+        If no real robot has what it holds.
+    """
+    structure = model.structure
+    bodies = draw_bodies(structure)
+    return Projection(
+        model.region,
+        reference=_possible(structure.nominal, physical_set(structure)),
+        prior=CadPrior(bodies.phi, cad_weight) if cad_weight and bodies.titles else None,
+        held=model.held,
     )
 
 
-def find_nearest(model: FittedModel, cad_weight: float | None = None) -> tuple[PhysicalResult, ...]:
-    """Find the nearest real robots, without asking whether one is the estimate itself.
-
-    Cross-validation needs their torque alone. Parameters as in `assess_feasibility`.
-    """
-    weights = WEIGHTS if cad_weight is None else (cad_weight,)
-    return tuple(_find_nearest(model, weight) for weight in weights)
-
-
-def _find_nearest(model: FittedModel, cad_weight: float) -> PhysicalResult:
+def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult:
+    """Find the nearest real robot, without asking whether it is the estimate itself."""
     structure = model.structure
     region = physical_set(structure)
     found = _no_answer(region, model.rung, cad_weight)
     bodies = draw_bodies(structure)
     data = model.data.beside(*model.left_out)
     try:
-        nearest = Projection(
-            model.region,
-            reference=_possible(structure.nominal, region),
-            prior=CadPrior(bodies.phi, cad_weight) if cad_weight and bodies.titles else None,
-            held=model.held,
-        ).solve(data)
+        nearest = _projection(model, cad_weight).solve(data)
     except ValueError as error:
         return replace(found, sentence=f" The nearest real robot was not found: {error}")
     nearest = replace(nearest, phi=leave_to_terms(structure, data.R, nearest.phi))

@@ -11,6 +11,7 @@ Two things keep the optimum right: R is factored, never squared, and the columns
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -32,7 +33,7 @@ from identifiability.physical.program import (
     most_gain,
     semidefinite,
 )
-from identifiability.physical.pulled import pull
+from identifiability.physical.pulled import follow, pull
 
 #: Smallest dimensionless eigenvalue of a body in the answer: simulators refuse singular inertia.
 MARGIN = 1e-6
@@ -42,6 +43,9 @@ RIDGE = 1e-8
 
 #: Largest accepted distance to the optimum [σ²], relative to ``1 + excess``.
 GAP = 1e-3
+
+#: Distance to the optimum [σ²] that predictions do not notice.
+ENOUGH_TO_PREDICT = 1e-2
 
 #: The same relative to ``‖z‖²``, for data with next to no noise.
 ROUNDING = 1e-12
@@ -148,11 +152,33 @@ class Projection:
                 none = np.zeros(len(self._least)), np.zeros((len(self.region.ellipsoids), 16))
                 return self._read(data, scaled, free, *none, "optimal")
             if self.prior is not None and not len(self.region.ellipsoids):
-                nominal, lines = (self.nominal, self.prior.weight), (self._rows, self._least)
-                pulled = pull(self.region, nominal, lines, scaled.factor, free, scaled.plane)
-                if pulled is not None and self._holds(pulled[0]):
-                    return self._read(data, scaled, *pulled, np.zeros((0, 16)), "optimal")
+                found = pull(self.region, self.nominal, self.prior.weight, *self._way(scaled, free))
+                if found is not None and self._holds(found.x):
+                    at = found.x, found.multipliers, np.zeros((0, 16))
+                    return self._read(data, scaled, *at, "optimal")
             return self._read(data, scaled, *self._program.solve(scaled, free))
+
+    def _way(self, scaled: _Scaled, free: Array) -> tuple[Any, ...]:
+        return (self._rows, self._least), scaled.factor, free, scaled.plane
+
+    def follow(self, data: LeastSquares, weights: Sequence[float]) -> Iterator[tuple[Array, Array]]:
+        """Yield the optimum (p,) under each weight, and a root (p, q) of its errors.
+
+        As far as they are reached, and accurate enough for predictions. Errors are those of a
+        posterior at its mode [Laplace], of noise with the data's variance, and bounds on centres
+        of mass are not asked for.
+
+        Parameters
+        ----------
+        data : LeastSquares
+        weights : sequence of float
+            Of the prior [σ²], the heaviest first.
+        """
+        scaled = self._scale(data)
+        free = scaled.plane.solve(scaled.factor, scaled.target)
+        way = self._way(scaled, free)
+        for at in follow(self.region, self.nominal, weights, *way, enough=ENOUGH_TO_PREDICT):
+            yield self.held.settle(at.x * scaled.scale), scaled.scale[:, None] * at.root
 
     @cached_property
     def _program(self) -> _Program:

@@ -1,18 +1,23 @@
-"""The nearest real robot under a CAD prior, by Newton's method.
+"""The nearest real robots under a CAD prior of falling weight, by Newton's method.
 
     minimise  ‖F (x − free)‖² + w Σ_k [tr J_k(x) − log det J_k(x) − 4]   over   rows,  plane
 
 The divergence keeps bodies inside their cones by itself, so that only rows (signs and bounds) need
 multipliers, as in an interior-point method. That takes milliseconds, a tenth of what a general
-solver does.
+solver does. The way to a light weight leads along the optima of heavier ones, as that of an
+interior point does: a path of weights costs little more than its last one.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dposv
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.held import Plane
 
@@ -41,22 +46,67 @@ TWICE = np.where(ROW == COLUMN, 1.0, np.sqrt(2.0))
 PATIENCE = (np.inf, 1.0)
 
 
-def pull(
+@frozen
+class Pulled:
+    """An optimum under a prior of one weight.
+
+    Attributes
+    ----------
+    x : (p,)
+    multipliers : (m,)
+        Of the rows.
+    directions, curve : (p, q) and (q, q)
+        Of the plane, and the second derivatives of the cost [σ²] along them.
+    """
+
+    x: Array
+    multipliers: Array
+    directions: Array
+    curve: Array
+
+    @property
+    def root(self) -> Array:
+        """L of the errors ``L Lᵀ`` of x, (p, q), if half the cost is a negative log posterior."""
+        size = 1 / np.sqrt(np.diag(self.curve))
+        factor = np.linalg.cholesky(size[:, None] * self.curve * size)
+        found: Array = np.sqrt(2.0) * (self.directions * size) @ np.linalg.inv(factor).T
+        return found
+
+
+def pull(region: PhysicalSet, maps: Array, weight: float, *way: Any) -> Pulled | None:
+    """Return the optimum under one weight of the prior, None if it is not reached.
+
+    Parameters as in `follow`.
+    """
+    for steps, patience in zip(STEPS, PATIENCE, strict=True):
+        found = next(follow(region, maps, [weight], *way, steps=steps, patience=patience), None)
+        if found is not None:
+            return found
+    return None
+
+
+def follow(
     region: PhysicalSet,
-    nominal: tuple[Array, float],
+    maps: Array,
+    weights: Sequence[float],
     lines: tuple[Array, Array],
     factor: Array,
     free: Array,
     plane: Plane,
-) -> tuple[Array, Array] | None:
-    """Return the optimum (p,) and the multipliers (m,) of the rows; None if it is not reached.
+    *,
+    enough: float = ENOUGH,
+    steps: int = STEPS[0],
+    patience: float = PATIENCE[0],
+) -> Iterator[Pulled]:
+    """Yield the optimum under each weight of the prior, as far as they are reached.
 
     Parameters
     ----------
     region : PhysicalSet
-    nominal : (nb, 16, p) and float
-        Maps to pseudo-inertias that the nominal bodies make the identity (`nominal_cones`), and
-        the weight of the prior [σ²].
+    maps : (nb, 16, p)
+        To pseudo-inertias that the nominal bodies make the identity (`nominal_cones`).
+    weights : sequence of float
+        Of the prior [σ²], the heaviest first.
     lines : (m, p) and (m,)
         ``rows @ x ≥ least`` are the signs and the bounds.
     factor : (p, p)
@@ -65,25 +115,14 @@ def pull(
         Where that cost is least, in the plane.
     plane : Plane
         What is held.
+    enough : float
+        Newton decrement and complementarity [σ²] at which an optimum is reached.
+    steps : int
+        Within which each is.
+    patience : float
+        Newton decrement, in weights, up to which the weight goes on falling.
     """
-    for steps, patience in zip(STEPS, PATIENCE, strict=True):
-        found = _pull(region, nominal, lines, factor, free, plane, steps, patience)
-        if found is not None:
-            return found
-    return None
-
-
-def _pull(
-    region: PhysicalSet,
-    nominal: tuple[Array, float],
-    lines: tuple[Array, Array],
-    factor: Array,
-    free: Array,
-    plane: Plane,
-    steps: int,
-    patience: float,
-) -> tuple[Array, Array] | None:
-    (maps, light), (rows, least) = nominal, lines
+    rows, least = lines
     own = np.take_along_axis(maps, region.bodies[:, None, :], axis=2)
     x = free.copy()
     x[region.bodies] = np.linalg.pinv(own) @ np.eye(4).ravel()  # the nominal bodies
@@ -91,12 +130,14 @@ def _pull(
     T = plane.along @ Vt.T  # along these directions the quadratic cost is a sum of squares
     cone, sign = maps @ T, rows @ T
     z = T.T @ (x - free)
-    weight = max(light, float(s * z @ (s * z)) / (4 * max(len(maps), 1)))
+    weight = max(weights[0], float(s * z @ (s * z)) / (4 * max(len(maps), 1)))
     triangle = 4 * ROW + COLUMN
     slack = np.abs(rows @ x - least) + 0.01
     y = weight / slack
-    least_product = ENOUGH / max(100, 2 * y.size)  # so that all of them together are enough
-    for _ in range(steps):
+    least_product = enough / max(100, 2 * y.size)  # so that all of them together are enough
+    at, left = 0, steps
+    while left and at < len(weights):
+        left, light = left - 1, weights[at]
         root = np.linalg.inv(np.linalg.cholesky((maps @ x).reshape(-1, 4, 4)))
         congruent = np.einsum("kab,kcd->kacbd", root, root).reshape(-1, 16, 16)
         # Of the congruent J along each direction: the triangle, and its squares as of the whole.
@@ -111,7 +152,7 @@ def _pull(
         curve[np.diag_indices_from(curve)] += 2 * s**2
         step = _solve(curve, force)
         if step is None:
-            return None
+            return
         change = sign @ step + lack
         rise = (aim - y * change) / slack - y
         turn = np.linalg.eigvalsh(_whole((rates @ step).reshape(-1, 10))).ravel()
@@ -122,9 +163,10 @@ def _pull(
         if weight > light:
             if patience == np.inf or (reach > IN_CONES and force @ step <= patience * weight):
                 weight = max(light, LIGHTER * weight)
-        elif reach == 1.0 and max(force @ step, product.sum()) < ENOUGH:
-            return x, y
-    return None
+        elif reach == 1.0 and max(force @ step, product.sum()) < enough:
+            yield Pulled(x, y, T, curve)
+            at, left = at + 1, steps
+            weight = max(weights[min(at, len(weights) - 1)], LIGHTER * weight)
 
 
 def _whole(triangles: Array) -> Array:

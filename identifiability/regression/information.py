@@ -420,6 +420,14 @@ class Information:
         """Each actuator's sum of squares of its torque, (n,)."""
         return self.squares(np.eye(self.size + 1)[:, -1])
 
+    @property
+    def variation(self) -> Array:
+        """Each actuator's sum of squares of its torque about its mean, (n,): its own scale."""
+        parts = self.of_actuators(np.eye(self.size + 1)[:, [-1]])
+        total = np.array([part.sums.sum(0) @ own[:, 0] for part, own in parts])
+        about: Array = np.maximum(self.torque - total**2 / self.rows_each, 0.0)
+        return about
+
     def of_actuators(self, change: Array) -> Iterator[tuple[ActuatorBlocks, Array]]:
         """Yield the blocks of each actuator with ``[W τ] change`` in their coordinates, (r, q).
 

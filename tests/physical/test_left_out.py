@@ -48,7 +48,7 @@ def test_a_prior_hardly_moves_what_a_rung_holds_or_ties(simulated):
     chosen = result.models[-1].physical
     assert chosen.cad_weight > 0
     assert chosen.parameters()["elbow.Ia"] == 0.05
-    assert base_values(result)["link1.mx"] == pytest.approx(2.0, abs=1e-4)
+    assert base_values(result)["link1.mx"] == pytest.approx(2.0, abs=1e-3)
 
 
 def test_what_a_rung_ties_is_equal_in_the_nearest_real_robot(simulated):

@@ -35,7 +35,7 @@ def test_a_rotor_that_is_zero_up_to_rounding_is_possible(arm, exact, rotor, poss
     value[at] = rotor
     fit = replace(model.estimate, value=value)
     reduced = model.rung.reduce(exact.information)
-    found, *_ = assess_feasibility(
+    found = assess_feasibility(
         FittedModel(exact.structure, model.rung, exact.information, reduced, fit)
     )
     assert found.feasible is possible, found.sentence

@@ -1,19 +1,26 @@
-"""Fit the models of a ladder and find the real robots nearest to them; plan cross-validation."""
+"""Fit the models of a ladder, and find the real robots nearest to them; predict in turns."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.layout import choose_folds, leave_out, take_turns
+from identifiability.estimation.evidence import Folds, Held
+from identifiability.estimation.layout import choose_folds, take_turns
 from identifiability.estimation.least_squares import leave_open
-from identifiability.estimation.prediction import Prediction, Task
+from identifiability.estimation.memory import Noise
+from identifiability.estimation.prediction import Task
+from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.physical.cad_prior import WEAK, WEIGHTS
 from identifiability.physical.feasibility import (
     PhysicalResult,
-    assess_feasibility,
+    certify_model,
+    choose_prior,
     find_nearest,
     leave_undecided,
 )
@@ -22,8 +29,45 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.structure import Structure
 
-#: The nearest real robots of a model, the strongest prior first.
-Candidates = tuple[PhysicalResult, ...]
+
+@frozen
+class FittedLadder:
+    """Models that were fitted, with the nearest real robot of each.
+
+    Attributes
+    ----------
+    models : tuple of FittedModel
+    robots : tuple of PhysicalResult
+    crossed : (F, b, 2m)
+        Base parameters of the m models, and of their nearest real robots, found from each fold's
+        rest.
+    folds : Folds or None
+        None where nothing was fitted.
+    short : str
+        Why predictions choose nothing; empty where they do.
+    """
+
+    models: tuple[FittedModel, ...]
+    robots: tuple[PhysicalResult, ...]
+    crossed: Array
+    folds: Folds | None
+    short: str = ""
+
+    @property
+    def values(self) -> Array:
+        """Base parameters (b, 4m) of the m models, then of their nearest real robots.
+
+        Then what robot files of their own format hold of these, and of the other.
+        """
+        fits = [m.rung.expand(m.estimate.value) for m in self.models]
+        robots = [p.base for p in self.robots]
+        files = [p.in_files[k] for k in range(2) for p in self.robots]
+        return np.stack([*fits, *robots, *files], 1)
+
+    def in_turns(self) -> Task:
+        """Return how stretches (or logs) are predicted by models fitted to the others."""
+        assert self.folds is not None
+        return Task(self.crossed, take_turns(self.models[0].whole, self.folds.test))
 
 
 def fit_ladder(
@@ -33,112 +77,82 @@ def fit_ladder(
     estimator: Estimator,
     cad_weight: float | None,
     silence: str,
-) -> tuple[list[FittedModel], list[Candidates]]:
-    """Return the models fitted, and what physics says of each (`assess_feasibility`).
+) -> FittedLadder:
+    """Fit models, and say what physics says of each.
 
     With `silence`, which says why there is nothing to explain, nothing is fitted.
+
+    Parameters
+    ----------
+    cad_weight : float or None
+        Of the prior around the robot file; by default predictions choose it (`choose_prior`).
     """
     if silence:
         parts = [rung.reduce(information) for rung in rungs]
-        open_ = [
+        open_ = tuple(
             FittedModel(structure, rung, information, part, leave_open(part, estimator))
             for rung, part in zip(rungs, parts, strict=True)
-        ]
-        return open_, [(leave_undecided(structure, rung, silence),) for rung in rungs]
-    models = [FittedModel.of(structure, rung, information, estimator) for rung in rungs]
-    return models, [assess_feasibility(model, cad_weight) for model in models]
-
-
-def plan_cross_validation(
-    structure: Structure,
-    rungs: Sequence[Rung],
-    information: Information,
-    estimator: Estimator,
-    cad_weight: float | None,
-) -> Task:
-    """Return how every stretch of the logs is predicted by models fitted to the others."""
-    folds = choose_folds(information.log)
-    values = []
-    for fold in range(int(folds.max()) + 1):
-        rest = leave_out(information, folds, fold)
-        models = [FittedModel.of(structure, rung, rest, estimator) for rung in rungs]
-        values.append(base_values(models, [find_nearest(m, cad_weight) for m in models])[0])
-    return Task(np.stack(values), take_turns(information, folds))
-
-
-def base_values(
-    models: Sequence[FittedModel], candidates: Sequence[Candidates]
-) -> tuple[Array, Array]:
-    """Return the base parameters (b, m + c m) of m fits, then of their nearest real robots.
-
-    Of these come the first of each model, then the second of each, and so on. The second array
-    (b, m + 3 c m) goes on with what robot files of their own format hold of them, and of the other.
-    """
-    values = [model.rung.expand(model.estimate.value) for model in models]
-    robots = [p for each in zip(*candidates, strict=True) for p in each]
-    whole = np.stack([*values, *(p.base for p in robots)], 1)
-    files = [p.in_files[k] for k in range(2) for p in robots]
-    return whole, np.column_stack([whole, *files])
-
-
-def settle_robots(
-    candidates: Sequence[Candidates], held_out: Prediction, predictions: Sequence[Prediction]
-) -> tuple[list[PhysicalResult], list[Prediction]]:
-    """Return the nearest real robot to use of each model, and predictions by these alone.
-
-    Parameters
-    ----------
-    candidates : sequence of tuples of PhysicalResult
-        Of each model equally many, the strongest prior first.
-    held_out : Prediction
-        By all estimates, then as in `base_values`.
-    predictions : sequence of Prediction
-        The same, perhaps with as many more by what robot files hold of the robots, twice.
-    """
-    chosen = settle_prior(candidates, held_out)
-    robots = [each[at] for each, at in zip(candidates, chosen, strict=True)]
-    return robots, [_keep(candidates, chosen, p) for p in predictions]
-
-
-def settle_prior(candidates: Sequence[Candidates], held_out: Prediction) -> list[int]:
-    """Return which nearest real robot of each of m models to use.
-
-    It is the one that the strongest prior drew to the robot file of those that predict unseen
-    motion as well as the best: within one standard error of the difference, over all torque and
-    over each joint's own scale.
-
-    Parameters
-    ----------
-    candidates : sequence of tuples of PhysicalResult
-        Of each model equally many, the strongest prior first.
-    held_out : Prediction
-        By all estimates, then as in `base_values`.
-    """
-    m = len(candidates)
-    chosen = []
-    for k, each in enumerate(candidates):
-        found = [c for c, robot in enumerate(each) if robot.nearest is not None] or [0]
-        several = held_out.select([m * (1 + c) + k for c in found])
-        measures = (
-            (several.relative_error(), several.standard_error),
-            (several.error_over_joints(), several.standard_error_over_joints),
         )
-        good = np.ones(len(found), bool)
-        for error, spread in measures:
-            if np.isfinite(error).all() and len(found) > 1:
-                best = int(np.argmin(error))
-                good &= error - error[best] <= spread(best)
-        if not good.any():
-            good[np.argmin(measures[1][0])] = True
-        chosen.append(found[int(np.argmax(good))])
-    return chosen
+        undecided = tuple(leave_undecided(structure, rung, silence) for rung in rungs)
+        return FittedLadder(open_, undecided, np.empty((0, information.size, 0)), None)
+    models = tuple(FittedModel.of(structure, rung, information, estimator) for rung in rungs)
+    held, short = hold_folds(information, estimator)
+    found: list[tuple[PhysicalResult, Array]] = []
+    for model in models:  # a smaller one asks for no heavier prior than the unpruned
+        heaviest = found[0][0].cad_weight if found else np.inf
+        found.append(settle_robot(model, held, cad_weight, heaviest, choose=not short))
+    robots = tuple(
+        robot.with_certificate(*certify_model(model))
+        for (robot, _), model in zip(found, models, strict=True)
+    )
+    crossed = np.concatenate([values for _, values in found], 2)
+    m = len(models)
+    order = [*range(0, 2 * m, 2), *range(1, 2 * m, 2)]
+    return FittedLadder(models, robots, crossed[:, :, order], held.folds, short)
 
 
-def _keep(
-    candidates: Sequence[Candidates], chosen: Sequence[int], prediction: Prediction
-) -> Prediction:
-    m, count = len(chosen), len(candidates[0])
-    robots = np.array([m * (1 + c) + k for k, c in enumerate(chosen)], int)
-    files = [*(robots + m * count), *(robots + 2 * m * count)]
-    held = files if prediction.predicted.shape[2] > m * (1 + count) else []
-    return prediction.select([*range(m), *robots, *held])
+def hold_folds(information: Information, estimator: Estimator) -> tuple[Held, str]:
+    """Return folds of the fitted logs; those of logs too short for a choice, and why they are."""
+    fit = estimator.fit(information)
+    noise = Noise(fit.variance, fit.times)
+    try:
+        return Held.of(information, noise), ""
+    except LogError as error:
+        test = choose_folds(information.log)
+        train = test != np.arange(test.max() + 1)[:, None]
+        return Held.of(information, noise, Folds(test, train, 1.0 / max(test.max(), 1))), str(error)
+
+
+def settle_robot(
+    model: FittedModel,
+    held: Held,
+    cad_weight: float | None,
+    heaviest: float = np.inf,
+    *,
+    choose: bool = True,
+) -> tuple[PhysicalResult, Array]:
+    """Return the nearest real robot to use of a model, and values of both in turns, (F, b, 2).
+
+    Parameters
+    ----------
+    model : FittedModel
+    held : Held
+        Folds of what was fitted.
+    cad_weight : float or None
+        As in `fit_ladder`.
+    heaviest : float
+        Weight that is tried.
+    choose : bool
+        Whether folds may choose; else the prior is weak, unless it is given.
+    """
+    rung, fit = model.rung, model.estimate
+    free = held.refit(fit, rung.M, rung.held)
+    score = held.score_roots(free, held.roots(rung.M[:, list(fit.kept)]))
+    weight = WEAK if cad_weight is None and not choose else cad_weight
+    tried = [w for w in WEIGHTS if w <= heaviest] if weight is None else [weight or WEIGHTS[-1]]
+    chosen = choose_prior(model, held, score, tried)
+    values = np.full(free.shape, np.nan) if chosen is None else chosen.values
+    if weight is None:
+        weight = WEAK if chosen is None else chosen.weight
+    good = chosen is not None and chosen.as_good and choose
+    return replace(find_nearest(model, weight), as_good=good), np.stack([free, values], 2)

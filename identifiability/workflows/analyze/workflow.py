@@ -35,12 +35,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.assessment import assess_ladder, select_model
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
 from identifiability.workflows.analyze.decisive import weigh_rows
-from identifiability.workflows.analyze.fit import (
-    base_values,
-    fit_ladder,
-    plan_cross_validation,
-    settle_robots,
-)
+from identifiability.workflows.analyze.fit import fit_ladder
 from identifiability.workflows.analyze.form_belief import believe
 from identifiability.workflows.analyze.result import Analysis
 from identifiability.workflows.analyze.several_logs import compare_logs
@@ -109,8 +104,8 @@ def analyze(
         verdict on what they determine.
     cad_prior : float, optional
         Weight of a log-det prior around the bodies of the robot file when the nearest real robot
-        is sought [σ²]; 0 for none. By default the strongest of weights 10, 0.3 and 0.01 that
-        predicts unseen motion as well as the best, within a standard error.
+        is sought [σ²]; 0 for none. By default the heaviest that predicts stretches of the fitted
+        logs as well as the best (`physical.feasibility.choose_prior`).
     seed : int
         Of every random choice.
     progress : callable(str, float), optional
@@ -154,25 +149,22 @@ def analyze(
             if not silence:
                 information, burst = weigh_rows(robot.joints, opening.samples, information, chosen)
                 chosen = settle_noise(chosen, information)
-            models, robots = fit_ladder(structure, rungs, information, chosen, cad_prior, silence)
-            values, with_files = base_values(models, robots)
-            tasks = [Task(with_files[None])]
+            ladder_ = fit_ladder(structure, rungs, information, chosen, cad_prior, silence)
+            models, values = ladder_.models, ladder_.values
+            tasks = [Task(values[None])]
             if not opening.validation and not silence:
-                tasks.append(
-                    plan_cross_validation(structure, rungs, information, chosen, cad_prior)
-                )
+                tasks.append(ladder_.in_turns())
             predicting = share(say, "predicting torque", 0.65, 0.9)
             fitted, *crossed = predict_all(regression, tasks, engine=runner, progress=predicting)
             del tasks  # with the folds, whose memory the judging needs
             if opening.validation:
                 held = structure.regression(opening.validation)
-                crossed = [predict(held, values, engine=runner)]
+                crossed = [predict(held, values[:, : 2 * len(models)], engine=runner)]
         say("judging parameters", 0.9)
         thresholds, (out,) = Thresholds(), crossed or (fitted,)
-        physical, (fitted, out) = settle_robots(robots, out, (fitted, out))
         results = assess_ladder(
             models,
-            physical,
+            ladder_.robots,
             fitted,
             out,
             thresholds,

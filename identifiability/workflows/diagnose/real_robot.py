@@ -13,7 +13,6 @@ from identifiability.estimation.estimate import estimate, find_estimator
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs.prepare import Samples
-from identifiability.physical.cad_prior import WEAK
 from identifiability.physical.feasibility import find_nearest
 from identifiability.physical.fitted_model import FittedModel, physical_set
 from identifiability.physical.least_squares import LeastSquares
@@ -23,7 +22,7 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import full_rung
 from identifiability.regression.structure import Structure
 from identifiability.workflows.analyze.decisive import weigh_rows
-from identifiability.workflows.analyze.fit import base_values, settle_prior
+from identifiability.workflows.analyze.fit import hold_folds, settle_robot
 from identifiability.workflows.diagnose.findings import Findings
 from identifiability.workflows.diagnose.forward import Physical
 
@@ -33,8 +32,8 @@ def fit_physical(
 ) -> Physical:
     """Return the real robot that explains some logs best under a model.
 
-    How strongly it is drawn to the robot file is chosen on logs that it has not seen, as of an
-    analysis (`settle_prior`); without any it is so weakly.
+    How strongly it is drawn to the robot file is chosen by what it predicts of stretches of the
+    logs, as of an analysis, where others are there to judge it; without any it is so weakly.
 
     Raises
     ------
@@ -46,13 +45,10 @@ def fit_physical(
     information = weigh_rows(joints, samples, information, wls)[0]
     rung, fit = full_rung(structure.base), estimate(information)
     model = FittedModel(structure, rung, information, information, fit)
-    candidates = find_nearest(model, None if unseen else WEAK)
-    chosen = 0
+    found = find_nearest(model)
     if unseen:
-        values = base_values([model], [candidates])[0]
-        judged = predict(structure.regression(unseen, keep=True), values)
-        (chosen,) = settle_prior([candidates], judged)
-    found = candidates[chosen]
+        held, short = hold_folds(information, wls)
+        found, _ = settle_robot(model, held, None, choose=not short)
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())
     return Physical(structure, found.parameters(), found.cad_weight)

@@ -135,9 +135,8 @@ class WhitenedRegression:
             squares[:, :, a] = ((left @ test) * left).sum(2).T
             gram += basis.T @ test @ basis / self.noise[a]
         density = nested_density(gram if seen is None else seen, precision, delta, turn, free)
-        nothing = np.full(squares.shape[1:], np.nan)
         return [
-            Score(d, nothing, s, self.variation, self.folds.ratio)
+            Score(d, s, self.variation, self.folds.ratio)
             for d, s in zip(density, squares, strict=True)
         ]
 

@@ -40,7 +40,6 @@ from identifiability.workflows.analyze.assessment import (
     forbidden_signs,
     judge_told,
 )
-from identifiability.workflows.analyze.fit import settle_robots
 from identifiability.workflows.analyze.words import WORSE
 from identifiability.workflows.opening import Opening, find_missing
 from identifiability.workflows.prune.elimination import Step, explain
@@ -206,7 +205,7 @@ def measure_rungs(
     question: Question,
     search: Search,
     chosen: int,
-    physical: tuple[PhysicalResult, ...],
+    physical: PhysicalResult,
     replicates: int,
     rng: np.random.Generator,
     engine: Engine,
@@ -220,8 +219,8 @@ def measure_rungs(
     search : Search
     chosen : int
         The step to use.
-    physical : tuple of PhysicalResult
-        Its nearest real robots, of which one is settled on.
+    physical : PhysicalResult
+        Its nearest real robot.
     replicates : int
         Of the bootstrap.
     rng : numpy.random.Generator
@@ -231,8 +230,7 @@ def measure_rungs(
     opening, steps = question.opening, search.path.steps
     fits = [(model.rung, model.estimate) for model in map(question.fit, steps)]
     values = np.stack([rung.expand(fit.value) for rung, fit in fits], 1)
-    robots = [p.base for p in physical] + [p.in_files[k] for k in range(2) for p in physical]
-    own_values = np.stack([values[:, chosen], *robots], 1)
+    own_values = np.stack([values[:, chosen], physical.base, *physical.in_files], 1)
     every, two = Task(values[None], held=False), Task(own_values[None])
     crossed = _plan_unseen(question, search)
     fitted, unseen, own = predict_all(
@@ -244,11 +242,10 @@ def measure_rungs(
         held = opening.structure.regression(opening.validation)
         outside, own_held = predict_all(held, [every, two], engine=engine)
         error_held, joints_held = outside.relative_error(), outside.error_over_joints()
-    robot, (own, own_held) = settle_robots([physical], own_held, (own, own_held))
     own_model = [question.recall(*fits[chosen])]
     missing = find_missing(opening)
     (result,) = assess_ladder(
-        own_model, robot, own, own_held, Thresholds(), rng, replicates, missing
+        own_model, [physical], own, own_held, Thresholds(), rng, replicates, missing
     )
     spread = result.uncertainty
     error, error_unseen = fitted.relative_error(), unseen.relative_error()

@@ -8,9 +8,10 @@ from functools import partial
 import numpy as np
 
 from identifiability.estimation.estimate import Kind, Method, find_estimator, settle_noise
+from identifiability.estimation.evidence import Held
+from identifiability.estimation.memory import Noise
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
-from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
     Names,
     NotNegative,
@@ -25,9 +26,10 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.samples import find_signal
-from identifiability.physical.feasibility import PhysicalResult, assess_feasibility
+from identifiability.physical.certify import Certificate
+from identifiability.physical.feasibility import PhysicalResult, certify_model
+from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.gather import gather_information
-from identifiability.regression.information import Information
 from identifiability.regression.reduction import (
     LadderEntry,
     LadderLike,
@@ -41,13 +43,13 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
 from identifiability.workflows.analyze.decisive import weigh_rows
+from identifiability.workflows.analyze.fit import settle_robot
 from identifiability.workflows.analyze.several_logs import compare_logs
 from identifiability.workflows.analyze.words import state_weak
 from identifiability.workflows.band import settle_band
 from identifiability.workflows.instruments import add_instruments
 from identifiability.workflows.opening import (
     Logs,
-    Opening,
     Progress,
     open_logs,
     read_recordings,
@@ -169,7 +171,7 @@ def prune(
         building = share(say, "building the regression", 0.1, 0.4)
         information = gather_information(opening.regression, engine=runner, progress=building)
         start = build_ladder(LadderEntry(models=source.entry.models[:1]), structure)[0]
-        variation = _measure_variation(opening, information)
+        variation = information.variation * find_signal([s.survey for s in opening.samples])
         information, burst = weigh_rows(robot.joints, opening.samples, information, asked)
         asked = settle_noise(asked, start.reduce(information))
         question = Question(opening=opening, information=information, start=start, estimator=asked)
@@ -249,16 +251,6 @@ def prune(
         )
 
 
-def _measure_variation(opening: Opening, information: Information) -> Array:
-    """Return the sum of squares of each joint's torque about its mean, (n,) [(N·m)² or N²]."""
-    surveys = [s.survey for s in opening.samples]
-    outputs = sum(s.outputs for s in surveys)
-    mean = sum(s.torque for s in surveys) / outputs
-    squares = information.torque - outputs * mean**2
-    variation: Array = np.maximum(squares, 0.0) * find_signal(surveys)
-    return variation
-
-
 def _check_wishes(start: Rung, forbid: Sequence[str], force: Sequence[str]) -> None:
     for name in (*forbid, *force):
         if name not in start.columns:
@@ -273,22 +265,27 @@ def _check_wishes(start: Rung, forbid: Sequence[str], force: Sequence[str]) -> N
 
 def _choose(
     question: Question, search: Search, criterion: Criterion, cad_prior: float | None
-) -> tuple[int, tuple[PhysicalResult, ...]]:
+) -> tuple[int, PhysicalResult]:
     """Return the step to use: the first as good as the best that a real robot can have."""
     steps = search.path.steps
-    asked: list[tuple[int, tuple[PhysicalResult, ...]]] = []
+    asked: list[tuple[int, FittedModel, tuple[Certificate | None, str]]] = []
     problems: list[IdentifiabilityError] = []
     good = good_steps(steps, criterion)
     sound = [k for k in good if not contradicts(question.fit(steps[k]), question.full)]
     for k in (sound or good)[:CERTIFIED]:
+        model = question.fit(steps[k])
         try:
-            physical = assess_feasibility(question.fit(steps[k]), cad_prior)
+            asked.append((k, model, certify_model(model)))
         except IdentifiabilityError as error:
             problems.append(error)
             continue
-        if physical[0].feasible:
-            return k, physical
-        asked.append((k, physical))
+        if asked[-1][2][0] is not None and asked[-1][2][0].feasible:
+            break
     if not asked:
         raise problems[-1]
-    return asked[0]
+    feasible = [a for a in asked if a[2][0] is not None and a[2][0].feasible]
+    k, model, proved = (feasible or asked)[0]
+    noise = Noise(search.full.variance, search.full.times)
+    held = Held.of(question.information, noise, search.whitened.folds)
+    robot, _ = settle_robot(model, held, cad_prior)
+    return k, robot.with_certificate(*proved)

@@ -55,16 +55,11 @@ def test_densities_are_those_of_the_normal_distribution_of_a_fold():
         weight = np.tile(1 / S, train.sum())
         value = np.linalg.lstsq(X, y, rcond=None)[0]
         covariance = np.linalg.inv(X.T @ (weight[:, None] * X))
-        for joints, density in (
-            ([0], found.joint_density[f, 0]),
-            ([1], found.joint_density[f, 1]),
-            ([0, 1], found.density[f]),
-        ):
-            A, e = W[own][:, joints].reshape(-1, 4), tau[own][:, joints].ravel()
-            noise = np.diag(np.tile(S[joints], own.sum()))
-            law = multivariate_normal(A @ value, noise + A @ covariance @ A.T)
-            constant = -0.5 * np.linalg.slogdet(2 * np.pi * noise)[1]
-            np.testing.assert_allclose(density, law.logpdf(e) - constant, rtol=1e-8)
+        A, e = W[own].reshape(-1, 4), tau[own].ravel()
+        noise = np.diag(np.tile(S, own.sum()))
+        law = multivariate_normal(A @ value, noise + A @ covariance @ A.T)
+        constant = -0.5 * np.linalg.slogdet(2 * np.pi * noise)[1]
+        np.testing.assert_allclose(found.density[f], law.logpdf(e) - constant, rtol=1e-8)
         left = (tau[own] - W[own] @ value) ** 2
         np.testing.assert_allclose(found.squares[f], left.sum(0), rtol=1e-8)
 
@@ -187,7 +182,7 @@ def test_levels_follow_from_the_limits_of_the_gain():
 
 def scores_of(densities, squares):
     pairs = zip(densities, squares, strict=True)
-    return [Score(d, np.zeros((10, 1)), q[:, None], np.ones(1), 1 / 9) for d, q in pairs]
+    return [Score(d, q[:, None], np.ones(1), 1 / 9) for d, q in pairs]
 
 
 def test_models_within_two_nats_or_as_good_may_stand_for_the_best_and_equal_ones_weigh_alike():

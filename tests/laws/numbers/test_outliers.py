@@ -95,6 +95,16 @@ def test_what_is_too_much_of_the_logs_for_an_accident_decides_no_more_either():
     np.testing.assert_allclose(WLS.fit(kept).value, TRUTH, atol=0.02)
 
 
+def test_what_the_model_leaves_out_again_and_again_is_no_outlier():
+    """Other motion has it, too: the fit that follows it predicts the better."""
+    for seed in range(10):
+        W, tau = rows(seed)
+        far = np.abs(W[:, 0, 0]) > 2.0
+        tau[far, 0] += np.sign(W[far, 0, 0])
+        information = gathered(W, tau)
+        assert weigh_outliers(information, WLS) == (information, None)
+
+
 def test_a_noisy_log_is_no_outlier_and_does_no_harm():
     """The usual block is that of its own log; what logs are worth is said by their noise."""
     alone, both = [], []

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identifiability import analyze
 from identifiability.estimation.prediction import Prediction
 from identifiability.physical import project
 from identifiability.physical.cad_prior import WEIGHTS, CadPrior
@@ -13,7 +14,9 @@ from identifiability.physical.held import Held
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import Projection
 from identifiability.physical.pseudo_inertia import to_matrix
-from identifiability.workflows.analyze.fit import settle_prior, settle_robots
+from identifiability.robot import Robot
+from identifiability.simulation import Noise, random_trajectory, simulate
+from identifiability.workflows.analyze.assessment import stands_for
 
 BODY = np.array([0.2, 0.01, 0.0, 0.3, 0.02, 0.25, 0.3, 0.1, -0.2, 2.0])
 REGION = PhysicalSet(
@@ -78,60 +81,77 @@ def test_what_no_row_sees_is_the_file():
     np.testing.assert_allclose(found.phi[:20], FILE[:20], atol=1e-6)
 
 
-def predicted(*errors: float) -> Prediction:
-    """Torque of two joints, and predictions with errors that no other one shares."""
+def test_a_path_of_priors_passes_each_ones_optimum():
+    data, weights = problem(2, 40), (100.0, 10.0, 0.1)
+    path = list(Projection(REGION, prior=CadPrior(FILE, 1.0)).follow(data, weights))
+    assert len(path) == 3
+    for weight, (phi, _) in zip(weights, path, strict=True):
+        best = Projection(REGION, prior=CadPrior(FILE, weight)).solve(data).phi
+        assert cost(data, phi, weight) - cost(data, best, weight) < project.ENOUGH_TO_PREDICT
+
+
+def test_errors_on_the_path_are_the_inverse_curvature_of_the_cost():
+    data, weight = problem(3, 60), 10.0
+    ((phi, root),) = Projection(REGION, prior=CadPrior(FILE, 1.0)).follow(data, [weight])
+    covariance = root @ root.T
+    for k in range(20):  # along a direction that moves what is most probable by one sd of it
+        step = covariance[:, k] / np.sqrt(covariance[k, k])
+        change = [cost(data, phi + h * step, weight) for h in (-1e-2, 0.0, 1e-2)]
+        assert (change[0] - 2 * change[1] + change[2]) / 1e-4 == pytest.approx(2.0, rel=0.05)
+
+
+def logs_of(robot, seeds, samples=300):
+    """Logs of a robot whose motion says little of some of its masses."""
+    return [
+        simulate(
+            robot,
+            random_trajectory(robot, np.random.default_rng(seed), samples=samples),
+            noise=Noise(torque=0.05),
+            rng=np.random.default_rng(100 + seed),
+        )
+        for seed in seeds
+    ]
+
+
+@pytest.fixture(scope="module")
+def weighed():
+    """The weight of the file's bodies where these are right, and half as heavy as they should."""
+    right = Robot.load("two-link")
+    double = {n: 2.0 * x for n, x in right.nominal.items() if n.rpartition(".")[0] in right.bodies}
+    log, unseen, other = logs_of(right, (1, 2, 3))
+    heavy = logs_of(right.with_values(double), (1,))[0]
+    how = {"replicates": 0, "estimator": "ls"}
+    return (
+        [analyze(right, log, held, **how) for held in ((), unseen, other)],
+        analyze(right, heavy, **how),
+    )
+
+
+def test_bodies_of_the_file_weigh_much_where_they_are_right_and_little_where_not(weighed):
+    (right, *_), wrong = (  # of the unpruned model
+        [r.models[0].physical.cad_weight for r in results] for results in (weighed[0], [weighed[1]])
+    )
+    assert right >= 100.0
+    assert wrong[0] <= 0.1 * right
+
+
+def test_no_log_that_is_held_out_has_a_say_in_the_weight(weighed):
+    for found in zip(*(r.models for r in weighed[0]), strict=True):
+        assert len({m.physical.cad_weight for m in found}) == 1
+        assert len({m.physical.as_good for m in found}) == 1
+
+
+def test_motion_that_is_held_out_has_a_veto_and_no_more():
     rng = np.random.default_rng(5)
     tau = np.stack([np.sin(np.arange(400) / 9), np.cos(np.arange(400) / 7)], 1)
-    wrong = [e * rng.normal(size=tau.shape) for e in errors]
-    log = np.zeros(len(tau), int)
-    return Prediction.of([np.arange(400.0)], tau, np.stack([tau + w for w in wrong], 2), log)
-
-
-def robots(*found: bool) -> tuple[SimpleNamespace, ...]:
-    """One model's nearest real robots, some of which the solver did not find."""
-    return tuple(SimpleNamespace(nearest=object() if f else None) for f in found)
-
-
-THREE = robots(True, True, True)
-
-
-def test_the_strongest_prior_that_is_as_good_as_the_best_is_taken():
-    assert settle_prior([THREE], predicted(9.0, 0.1, 0.1, 0.1)) == [0]
-    assert settle_prior([THREE], predicted(9.0, 0.102, 0.1, 0.1)) == [0]  # within its spread
-    assert settle_prior([THREE], predicted(9.0, 0.115, 0.1, 0.1)) == [1]  # beyond it
-    assert settle_prior([THREE], predicted(9.0, 0.2, 0.1, 0.1)) == [1]
-    assert settle_prior([THREE], predicted(9.0, 0.2, 0.2, 0.1)) == [2]
-    assert settle_prior([THREE], predicted(9.0, 0.1, 0.2, 0.3)) == [0]
-
-
-def test_a_joint_by_itself_can_refuse_a_prior():
-    good = predicted(9.0, 0.1, 0.1)
-    bad = good.predicted.copy()
-    small = np.array([1.0, 1e-3])  # a joint that hardly counts in the sum of all torque
-    bad[:, 1, 1] += 5 * (good.predicted[:, 1, 1] - good.tau[:, 1])
-    tau, out = good.tau * small, bad * small[:, None]
-    held_out = Prediction.of(good.t, tau, out, good.log)
-    assert settle_prior([robots(True, True)], held_out) == [1]
-
-
-def test_a_prior_without_a_robot_is_not_taken():
-    assert settle_prior([robots(False, True, True)], predicted(9.0, np.nan, 0.1, 0.1)) == [1]
-    assert settle_prior([robots(False, False, False)], predicted(9.0, *[np.nan] * 3)) == [0]
-    assert settle_prior([robots(True)], predicted(9.0, 0.1)) == [0]
-
-
-def test_every_model_has_its_own_and_predictions_keep_to_it():
-    both = [THREE, robots(True, True, True)]
-    held_out = predicted(9.0, 8.0, 0.1, 0.5, 0.1, 0.1, 0.1, 0.1)  # two fits, then three pairs
-    chosen, (kept,) = settle_robots(both, held_out, [held_out])
-    assert [each.index(c) for each, c in zip(both, chosen, strict=True)] == [0, 1]
-    wanted = held_out.predicted[:, :, [0, 1, 2, 5]]
-    np.testing.assert_array_equal(kept.predicted, wanted)
-    files = predicted(*range(1, 21))  # and by what two formats of robot files hold of each robot
-    _, (whole,) = settle_robots(both, held_out, [files])
-    np.testing.assert_array_equal(
-        whole.predicted, files.predicted[:, :, [0, 1, 2, 5, 8, 11, 14, 17]]
-    )
+    wrong = [e * rng.normal(size=tau.shape) for e in (0.1, 0.1, 0.2)]
+    told = np.stack([tau + w for w in wrong], 2)
+    held_out = Prediction.of([np.arange(400.0)], tau, told, np.zeros(400, int))
+    good, bad = SimpleNamespace(as_good=True), SimpleNamespace(as_good=False)
+    assert stands_for(held_out, good, 0, 1)  # not told apart there: what the folds say
+    assert not stands_for(held_out, bad, 0, 1)
+    assert not stands_for(held_out, good, 0, 2)  # surely worse there
+    assert stands_for(held_out, bad, 2, 0)
 
 
 def test_a_hundred_kinds_of_friction_do_not_keep_newton_from_its_end(monkeypatch):

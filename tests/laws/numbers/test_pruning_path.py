@@ -56,7 +56,7 @@ def step(density, size, *, kind=Kind.DROP, violations=0, columns=8):
     nothing = np.exp(-np.asarray(density, float))[:, None]  # errors that differ as densities do
     return Step(
         partition=Partition(tuple(f"p{j}" for j in range(columns)), group),
-        score=Score(np.asarray(density, float), nothing, nothing, np.ones(1), 0.25),
+        score=Score(np.asarray(density, float), nothing, np.ones(1), 0.25),
         violations=violations,
         values=np.zeros((2, columns)),
         move=Move(kind, ("x",)),

@@ -125,6 +125,7 @@ class Physics:
     """What an assessment asks of physics."""
 
     margin: float
+    as_good: bool = False
 
     @property
     def feasible(self):
