@@ -20,6 +20,7 @@ from identifiability.report.answers import (
     answer_next,
     answer_quality,
     answer_trust,
+    level_table,
     model_title,
     sigma_inflation,
     unseen_samples,
@@ -296,7 +297,8 @@ MOTION = (
 def section_terms(analysis: Analysis) -> Section:
     """Return the thresholds that were used and the words of the report."""
     glossary = Fold("Glossary", (Terms(GLOSSARY),))
-    return section("analysis.thresholds", threshold_table(analysis.thresholds), glossary)
+    limits = threshold_table(analysis.thresholds)
+    return section("analysis.thresholds", limits, level_table(), glossary)
 
 
 def threshold_table(thresholds: Thresholds) -> Table:

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.names import Array
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.report.blocks import Answer, Note
 from identifiability.report.numbers import NONE, error_text, format_count
-from identifiability.report.tables import Cell, Column, badge_cell, measured_cells
+from identifiability.report.tables import Cell, Column, Table, badge_cell, measured_cells
 from identifiability.report.words import sentence
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
@@ -218,3 +219,8 @@ def answer_trust(
         )
     seen = "; ".join(f"“{g}”" for g in dict.fromkeys(grave))
     return Answer(question, "With care.", f"{held}. Read below: {seen}.", "amber")
+
+
+def level_table() -> Table:
+    """Return what evidence is called, and what a choice rests on."""
+    return Table.of("How models were judged", (Column("level"), Column("if")), LEVELS.rows())

@@ -10,6 +10,7 @@ from identifiability.effects import find_effect, title_of
 from identifiability.report.answers import (
     after_mass,
     answer_next,
+    level_table,
     state_error,
     tone_of,
     torque_units,
@@ -400,4 +401,6 @@ def _section_method(d: Diagnosis) -> Section:
     ]
     prepared = tuple(f"{s.name}: {'; '.join(s.notes)}." for s in (*d.samples, *d.validation))
     roles = sentence("diagnosis.roles", chosen=d.chosen_by, verified=d.verified_on)
-    return section("diagnosis.method", Terms(tuple(terms)), Prose((roles, *prepared)))
+    return section(
+        "diagnosis.method", Terms(tuple(terms)), level_table(), Prose((roles, *prepared))
+    )

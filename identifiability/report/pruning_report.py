@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.report.answers import (
     SIGMA,
@@ -20,6 +19,7 @@ from identifiability.report.answers import (
     answer_trust,
     bias_columns,
     found_cell,
+    level_table,
 )
 from identifiability.report.blocks import Answer, Answers, Fold, Note, Notes, Prose, Section
 from identifiability.report.models import draw_ladder, draw_survival, mass_table
@@ -308,5 +308,4 @@ def section_method(ladder: Ladder) -> Section:
     effects = ", ".join(ladder.effects)
     settings = {"method": ladder.method, "criterion": ladder.criterion, "seed": ladder.seed}
     text = words("pruning.how", effects=effects, **settings)
-    judged = Table.of("How models were judged", (Column("level"), Column("if")), LEVELS.rows())
-    return section("pruning.method", Prose(tuple(text.values())), judged)
+    return section("pruning.method", Prose(tuple(text.values())), level_table())
