@@ -9,7 +9,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.naming import Column, Naming
 
 #: Channels that are angles or their rates, and one degree [rad].
-ANGULAR = ("q", "dq", "ddq", "q_ref")
+ANGULAR = ("q", "dq", "ddq", "q_ref", "dq_ref")
 DEGREE = math.pi / 180
 
 

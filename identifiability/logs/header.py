@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from identifiability.logs.command_names import choose_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.measured import call_currents, missing_torque
 from identifiability.logs.naming import name_columns
@@ -38,8 +39,11 @@ def check_header(path: Path, known: Conventions) -> None:
         line = table.form.plain_text(rest).decode(errors="replace").partition("\n")[0]
         row = dict(zip(table.columns, table.form.split(line), strict=False))
     texts = {name: text for name, text in row.items() if not table.form.is_number(text)}
-    made = missing_torque(table.columns, known) if known.motion_alone else []
-    found = [*table.columns, *made]
+    commands, alone = choose_commands(table.columns, str(path), known)
+    columns = [commands[c].name if c in commands else c for c in table.columns]
+    made = missing_torque(columns, known) if known.motion_alone else []
+    made = [f"{joint}.tau" for joint in known.joints] if alone else made
+    found = [*columns, *made]
     called = call_currents(found, known)
     sources = dict(zip(called, found, strict=True))
     units = dict(zip(called, table.form.units, strict=False))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from identifiability.logs.checks import COMMANDS
 from identifiability.logs.log import Log
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.spikes import Spike, find_spikes, mend_column
@@ -37,7 +38,9 @@ def mend_logs(logs: Sequence[Log | LogFile]) -> tuple[list[Log | LogFile], tuple
 
 def _find(log: Log | LogFile) -> dict[str, tuple[Spike, ...]]:
     """Return the wrong samples of each column that has any."""
-    columns = [(f"{j}.{c}", c, k) for c in log.channels for k, j in enumerate(log.joints)]
+    commands = COMMANDS if isinstance(log, Log) and log.commanded else ()  # which jump as they like
+    channels = [c for c in log.channels if c not in commands]
+    columns = [(f"{j}.{c}", c, k) for c in channels for k, j in enumerate(log.joints)]
     if isinstance(log, LogFile):
         # Where an angle jumps by a turn, and back, is no wrong sample.
         found = {n: () if n in log.unwrapped else log.spikes.get(n, ()) for n, *_ in columns}

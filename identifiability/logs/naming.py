@@ -21,6 +21,7 @@ from identifiability.logs.stated_units import Unit, find_unit, split_unit
 
 #: A unit of each channel, for sentences.
 EXAMPLES = {"t": "ms", "q": "deg", "q_ref": "deg", "dq": "deg/s", "ddq": "deg/s2", "tau": "Nm"}
+EXAMPLES |= {"dq_ref": "deg/s", "tau_ff": "Nm"}
 EXAMPLES |= {"current": "A"}
 
 #: A joint's name and a word for its channel.

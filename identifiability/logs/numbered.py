@@ -93,7 +93,8 @@ def settle_numbers(
     """
     loose = [g for g in guesses if not g.joint and g.kind in CHANNELS]
     told = [g for g in guesses if g.joint or g.kind == "t"]
-    named = {g.joint for g in told if g.kind in ("q", "tau")}
+    of = {(g.joint, g.kind) for g in told}
+    named = {joint for joint, _ in of if {(joint, "q"), (joint, "tau")} <= of}
     if not loose or named.issuperset(known.joints):
         return told, {}, ""
     labels = _labels(names, first)

@@ -16,6 +16,8 @@ DIMENSIONS = {
     "dq": ("angle/s", "length/s"),
     "ddq": ("angle/s2", "length/s2"),
     "tau": ("torque", "force"),
+    "dq_ref": ("angle/s", "length/s"),
+    "tau_ff": ("torque", "force"),
     "current": ("current",),
 }
 

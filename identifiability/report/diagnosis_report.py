@@ -13,7 +13,6 @@ from identifiability.report.numbers import digits, error_text, format_number, pe
 from identifiability.report.page import Page
 from identifiability.report.sections.effects import section_effects, section_forward
 from identifiability.report.sections.facts import torque_units, velocity_units
-from identifiability.report.sections.method import level_table
 from identifiability.report.sections.missing import answer_missing
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.report.words import columns, gallery, note, picture, section, sentence
@@ -199,6 +198,4 @@ def _section_method(d: Diagnosis) -> Section:
     ]
     prepared = tuple(f"{s.name}: {'; '.join(s.notes)}." for s in (*d.samples, *d.validation))
     roles = sentence("diagnosis.roles", chosen=d.chosen_by, verified=d.verified_on)
-    return section(
-        "diagnosis.method", Terms(tuple(terms)), level_table(), Prose((roles, *prepared))
-    )
+    return section("diagnosis.method", Terms(tuple(terms)), Prose((roles, *prepared)))

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.report.blocks import Answer, Answers, Fold, Note, Notes, Prose, Section
 from identifiability.report.figures.models import draw_ladder, draw_survival
@@ -38,7 +39,6 @@ from identifiability.report.sections.facts import (
     bias_columns,
     found_cell,
 )
-from identifiability.report.sections.method import level_table
 from identifiability.report.sections.robot import mass_table
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.report.words import columns, note, picture, section, sentence, words
@@ -311,4 +311,5 @@ def section_method(ladder: Ladder) -> Section:
     effects = ", ".join(ladder.effects)
     settings = {"method": ladder.method, "criterion": ladder.criterion, "seed": ladder.seed}
     text = words("pruning.how", effects=effects, **settings)
-    return section("pruning.method", Prose(tuple(text.values())), level_table())
+    judged = Table.of("How models were judged", (Column("level"), Column("if")), LEVELS.rows())
+    return section("pruning.method", Prose(tuple(text.values())), judged)

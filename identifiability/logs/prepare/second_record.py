@@ -18,7 +18,7 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier, signals
-from identifiability.logs.prepare.command import follow_command
+from identifiability.logs.prepare.command import follow_command, follow_rollout
 from identifiability.logs.prepare.preparation import SHORT
 from identifiability.logs.prepare.repetition import Repetition, find_repetition
 from identifiability.logs.prepare.samples import Record, Samples
@@ -94,6 +94,8 @@ def find_record(
     log: Log, samples: Samples, others: Sequence[Samples] = (), *, always: bool = False
 ) -> SecondRecord | None:
     """Return a second record of the motion of a log on the joint side; None where there is none."""
+    if log.rollout is not None:
+        return SecondRecord(*follow_rollout(log, samples.cutoff), "command")
     channels = _channels(log)
     # While a coarse encoder stands still, its noise does so too: differences do not see it.
     noise = [np.maximum(noise_level(x, log.t), resolution(x) / np.sqrt(12)) for x in channels]

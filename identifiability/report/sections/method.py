@@ -6,7 +6,6 @@ from dataclasses import fields
 from operator import itemgetter
 
 from identifiability.estimation.estimator import PAPER_FACTOR
-from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.layout import STRETCHES
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.linalg import RANK_TOLERANCE
@@ -57,13 +56,7 @@ MOTION = (
 def section_terms(analysis: Analysis) -> Section:
     """Return the thresholds that were used and the words of the report."""
     glossary = Fold("Glossary", (Terms(GLOSSARY),))
-    limits = threshold_table(analysis.thresholds)
-    return section("analysis.thresholds", limits, level_table(), glossary)
-
-
-def level_table() -> Table:
-    """Return what evidence is called, and what a choice rests on."""
-    return Table.of("How models were judged", (Column("level"), Column("if")), LEVELS.rows())
+    return section("analysis.thresholds", threshold_table(analysis.thresholds), glossary)
 
 
 def threshold_table(thresholds: Thresholds) -> Table:
