@@ -9,6 +9,7 @@ What to use when:
 - `predict` of a result gives torque along other logs, and `from_json` reads a result back for it;
 - `payload` weighs what hangs on a body of a robot that was fitted without it, `compare` says what
   changed between two logs or results;
+- `rollout` moves robots by logged commands and says by how much their positions err;
 - `calibrate` measures how far the answers can be trusted, `export` writes them as a robot file;
 - `Robot.load` and `Log.read` read files; `simulate` makes logs of a robot that is known;
 - `plot` draws the figures of a report one by one;
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.payload import Load, payload
     from identifiability.workflows.predict import Fit, TorquePrediction
     from identifiability.workflows.prune import Ladder, prune
+    from identifiability.workflows.rollout import RolledOut, rollout
     from identifiability.workflows.study import Study, new_study
 
 __version__ = "0.1.0"
@@ -82,6 +84,7 @@ _HOMES = {
         "workflows.payload": ("Load", "payload"),
         "workflows.predict": ("Fit", "TorquePrediction"),
         "workflows.prune": ("Ladder", "prune"),
+        "workflows.rollout": ("RolledOut", "rollout"),
         "workflows.study": ("Study", "new_study"),
     }.items()
     for name in names
@@ -111,6 +114,7 @@ __all__ = [
     "Preparation",
     "Regression",
     "Robot",
+    "RolledOut",
     "Samples",
     "Study",
     "Thresholds",
@@ -134,6 +138,7 @@ __all__ = [
     "plot",
     "prepare_samples",
     "prune",
+    "rollout",
     "simulate",
 ]
 

@@ -85,6 +85,7 @@ WRITTEN = {
     "predict": (["two-link", "r.json", "run.csv"], ["--report", "--json", "--out"]),
     "payload": (["two-link", "r.json", "run.csv"], ["--report", "--json"]),
     "compare": (["two-link", "run.csv", "r.json"], ["--report", "--json"]),
+    "rollout": (["quadruped", "run.csv"], ["--report", "--json", "--out"]),
     "gain": (["two-link", "run.csv", "--loaded", "run.csv", "--mass", "1"], ["--json"]),
     "export": (["two-link", "r.json"], ["--out"]),
     "simulate": (["two-link", "random"], ["--out"]),

@@ -26,6 +26,7 @@ from identifiability.cli.paper import paper
 from identifiability.cli.payload import payload
 from identifiability.cli.predict import predict
 from identifiability.cli.prune import prune
+from identifiability.cli.rollout import rollout
 from identifiability.cli.simulate import simulate
 
 app = typer.Typer(
@@ -36,7 +37,7 @@ app = typer.Typer(
 )
 verbs = (
     *(new, demo, inspect, analyze, prune, diagnose, simulate, excite, predict, export, calibrate),
-    *(payload, compare, gain, convert, paper),
+    *(payload, compare, rollout, gain, convert, paper),
 )
 for command in verbs:
     app.command(cls=Command)(command)

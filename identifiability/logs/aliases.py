@@ -24,6 +24,8 @@ DIMENSIONS = {
     "dq": ("angle/s", "length/s"),
     "ddq": ("angle/s2", "length/s2"),
     "tau": ("torque", "force"),
+    "dq_ref": ("angle/s", "length/s"),
+    "tau_ff": ("torque", "force"),
     "current": ("current",),
 }
 
@@ -193,6 +195,8 @@ SILENT = frozenset(
     (
         "joint",
         "joints",
+        "dof",
+        "dofs",
         "j",
         "axis",
         "axes",
@@ -234,6 +238,8 @@ COMMANDED = frozenset(
         "ref",
         "reference",
         "setpoint",
+        "action",
+        "actions",
         "ctrl",
         "set",
         "goal",
@@ -316,7 +322,7 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Guess | None:
     time = _guess_time(source, words, unit)
     if time is not None:
         return time
-    joint, rest = _take_joint(words, joints)
+    joint, rest = take_joint(words, joints)
     for k in reversed(range(len(rest) - 1)):
         if (rest[k], rest[k + 1]) in _PAIRS:
             rest[k : k + 2] = [_PAIRS[rest[k], rest[k + 1]]]
@@ -345,7 +351,7 @@ def unread_unit(name: str, joints: Sequence[str]) -> str:
     text = bracketed(name)
     if not text or find_unit(text) or is_no_unit(text):
         return ""
-    said = [w for w in _take_joint(words_of(text), joints)[1] if not w.isdecimal()]
+    said = [w for w in take_joint(words_of(text), joints)[1] if not w.isdecimal()]
     plain = {*SILENT, *KINDS, *TIME_WORDS}.issuperset(said) and (said or words_of(text))
     return "" if plain else text
 
@@ -362,7 +368,7 @@ def _guess_time(source: str, words: list[str], unit: Unit | None) -> Guess | Non
     return Guess(source, "t", unit=unit) if left and TIME_WORDS.issuperset(left) else None
 
 
-def _take_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]:
+def take_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]:
     """Return the joint whose name stands among some words, and the words without it."""
     found = []
     for joint in joints:

@@ -15,8 +15,11 @@ from identifiability.foundation.values import frozen
 if TYPE_CHECKING:
     import pandas as pd
 
+#: What was commanded of each joint: position, velocity, torque that is fed forward.
+COMMANDS = ("q_ref", "dq_ref", "tau_ff")
+
 #: What a log has of each joint.
-CHANNELS = ("q", "dq", "ddq", "tau", "q_ref")
+CHANNELS = ("q", "dq", "ddq", "tau", *COMMANDS)
 
 #: Fewer samples than this say nothing about any robot.
 FEWEST = 20

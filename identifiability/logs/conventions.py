@@ -14,6 +14,7 @@ from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.measured_torque import MeasuredTorque
 from identifiability.robot.parts import Entry
+from identifiability.robot.servo import Servo
 
 
 @frozen
@@ -42,6 +43,10 @@ class Conventions:
         Of arrays that MuJoCo keeps, by array, then index or name.
     locked : mapping
         Joint that does not move to where it is held [rad or m].
+    servo : Servo or None
+        What makes torque of commands, where logs hold no torque.
+    commands : bool
+        Whether commands are read beside torque, too.
     """
 
     joints: tuple[str, ...] = ()
@@ -54,6 +59,8 @@ class Conventions:
     motion_alone: bool = False
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
     locked: Mapping[str, float] = field(default_factory=dict)
+    servo: Servo | None = None
+    commands: bool = False
 
     @staticmethod
     def of(robot: Robot) -> Conventions:
@@ -73,4 +80,5 @@ class Conventions:
             degrees=degrees,
             entries=robot.entries,
             locked=robot.locked,
+            servo=robot.servo,
         )

@@ -1,8 +1,8 @@
 """`Log`: measured motion and torque of the actuated joints, read from CSV, Parquet or a DataFrame.
 
 One row a sample: ``t`` [s], ``<joint>.q`` and ``<joint>.tau`` for every actuated joint, optional
-``<joint>.dq`` and ``<joint>.ddq``, and ``<joint>.q_ref``, the position that was commanded; SI units
-(rad or m, N·m or N).
+``<joint>.dq`` and ``<joint>.ddq``, and what was commanded, ``<joint>.q_ref`` (or ``.cmd``),
+``.dq_ref`` and ``.tau_ff``; SI units (rad or m, N·m or N).
 """
 
 from __future__ import annotations
@@ -49,8 +49,9 @@ class Log:
         Joints (or motors) in column order.
     t : (N,) [s]
     q, tau : (N, n) [rad or m; N·m or N]
-    dq, ddq, q_ref : (N, n) or None
-        Derivatives and commanded positions, where the log has them for every joint.
+    dq, ddq, q_ref, dq_ref, tau_ff : (N, n) or None
+        Derivatives, and commanded positions, velocities and torques (fed forward by a servo),
+        where the log has them for every joint.
     sha256 : str
         Hash of the file, or of the values for a DataFrame.
     notes : tuple of str
@@ -60,6 +61,10 @@ class Log:
     unmeasured : (N, n) bool or None
         Where torque was not measured, for which what lies between its neighbours stands, or zeros;
         None where all was.
+    servo_delay : float or None [s]
+        Of the commands, where torque is what servos make of them; None where it was measured.
+    rollout : (N, n) or None [rad or m]
+        Positions to which the commands take a simulated robot: a record without sensors.
     start : float or None [s]
         What its times count from, on a clock that other logs share, such as seconds since 1970.
     """
@@ -77,6 +82,10 @@ class Log:
     motion_alone: bool = False
     start: float | None = None
     unmeasured: np.ndarray | None = None
+    dq_ref: Array | None = None
+    tau_ff: Array | None = None
+    servo_delay: float | None = None
+    rollout: Array | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -176,6 +185,8 @@ class Log:
     def each(self, change: Callable[[Array], Array], **others: Any) -> Log:
         """Return the log with all its channels changed alike, and other fields as given."""
         others |= {channel: change(getattr(self, channel)) for channel in self.channels}
+        if self.rollout is not None:
+            others["rollout"] = change(self.rollout)
         if self.unmeasured is not None:
             others["unmeasured"] = change(self.unmeasured.astype(float)) > 0
         return replace(self, **others)
@@ -200,6 +211,12 @@ class Log:
     def channels(self) -> tuple[str, ...]:
         """Which of `CHANNELS` it has."""
         return tuple(c for c in CHANNELS if getattr(self, c) is not None)
+
+    @property
+    def commanded(self) -> bool:
+        """Whether it holds commands, and no torque of its own."""
+        commands = self.q_ref is not None or self.dq_ref is not None
+        return commands and (self.motion_alone or self.servo_delay is not None)
 
     @property
     def torque(self) -> bool:

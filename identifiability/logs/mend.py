@@ -14,6 +14,7 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.logs.checks import COMMANDS
 from identifiability.logs.log import Log, join_logs
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.signals import spread_windows
@@ -48,7 +49,9 @@ def mend_logs(logs: Sequence[Log | LogFile]) -> tuple[list[Log | LogFile], tuple
 
 def _find_spikes(log: Log | LogFile) -> dict[str, tuple[Spike, ...]]:
     """Return the wrong samples of each column that has any."""
-    columns = [(f"{j}.{c}", c, k) for c in log.channels for k, j in enumerate(log.joints)]
+    commands = COMMANDS if isinstance(log, Log) and log.commanded else ()  # which jump as they like
+    channels = [c for c in log.channels if c not in commands]
+    columns = [(f"{j}.{c}", c, k) for c in channels for k, j in enumerate(log.joints)]
     if isinstance(log, LogFile):
         # Where an angle jumps by a turn, and back, is no wrong sample.
         found = {n: () if n in log.unwrapped else log.spikes.get(n, ()) for n, *_ in columns}

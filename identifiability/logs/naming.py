@@ -322,7 +322,8 @@ def settle_numbers(
     """
     loose = [g for g in guesses if not g.joint and g.kind in CHANNELS]
     told = [g for g in guesses if g.joint or g.kind == "t"]
-    named = {g.joint for g in told if g.kind in ("q", "tau")}
+    of = {(g.joint, g.kind) for g in told}
+    named = {joint for joint, _ in of if {(joint, "q"), (joint, "tau")} <= of}
     if not loose or named.issuperset(known.joints):
         return told, {}, ""
     labels = _labels(names, first)
@@ -391,6 +392,7 @@ def _number(joint: str) -> int | None:
 
 #: A unit of each channel, for sentences.
 EXAMPLES = {"t": "ms", "q": "deg", "q_ref": "deg", "dq": "deg/s", "ddq": "deg/s2", "tau": "Nm"}
+EXAMPLES |= {"dq_ref": "deg/s", "tau_ff": "Nm"}
 EXAMPLES |= {"current": "A"}
 
 #: A joint's name and a word for its channel.

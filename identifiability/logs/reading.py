@@ -16,6 +16,7 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.logs.aliases import INDEX, guess_column
 from identifiability.logs.checks import FEWEST, Clock, Numbers, to_floats
+from identifiability.logs.command_names import Command, choose_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
 from identifiability.logs.naming import Column, Naming, name_columns
@@ -159,6 +160,12 @@ def _tell(
 PLAY = 0.01
 
 
+def _held_on(before: pd.DataFrame | None, held: pd.DataFrame) -> pd.DataFrame:
+    """Return commands of a piece, each until the next, the first from the piece before."""
+    held = held.ffill()
+    return held if before is None else held.fillna(before.iloc[0])
+
+
 def _gaps(x: Array) -> int:
     """Return the number of stretches in which a column (N,) is missing."""
     gone = np.isnan(x).astype(int)
@@ -232,6 +239,8 @@ class Reading:
         Columns of zeros that stand for the torque of a table that holds motion alone.
     absent : list of str
         Columns of torque that a table lacks, of joints whose motion it has.
+    commands : tuple of str
+        Columns of commands, of a table that holds no torque.
     start : float or None [s]
         As of a `Log`: what the times count from, by themselves or as the table says (``attrs``).
     """
@@ -247,6 +256,9 @@ class Reading:
         self._kept: dict[str, list[Array]] = {}
         self.absent: list[str] = []
         self._held: dict[str, tuple[float, float]] = {}
+        self.commands: tuple[str, ...] = ()
+        self._commands: dict[str, Command] | None = None
+        self._last: pd.DataFrame | None = None
 
     def add(self, frame: pd.DataFrame, form: Form = PLAIN) -> None:
         """Check the next rows.
@@ -265,9 +277,7 @@ class Reading:
         start = frame.attrs.get("start")
         frame = with_index(frame.set_axis([str(c) for c in frame.columns], axis=1))
         self._form = form
-        if self.known.motion_alone:
-            self.made = missing_torque(frame.columns, self.known)
-            frame = frame.assign(**dict.fromkeys(self.made, 0.0))
+        frame = self._make_torque(self._name_commands(frame))
         if not self._naming.columns:
             self._begin(frame)
             found = start_of(self._naming)
@@ -294,6 +304,43 @@ class Reading:
                     self.turns[column].add(values)
         for column in self.absent if self.keep else ():
             self._kept[column].append(np.full(len(frame), np.nan))
+
+    def _name_commands(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """Return a table with its commands called as they are here, held until the next comes.
+
+        Rows before the first command are left out where commands stand for torque.
+
+        Raises
+        ------
+        LogError
+        """
+        if self._commands is None:
+            self._commands, alone = choose_commands(frame.columns, self.source, self.known)
+            self.commands = tuple(f.name for f in self._commands.values()) if alone else ()
+        if self.commands and not self.keep:
+            raise LogError(
+                f"{self.source} holds commands and no torque and is too long to be held in "
+                "memory, which such logs must be: give a stretch of it."
+            )
+        if not self._commands:
+            return frame
+        given = {f.name: f.scale(to_floats(frame[c])) for c, f in self._commands.items()}
+        frame = frame.rename(columns={c: f.name for c, f in self._commands.items()}).assign(**given)
+        held = frame[list(self.commands)]
+        if held.isna().any(axis=None):
+            held = _held_on(self._last, held)
+            frame = frame.assign(**{str(c): held[c] for c in held})
+            frame = frame.dropna(subset=list(self.commands))
+        self._last = held.iloc[-1:]
+        return frame
+
+    def _make_torque(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """Return a table with zeros for torque where motion or commands are all it is to hold."""
+        if self.known.motion_alone:
+            self.made = missing_torque(frame.columns, self.known)
+        elif self.commands:
+            self.made = [f"{joint}.tau" for joint in self.known.joints]
+        return frame.assign(**dict.fromkeys(self.made, 0.0)) if self.made else frame
 
     @property
     def naming(self) -> Naming:
@@ -425,11 +472,14 @@ class Reading:
         # Torque that is missing for a while, or altogether, comes at no rate of its own.
         gone = {c for c, x in values.items() if c.endswith(".tau") and 2 * _gaps(x) < FEWEST}
         gone = {c for c in gone if np.isnan(values[c]).any()}
-        found, note = unify_rates({c: x for c, x in values.items() if c not in gone})
+        kept = {*gone, *self.commands}  # commands are held, whatever comes between
+        found, note = unify_rates({c: x for c, x in values.items() if c not in kept})
         if not note:
             return
         near = np.searchsorted(values["t"], found["t"]).clip(0, len(values["t"]) - 1)
         found |= {c: values[c][near] for c in gone}
+        last = np.searchsorted(values["t"], found["t"], side="right") - 1
+        found |= {c: values[c][last.clip(0)] for c in self.commands}
         self.numbers = {c: Numbers(c, self.source) for c in found}
         self._kept = {c: [x] for c, x in found.items()}
         columns = tuple(c for c in self._naming.columns if c.name in found)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from identifiability.foundation.errors import LogError
 from identifiability.logs.bags import MixedJointsError, hash_files, is_bag, read_bag, split_topic
+from identifiability.logs.command_names import choose_commands
 from identifiability.logs.containers import CONTAINERS, check_suffix, check_text, read_container
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import LINE_END, PLAIN, Form, find_encoding, find_form, judge_end
@@ -319,8 +320,11 @@ def check_header(path: Path, known: Conventions) -> None:
         line = table.form.plain_text(rest).decode(errors="replace").partition("\n")[0]
         row = dict(zip(table.columns, table.form.split(line), strict=False))
     texts = {name: text for name, text in row.items() if not table.form.is_number(text)}
-    made = missing_torque(table.columns, known) if known.motion_alone else []
-    found = [*table.columns, *made]
+    commands, alone = choose_commands(table.columns, str(path), known)
+    columns = [commands[c].name if c in commands else c for c in table.columns]
+    made = missing_torque(columns, known) if known.motion_alone else []
+    made = [f"{joint}.tau" for joint in known.joints] if alone else made
+    found = [*columns, *made]
     called = call_currents(found, known)
     sources = dict(zip(called, found, strict=True))
     units = dict(zip(called, table.form.units, strict=False))

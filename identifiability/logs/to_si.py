@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 #: Channels that are angles or their rates, and one degree [rad].
-ANGULAR = ("q", "dq", "ddq", "q_ref")
+ANGULAR = ("q", "dq", "ddq", "q_ref", "dq_ref")
 DEGREE = math.pi / 180
 
 

@@ -17,6 +17,7 @@ PAGES = {
     "identifiability/calibration/1": ("calibration_report", "build_calibration_page"),
     "identifiability/comparison/1": ("comparison_report", "build_comparison_page"),
     "identifiability/payload/1": ("payload_report", "build_payload_page"),
+    "identifiability/rollout/1": ("rollout_report", "build_rollout_page"),
     "identifiability/prediction/1": ("prediction_report", "build_prediction_page"),
     "identifiability/inspection/1": ("inspection_report", "build_inspection_page"),
     "identifiability/excitation/1": ("excitation_report", "build_excitation_page"),

@@ -38,6 +38,7 @@ from identifiability.robot.parts import (
     Transmission,
     name_numbers,
 )
+from identifiability.robot.servo import read_servo
 from identifiability.robot.sidecar import (
     AxisEntry,
     BodyBoundsEntry,
@@ -334,7 +335,7 @@ def _refuse_loose(robot: Description, count: int) -> NoReturn:
         raise RobotError(
             f"{robot.path} floats on the free joint '{name}', which nothing determines: robots "
             "must stand on the ground (a floating base is not supported); if this one was bolted "
-            "down while it was measured, remove that joint, or make it 'fixed' in URDF."
+            'down while it was measured, write base = "fixed" into its sidecar.'
         )
     advice = (
         "name the missing actuated joints (<actuator> in MJCF, 'actuated' in the sidecar), add the "
@@ -491,6 +492,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         cables=stated.cables,
         outside=stated.outside,
         entries=stated.entries,
+        bolted=extra.base == "fixed",
     )
     robot = choose_joints(robot, extra, stated)
     for key in ("gain", "ratio", "sign"):
@@ -509,6 +511,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         speed_limits=np.array([np.inf if limit.v is None else limit.v for limit in limits]),
         acceleration_limits=np.array([np.inf if limit.a is None else limit.a for limit in limits]),
         transmission=_transmission(robot, extra),
+        servo=read_servo(path, extra.servo, stated.servos, robot.joints),
     )
     lines = (a.name for a in (*(x for x in robot.axes if x.row is not None), *robot.passive_axes))
     along = [k.along for k in extra.known_torque]

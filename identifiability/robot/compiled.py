@@ -22,12 +22,14 @@ from identifiability.robot.kinematics import Point, read_tree
 from identifiability.robot.locking import add_couplings, read_locks, settle_locks
 from identifiability.robot.mjcf import (
     compile_mjcf,
+    driven_joints,
     find_arms,
     find_outside,
     read_entries,
     read_tendon_coupling,
 )
 from identifiability.robot.parts import Combination, Coupling, Loop, Stated
+from identifiability.robot.servo import find_servos
 from identifiability.robot.sidecar import Sidecar
 
 # Damping, dry friction, rotors and springs of a compiled MJCF, joint by joint.
@@ -338,10 +340,11 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     RobotError
         If it has a part that neither the regressor nor the nominal values can hold.
     """
-    scene = m = compile_mjcf(path, root)
+    fixed = extra.base == "fixed"
+    scene = m = compile_mjcf(path, root, fixed=fixed)
     outside = find_outside(scene, extra)
     if outside:
-        m = compile_mjcf(path, root, outside)
+        m = compile_mjcf(path, root, outside, fixed=fixed)
     off, home = int(m.opt.disableflags), _home(m)
     joints = [m.joint(j) for j in np.flatnonzero(np.isin(m.jnt_type, [HINGE, SLIDE]))]
     at_home = {j.name: extra.home.get(j.name, float(home[j.qposadr[0]])) for j in joints}
@@ -384,6 +387,7 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         cables=cables,
         outside=outside,
         entries=read_entries(scene),
+        servos=find_servos(m, driven_joints(m)),
     )
 
 

@@ -22,6 +22,7 @@ from identifiability.robot.kinematics import Tree, shortest_turn
 from identifiability.robot.markup import included_files
 from identifiability.robot.measured_torque import KnownTorque, MeasuredTorque
 from identifiability.robot.parts import Axis, Cable, Coupling, Entry, Loop, Transmission
+from identifiability.robot.servo import Servo
 
 # What is known of the mass of bodies and of where their centres are.
 
@@ -181,6 +182,10 @@ class Description:
         Entries of arrays that MuJoCo keeps of its joints, by array, then index or name.
     upright : (3,) [m/s²] or None
         Gravity as the file states it, where it was found to be another one (`turned`).
+    servo : Servo or None
+        Position servos of the actuated joints, where the files state some.
+    bolted : bool
+        Whether what floats by the robot file is said to stand.
     """
 
     name: str
@@ -227,6 +232,8 @@ class Description:
     assembled: bool = False
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
     upright: Array | None = None
+    servo: Servo | None = None
+    bolted: bool = False
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: the fields, without what was derived from them meanwhile."""

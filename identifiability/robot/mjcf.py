@@ -5,6 +5,7 @@ Fixed tendons are sums of joints, equalities between them couplings.
 
 from __future__ import annotations
 
+import copy
 import re
 import warnings
 import xml.etree.ElementTree as ET
@@ -32,7 +33,9 @@ _GEOM, _FROM = mujoco.mjtGeom, mujoco.mjtInertiaFromGeom
 _FILED = (int(_GEOM.mjGEOM_MESH), int(_GEOM.mjGEOM_HFIELD), int(_GEOM.mjGEOM_SDF))
 
 
-def compile_mjcf(path: Path, root: ET.Element, outside: Collection[str] = ()) -> Any:
+def compile_mjcf(
+    path: Path, root: ET.Element, outside: Collection[str] = (), *, fixed: bool = False
+) -> Any:
     """Return the compiled model (mujoco.MjModel) of an MJCF; what has no name is given one.
 
     Parameters
@@ -42,6 +45,8 @@ def compile_mjcf(path: Path, root: ET.Element, outside: Collection[str] = ()) ->
         What `read_markup` made of the file.
     outside : collection of str
         Bodies to leave out, with all that hangs on them and refers to them.
+    fixed : bool
+        Whether what floats by its file stands where that draws it.
 
     Raises
     ------
@@ -49,9 +54,35 @@ def compile_mjcf(path: Path, root: ET.Element, outside: Collection[str] = ()) ->
         With MuJoCo's reason, and the near match of a name that is not there.
     """
     with _refused(path, root):
-        spec = _parse(path, root)
+        spec = _parse(path, root, fixed=fixed)
         leave_out(spec, outside)
         return spec.compile()
+
+
+def bolt_down(root: ET.Element) -> ET.Element:
+    """Return an MJCF without free joints, and keyframes without their coordinates."""
+    root = copy.deepcopy(root)
+    free, before, start = [], 0, None
+    for parent in list(root.iter()):
+        if parent.tag not in ("body", "worldbody"):
+            continue
+        for child in list(parent):
+            kind = child.get("type", "hinge") if child.tag == "joint" else child.tag
+            if kind in ("free", "freejoint"):
+                parent.remove(child)
+                free.append(child)
+                start = before if start is None else start
+            elif child.tag == "joint":
+                before += 4 if kind == "ball" else 1
+    for key in root.iter("key"):
+        for name, width in (("qpos", 7), ("qvel", 6)):
+            numbers = key.get(name, "").split()
+            if free and numbers:
+                # Of several bodies that float, nothing says whose coordinates come when.
+                del key.attrib[name]
+                if len(free) == 1 and start is not None:
+                    key.set(name, " ".join(numbers[:start] + numbers[start + width :]))
+    return root
 
 
 def leave_out(spec: Any, outside: Collection[str]) -> None:
@@ -78,8 +109,9 @@ def _mesh_files(path: Path, spec: Any) -> tuple[Path, ...]:
     return tuple(folder / mesh.file for mesh in spec.meshes if mesh.file)
 
 
-def _parse(path: Path, root: ET.Element) -> Any:
-    spec = mujoco.MjSpec.from_string(file_text(path, root))
+def _parse(path: Path, root: ET.Element, *, fixed: bool = False) -> Any:
+    text = ET.tostring(bolt_down(root), "unicode") if fixed else file_text(path, root)
+    spec = mujoco.MjSpec.from_string(text)
     spec.modelfiledir = str(path.parent)
     _take_out_idle(spec)
     _check_meshes(path, spec)
@@ -373,7 +405,7 @@ def read_entries(m: Any) -> dict[str, dict[str, Entry]]:
         add("qpos", (int(m.jnt_qposadr[j]), name), Entry(f"{name}.q"))
         for word, kind in (("qvel", "dq"), ("qacc", "ddq"), ("qfrc_actuator", "tau")):
             add(word, (int(m.jnt_dofadr[j]), name), Entry(f"{name}.{kind}"))
-    gears = {a: found_gear for a in range(m.nu) if (found_gear := _gear(m, a)) is not None}
+    gears = driven_joints(m)
     for a, (j, gear) in gears.items():
         if j not in names or not gear or sum(j == other for other, _ in gears.values()) > 1:
             continue  # of several at one joint the sum is what moves it
@@ -384,6 +416,11 @@ def read_entries(m: Any) -> dict[str, dict[str, Entry]]:
             kind, *numbers = command
             add("ctrl", keys, Entry(f"{names[j]}.{kind}", *numbers))
     return found
+
+
+def driven_joints(m: Any) -> dict[int, tuple[int, float]]:
+    """Return which joint each actuator drives, and how many times its force acts there."""
+    return {a: gear for a in range(m.nu) if (gear := _gear(m, a)) is not None}
 
 
 def _gear(m: Any, a: int) -> tuple[int, float] | None:
@@ -407,6 +444,8 @@ def _command(m: Any, a: int, gear: float) -> tuple[str, float, float, float] | N
     kind = int(m.actuator_biastype[a])
     if kind == int(mujoco.mjtBias.mjBIAS_AFFINE) and bias[1] == -gain[0]:
         return "q_ref", 1.0 / gear, float(low), float(high)
+    if kind == int(mujoco.mjtBias.mjBIAS_AFFINE) and not bias[1] and bias[2] == -gain[0]:
+        return "dq_ref", 1.0 / gear, float(low), float(high)
     if kind != int(mujoco.mjtBias.mjBIAS_NONE):
         return None
     if m.actuator_forcelimited[a]:

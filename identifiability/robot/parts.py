@@ -12,6 +12,7 @@ from numpy.polynomial import Polynomial
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot.kinematics import Point, Tree
+from identifiability.robot.servo import JointServo
 
 # Parts of a robot: closures, axes, how motors drive joints, and what its file states of them.
 
@@ -269,6 +270,8 @@ class Stated:
         Bodies of a scene that no actuated joint reaches, at which what is left out begins.
     entries : mapping
         Of arrays that MuJoCo keeps, by array, then index or name.
+    servos : mapping
+        Of joints, by name.
     """
 
     model: Any
@@ -287,6 +290,7 @@ class Stated:
     cables: tuple[Cable, ...] = ()
     outside: tuple[str, ...] = ()
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
+    servos: Mapping[str, JointServo] = field(default_factory=dict)
 
 
 def name_numbers(

@@ -17,6 +17,7 @@ from identifiability.foundation.names import INERTIAL_KINDS, Renames, find_named
 from identifiability.foundation.values import frozen
 from identifiability.robot.markup import LARGEST, LONGEST_NAME
 from identifiability.robot.measured_torque import Interpolation, Side
+from identifiability.robot.servo import RATE
 
 # The sidecar: a TOML file beside the robot file with what the robot file cannot say.
 #
@@ -94,6 +95,13 @@ from identifiability.robot.measured_torque import Interpolation, Side
 # compensated = true                   # without what holds the weight, which the driver took off
 #                                      # (or a list of joints): the file's is added again
 #
+# [servo]                              # where logs hold commands and no torque:
+# kp = 40                              # τ = kp (q_cmd − q) + kv (dq_cmd − dq) + τ_ff [N·m/rad],
+# kv = {"*_knee" = 2, "*" = 1}         # [N·m·s/rad]; one number, or by joint
+# limit = 30                           # torque beyond which it is saturated [N·m or N]
+# delay = "auto"                       # of commands [s]; auto (default): logs tell it
+# rate = 1000                          # at which it measures and acts [Hz] (default: 1000)
+#
 # [[known_torque]]                     # torque that motors supply beside all else, taken off the
 # along = "joint2"                     # measured one: a joint, passive or not, or a coupled motor
 # table = [[-1, 0.2], [0, 0], [1, -3]] # (position [rad or m], torque [N·m or N]), or polynomial =
@@ -155,6 +163,7 @@ Names = Annotated[list[str], AfterValidator(_unique)]
 Span = Annotated[tuple[float, float], AfterValidator(_rising)]
 Masses = Annotated[tuple[Annotated[float, Field(ge=0)], float], AfterValidator(_rising)]
 Length = Annotated[float, Field(gt=0)]
+Gain = Annotated[float, Field(ge=0)]
 #: No value of a robot in SI units is larger.
 Held = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 #: Coefficients of a polynomial.
@@ -250,6 +259,16 @@ class _KnownTorqueEntry(_Strict):
         return self
 
 
+class ServoEntry(_Strict):
+    """Position servos."""
+
+    kp: Gain | dict[str, Gain] | None = None
+    kv: Gain | dict[str, Gain] | None = None
+    limit: Length | dict[str, Length] | None = None
+    delay: Literal["auto"] | Annotated[float, Field(ge=0, le=1)] = "auto"
+    rate: float = Field(default=RATE, gt=0)
+
+
 class _SymmetryEntry(_Strict):
     name: str = ""
     tie: dict[str, list[str]]
@@ -307,6 +326,7 @@ class Sidecar(_Strict):
     columns: Annotated[dict[str, str], AfterValidator(_renaming)] = {}
     time: _TimeEntry = _TimeEntry()
     torque: _TorqueEntry = _TorqueEntry()
+    servo: ServoEntry | None = None
     known_torque: list[_KnownTorqueEntry] = []
     symmetry: list[_SymmetryEntry] = []
     prior_relative: float = Field(default=1.0, gt=0)

@@ -23,8 +23,9 @@ from identifiability.foundation.output import temporary_folder
 from identifiability.robot import Robot
 from identifiability.robot.closure import count_independent
 from identifiability.robot.kinematics import Point
-from identifiability.robot.mjcf import leave_out, quiet
+from identifiability.robot.mjcf import bolt_down, leave_out, quiet
 from identifiability.robot.parts import Axis, Coupling
+from identifiability.robot.servo import Servo
 from identifiability.robot.write import write_robot
 from identifiability.simulation.forces import JointTerms, both_directions
 from identifiability.simulation.mujoco_robot import MujocoRobot, bare_urdf, reason_of
@@ -67,7 +68,10 @@ def _weights(robot: Robot, axis: Axis) -> dict[str, float]:
 
 
 def compile_forward(
-    robot: Robot, values: Mapping[str, float], joints: Mapping[str, Mapping[str, float]]
+    robot: Robot,
+    values: Mapping[str, float],
+    joints: Mapping[str, Mapping[str, float]],
+    servo: Servo | None = None,
 ) -> Any:
     """Return the MuJoCo model of a robot with other bodies, without looks and contacts.
 
@@ -78,6 +82,8 @@ def compile_forward(
         Parameters of the bodies by name.
     joints : mapping
         What a file states of each joint.
+    servo : Servo, optional
+        That drives the actuated joints, an actuator of each joint's name.
 
     Raises
     ------
@@ -89,6 +95,7 @@ def compile_forward(
         bodies = {b: np.array([values[f"{b}.{k}"] for k in INERTIAL_KINDS]) for b in robot.bodies}
         write_robot(robot, path, bodies, joints, {})
         top = ET.parse(path).getroot()
+        top = bolt_down(top) if robot.bolted and top.tag == "mujoco" else top
     text = (
         bare_urdf(top, balance="true")
         if top.tag == "robot"
@@ -105,6 +112,9 @@ def compile_forward(
             spec.add_actuator(
                 name=cable.name, target=cable.name, trntype=mujoco.mjtTrn.mjTRN_TENDON, **_MOTOR
             )
+        if servo is not None:
+            for k, joint in enumerate(robot.joints):
+                _add_servo(spec, joint, servo, k)
         couplings = {c.joint: _add_coupling(spec, c) for c in robot.couplings if c.more}
         model = spec.compile()
     except ValueError as error:
@@ -183,6 +193,19 @@ def _whole_closure(robot: Robot, index: int) -> list[tuple[str, Array]]:
         )
     body = robot.model.frames[robot.model.getFrameId(second, pin.FrameType.BODY)].placement
     return [(first, np.array(at)), (second, np.array(there) + np.array(body.rotation).T @ by)]
+
+
+def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
+    """Add the servo of a joint; its control is a position, or without kp a velocity."""
+    kp, kv = float(servo.kp[k]), float(servo.kv[k])
+    options = _MOTOR | {
+        "gainprm": [kp if kp > 0 else kv, *[0] * 9],
+        "biastype": mujoco.mjtBias.mjBIAS_AFFINE,
+        "biasprm": [0, -kp, -kv, *[0] * 7],
+        "forcelimited": bool(np.isfinite(servo.high[k])),
+        "forcerange": np.nan_to_num([servo.low[k], servo.high[k]], posinf=0, neginf=0),
+    }
+    spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT, **options)
 
 
 def _equate(spec: Any, kind: Any, of: Any, names: list[str], **options: Any) -> None:
@@ -355,6 +378,8 @@ class ForwardRobot:
     parameters : mapping
         Standard parameters by name; bodies must be possible ones. Those that are not given keep
         the file's values.
+    servo : Servo, optional
+        What the model has as actuators, beside the forces of `run`.
 
     Raises
     ------
@@ -362,7 +387,9 @@ class ForwardRobot:
         If MuJoCo refuses the robot, or a joint follows others in a way that it does not have.
     """
 
-    def __init__(self, robot: Robot, parameters: Mapping[str, float]) -> None:
+    def __init__(
+        self, robot: Robot, parameters: Mapping[str, float], servo: Servo | None = None
+    ) -> None:
         self.robot = robot
         values = {**robot.nominal, **both_directions(parameters)}
         parts = robot.inertia_parts
@@ -371,7 +398,7 @@ class ForwardRobot:
         terms = {n: JointTerms.of(values, n, parts) for n in places}
         numbers = {name: _stated_numbers(of) for name, of in terms.items()}
         joints = {name: numbers[name] for name in (*robot.tree.single, *robot.tendons)}
-        self._kinematics = MujocoRobot(robot, compile_forward(robot, values, joints))
+        self._kinematics = MujocoRobot(robot, compile_forward(robot, values, joints, servo))
         self.model = self._kinematics.model
         self._set_joints(numbers)
         self._bias = self._constant(terms)
@@ -381,6 +408,15 @@ class ForwardRobot:
         options.disableflags &= ~int(disabled.mjDSBL_CONSTRAINT | disabled.mjDSBL_ACTUATION)
         options.disableflags |= int(disabled.mjDSBL_LIMIT | disabled.mjDSBL_CONTACT)
         options.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+
+    def home(self) -> Array:
+        """Return the home configuration, (nq,)."""
+        return np.asarray(self._kinematics.home()[: self.model.nq])
+
+    @property
+    def offset(self) -> Array:
+        """Torque that is always taken off at joints, (nv,)."""
+        return self._bias[0]
 
     def _set_joints(self, joints: Mapping[str, Mapping[str, float]]) -> None:
         """Set friction, rotors and springs."""

@@ -29,7 +29,9 @@ def load_file(robot: Robot) -> Any:
         if robot.path.suffix.lower() == ".urdf" or root.tag == "robot":
             model = mujoco.MjModel.from_xml_string(bare_urdf(root, balance="false"))
         else:
-            model = compile_mjcf(robot.path, read_markup(robot.path), robot.outside)
+            model = compile_mjcf(
+                robot.path, read_markup(robot.path), robot.outside, fixed=robot.bolted
+            )
     except (ValueError, OSError) as error:
         raise RobotError(f"MuJoCo cannot load {robot.path}: {reason_of(error)}.") from None
     if robot.upright is not None:

@@ -34,6 +34,7 @@ from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
+from identifiability.workflows.commanded import follow_commands, give_torque
 from identifiability.workflows.gravity import about_gravity
 from identifiability.workflows.oddities import Evidence, find_oddities
 
@@ -73,6 +74,21 @@ class Recordings:
     held: tuple[Recording, ...] = ()
     hints: tuple[str, ...] = ()
     read: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def commanded(self) -> bool:
+        """Whether torque of any log comes from commands."""
+        return any(isinstance(x, Log) and x.servo_delay is not None for x in self.fitted)
+
+    def follow(
+        self, structure: Structure, how: Preparation, rng: np.random.Generator, say: Progress
+    ) -> "Recordings":
+        """Return the logs with calibrated torque where it comes from commands."""
+        if not self.commanded:
+            return self
+        say("rolling out commands", 0.1)
+        fitted, held, said = follow_commands(structure, self.fitted, self.held, how, rng)
+        return replace(self, fitted=fitted, held=held, hints=(*said, *self.hints))
 
 
 @frozen(kw_only=True)
@@ -173,6 +189,8 @@ def read_recordings(
     validate: Logs = (),
     known: Conventions | None = None,
     how: Preparation | None = None,
+    *,
+    commands: bool = False,
 ) -> Recordings:
     """Return fitted and held-out logs, every row once and without wrong samples, on one clock.
 
@@ -184,6 +202,8 @@ def read_recordings(
     how : Preparation, optional
         How they will be prepared: derivatives that contradict the positions are left out, unless
         it asks for the given ones.
+    commands : bool
+        Whether logs may hold commands and no torque.
 
     Raises
     ------
@@ -197,6 +217,14 @@ def read_recordings(
     check_held_out(train, held)
     whole, turned = unwrap_logs(share_clock([*train, *held]))
     mended, wrong = mend_logs(whole)
+    mended = give_torque(mended, known.servo)
+    alone = [x.name for x in mended if isinstance(x, Log) and x.servo_delay is not None]
+    if alone and not commands:
+        raise LogError(
+            f"{listing(alone, 4)} {'holds' if len(alone) == 1 else 'hold'} commands and no torque, "
+            "which analyze, prune, inspect and rollout take, and this does not: give logs of "
+            "measured torque."
+        )
     if how is None or how.derivatives != "given":
         mended, contradicting = drop_contradictions(mended)
         wrong = (*wrong, *contradicting)

@@ -341,6 +341,23 @@ def follow_command(log: Log, cutoff: float | None) -> tuple[tuple[Array, Array, 
     return motion, note
 
 
+def follow_rollout(log: Log, cutoff: float | None) -> tuple[tuple[Array, Array, Array], str]:
+    """Return the motion of a log's rollout, low-passed and differentiated as the log, and a note.
+
+    Parameters
+    ----------
+    log : Log
+        With a rollout.
+    cutoff : float or None [Hz]
+    """
+    assert log.rollout is not None
+    dt = signals.sampling_step(log.t)
+    q = log.rollout if cutoff is None else signals.lowpass(log.rollout, dt, cutoff)
+    dq = signals.differentiate(q, dt)
+    note = "the instruments' motion is that of the robot rolled out from the commands"
+    return (q, dq, signals.differentiate(dq, dt)), note
+
+
 def _delay(t: Array, x: Array, later: float) -> Array:
     """Return signals x (N, n) as they were so much earlier [s]."""
     return np.stack([np.interp(t - later, t, column) for column in x.T], 1)
@@ -420,6 +437,8 @@ def find_record(
     log: Log, samples: Samples, others: Sequence[Samples] = (), *, always: bool = False
 ) -> SecondRecord | None:
     """Return a second record of the motion of a log on the joint side; None where there is none."""
+    if log.rollout is not None:
+        return SecondRecord(*follow_rollout(log, samples.cutoff), "command")
     channels = _channels(log)
     # While a coarse encoder stands still, its noise does so too: differences do not see it.
     noise = [np.maximum(noise_level(x, log.t), resolution(x) / np.sqrt(12)) for x in channels]

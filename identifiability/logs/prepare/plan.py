@@ -511,6 +511,7 @@ def joint_log(robot: Robot, log: Log) -> Log:
     log = replace(log, joints=robot.joints, tau=tau, q_ref=q_ref)
     if log.unmeasured is not None:  # torque of a joint is what all its motors give
         log = replace(log, unmeasured=log.unmeasured @ (gear.coupling != 0))
+    log = replace(log, dq_ref=rate(log.dq_ref), tau_ff=None)
     return replace(log, q=q, dq=rate(log.dq), ddq=rate(log.ddq))
 
 

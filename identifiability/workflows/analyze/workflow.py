@@ -129,9 +129,12 @@ def analyze(
         source = find_ladder(robot, ladder, beside=True)
         with running(engine) as runner:  # workers are gone when their memory is wanted elsewhere
             say("reading logs", 0.0)
-            recordings = read_recordings(logs, validate, Conventions.of(robot), preparation)
+            recordings = read_recordings(
+                logs, validate, Conventions.of(robot), preparation, commands=True
+            )
             structure = Structure.of(robot, ladder_model(source.entry), streams[0])
             how = settle_band(structure, recordings.fitted, preparation)
+            recordings = recordings.follow(structure, how, streams[0], say)
             reading = share(say, "reading logs", 0.1, 0.3)
             opening = open_logs(
                 structure,

@@ -335,7 +335,7 @@ def _with_logs(
     """Return the inspection with what is in logs."""
     structure, robot = found.structure, found.robot
     say("reading logs", 0.1)
-    recordings = read_recordings(logs, (), Conventions.of(robot), how)
+    recordings = read_recordings(logs, (), Conventions.of(robot), how, commands=True)
     reading = share(say, "reading logs", 0.2, 0.6)
     prepared: dict[int, Prepared] = {}
     refused: dict[int, str] = {}

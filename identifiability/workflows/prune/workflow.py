@@ -161,10 +161,13 @@ def prune(
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         source = find_ladder(robot, ladder, beside=False)
         say("reading logs", 0.0)
-        recordings = read_recordings(logs, validate, Conventions.of(robot), preparation)
+        recordings = read_recordings(
+            logs, validate, Conventions.of(robot), preparation, commands=True
+        )
         structure = Structure.of(robot, ladder_model(source.entry), streams[0])
         reading = share(say, "reading logs", 0.0, 0.1)
         how = settle_band(structure, recordings.fitted, preparation)
+        recordings = recordings.follow(structure, how, streams[0], say)
         prepare = partial(prepare_log, robot, how=how, engine=runner, progress=reading)
         opening = open_logs(structure, recordings, prepare, "pruned")
         opening, asked = add_instruments(opening, recordings.fitted, base, estimator)

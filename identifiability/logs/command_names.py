@@ -1,0 +1,205 @@
+"""Which columns of a table hold commands, whatever it calls them: ``.cmd``, ``q_des``, ``action``.
+
+A name is read as that of a measurement is, with a word for what was wanted in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.logs.aliases import COMMANDED, KINDS, SILENT, split_unit, take_joint, words_of
+from identifiability.logs.checks import COMMANDS
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.naming import find_entries, rename
+from identifiability.logs.to_si import ANGULAR, DEGREE, missing_torque
+
+#: Endings that say it in one word.
+_SHORT = {
+    "cmd": "q_ref",
+    "q_cmd": "q_ref",
+    "dq_cmd": "dq_ref",
+    "tau_cmd": "tau_ff",
+    **{kind: kind for kind in COMMANDS},
+}
+
+#: What a command is of, by the channel that it is called after; a bare one is a position.
+_OF = {"q": "q_ref", "": "q_ref", "dq": "dq_ref", "tau": "tau_ff"}
+
+#: Words of commands, and of their torques that stand for themselves.
+_WANTED = COMMANDED | {"action", "actions", "ff", "feedforward"}
+_IDLE = SILENT | {"policy", "controller", "servo", "output", "pd"}
+
+
+@frozen
+class Command:
+    """A column that holds commands.
+
+    Attributes
+    ----------
+    name : str
+        ``<joint>.q_ref``, ``.dq_ref`` or ``.tau_ff``.
+    factor, low, high : float
+        What its values are multiplied by, and beyond which they act no further.
+    """
+
+    name: str
+    factor: float = 1.0
+    low: float = -np.inf
+    high: float = np.inf
+
+    def scale(self, values: Array) -> Array:
+        """Return values of the table, (N,), as what it is called here."""
+        return np.clip(values, self.low, self.high) * self.factor
+
+
+def choose_commands(
+    columns: Iterable[str], source: str, known: Conventions
+) -> tuple[dict[str, Command], bool]:
+    """Return the columns of commands that are read, and whether they stand for torque.
+
+    They do where a table has none; beside torque only those are read that are called as here,
+    unless all are asked for.
+
+    Parameters
+    ----------
+    columns : iterable of str
+    source : str
+        What sentences call the table.
+    known : Conventions
+
+    Raises
+    ------
+    LogError
+        If there is neither torque nor command, or nothing says what torque commands make.
+    """
+    columns = list(columns)
+    if not known.joints or known.motion_alone or known.raw_torque:
+        return {}, False
+    found = find_commands(columns, source, known)
+    whole = any(f.name.endswith((".q_ref", ".dq_ref")) for f in found.values())
+    torque = not missing_torque([c for c in columns if c not in found], known)
+    if whole and (known.commands or not torque):
+        if not torque and known.servo is None:
+            raise LogError(
+                f"{source} has commands ({listing([repr(c) for c in found], 2)}) and no torque, "
+                "and nothing states the gains of the servos that make torque of them; give them "
+                "in the sidecar: [servo] kp = …, kv = … (or as <position> actuators of an MJCF)."
+            )
+        return found, not torque
+    if known.servo is not None and not (torque or found):
+        raise LogError(
+            f"{source} has neither torque nor commands; give what was measured of every actuated "
+            f"joint, '{known.joints[0]}.tau', or the positions that its servo was told, "
+            f"'{known.joints[0]}.cmd'."
+        )
+    return {c: f for c, f in found.items() if _is_plain(c, f)}, False
+
+
+def _is_plain(column: str, command: Command) -> bool:
+    """Whether a column is called as it is here."""
+    plain, _ = split_unit(column.strip())
+    owner, _, kind = plain.rpartition(".")
+    return f"{owner}.{_SHORT.get(kind)}" == command.name
+
+
+def find_commands(columns: Iterable[str], source: str, known: Conventions) -> dict[str, Command]:
+    """Return the columns that hold commands of the robot's joints.
+
+    Those that are told by a number count the joints in the robot's order, from 0 or from 1.
+
+    Parameters
+    ----------
+    columns : iterable of str
+        What the table calls them.
+    source : str
+        What sentences call the table.
+    known : Conventions
+
+    Raises
+    ------
+    LogError
+        If several columns may be one command.
+    """
+    own = tuple(dict.fromkeys((*known.motors, *known.joints, *known.locked)))
+    found: dict[str, Command] = {}
+    numbered: dict[str, dict[int, str]] = {}
+    names = {column: rename(column.strip(), known) for column in columns}
+    entries = find_entries(names, known)
+    for column, name in names.items():
+        if column in entries:  # MuJoCo's own arrays
+            entry = entries[column]
+            if entry is not None and entry.entry is not None and entry.kind in COMMANDS:
+                at = entry.entry
+                found[column] = Command(at.column, at.factor, at.low, at.high)
+            continue
+        guess = _guess(name, own)
+        if guess is None:
+            continue
+        kind, joint, number = guess
+        if joint:
+            found[column] = Command(f"{joint}.{kind}", _factor(column, kind, joint, source, known))
+        elif number >= 0:
+            numbered.setdefault(kind, {})[number] = column
+    for kind, those in numbered.items():
+        first = min(those)
+        if first in (0, 1) and set(those) == set(range(first, first + len(known.joints))):
+            for k, joint in enumerate(known.joints):
+                column = those[first + k]
+                factor = _factor(column, kind, joint, source, known)
+                found[column] = Command(f"{joint}.{kind}", factor)
+    by_name: dict[str, list[str]] = {}
+    for column, command in found.items():
+        by_name.setdefault(command.name, []).append(column)
+    for name, several in by_name.items():
+        if len(several) > 1:
+            raise LogError(
+                f"{source} has several columns that may be the command '{name}': "
+                f"{listing(several, 4)}; say which it is, as in --map "
+                f"'{several[0].strip()}={name}'."
+            )
+    return {c: command for c, command in found.items() if _whole(command.name, by_name, known)}
+
+
+def _factor(column: str, kind: str, joint: str, source: str, known: Conventions) -> float:
+    """Return what turns a stated unit into the one in which the joint's column is read."""
+    unit = split_unit(column.strip())[1]
+    if unit is None:
+        return 1.0
+    unit.check(kind, column.strip(), source)
+    return unit.factor / (DEGREE if joint in known.degrees and kind in ANGULAR else 1.0)
+
+
+def _whole(name: str, found: Mapping[str, object], known: Conventions) -> bool:
+    """Whether a kind of command is there of all joints, or all motors."""
+    kind = name.rpartition(".")[2]
+    return any(
+        names and all(f"{j}.{kind}" in found for j in names)
+        for names in (known.joints, known.motors)
+    )
+
+
+def _guess(name: str, joints: tuple[str, ...]) -> tuple[str, str, int] | None:
+    """Return kind of command, joint and number of a column; None if it is no command."""
+    plain, _ = split_unit(name)
+    owner, _, kind = plain.rpartition(".")
+    if owner in joints and kind in _SHORT:
+        return _SHORT[kind], owner, -1
+    parts = [p for p in plain.split("/") if p]
+    joint, words = take_joint(words_of(" ".join(parts[-2:])), joints)
+    above = words_of(" ".join(parts[:-2]))
+    if not _WANTED & {*words, *above}:
+        return None
+    kinds = {KINDS[w] for w in words if w in KINDS}
+    if "ff" in words or "feedforward" in words:
+        kinds = kinds or {"tau"}
+    numbers = [w for w in words if w.isdecimal()]
+    others = {*words} - {*KINDS, *numbers} - _WANTED - _IDLE
+    if others or len(kinds) > 1 or len(numbers) > 1 - bool(joint):
+        return None
+    of = _OF.get(next(iter(kinds), ""))
+    return None if of is None else (of, joint, int(numbers[0]) if numbers else -1)

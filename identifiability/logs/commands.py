@@ -1,0 +1,157 @@
+"""Commands of position servos: held between updates, delayed, and what torque servos make of them.
+
+A command is held until the next one comes, so it is a staircase, and a delay shifts the staircase.
+What of it acts at a sample is its mean over the interval around the sample, which depends on the
+delay without jumps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy
+
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.names import Array
+from identifiability.logs import signals
+from identifiability.logs.log import Log
+from identifiability.robot.servo import Servo
+
+#: A command is followed if positions correlate with it so much at some delay, up to this one [s],
+#: and if it does not vary as many times as much as degrees would; what varies less stands [rad, m].
+FOLLOWED, LATE, LIKE_DEGREES, STILL = 0.5, 0.5, (30.0, 120.0), 1e-3
+
+
+def held_mean(t: Array, x: Array, at: Array, width: float) -> Array:
+    """Return means of staircases x (N, n), whose steps are at t (N,), over intervals.
+
+    Parameters
+    ----------
+    t : (N,) [s]
+    x : (N, n)
+        Held from one time until the next; before the first and after the last as there.
+    at : (m,) [s]
+        Middles of the intervals.
+    width : float [s]
+        Their length.
+
+    Returns
+    -------
+    (m, n)
+    """
+    area = np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(x[:-1] * np.diff(t)[:, None], 0)])
+    ends = [_integral(t, x, area, at + side * 0.5 * width) for side in (-1, 1)]
+    mean: Array = (ends[1] - ends[0]) / width
+    return mean
+
+
+def _integral(t: Array, x: Array, area: Array, at: Array) -> Array:
+    """Return the integral of a staircase from its first time to others, (m, n)."""
+    k = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 1)
+    out: Array = area[k] + x[k] * (at - t[k])[:, None]
+    return out
+
+
+def acting(log: Log, servo: Servo, at: Array, width: float, delay: float) -> Array:
+    """Return the targets that act at some times, (m, n): positions with all else in them.
+
+    τ = kp (target − q) − kv dq is the servo's law, with dq_cmd and τ_ff in the target; of servos
+    without kp it is a velocity, and τ = kv (target − dq).
+
+    Parameters
+    ----------
+    log : Log
+        With commands.
+    servo : Servo
+    at : (m,) [s]
+    width : float [s]
+        Interval over which the held commands are averaged.
+    delay : float [s]
+    """
+
+    def held(x: Array) -> Array:
+        return held_mean(log.t, x, at - delay, width)
+
+    position = servo.kp > 0
+    gain = np.where(position, servo.kp, servo.kv)
+    out = np.zeros((len(at), len(log.joints)))
+    if log.q_ref is not None:
+        out += np.where(position, held(log.q_ref), 0.0)
+    if log.dq_ref is not None:
+        out += servo.kv / gain * held(log.dq_ref)
+    if log.tau_ff is not None:
+        out += held(log.tau_ff) / gain
+    return out
+
+
+def servo_log(log: Log, servo: Servo, delay: float) -> Log:
+    """Return a log of commands with the torque that the servos made of them.
+
+    Where they were saturated torque is no data: an encoder's error then changes which it is.
+
+    Parameters
+    ----------
+    log : Log
+        In the robot's order of joints.
+    servo : Servo
+    delay : float [s]
+    """
+    dt = signals.sampling_step(log.t)
+    dq = signals.differentiate(log.q, dt) if log.dq is None else log.dq
+    target = acting(log, servo, log.t, dt, delay)
+    gain = np.where(servo.kp > 0, servo.kp, servo.kv)
+    raw = gain * target - servo.kp * log.q - servo.damping * dq
+    tau = np.clip(raw, servo.low, servo.high)
+    saturated = tau != raw
+    lost = saturated if log.unmeasured is None else saturated | log.unmeasured
+    return replace(
+        log,
+        tau=tau,
+        unmeasured=lost if lost.any() else None,
+        motion_alone=False,
+        servo_delay=float(delay),
+    )
+
+
+def check_commands(log: Log) -> None:
+    """Refuse commands that the motion contradicts: those of other joints, or of other units.
+
+    Raises
+    ------
+    LogError
+    """
+    if log.q_ref is None:
+        return
+    most = max(1, round(LATE / signals.sampling_step(log.t)))
+    for k, joint in enumerate(log.joints):
+        command, moved = log.q_ref[:, k], float(log.q[:, k].std())
+        if max(moved, float(command.std())) < STILL:
+            continue
+        own = _follows(command, log.q[:, k], most)
+        ratio = float(command.std()) / max(moved, STILL)
+        if own > FOLLOWED and not LIKE_DEGREES[0] < ratio < LIKE_DEGREES[1]:
+            continue
+        others = [i for i in range(len(log.joints)) if i != k]
+        near = [_follows(command, log.q[:, i], most) for i in others]
+        best = int(np.argmax(near)) if near else 0
+        meant = ""
+        if near and near[best] > max(own, FOLLOWED):
+            meant = f"; '{log.joints[others[best]]}' does"
+        elif LIKE_DEGREES[0] < ratio < LIKE_DEGREES[1]:
+            meant = "; it looks like degrees"
+        raise LogError(
+            f"{log.name}: '{joint}' does not follow its command{meant}: say which column is its "
+            f"command, as in --map 'COLUMN={joint}.cmd', and in which unit."
+        )
+
+
+def _follows(command: Array, q: Array, most: int) -> float:
+    """Return the correlation of a command (N,) with a position, at the best of some delays."""
+    a, b = command - command.mean(), q - q.mean()
+    size = float(np.sqrt((a @ a) * (b @ b)))
+    if size <= 0:
+        return 0.0
+    n = scipy.fft.next_fast_len(2 * len(a))
+    product = np.conj(np.fft.rfft(a, n)) * np.fft.rfft(b, n)
+    return float(np.fft.irfft(product, n)[: most + 1].max()) / size

@@ -1,0 +1,88 @@
+"""The report on a `RolledOut`: measured and simulated positions along logs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identifiability.report.blocks import Answer, Answers, Fold, Prose, Section, Trace, Traces
+from identifiability.report.drawing import peak_rows
+from identifiability.report.numbers import digits, format_count, join
+from identifiability.report.page import Page
+from identifiability.report.tables import Column, Table
+from identifiability.report.torque import LINE_POINTS
+from identifiability.report.words import section
+from identifiability.workflows.rollout import WINDOW, RolledOut
+
+
+def build_rollout_page(result: RolledOut) -> Page:
+    """Return the report as a page of blocks, to look at or to extend."""
+    logs = format_count(len(result.logs), "log")
+    return Page(
+        title=result.robot.title or result.robot.name,
+        sections=(section_positions(result), section_joints(result)),
+        overline="Rollout",
+        subtitle=f"{' · '.join(run.name for run in result.runs)} · {logs}",
+        summary=(
+            Answers((_error(result), _delay(result))),
+            Fold("The answer in one paragraph", (Prose((result.statement,)),)),
+        ),
+    )
+
+
+def _error(result: RolledOut) -> Answer:
+    totals, unit = 1e3 * result.totals, result.unit
+    texts = [f"{x:.3g} {unit}" if np.isfinite(x) else "it diverges" for x in totals]
+    pairs = zip(result.runs, texts, 1e3 * result.window_totals, strict=True)
+    text = " ".join(
+        f"{run.name}: {x} over whole logs, {w:.3g} {unit} over windows of {WINDOW:g} s that begin "
+        "with what was measured."
+        for run, x, w in pairs
+    )
+    short = " → ".join(texts)
+    better = len(totals) > 1 and totals[1] < totals[0]
+    tone = "blue" if len(totals) == 1 else "green" if better else "amber"
+    return Answer("By how much do positions err?", f"{short[0].upper()}{short[1:]}.", text, tone)
+
+
+def _delay(result: RolledOut) -> Answer:
+    late = [join([f"{1e3 * d:.3g}" for d in run.delays], 3) for run in result.runs]
+    short = "; ".join(f"{run.name}: {x} ms" for run, x in zip(result.runs, late, strict=True))
+    found = any(run.found for run in result.runs)
+    text = (
+        "Found from these logs, as no file states it: it is that with which positions err least."
+        if found
+        else "As the files state it."
+    )
+    return Answer("When do commands act after their row in the log?", short, text, "blue")
+
+
+def section_positions(result: RolledOut) -> Section:
+    """Return the positions of every joint along the first log, to zoom and read off."""
+    log = result.logs[0]
+    t = log.t - log.t[0]
+    most = max(300, LINE_POINTS // (3 * len(log.joints)))
+    groups = []
+    for k, joint in enumerate(log.joints):
+        unit = "m" if result.robot.is_prismatic(int(result.robot.actuated[k])) else "rad"
+        lines = {"measured": log.q[:, k]}
+        lines |= {run.name: run.q[0][:, k] for run in result.runs}
+        if log.q_ref is not None:
+            lines["command"] = log.q_ref[:, k]
+        rows = peak_rows(tuple(lines.values()), most)
+        groups.append(Trace.of(joint, unit, t[rows], {n: y[rows] for n, y in lines.items()}))
+    return section("rollout.positions", Traces(tuple(groups)), log=log.name)
+
+
+def section_joints(result: RolledOut) -> Section:
+    """Return the errors of every joint."""
+    own, cells = [Column("joint")], list[tuple[object, ...]]([result.robot.joints])
+    for run, errors in zip(
+        result.runs, zip(result.errors, result.window_errors, strict=True), strict=True
+    ):
+        for title, each in zip((run.name, "1 s windows"), errors, strict=True):
+            own.append(Column(title, digits(3)))
+            cells.append(tuple(1e3 * each))
+    own.append(Column("unit"))
+    cells.append(tuple("mm" if unit == "N" else "mrad" for unit in result.robot.torque_units))
+    table = Table.of("Each joint by itself", tuple(own), list(zip(*cells, strict=True)))
+    return section("rollout.joints", table)

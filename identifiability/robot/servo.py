@@ -1,0 +1,196 @@
+"""`Servo`: position servos of the actuated joints, whose law makes torque of a command.
+
+    τ = clip(kp (q_cmd(t − d) − q) + kv (dq_cmd − dq) + τ_ff, low, high)
+
+An MJCF states them as ``<position>``, ``<velocity>`` or ``<general>`` with an affine bias; a
+sidecar, whose table goes before them, in ``[servo]``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from identifiability.foundation.errors import RobotError, listing, near_match
+from identifiability.foundation.names import Array, find_named, is_pattern
+from identifiability.foundation.values import frozen
+
+#: At which servos measure where nobody says it [Hz].
+RATE = 1000.0
+
+
+@frozen
+class JointServo:
+    """The servo of one joint, as a robot file states it.
+
+    Attributes
+    ----------
+    kp : float [N·m/rad or N/m]
+    kv : float [N·m·s/rad or N·s/m]
+    low, high : float [N·m or N]
+        Torque beyond which it is saturated.
+    """
+
+    kp: float
+    kv: float
+    low: float = -np.inf
+    high: float = np.inf
+
+
+@frozen
+class Servo:
+    """The servos of the actuated joints, in the robot's order.
+
+    Attributes
+    ----------
+    kp : (n,) [N·m/rad or N/m]
+    kv : (n,) [N·m·s/rad or N·s/m]
+    low, high : (n,) [N·m or N]
+        Torque beyond which they are saturated.
+    delay : float or None [s]
+        From the time at which a command is logged until it acts; None where logs shall tell it.
+    source : str
+        What states the gains, in words.
+    rate : float [Hz]
+        At which they measure; what was measured acts until the next time, so that it is half a
+        period old in the mean.
+    """
+
+    kp: Array
+    kv: Array
+    low: Array
+    high: Array
+    delay: float | None = None
+    source: str = ""
+    rate: float = RATE
+
+    @property
+    def age(self) -> float:
+        """How old what was measured is while it acts, in the mean [s]."""
+        return 0.5 / self.rate
+
+    @property
+    def damping(self) -> Array:
+        """What acts against the speed, (n,): positions that are late push the joint on."""
+        return self.kv - self.kp * self.age
+
+    @property
+    def lead(self) -> Array:
+        """What seems to be inertia of the joint, (n,): speeds that are late, and positions."""
+        return -self.kv * self.age + 0.5 * self.kp * self.age**2
+
+
+def read_servo(
+    path: Path,
+    entry: Any,
+    stated: Mapping[str, JointServo],
+    joints: tuple[str, ...],
+) -> Servo | None:
+    """Return the servos that sidecar and robot file state; None where they state none.
+
+    Parameters
+    ----------
+    path : Path
+        The robot file, for sentences.
+    entry : ServoEntry or None
+        The sidecar's ``[servo]``: kp, kv, limit (a number, or by joint), delay and rate.
+    stated : mapping
+        What the robot file states, by joint.
+    joints : tuple of str
+        The actuated ones.
+
+    Raises
+    ------
+    RobotError
+        If a joint has no gain, or a name is of no actuated joint.
+    """
+    if entry is None and not all(j in stated for j in joints):
+        return None
+    given = {key: _by_joint(path, key, entry, joints) for key in ("kp", "kv", "limit")}
+    none = JointServo(np.nan, np.nan)
+    files = [stated.get(j, none) for j in joints]
+    kp = np.array([given["kp"].get(j, f.kp) for j, f in zip(joints, files, strict=True)])
+    kv = np.array([given["kv"].get(j, f.kv) for j, f in zip(joints, files, strict=True)])
+    lacking = [j for j, p in zip(joints, kp, strict=True) if np.isnan(p)]
+    if lacking:
+        raise RobotError(
+            f"The sidecar of {path}: [servo] gives no kp of {listing(lacking, 4)}; give one number "
+            f"for all joints, or one for each: kp = {{{lacking[0]} = …}} (0 for a servo of "
+            "velocity)."
+        )
+    kv = np.nan_to_num(kv)  # none stated is none
+    if not np.all((kp > 0) | (kv > 0)):
+        loose = joints[int(np.argmin((kp > 0) | (kv > 0)))]
+        raise RobotError(
+            f"The servo of '{loose}' in {path} has neither kp nor kv, so its command says nothing "
+            "of torque; give its gains in the sidecar: [servo] kp = …, kv = …."
+        )
+    ends = [
+        (-given["limit"][j], given["limit"][j]) if j in given["limit"] else (f.low, f.high)
+        for j, f in zip(joints, files, strict=True)
+    ]
+    low, high = np.array(ends).T
+    delay = None if entry is None or entry.delay == "auto" else float(entry.delay)
+    own = entry is not None and entry.kp is not None
+    rate = RATE if entry is None else entry.rate
+    return Servo(kp, kv, low, high, delay, "the sidecar" if own else "the robot file", rate)
+
+
+def _by_joint(path: Path, key: str, entry: Any, joints: tuple[str, ...]) -> dict[str, float]:
+    """Return what the sidecar gives by joint; a name goes before a pattern."""
+    value = None if entry is None else getattr(entry, key)
+    if value is None:
+        return {}
+    if not isinstance(value, dict):
+        return dict.fromkeys(joints, float(value))
+    out: dict[str, float] = {}
+    for text in sorted(value, key=is_pattern, reverse=True):
+        found = find_named(text, joints)
+        if not found:
+            raise RobotError(
+                f"The sidecar of {path}: [servo] {key} names '{text}', which is no actuated joint"
+                f"{near_match(text, joints)} They are {listing(joints)}."
+            )
+        out |= dict.fromkeys(found, float(value[text]))
+    return out
+
+
+def find_servos(m: Any, driven: Mapping[int, tuple[int, float]]) -> dict[str, JointServo]:
+    """Return the servos that a compiled MJCF states, by joint.
+
+    Several at one joint add up, say one that holds a position and one that damps.
+
+    Parameters
+    ----------
+    m : mujoco.MjModel
+    driven : mapping
+        Actuator to the joint that it drives, and how many times its force acts there.
+    """
+    import mujoco  # noqa: PLC0415 - who has a URDF does not wait for it
+
+    found: dict[str, JointServo] = {}
+    motors: set[str] = set()
+    for a, (j, gear) in driven.items():
+        name, gain, bias = m.joint(j).name, m.actuator_gainprm[a], m.actuator_biasprm[a]
+        affine = int(m.actuator_biastype[a]) == int(mujoco.mjtBias.mjBIAS_AFFINE)
+        fixed = int(m.actuator_gaintype[a]) == int(mujoco.mjtGain.mjGAIN_FIXED)
+        plain = int(m.actuator_dyntype[a]) == int(mujoco.mjtDyn.mjDYN_NONE)
+        position = affine and gain[0] > 0 and bias[1] == -gain[0]
+        velocity = affine and gain[0] > 0 and bias[1] == 0 and bias[2] == -gain[0]
+        if not (fixed and plain and gear and not bias[0] and (position or velocity)):
+            motors.add(name)
+            continue
+        ends = (-np.inf, np.inf)
+        if m.actuator_forcelimited[a]:
+            ends = tuple(sorted(m.actuator_forcerange[a] * gear))
+        own = JointServo(gear**2 * -bias[1], gear**2 * -bias[2], float(ends[0]), float(ends[1]))
+        other = found.get(name)
+        found[name] = own if other is None else _add(own, other)
+    return {name: servo for name, servo in found.items() if name not in motors}
+
+
+def _add(a: JointServo, b: JointServo) -> JointServo:
+    return JointServo(a.kp + b.kp, a.kv + b.kv, a.low + b.low, a.high + b.high)

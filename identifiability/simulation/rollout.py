@@ -1,0 +1,232 @@
+"""Rollouts: a robot with position servos, moved by the commands of a log from its start.
+
+What a user does with a commanded robot's model is this, so the error of its positions is what
+counts. Servos are MuJoCo's position actuators; robots with other numbers are rolled out together.
+
+The step of the integrator is no part of the robot: MuJoCo's implicit damping acts with the speed
+behind the step, which adds h D / 2 to the inertia of a joint of damping D, the servo's included; it
+is taken off its rotor. Positions are then those of a second-order method [Verlet 1967]. A servo's
+own rate is part of it: what it measured is half a period old while it acts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+import scipy
+from mujoco import rollout
+
+from identifiability.foundation.errors import RobotError
+from identifiability.foundation.names import Array
+from identifiability.logs import Log, signals
+from identifiability.logs.commands import acting
+from identifiability.robot import Robot
+from identifiability.robot.mjcf import quiet
+from identifiability.robot.servo import Servo
+from identifiability.simulation.forward import DIVERGED, HARD, ForwardRobot
+
+#: Longest step of the integrator [s].
+STEP = 1e-3
+
+#: Time in which the speed of a start is seen [s], and after which it is forgotten by most servos.
+AROUND, FORGOTTEN = 0.05, 0.25
+
+
+class CommandedRobot:
+    """A robot with given parameters and servos.
+
+    Parameters
+    ----------
+    robot : Robot
+        Without loops; its `servo` or another one drives it.
+    parameters : mapping
+        Standard parameters by name; those that are not given keep the file's values.
+    servo : Servo, optional
+
+    Raises
+    ------
+    RobotError
+        If it has loops, or no servos.
+    """
+
+    def __init__(
+        self, robot: Robot, parameters: Mapping[str, float], servo: Servo | None = None
+    ) -> None:
+        servo = servo or robot.servo
+        if servo is None:
+            raise RobotError(f"{robot.path} {NO_SERVO}")
+        if robot.closed or robot.cables or robot.transmission is not None:
+            raise RobotError(
+                f"{robot.path}: rollouts from commands are of robots whose joints have a servo "
+                "each; it has loops, cables or motors that mix joints."
+            )
+        self.robot, self.servo = robot, servo
+        self._forward = ForwardRobot(robot, parameters, servo)
+        self.model = self._forward.model
+        joints = [self.model.joint(j) for j in robot.joints]
+        self.dofs = np.array([j.dofadr[0] for j in joints], int)
+        self.at = np.array([j.qposadr[0] for j in joints], int)
+        self.offset = self._forward.offset[self.dofs]
+
+    def inertia(self, q: Array) -> Array:
+        """Return the inertia that each joint feels at a configuration (n,), its rotor's too, (n,).
+
+        All other joints move freely.
+        """
+        data, M = mujoco.MjData(self.model), np.zeros((self.model.nv, self.model.nv))
+        data.qpos[:] = self._forward.home()
+        data.qpos[self.at] = q
+        mujoco.mj_forward(self.model, data)
+        mujoco.mj_fullM(self.model, data, M)
+        return np.asarray(np.diag(M)[self.dofs])
+
+    @property
+    def trees(self) -> np.ndarray:
+        """Which tree behind the base each joint is of, (n,) int: none moves another's."""
+        m, found = self.model, []
+        for dof in self.dofs:
+            body = int(m.dof_bodyid[dof])
+            while int(m.body_weldid[m.body_parentid[body]]):
+                body = int(m.body_parentid[body])
+            found.append(body)
+        return np.array(found)
+
+    def numbers(self) -> dict[str, Array]:
+        """Return armature, damping, dry friction and offset of the joints, each (n,)."""
+        m, k = self.model, self.dofs
+        return {
+            "Ia": m.dof_armature[k].copy(),
+            "Fv": m.dof_damping[k].copy(),
+            "Fc": m.dof_frictionloss[k].copy(),
+            "off": self.offset.copy(),
+        }
+
+    @quiet()
+    def roll(
+        self,
+        log: Log,
+        numbers: Sequence[Mapping[str, Array]] = (),
+        delay: float | Sequence[float] | Array = 0.0,
+        windows: Sequence[tuple[int, int]] = (),
+    ) -> Array:
+        """Return positions at the samples of a log, (K, N, n); NaN where they diverged.
+
+        Parameters
+        ----------
+        log : Log
+            With commands, in the robot's order of joints.
+        numbers : sequence of mapping
+            Joints' numbers of K robots, as of `numbers`; by default its own alone.
+        delay : float or K of them [s]
+        windows : sequence of (start, stop)
+            Rows at which each run begins anew; by default one, the whole log.
+        """
+        numbers = list(numbers) or [self.numbers()]
+        delays = np.broadcast_to(np.asarray(delay, float), (len(numbers),))
+        dt = signals.sampling_step(log.t)
+        inner = max(1, int(np.ceil(dt / STEP - 1e-9)))
+        h = dt / inner
+        speed = starting_speeds(log)
+        models = [self._with(own, h) for own in numbers]
+        windows = list(windows) or [(0, len(log))]
+        steps = max(int(np.ceil((log.t[b - 1] - log.t[a]) / h)) + 1 for a, b in windows)
+        runs = [(k, w) for k in range(len(models)) for w in windows]
+        start = np.zeros((len(runs), mujoco.mj_stateSize(self.model, _STATE)))
+        controls = np.empty((len(runs), steps, self.model.nu))
+        home = self._forward.home()
+        for r, (k, (a, _)) in enumerate(runs):
+            q, v = home.copy(), np.zeros(self.model.nv)
+            q[self.at], v[self.dofs] = log.q[a], speed[a]
+            times = log.t[a] + h * np.arange(steps)
+            controls[r] = acting(log, self.servo, times, h, float(delays[k]))
+            v -= 0.5 * h * self._acceleration(models[k], q, v, controls[r, 0])
+            start[r, 1 : 1 + self.model.nq], start[r, 1 + self.model.nq :][: len(v)] = q, v
+        states, _ = rollout.rollout(
+            [models[k] for k, _ in runs],
+            [mujoco.MjData(self.model)],
+            start,
+            controls,
+            control_spec=int(mujoco.mjtState.mjSTATE_CTRL),
+        )
+        out = np.full((len(models), len(log), len(self.at)), np.nan)
+        places = 1 + self.at
+        limit = DIVERGED * (np.abs(log.q).max() + 1.0)
+        for r, (k, (a, b)) in enumerate(runs):
+            path = np.concatenate([log.q[None, a], states[r][:, places]])
+            sampled = _sample(path, (log.t[a:b] - log.t[a]) / h)
+            sampled[np.cumsum(~(np.abs(sampled).max(1) < limit)) > 0] = np.nan
+            out[k, a:b] = sampled
+        return out
+
+    def _acceleration(self, model: Any, q: Array, v: Array, control: Array) -> Array:
+        """Return the acceleration at a state, (nv,), by which speeds half a step old are others."""
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:], data.ctrl[:] = q, v, control
+        mujoco.mj_forward(model, data)
+        return np.asarray(data.qacc)
+
+    def _with(self, numbers: Mapping[str, Array], h: float) -> Any:
+        """Return the model with other numbers of its joints, at a step of h seconds."""
+        model, dofs = _copy(self.model), self.dofs
+        model.opt.timestep = h
+        stiff = [2 * h, 1.0]
+        model.dof_solref[:], model.dof_solimp[:, :2] = stiff, HARD
+        damping = np.maximum(numbers["Fv"], 0.0)
+        model.dof_damping[dofs] = damping
+        model.dof_frictionloss[dofs] = np.maximum(numbers["Fc"], 0.0)
+        servo = self.servo
+        model.dof_armature[dofs] = numbers["Ia"] + servo.lead - 0.5 * h * (damping + servo.damping)
+        late = dict(zip(self.robot.joints, servo.damping, strict=True))
+        for joint, offset in zip(self.robot.joints, numbers["off"], strict=True):
+            actuator = model.actuator(joint).id  # what is taken off at the joint
+            model.actuator_biasprm[actuator, 0] = -offset
+            model.actuator_biasprm[actuator, 2] = -late[joint]
+            model.actuator_forcerange[actuator] = self._ends[joint] - offset
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+        return model
+
+    @property
+    def _ends(self) -> dict[str, Array]:
+        pairs = np.stack([self.servo.low, self.servo.high], 1)
+        return dict(zip(self.robot.joints, pairs, strict=True))
+
+
+def starting_speeds(log: Log) -> Array:
+    """Return speeds from which runs may start, (N, n): slopes of parabolas through few samples.
+
+    Exact differences would make noise of positions a start that takes long to be forgotten.
+    """
+    dt = signals.sampling_step(log.t)
+    rows = min(2 * max(2, round(0.5 * AROUND / dt)) + 1, (len(log) - 1) // 2 * 2 + 1)
+    slopes: Array = scipy.signal.savgol_filter(log.q, rows, 2, 1, dt, axis=0)
+    return slopes
+
+
+def forgotten(log: Log) -> int:
+    """Return the row of a log from which on its start is forgotten; 0 where it is short."""
+    row = int(np.searchsorted(log.t, log.t[0] + FORGOTTEN))
+    return row if 4 * row < len(log) else 0
+
+
+#: What a robot lacks that has no servo, after its path.
+NO_SERVO = (
+    "states no gains of servos, so commands say nothing of torque; give them in the sidecar: "
+    "[servo] kp = …, kv = … (or as <position> actuators of an MJCF)."
+)
+
+_STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
+
+
+def _copy(model: Any) -> Any:
+    return model.__copy__()
+
+
+def _sample(path: Array, at: Array) -> Array:
+    """Return rows of a path (S, n) at fractional steps (m,), on straight lines between."""
+    low = np.clip(at.astype(int), 0, len(path) - 2)
+    part = (at - low)[:, None]
+    out: Array = (1 - part) * path[low] + part * path[low + 1]
+    return out

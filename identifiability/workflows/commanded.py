@@ -1,0 +1,160 @@
+"""Logs of commands: torque that servos make of them, less what recording does to it.
+
+The servo is the torque sensor, τ = kp (q_cmd(t − d) − q) + …, but the encoder's steps, the log's
+rate and the low-pass stand in this torque and in the columns, and least squares is off by some ten
+percent for it. The joints' numbers and the delay are first found from rollouts, which differentiate
+nothing. A log of such a rollout, sampled and rounded as the own one, shows what recording leaves of
+torque that the model explains exactly; it is taken off. The rollout itself is the second record of
+the motion, whose errors are not those of the log (calibrated instrumental variables).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from identifiability.estimation.rollouts import Rollouts, find_delay, fit_rollouts
+from identifiability.foundation.errors import RobotError, listing
+from identifiability.foundation.names import Array
+from identifiability.logs import Log
+from identifiability.logs.commands import check_commands, servo_log
+from identifiability.logs.logfile import LogFile
+from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare.plan import noise_level, resolution
+from identifiability.logs.repeats import Recording
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
+from identifiability.robot.servo import Servo
+from identifiability.simulation.rollout import CommandedRobot, forgotten
+
+#: Recordings of a rollout that differ in where the encoders' steps lie.
+PHASES = 4
+
+
+def give_torque(logs: Sequence[Log | LogFile], servo: Servo | None) -> list[Log | LogFile]:
+    """Return logs with torque of the servos where they hold commands and none of their own.
+
+    Delays are those that are stated, else none yet.
+
+    Raises
+    ------
+    LogError
+        If the motion contradicts the commands.
+    """
+    out: list[Log | LogFile] = []
+    for log in logs:
+        if servo is None or not (isinstance(log, Log) and log.commanded and log.motion_alone):
+            out.append(log)
+            continue
+        check_commands(log)
+        # What is told of speeds elsewhere is not what the same recording of a rollout would hold.
+        out.append(servo_log(log.without(("dq", "ddq")), servo, servo.delay or 0.0))
+    return out
+
+
+def follow_commands(
+    structure: Structure,
+    fitted: Sequence[Recording],
+    held: Sequence[Recording],
+    how: Preparation,
+    rng: np.random.Generator,
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...], tuple[str, ...]]:
+    """Return logs with calibrated torque where it comes from commands, and what to say of it.
+
+    Parameters
+    ----------
+    structure : Structure
+    fitted, held : sequence of Log or LogFile
+        As `give_torque` returned them.
+    how : Preparation
+        With the cut-off that all logs are prepared with.
+    rng : Generator
+    """
+    robot = structure.robot
+    commanded = [x for x in fitted if isinstance(x, Log) and x.servo_delay is not None]
+    if robot.servo is None or not commanded:
+        return tuple(fitted), tuple(held), ()
+    try:
+        machine = CommandedRobot(robot, {})
+    except RobotError as error:
+        said = f"{error} Torque of commands is taken as it is"
+        if robot.servo.delay is None:
+            said += ", without a delay: state it in the sidecar ([servo] delay = …)"
+        return tuple(fitted), tuple(held), (f"{said}.",)
+    found = fit_rollouts(
+        robot, [log.select(robot.joints) for log in commanded], delay=robot.servo.delay
+    )
+    own = CommandedRobot(robot, found.parameters(robot))
+
+    def calibrated(log: Recording) -> Recording:
+        if not isinstance(log, Log) or log.servo_delay is None:
+            return log
+        return _calibrate(structure, log.select(robot.joints), own, found, how, rng)
+
+    hints = (state_servos(robot, commanded, found),)
+    del machine
+    return tuple(map(calibrated, fitted)), tuple(map(calibrated, held)), hints
+
+
+def _calibrate(
+    structure: Structure,
+    log: Log,
+    machine: CommandedRobot,
+    found: Rollouts,
+    how: Preparation,
+    rng: np.random.Generator,
+) -> Log:
+    """Return a log whose torque has no share of what recording a rollout of it leaves."""
+    robot = structure.robot
+    stated = machine.servo.delay
+    delay = find_delay(machine, [log]) if stated is None else stated
+    q = machine.roll(log, delay=delay)[0]
+    given = servo_log(replace(log, unmeasured=None), machine.servo, delay)
+    lost = np.zeros(q.shape, bool) if given.unmeasured is None else given.unmeasured.copy()
+    if not np.isfinite(q).all():  # nothing can be said of it
+        return given
+    values = {**robot.nominal, **found.parameters(robot)}
+    phi = np.array([values.get(name, 0.0) for name in structure.columns])
+    left, count = np.zeros(q.shape), np.zeros(q.shape)
+    for _ in range(PHASES):
+        again = servo_log(
+            replace(given, q=_recorded(q, log, rng), unmeasured=None), machine.servo, delay
+        )
+        samples = prepare_samples(robot, again, how)
+        rows = samples.motion.kept
+        told = structure.model.regressor(robot, samples.motion) @ phi
+        moves = np.ones(told.shape, bool) if samples.dwells is None else ~samples.dwells
+        left[rows] += np.where(moves, samples.tau - told, 0.0)
+        count[rows] += moves
+    lost |= count < PHASES
+    lost[: forgotten(log)] = True
+    tau = given.tau - left / np.maximum(count, 1)
+    return replace(given, tau=tau, unmeasured=lost if lost.any() else None, rollout=q)
+
+
+def _recorded(q: Array, log: Log, rng: np.random.Generator) -> Array:
+    """Return positions (N, n) with the steps of a log's encoders, or else with its noise."""
+    step = resolution(log.q)
+    noise = np.where(step > 0, 0.0, noise_level(log.q, log.t))
+    at = rng.uniform(size=q.shape[1])
+    width = np.where(step > 0, step, 1.0)
+    rounded = np.where(step > 0, (np.floor(q / width + at) + 0.5 - at) * width, q)
+    return np.asarray(rounded + noise * rng.standard_normal(q.shape))
+
+
+def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
+    """Return how torque was obtained, and what rollouts err by, in one sentence."""
+    assert robot.servo is not None
+    known = "stated" if robot.servo.delay is not None else "found from rollouts"
+    before, after = (1e3 * float(np.sqrt(np.mean(x**2))) for x in (found.before, found.errors))
+    late = listing([f"{1e3 * delay:.2g}" for delay in found.delays], 4)
+    names = listing([log.name for log in logs], 4)
+    return (
+        f"{names} {'holds' if len(logs) == 1 else 'hold'} commands and no torque: it is what the "
+        f"servos of {robot.servo.source} make of them, kp (q_cmd − q) − kv dq, "
+        f"{late} ms after each command was logged ({known}), less what sampling "
+        "and encoders leave in it. Moved by these commands the file's robot errs by "
+        f"{before:.3g} mrad (rms), one with the joints' numbers that fit best by {after:.3g}."
+    )

@@ -1,0 +1,314 @@
+"""Roll robots out along logged commands, and say by how much their positions err.
+
+A robot file for a simulator is as good as its rollouts: the same commands from the same start,
+servos as they are, and the error of positions, over whole logs (what drifts adds up) and over
+windows of a second that begin with what was measured (what does not is seen there).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+import pandas as pd
+
+from identifiability.estimation.rollouts import find_delay
+from identifiability.foundation.engines.mapping import one_thread
+from identifiability.foundation.errors import LogError, RobotError, listing
+from identifiability.foundation.names import Array
+from identifiability.foundation.options import Expected, checked
+from identifiability.foundation.result import Result
+from identifiability.foundation.values import frozen
+from identifiability.logs import Log, signals
+from identifiability.logs.commands import check_commands
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.mend import mend_logs, unwrap_logs
+from identifiability.logs.tables import write_table
+from identifiability.robot import Robot, RobotLike
+from identifiability.robot.changed import new_place
+from identifiability.simulation.rollout import NO_SERVO, CommandedRobot, forgotten
+from identifiability.workflows.opening import Logs, in_memory, read_logs
+
+#: Length of a window [s].
+WINDOW = 1.0
+
+Other = Annotated[
+    Robot | str | Path,
+    Expected("a Robot, the path of a robot file, or of the JSON that analyze or prune wrote"),
+]
+
+
+@frozen
+class Rolled:
+    """A robot rolled out along logs.
+
+    Attributes
+    ----------
+    name : str
+        Of its file.
+    delays : tuple of float [s]
+        With which the commands of each log acted.
+    found : bool
+        Whether the delays were found, as no file states them.
+    q : tuple of (N, n) [rad or m]
+        Positions along each log; NaN where the rollout diverged.
+    windows : tuple of (N, n) [rad or m]
+        The same, begun anew at every window; NaN in a last one that is not whole.
+    """
+
+    name: str
+    delays: tuple[float, ...]
+    found: bool
+    q: tuple[Array, ...]
+    windows: tuple[Array, ...]
+
+
+@frozen(kw_only=True)
+class RolledOut(Result):
+    """What robots do with logged commands. Make it with `rollout`.
+
+    Attributes
+    ----------
+    robot : Robot
+    logs : tuple of Log
+    runs : tuple of Rolled
+        Of the robot, and of the other one if there is one.
+    hints : tuple of str
+    """
+
+    schema: ClassVar[str] = "identifiability/rollout/1"
+
+    robot: Robot
+    logs: tuple[Log, ...]
+    runs: tuple[Rolled, ...]
+    hints: tuple[str, ...] = ()
+
+    @cached_property
+    def errors(self) -> Array:
+        """Errors of positions by run and joint over whole logs (rms), (runs, n); NaN: diverged.
+
+        Without the beginning, in which the speed of the start is forgotten.
+        """
+        return self._errors("q")
+
+    @cached_property
+    def window_errors(self) -> Array:
+        """The same over windows of a second."""
+        return self._errors("windows")
+
+    def _errors(self, which: str) -> Array:
+        rows = []
+        for run in self.runs:
+            pairs = zip(getattr(run, which), self.logs, strict=True)
+            skip = map(forgotten, self.logs)
+            apart = [(x - log.q)[a:] for (x, log), a in zip(pairs, skip, strict=True)]
+            every = np.concatenate(apart)
+            if which == "windows":
+                every = every[~np.isnan(every).all(1)]
+            rows.append(np.sqrt(np.mean(every**2, axis=0)))
+        return np.array(rows)
+
+    @property
+    def totals(self) -> Array:
+        """Error of each run over all joints that turn, or if none does, slide (rms), (runs,)."""
+        return np.asarray(np.sqrt(np.mean(self.errors[:, self._alike] ** 2, axis=1)))
+
+    @property
+    def window_totals(self) -> Array:
+        """The same over windows of a second."""
+        return np.asarray(np.sqrt(np.mean(self.window_errors[:, self._alike] ** 2, axis=1)))
+
+    @property
+    def _alike(self) -> np.ndarray:
+        slides = np.array([self.robot.is_prismatic(int(k)) for k in self.robot.actuated], bool)
+        return slides if slides.all() else ~slides
+
+    @property
+    def unit(self) -> str:
+        """Of `totals`, a thousandth: mrad, or mm where every joint slides."""
+        return "mm" if self.robot.is_prismatic(int(self.robot.actuated[self._alike][0])) else "mrad"
+
+    @property
+    def statement(self) -> str:
+        """The answer in plain words."""
+        names = listing([log.name for log in self.logs], 3)
+        told = [self._tell(k) for k in range(len(self.runs))]
+        text = f"Moved by the commands of {names} from where it began, {told[0]}"
+        if len(told) > 1:
+            ratio = float(self.totals[1] / self.totals[0])
+            text += f"; {told[1]}"
+            text += f", {ratio:.3g} times as much" if np.isfinite(ratio) else ""
+        late = [
+            f"{run.name} {listing([f'{1e3 * d:.3g}' for d in run.delays], 3)} ms"
+            + (" (found from these logs)" if run.found else "")
+            for run in self.runs
+        ]
+        return f"{text}. Commands acted after their row in the log by: {', '.join(late)}."
+
+    def _tell(self, k: int) -> str:
+        run = self.runs[k]
+        if not np.isfinite(self.totals[k]):
+            return f"{run.name} diverges"
+        return (
+            f"{run.name} errs by {1e3 * self.totals[k]:.3g} {self.unit} (rms; in windows of "
+            f"{WINDOW:g} s {1e3 * self.window_totals[k]:.3g} {self.unit})"
+        )
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a joint: errors over whole logs and windows, of each robot [rad or m]."""
+        frame = pd.DataFrame({"joint": list(self.robot.joints)})
+        for run, whole, short in zip(self.runs, self.errors, self.window_errors, strict=True):
+            frame[f"error of {run.name}"] = whole
+            frame[f"{WINDOW:g} s windows of {run.name}"] = short
+        return frame
+
+    def positions_frame(self) -> pd.DataFrame:
+        """Return positions sample by sample: log, t, and of each joint measured and simulated."""
+        parts = []
+        for k, log in enumerate(self.logs):
+            columns: dict[str, Any] = {"log": log.name, "t": log.t}
+            for i, joint in enumerate(log.joints):
+                columns[f"{joint}.q"] = log.q[:, i]
+                for word, run in zip(("simulated", "other"), self.runs, strict=False):
+                    columns[f"{joint}.{word}"] = run.q[k][:, i]
+            parts.append(pd.DataFrame(columns))
+        return pd.concat(parts, ignore_index=True)
+
+    def write(self, path: str | Path) -> Path:
+        """Write positions sample by sample as CSV or Parquet.
+
+        Raises
+        ------
+        OutputError
+        """
+        return write_table(path, self.positions_frame())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the answer in its documented JSON schema."""
+        runs = [
+            {
+                "robot": run.name,
+                "delays": list(run.delays),
+                "delays_found": run.found,
+                "error": _number(self.totals[k]),
+                "error_windows": _number(self.window_totals[k]),
+                "joints": {
+                    joint: {"error": _number(a), "error_windows": _number(b)}
+                    for joint, a, b in zip(
+                        self.robot.joints, self.errors[k], self.window_errors[k], strict=True
+                    )
+                },
+            }
+            for k, run in enumerate(self.runs)
+        ]
+        return {
+            "schema": self.schema,
+            "robot": self.robot.identity,
+            "logs": [
+                {"name": log.name, "samples": len(log), "sha256": log.sha256} for log in self.logs
+            ],
+            "window": WINDOW,
+            "rollouts": runs,
+            "hints": list(self.hints),
+        }
+
+
+def _number(x: float) -> float | None:
+    """Return a number for JSON; what diverged has none."""
+    return float(x) if np.isfinite(x) else None
+
+
+@checked
+def rollout(robot: RobotLike, logs: Logs, against: Other | None = None) -> RolledOut:
+    """Say by how much positions err where a robot is moved by logged commands.
+
+    Parameters
+    ----------
+    robot : Robot, path or shipped name
+        With servos, in its file or its sidecar.
+    logs : log, path, DataFrame, or several
+        With commands, ``<joint>.cmd``, beside positions; torque is not looked at.
+    against : Robot, path or result, optional
+        Another robot, or what analyze or prune fitted to this one.
+
+    Raises
+    ------
+    IdentifiabilityError
+        With one sentence on what to do.
+    """
+    with one_thread("blas"):
+        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        if robot.servo is None:
+            raise RobotError(f"{robot.path} {NO_SERVO}")
+        read = _read(robot, logs)
+        others = [] if against is None else [_other(robot, against)]
+        for other in others:
+            if other.joints != robot.joints:
+                raise RobotError(
+                    f"{other.path} has the actuated joints {listing(other.joints)}, and "
+                    f"{robot.path} {listing(robot.joints)}; compare robots with the same joints."
+                )
+        runs = tuple(_roll(each, read) for each in (robot, *others))
+        if len(runs) > 1 and runs[0].name == runs[1].name:
+            runs = (runs[0], replace(runs[1], name=f"{runs[1].name} (the other)"))
+    return RolledOut(robot=robot, logs=tuple(read), runs=runs)
+
+
+def _read(robot: Robot, logs: Logs) -> list[Log]:
+    """Return logs with commands, in the robot's order.
+
+    Raises
+    ------
+    LogError
+        If one has none, or the motion contradicts them.
+    """
+    known = replace(Conventions.of(robot), commands=True)
+    whole, _ = unwrap_logs(read_logs(logs, known))
+    out = []
+    for log in in_memory(mend_logs(whole)[0], Log):
+        own = log.select(robot.joints)
+        if own.q_ref is None and own.dq_ref is None:
+            raise LogError(
+                f"{log.name} has no commands; a rollout needs the positions that every servo was "
+                f"told, '{robot.joints[0]}.cmd'."
+            )
+        check_commands(own)
+        out.append(own)
+    if not out:
+        raise LogError("No log was given; give at least one.")
+    return out
+
+
+def _other(robot: Robot, against: Robot | str | Path) -> Robot:
+    """Return the other robot; a result is written as a robot file first."""
+    if isinstance(against, Robot):
+        return against
+    if Path(against).suffix.lower() != ".json":
+        return Robot.load(against)
+    from identifiability.workflows.export import export  # noqa: PLC0415 - few rollouts are of results
+
+    path = new_place(Path(against).stem, robot.path.suffix)
+    export(robot, against, path, force=True)
+    return Robot.load(path)
+
+
+def _roll(robot: Robot, logs: Sequence[Log]) -> Rolled:
+    machine = CommandedRobot(robot, {})
+    stated = machine.servo.delay
+    late = tuple(find_delay(machine, [log]) if stated is None else stated for log in logs)
+    pairs = list(zip(logs, late, strict=True))
+    whole = tuple(machine.roll(log, delay=d)[0] for log, d in pairs)
+    short = tuple(machine.roll(log, delay=d, windows=_windows(log))[0] for log, d in pairs)
+    name = robot.path.name if robot.path.stem != "robot" else f"{robot.name}/{robot.path.name}"
+    return Rolled(name, late, stated is None, whole, short)
+
+
+def _windows(log: Log) -> list[tuple[int, int]]:
+    """Return the rows of windows of a second; one, where a log is shorter."""
+    rows = max(2, round(WINDOW / signals.sampling_step(log.t)))
+    starts = range(0, len(log) - rows + 1, rows)
+    return [(a, a + rows) for a in starts] or [(0, len(log))]

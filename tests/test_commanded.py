@@ -1,0 +1,309 @@
+"""Robots that are commanded and have no torque: logs, servos, rollouts, what is found of them."""
+
+import json
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from identifiability import Log, Robot, analyze
+from identifiability.estimation.rollouts import find_delay, fit_rollouts
+from identifiability.foundation.errors import LogError, RobotError
+from identifiability.logs.commands import held_mean, servo_log
+from identifiability.logs.conventions import Conventions
+from identifiability.robot.servo import Servo
+from identifiability.simulation.rollout import CommandedRobot
+from identifiability.workflows.rollout import rollout
+
+MODELS = Path(__file__).resolve().parents[1] / "models"
+sys.path.insert(0, str(MODELS.parent / "studies"))
+
+import servo_robots as servos  # noqa: E402
+
+SIDECAR = """
+name = "Arm with servos"
+[servo]
+kp = {shoulder = 1200, "elb*" = 300}
+kv = {shoulder = 50, "*" = 8}
+limit = 900
+"""
+TRUTH = {
+    **{"shoulder.Ia": 0.11, "shoulder.Fv": 2.0, "shoulder.Fc": 1.1, "shoulder.off": 0.8},
+    **{"elbow.Ia": 0.05, "elbow.Fv": 0.9, "elbow.Fc": 0.5, "elbow.off": -0.4},
+}
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("arm")
+    shutil.copy(MODELS / "two-link" / "robot.xml", folder / "arm.xml")
+    (folder / "arm.toml").write_text(SIDECAR)
+    return Robot.load(folder / "arm.xml")
+
+
+@pytest.fixture(scope="module")
+def frames(arm):
+    rng = np.random.default_rng(3)
+    how = servos.Recorder(rate=200.0, delay=0.007, bits=14)
+    seconds = (8.0, 4.0)
+    moves = [servos.draw_commands(arm, s, how.command_rate, 0.5, rng) for s in seconds]
+    return [servos.record(arm, TRUTH, c, s, how, rng) for c, s in zip(moves, seconds, strict=True)]
+
+
+def read(robot, frame):
+    return Log.from_frame(frame, conventions=Conventions.of(robot)).select(robot.joints)
+
+
+# The servo that files state.
+
+
+def test_servos_of_an_mjcf_are_its_position_actuators_behind_their_gears(tmp_path):
+    path = tmp_path / "arm.xml"
+    text = (MODELS / "two-link" / "robot.xml").read_text()
+    one = '<position joint="shoulder" kp="10" kv="0.5" gear="3" forcerange="-4 5"/>'
+    two = '<general joint="elbow" gainprm="7" biastype="affine" biasprm="0 -7 -0.2"/>'
+    both = text.partition("<actuator>")[0] + f"<actuator>{one}{two}</actuator></mujoco>"
+    path.write_text(both)
+    servo = Robot.load(path).servo
+    assert servo is not None
+    np.testing.assert_allclose(servo.kp, [90, 7])
+    np.testing.assert_allclose(servo.kv, [4.5, 0.2])
+    np.testing.assert_allclose(servo.high, [15, np.inf])
+    np.testing.assert_allclose(servo.low, [-12, -np.inf])
+
+
+def test_a_motor_is_no_servo_and_a_sidecar_states_one_by_joint_and_pattern(arm):
+    assert Robot.load("two-link").servo is None
+    np.testing.assert_allclose(arm.servo.kp, [1200, 300])
+    np.testing.assert_allclose(arm.servo.kv, [50, 8])
+    np.testing.assert_allclose(arm.servo.high, [900, 900])
+    assert arm.servo.delay is None
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[servo]\nkp = {shoulder = 3}\n", "gives no kp of elbow"),
+        ('[servo]\nkp = 3\nkv = {"wrist" = 1}\n', "no actuated joint"),
+        ("[servo]\nkp = 0\n", "neither kp nor kv"),
+        ("[servo]\nkp = -1\n", "greater than or equal to 0"),
+    ],
+)
+def test_servos_that_cannot_be_are_refused_in_one_sentence(tmp_path, text, said):
+    shutil.copy(MODELS / "two-link" / "robot.xml", tmp_path / "arm.xml")
+    (tmp_path / "arm.toml").write_text(text)
+    with pytest.raises(RobotError, match=said) as error:
+        Robot.load(tmp_path / "arm.xml")
+    assert "\n" not in str(error.value)
+
+
+def test_a_quadruped_that_floats_by_its_file_stands_where_its_sidecar_says_so(tmp_path):
+    robot = Robot.load("quadruped")
+    assert len(robot.joints) == len(robot.dofs) == 12
+    np.testing.assert_allclose(robot.home[:3], [0, 0.8, -1.6])  # of the keyframe, behind the base
+    shutil.copy(MODELS / "quadruped" / "robot.xml", tmp_path / "robot.xml")
+    with pytest.raises(RobotError, match='base = "fixed"'):
+        Robot.load(tmp_path / "robot.xml")
+
+
+# Commands in logs.
+
+
+def test_commands_are_found_by_many_names(arm, frames):
+    plain = read(arm, frames[1])
+    assert plain.commanded
+    renamed = {
+        ".cmd": ("_q_des", ".target", ".position_command", "_desired", ".q_ref", "_action"),
+    }
+    for ending in renamed[".cmd"]:
+        log = read(arm, frames[1].rename(columns=lambda c, e=ending: c.replace(".cmd", e)))
+        np.testing.assert_array_equal(log.q_ref, plain.q_ref)
+    names = ("t", "dof_pos_0", "dof_pos_1", "des_dof_pos_0", "des_dof_pos_1")
+    log = read(arm, frames[1].set_axis(names, axis=1))
+    np.testing.assert_array_equal(log.q_ref, plain.q_ref)
+    degrees = frames[1].copy()
+    degrees[["shoulder.cmd", "elbow.cmd"]] *= 180 / np.pi
+    log = read(arm, degrees.rename(columns=lambda c: c.replace(".cmd", ".q_des [deg]")))
+    np.testing.assert_allclose(log.q_ref, plain.q_ref, atol=1e-12)
+
+
+def test_commands_hold_until_the_next_comes(arm, frames):
+    sparse = frames[1].copy()
+    command = sparse[["shoulder.cmd", "elbow.cmd"]]
+    sparse[command.columns] = command.where((command.diff() != 0).any(axis=1))
+    sparse = sparse.iloc[3:]  # rows before the first command say nothing
+    first = int(np.flatnonzero(sparse["shoulder.cmd"].notna())[0])
+    log, plain = read(arm, sparse), read(arm, frames[1])
+    np.testing.assert_array_equal(log.t, plain.t[3 + first :])
+    np.testing.assert_array_equal(log.q_ref, plain.q_ref[3 + first :])
+
+
+def test_a_log_with_neither_torque_nor_command_is_refused(arm, frames):
+    with pytest.raises(LogError, match="neither torque nor commands"):
+        read(arm, frames[1][["t", "shoulder.q", "elbow.q"]])
+
+
+def test_commands_without_gains_are_refused(frames):
+    with pytest.raises(LogError, match="nothing states the gains"):
+        read(Robot.load("two-link"), frames[1])
+
+
+def test_measured_torque_goes_before_commands(arm, frames):
+    frame = frames[1].assign(**{"shoulder.tau": 1.0, "elbow.tau": 2.0})
+    log = read(arm, frame)
+    assert not log.commanded
+    np.testing.assert_array_equal(log.tau, np.tile([1.0, 2.0], (len(log), 1)))
+
+
+def test_commands_of_other_joints_are_refused(arm, frames):
+    other = {"shoulder.cmd": "elbow.cmd", "elbow.cmd": "shoulder.cmd"}
+    with pytest.raises(LogError, match="does not follow its command") as error:
+        rollout(arm, frames[1].rename(columns=other))
+    assert "'elbow' does" in str(error.value)
+    degrees = frames[1].copy()
+    degrees[["shoulder.cmd", "elbow.cmd"]] *= 180 / np.pi
+    with pytest.raises(LogError, match="looks like degrees"):
+        rollout(arm, degrees)
+
+
+def test_means_of_a_staircase_are_its_integrals():
+    rng = np.random.default_rng(0)
+    t = np.cumsum(rng.uniform(0.5, 1.5, 40))
+    x = rng.standard_normal((40, 2))
+    at, width = rng.uniform(3, 30, 50), 0.8
+    fine = np.linspace(-0.5, 0.5, 20_001) * width
+    k = np.searchsorted(t, at[:, None] + fine, side="right") - 1
+    np.testing.assert_allclose(held_mean(t, x, at, width), x[k].mean(1), atol=1e-3)
+    # A delay shifts it, and that of one step shifts it by one step.
+    even = np.arange(40.0)
+    np.testing.assert_allclose(held_mean(even, x, even[5:] - 1 + 0.5, 1.0), x[4:-1])
+
+
+def test_torque_is_the_servos_law_and_saturated_torque_no_data():
+    t = np.arange(200) * 0.01
+    q = np.sin(3 * t)[:, None]
+    zero = np.zeros_like(q)
+    log = Log.from_arrays(t, q, zero, joints=["a"])
+    log = replace(log, q_ref=np.full_like(q, 0.3), dq_ref=np.full_like(q, 0.1), tau_ff=zero + 2.0)
+    servo = Servo(np.array([40.0]), np.array([2.0]), np.array([-30.0]), np.array([30.0]))
+    made = servo_log(log, servo, 0.0)
+    late = 2.0 - 40.0 * 0.5e-3
+    raw = 40 * (0.3 - q) + 2.0 * 0.1 + 2.0 - late * 3 * np.cos(3 * t)[:, None]
+    inside = np.abs(raw) < 30
+    assert 0.2 < inside.mean() < 0.95
+    np.testing.assert_allclose(made.tau[inside], raw[inside], atol=1e-6)
+    np.testing.assert_array_equal(made.unmeasured, ~inside)
+
+
+# Rollouts.
+
+
+def test_a_rollout_does_not_depend_on_the_integrators_step(arm, frames, monkeypatch):
+    log, machine = read(arm, frames[1]), CommandedRobot(arm, {})
+    coarse = machine.roll(log, delay=0.004)[0]
+    monkeypatch.setattr("identifiability.simulation.rollout.STEP", 1e-4)
+    fine = machine.roll(log, delay=0.004)[0]
+    assert np.sqrt(np.mean((coarse - fine) ** 2)) < 3e-4 * np.ptp(fine)
+
+
+def test_rollouts_of_several_robots_are_those_of_each(arm, frames):
+    log, machine = read(arm, frames[1]), CommandedRobot(arm, {})
+    own = machine.numbers()
+    other = {**own, "Fv": own["Fv"] + 1.0}
+    both = machine.roll(log, [own, other], [0.0, 0.005])
+    np.testing.assert_array_equal(both[0], machine.roll(log)[0])
+    np.testing.assert_array_equal(both[1], machine.roll(log, [other], 0.005)[0])
+    windows = [(0, 300), (300, len(log))]
+    parts = machine.roll(log, windows=windows)[0]
+    np.testing.assert_array_equal(parts[:300], both[0][:300])
+    np.testing.assert_allclose(parts[300], log.q[300])
+
+
+def test_joints_and_delay_are_found_from_rollouts_of_another_physics(arm, frames):
+    logs = [read(arm, f) for f in frames]
+    found = fit_rollouts(arm, logs[:1])
+    for kind, near in (("Ia", 0.01), ("Fv", 0.05), ("Fc", 0.03), ("off", 0.06)):
+        true = np.array([TRUTH[f"{j}.{kind}"] for j in arm.joints])
+        np.testing.assert_allclose(found.numbers[kind], true, atol=near * np.abs(true).max())
+    assert np.all(found.errors < 0.05 * found.before)
+    unseen = CommandedRobot(arm, found.parameters(arm)).roll(
+        logs[1], delay=find_delay(CommandedRobot(arm, found.parameters(arm)), logs[1:])
+    )[0][50:]
+    step = 2 * np.pi / 2**14
+    assert np.sqrt(np.mean((unseen - logs[1].q[50:]) ** 2)) < step  # of the encoders
+
+
+def test_robots_with_loops_are_not_rolled_out(frames):
+    robot = Robot.load("five-bar")
+    with pytest.raises(RobotError, match="states no gains"):
+        CommandedRobot(robot, {})
+    n = len(robot.joints)
+    every = [np.full(n, x) for x in (10.0, 1.0, -np.inf, np.inf)]
+    with pytest.raises(RobotError, match="it has loops"):
+        CommandedRobot(robot, {}, Servo(*every))
+
+
+# From a log to verdicts and a robot that moves as the log does.
+
+
+def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, frames, tmp_path):
+    result = analyze(arm, frames[0], frames[1], quick=True)
+    assert "hold commands and no torque" in result.statement or "commands" in result.hints[0]
+    table = result.to_frame().set_index("name")
+    structure = result.structure
+    phi = np.array([{**arm.nominal, **TRUTH}.get(n, 0.0) for n in structure.columns])
+    true = dict(zip(structure.base.names, structure.G @ phi, strict=True))
+    sure = table[table["verdict"] == "identifiable"]
+    assert len(sure) >= 8
+    for name, row in sure.iterrows():
+        assert abs(row["value"] - true[name]) < 0.12 * abs(true[name]) + 0.01
+    path = result.to_json(tmp_path / "result.json")
+    found = rollout(arm, frames[1], against=path)
+    assert found.totals[1] < 0.2 * found.totals[0]
+    assert found.window_totals[1] < 0.2 * found.window_totals[0]
+    assert list(found.to_frame()["joint"]) == list(arm.joints)
+    told = json.loads(found.to_json(tmp_path / "rollout.json").read_text())
+    assert told["schema"] == "identifiability/rollout/1"
+    assert found.write_report(tmp_path / "rollout.html").stat().st_size > 10_000
+
+
+def test_a_rollout_needs_commands_and_joints_alike(arm, frames):
+    frame = frames[1].rename(columns={"shoulder.cmd": "shoulder.tau", "elbow.cmd": "elbow.tau"})
+    with pytest.raises(LogError, match="has no commands"):
+        rollout(arm, frame)
+    with pytest.raises(RobotError, match="states no gains"):
+        rollout("two-link", frames[1])
+    with pytest.raises(RobotError, match="the same joints"):
+        rollout(arm, frames[1], against="quadruped")
+
+
+def test_the_time_step_is_part_of_the_model_and_taken_off():
+    """MuJoCo's own step of a joint with a damper lags by h D / 2 of inertia, ours does not."""
+    text = (
+        "<mujoco><option timestep='0.004' gravity='0 0 0' integrator='implicitfast'/><worldbody>"
+        "<body><joint axis='0 1 0' damping='0.5' armature='{}'/>"
+        "<geom size='.05' mass='1' pos='.1 0 0'/></body></worldbody>"
+        "<actuator><position joint='j' kp='20'/></actuator></mujoco>"
+    ).replace("<joint axis", "<joint name='j' axis")
+
+    def swing(armature, step):
+        model = mujoco.MjModel.from_xml_string(text.format(armature))
+        model.opt.timestep = step
+        data = mujoco.MjData(model)
+        data.ctrl[0] = 1.0
+        mujoco.mj_forward(model, data)
+        data.qvel[:] = -0.5 * step * data.qacc  # speeds are half a step old
+        out = []
+        for _ in range(round(0.8 / step)):
+            mujoco.mj_step(model, data)
+            out.append(data.qpos[0])
+        return np.array(out)[round(0.004 / step) - 1 :: round(0.004 / step)]
+
+    exact = swing(0.02, 1e-5)
+    plain, taken = swing(0.02, 0.004), swing(0.02 - 0.5 * 0.004 * 0.5, 0.004)
+    apart = [np.abs(x[40:] - exact[40 : len(x)]).max() for x in (plain, taken)]
+    assert apart[1] < 0.35 * apart[0]
