@@ -12,6 +12,7 @@ from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.least_squares import OrdinaryLeastSquares, WeightedLeastSquares
 from identifiability.estimation.memory import LogNoise, Noise, taken_of_blocks
 from identifiability.estimation.renoised import RenoisedLeastSquares
+from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import OptionError, check_choice, checked
 from identifiability.regression.information import Information
@@ -38,9 +39,16 @@ def find_estimator(method: Method) -> Estimator:
     Raises
     ------
     OptionError
-        If there is none, with those that there are.
+        If there is none, with those that there are; if an estimator of the user's lacks a method.
     """
     if not isinstance(method, str):
+        asked = [n for n, f in vars(Estimator).items() if callable(f) and not n.startswith("_")]
+        if missing := [n for n in asked if not callable(getattr(method, n, None))]:
+            raise OptionError(
+                f"The estimator '{getattr(method, 'name', method)}' has no method "
+                f"{listing(missing)}; identifiability.estimation.estimator.Estimator says what "
+                "each returns."
+            )
         return method
     check_choice("method", method, tuple(ESTIMATORS))
     return ESTIMATORS[method]

@@ -61,6 +61,19 @@ class Estimator(Protocol):
         The distance in which the nearest real robot is nearest, and the likelihood of posteriors.
         """
 
+    def project(self, information: Information, fit: Estimate, M: Array) -> Array:
+        """Return what the fit finds of torque without noise, for each of b parameters, (k, b).
+
+        Parameters
+        ----------
+        information : Information
+            About all b parameters.
+        fit : Estimate
+            Of k combinations of them.
+        M : (b, k)
+            These combinations, of the columns that the fit kept.
+        """
+
 
 @frozen
 class Correction:

@@ -111,19 +111,9 @@ class InstrumentalVariables:
         F[-1, k] = np.sqrt(fit.weights @ fit.rss)
         return triangular_factor(np.vstack([F, np.zeros((k - len(kept), k + 1))]))
 
-    def project(self, information: Information, fit: Estimate, M: Array, P: Array) -> Array:
-        """Return what the fit finds of torque without noise, for each of b parameters, (k, b).
-
-        Parameters
-        ----------
-        information : Information
-            About all b parameters.
-        fit : Estimate
-            Of k combinations of them.
-        M : (b, k)
-        P : (k, b)
-            What least squares finds.
-        """
+    def project(self, information: Information, fit: Estimate, M: Array) -> Array:
+        """Return what the fit finds of torque without noise, for each of b parameters, (k, b)."""
+        P = self.base.project(information, fit, M)
         if not information.instrumented:
             return P
         b, k = M.shape

@@ -83,6 +83,12 @@ class OrdinaryLeastSquares:
         """Return the triangular factor of the weighted rows, (k + 1, k + 1)."""
         return information.factor(fit.weights)
 
+    def project(self, information: Information, fit: Estimate, M: Array) -> Array:
+        """Return what least squares finds of torque without noise, (k, b)."""
+        R = information.factor(fit.weights)[:, :-1]
+        P: Array = np.linalg.lstsq(R @ M, R, rcond=None)[0]
+        return P
+
 
 @frozen
 class WeightedLeastSquares(OrdinaryLeastSquares):

@@ -21,8 +21,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.instrumental import InstrumentalVariables
-from identifiability.estimation.renoised import RenoisedLeastSquares
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.values import frozen
@@ -112,7 +110,7 @@ def find_left_out(
         only the file does.
     """
     kept = list(fit.kept)
-    P = _project(information, fit, rung.M[:, kept])
+    P = fit.estimator.project(information, fit, rung.M[:, kept])
     difference = P - np.linalg.pinv(rung.M)[kept]
     difference[np.abs(difference) < ROUNDING * np.abs(P).max(1, initial=0.0, keepdims=True)] = 0.0
     stated = structure.nominal_base - rung.held
@@ -173,25 +171,6 @@ def _settle(rung: Rung, fit: Estimate, full: Estimate, sigma: Array) -> tuple[Ar
     apart = np.abs(fit.value[kept] - value) - reach
     grown = known & (apart > REACH * np.hypot(sigma, fit.sigma[kept]))
     return np.where(grown, apart / REACH, sigma), np.where(grown, value, np.nan)
-
-
-def _project(information: Information, fit: Estimate, M: Array) -> Array:
-    """Return the values (k, b) that a fit finds of torque without noise, for each of b parameters.
-
-    Parameters
-    ----------
-    information : Information
-        About all b base parameters.
-    fit : Estimate
-    M : (b, k)
-        Of the columns that were fitted.
-    """
-    R = information.factor(fit.weights)[:, :-1]
-    P: Array = np.linalg.lstsq(R @ M, R, rcond=None)[0]
-    own = fit.estimator
-    if isinstance(own, InstrumentalVariables | RenoisedLeastSquares):
-        return own.project(information, fit, M, P)
-    return P
 
 
 def _learn(left: Array) -> tuple[Array, Array]:

@@ -80,19 +80,9 @@ class RenoisedLeastSquares:
         F[:, :k] = F[:, :k] @ np.linalg.inv(self._correction(information, fit))
         return triangular_factor(F)
 
-    def project(self, information: Information, fit: Estimate, M: Array, P: Array) -> Array:
-        """Return what the fit finds of torque without noise, for each of b parameters, (k, b).
-
-        Parameters
-        ----------
-        information : Information
-            About all b parameters.
-        fit : Estimate
-            Of k combinations of them.
-        M : (b, k)
-        P : (k, b)
-            What least squares finds.
-        """
+    def project(self, information: Information, fit: Estimate, M: Array) -> Array:
+        """Return what the fit finds of torque without noise, for each of b parameters, (k, b)."""
+        P = self.base.project(information, fit, M)
         if information.echo is None:
             return P
         b, k = M.shape

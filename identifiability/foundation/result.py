@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from identifiability.foundation.errors import listing, near_match
+from identifiability.foundation.handed import handed
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.output import check_ending, write_json
 
@@ -20,9 +20,7 @@ SCREEN = 1500
 
 def shown(statement: str, frame: pd.DataFrame | None = None, more: str = "") -> str:
     """Return what a notebook shows: sentences and a table in the style of the reports."""
-    # Pages stand above results, and are asked for here and in `Result.write_report` alone.
-    piece = import_module("identifiability.report.notebook").notebook_piece
-    html: str = piece(statement, frame, more)
+    html: str = handed("notebook_piece")(statement, frame, more)
     return html
 
 
@@ -71,8 +69,7 @@ class Result(ABC):
 
     def write_report(self, path: str | Path) -> Path:
         """Write the result as one self-contained HTML file, whole or not at all."""
-        # Pages stand above results: here alone they are asked for, by the result's schema.
-        written: Path = import_module("identifiability.report.results").write_result(self, path)
+        written: Path = handed("write_page")(self, path)
         return written
 
     def __getitem__(self, name: str) -> pd.Series[Any]:

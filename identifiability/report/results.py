@@ -33,5 +33,5 @@ def write_result(result: Any, path: str | Path) -> Path:
     """
     check_ending(path, ".html", ".htm")
     module, name = PAGES[result.schema]
-    build = getattr(import_module(f"identifiability.report.{module}"), name)
+    build = getattr(import_module(f".{module}", __package__), name)
     return write_text(path, render_page(build(result)))

@@ -9,7 +9,6 @@ import shutil
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from functools import cache
-from importlib import import_module
 from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,6 +17,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing, near_match
+from identifiability.foundation.handed import handed
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.options import Expected
 from identifiability.foundation.output import temporary_folder
@@ -109,15 +109,7 @@ def write(robot: Any, values: Mapping[str, float], path: str | Path) -> Path:
         If the robot has no such parameter.
     """
     # What a file holds of friction, rotors and springs effects say, which stand above robots.
-    known = import_module("identifiability.effects.vocabulary").every_parameter(robot)
-    for name in values:
-        if name not in known and name not in robot.nominal:
-            raise RobotError(
-                f"{robot.name} has no parameter '{name}'{near_match(name, [*robot.nominal])} Its "
-                "bodies and joints have those of robot.nominal, and of the effects that there are."
-            )
-    writer = import_module("identifiability.workflows.export.workflow")
-    written: Path = writer.write_parameters(robot, values, path).robot
+    written: Path = handed("save_robot")(robot, values, path)
     return written
 
 

@@ -81,3 +81,32 @@ def test_nobody_takes_a_robot_beside_its_base_parameters_or_its_model():
     files = Path(identifiability.__file__).parent.rglob("*.py")
     found = {n for f in files for n in beside(ast.parse(f.read_text(encoding="utf-8")))}
     assert found == MAKERS
+
+
+def by_name(tree):
+    """Yield the lines that import a module of the package by its name, but in a lazy `__getattr__`.
+
+    Modules of a file's own folder are no arrow: relative names, and those after ``__name__``.
+    """
+    lazy = {
+        id(n)
+        for f in ast.walk(tree)
+        if isinstance(f, ast.FunctionDef) and f.name == "__getattr__"
+        for n in ast.walk(f)
+    }
+    for node in ast.walk(tree):
+        called = isinstance(node, ast.Call) and ast.unparse(node.func).rpartition(".")[2]
+        if called in ("import_module", "__import__") and id(node) not in lazy:
+            name = ast.unparse(node.args[0]).lstrip("f").strip("'\"")
+            if not name.startswith((".", "{__name__}.")):
+                yield node.lineno
+
+
+def test_no_module_of_the_package_is_imported_by_a_string():
+    root = Path(identifiability.__file__).parent
+    found = {
+        str(f.relative_to(root)): lines
+        for f in root.rglob("*.py")
+        if (lines := list(by_name(ast.parse(f.read_text(encoding="utf-8")))))
+    }
+    assert found == {}

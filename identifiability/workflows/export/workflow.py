@@ -180,6 +180,24 @@ class Written:
     beside: tuple[str, ...]
 
 
+def save_robot(robot: Robot, values: Mapping[str, float], path: str | Path) -> Path:
+    """Write a robot with other standard parameters; see `Robot.save`.
+
+    Raises
+    ------
+    RobotError
+        If the robot has no such parameter.
+    """
+    known = every_parameter(robot)
+    for name in values:
+        if name not in known and name not in robot.nominal:
+            raise RobotError(
+                f"{robot.name} has no parameter '{name}'{near_match(name, [*robot.nominal])} Its "
+                "bodies and joints have those of robot.nominal, and of the effects that there are."
+            )
+    return write_parameters(robot, values, path).robot
+
+
 def write_parameters(
     robot: Robot,
     parameters: Mapping[str, float],

@@ -68,6 +68,14 @@ class Ridge:
         length = np.append(np.linalg.norm(R[:, :-1], axis=0), 0.0)
         return triangular_factor(np.vstack([R, np.sqrt(self.penalty) * np.diag(length)]))
 
+    def project(self, information, fit, M):
+        return self.shrink_by(M, information.factor(fit.weights)[:, :-1])
+
+    def shrink_by(self, M, R):
+        """Return what ridge finds of each column's torque, (k, b)."""
+        A = M.T @ R.T @ R @ M
+        return np.linalg.solve(A + self.penalty * np.diag(np.diag(A)), M.T @ R.T @ R)
+
 
 @pytest.fixture
 def rows():
@@ -126,6 +134,28 @@ class Plain:
 
     def loss(self, information, fit):
         return OrdinaryLeastSquares().loss(information, fit)
+
+    def project(self, information, fit, M):
+        return OrdinaryLeastSquares().project(information, fit, M)
+
+
+def test_an_estimator_without_a_method_is_refused_with_its_name():
+    class Older(Plain):
+        project = None
+
+    with pytest.raises(OptionError, match="'plain' has no method project"):
+        known.find_estimator(Older())
+
+
+def test_what_a_fit_finds_of_columns_is_what_its_estimator_says(rows):
+    full = rows.reduce(np.eye(3), "abc")
+    M = np.eye(3)[:, :2]
+    for estimator in (Ridge(), Plain()):
+        exact = estimator.project(full, estimator.fit(full.reduce(M, "ab")), M)
+        R = full.factor(np.ones(full.actuators))[:, :-1]
+        found = Ridge.shrink_by(estimator, M, R) if isinstance(estimator, Ridge) else None
+        found = np.linalg.lstsq(R @ M, R, rcond=None)[0] if found is None else found
+        np.testing.assert_allclose(exact, found, rtol=1e-8, atol=1e-12)
 
 
 class Halved(OrdinaryLeastSquares):
@@ -220,7 +250,10 @@ def test_analysis_and_pruning_follow_the_estimator(ridge, simulated):
     ends = np.array([v.interval95 for v in b.verdicts])[kept]
     values = np.array([v.value for v in b.verdicts])[kept]
     np.testing.assert_allclose(ends.mean(1), values)
-    assert ((a.estimate.value[kept] < ends[:, 0]) | (a.estimate.value[kept] > ends[:, 1])).any()
+    unshrunk, sd = a.estimate.value[kept], b.uncertainty.bootstrap.sd[kept]
+    assert (np.abs(unshrunk - values) > 1.96 * sd).any()
+    # Its projection says by how much it shrinks what is there, and the labels' intervals know it.
+    assert ((unshrunk > ends[:, 0]) & (unshrunk < ends[:, 1])).all()
     assert b.error_ra > 1.5 * a.error_ra
     assert b.error_ra_validation > 1.5 * a.error_ra_validation
     assert b.error_ra_real > 1.2 * a.error_ra_real

@@ -145,7 +145,7 @@ def test_torque_without_noise_is_projected_as_the_estimator_fits(rows, estimator
         X = flat(W)
     fit = estimator.fit(information.reduce(M, "xy"))
     P = np.linalg.lstsq(flat(W) @ M, flat(W), rcond=None)[0]
-    found = estimator.project(information, fit, M, P)
+    found = estimator.project(information, fit, M)
     np.testing.assert_allclose(found, np.linalg.solve(Z.T @ X @ M, Z.T @ X), rtol=1e-7, atol=1e-9)
     np.testing.assert_allclose(found @ M, np.eye(2), atol=1e-10)
     assert np.abs(found - P).max() > 1e-3
