@@ -107,15 +107,17 @@ def test_what_the_model_leaves_out_again_and_again_is_no_outlier():
 
 def test_a_noisy_log_is_no_outlier_and_does_no_harm():
     """The usual block is that of its own log; what logs are worth is said by their noise."""
-    alone, both = [], []
+    alone, both, touched = [], [], 0
     for seed in range(20):
         W, tau = rows(seed)
         tau[400:] += 11 * (tau - W @ TRUTH)[400:]
         information = gathered(W, tau)
-        kept, _ = weigh_outliers(information, WLS)
+        kept, found = weigh_outliers(information, WLS)
+        touched += found is not None
         alone.append(WLS.fit(information.take(information.log == 0)).value - TRUTH)
         both.append(WLS.fit(weigh_logs(kept, WLS)).value - TRUTH)
     assert np.square(both).sum() < 1.1 * np.square(alone).sum()
+    assert touched < 15  # as without a noisy log
 
 
 def test_exact_logs_and_too_few_blocks_are_left_alone():
@@ -133,3 +135,7 @@ def test_the_sentence_names_log_time_joint_and_parameter():
     assert text.startswith("two from t = 11 to 11.1 s: the torque of elbow is up to ")
     assert " is weighed down in the fit: with its whole weight c moves by " in text
     assert weigh_rows(["shoulder", "elbow"], LOGS, gathered(*rows()), WLS)[1] == ""
+    tau = rows()[1]
+    tau[503, 1] += 8 * 0.05  # is weighed down and moves nothing
+    assert weigh_outliers(gathered(W, tau), WLS)[1] is not None
+    assert weigh_rows(["shoulder", "elbow"], LOGS, gathered(W, tau), WLS)[1] == ""
