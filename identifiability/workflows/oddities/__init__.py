@@ -14,6 +14,7 @@ from identifiability.workflows.oddities.timing import find_late, find_time_scale
 from identifiability.workflows.oddities.torque import (
     find_exchanged,
     find_gravity,
+    find_other_masses,
     find_saturation,
     find_torque_scale,
     find_turned_torque,
@@ -52,7 +53,7 @@ MISREAD = (
     find_gravity,
     find_torque_scale,
 )
-EXPLAIN = (*MISREAD, find_weightless, find_late)
+EXPLAIN = (*MISREAD, find_other_masses, find_weightless, find_late)
 
 
 def find_oddities(evidence: Evidence) -> Oddities:
