@@ -1,6 +1,9 @@
-"""What do the unpruned and the pruned model err on motion of real robots that was not fitted?
+"""What do models err on motion of real robots that was neither fitted nor chose anything?
 
-    python studies/real_logs.py [--only NAME]
+    python studies/real_logs.py [--only NAME] [--prune]
+
+The model that an analysis of the fitted logs alone would use: as estimated, as the nearest real
+robot, and as it recommends; with `--prune` the unpruned and the pruned model, too.
 
 KUKA LWR4+ run 1 → 3 and 3 → 1, two of the first two thirds of a TX40's log on each other, halves of
 a UR10's on each other, a KR300 A, C → B and A, B → C. The folder of the data is
@@ -22,8 +25,9 @@ from pathlib import Path
 import kuka_lwr4
 import staubli_tx40
 
-from identifiability import Log, Robot
+from identifiability import Log, Robot, analyze
 from identifiability.logs.conventions import Conventions
+from identifiability.physical.mass import total_mass
 from identifiability.workflows.prune import prune
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -68,23 +72,44 @@ def find_cases(data: Path, folder: Path) -> Iterator[Case]:
 
 
 def main() -> None:
-    """Print one row a case."""
+    """Print a row a case."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--only", default="")
+    parser.add_argument("--prune", action="store_true")
     asked = parser.parse_args()
     data = Path(os.environ.get("IDENTIFIABILITY_DATA", ROOT.parent / "shared" / "data"))
-    print("case: parameters, relative error on the held-out log, and over joints' own scales")
     with tempfile.TemporaryDirectory() as folder:
         for name, robot, fitted, other in find_cases(data, Path(folder)):
-            if asked.only not in name:
-                continue
-            found = prune(robot, fitted, other, replicates=0)
-            text = [
-                f"{len(r)}: {100 * r.error_ra_validation:.2f} % "
-                f"({100 * r.error_joints_validation:.2f} %)"
-                for r in (found.full, found.chosen)
-            ]
-            print(f"{name}: unpruned {text[0]}, pruned {text[1]}", flush=True)
+            if asked.only in name:
+                print(f"{name}: {state(robot, fitted, other)}", flush=True)
+                if asked.prune:
+                    print(f"{name}, pruned: {state_pruned(robot, fitted, other)}", flush=True)
+
+
+def state(robot: Robot, fitted: list[Log], other: Log) -> str:
+    """Return the errors of what an analysis of some logs alone recommends on another."""
+    alone, told = analyze(robot, fitted, replicates=0), analyze(robot, fitted, other, replicates=0)
+    at = alone.selected
+    used, seen = alone.models[at], told.models[at]
+    free, real = 100 * seen.error_ra_validation, 100 * seen.error_ra_physical
+    mass = total_mass(robot, used.physical.parameters())
+    return (
+        f"{used.name}, {len(used.rung)} parameters: estimated {free:.2f} %, nearest real robot "
+        f"{real:.2f} % (prior {used.physical.cad_weight:g}, {mass:.4g} kg of "
+        f"{total_mass(robot, robot.nominal):.4g}), recommended "
+        f"{real if used.physical_used else free:.2f} %; expected "
+        f"{100 * used.error_ra_validation:.2f} and {100 * used.error_ra_physical:.2f} %"
+    )
+
+
+def state_pruned(robot: Robot, fitted: list[Log], other: Log) -> str:
+    """Return errors of the unpruned and the pruned model, and those over joints' own scales."""
+    found = prune(robot, fitted, other, replicates=0)
+    text = [
+        f"{len(r)}: {100 * r.error_ra_validation:.2f} % ({100 * r.error_joints_validation:.2f} %)"
+        for r in (found.full, found.chosen)
+    ]
+    return f"unpruned {text[0]}, pruned {text[1]}"
 
 
 if __name__ == "__main__":

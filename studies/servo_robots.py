@@ -8,17 +8,25 @@ Coulomb's law on the velocities behind it (Gauss–Seidel, as in `hidden_physics
 
 from __future__ import annotations
 
+import argparse
+import tempfile
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pandas as pd
 
-from identifiability.foundation.names import Array
+from identifiability import Log, analyze, rollout
+from identifiability.estimation.rollouts import find_delay
+from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.logs.conventions import Conventions
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 from identifiability.simulation.forward import ForwardRobot
+from identifiability.simulation.rollout import CommandedRobot, forgotten
 
 #: Step of the simulation [s], and rounds in which it is settled which joints stand.
 STEP, ROUNDS = 5e-4, 6
@@ -146,3 +154,76 @@ def _stick(A: Array, v: Array, level: Array, dofs: np.ndarray) -> Array:
             v = v + A[:, d] * (new - pushed[i])
             pushed[i] = new
     return v
+
+
+#: Rotors of a quadruped's hips, thighs and calves [kg·m²].
+ROTORS = {"hip": 0.012, "thigh": 0.016, "calf": 0.034}
+
+
+def draw_quadruped(robot: Robot, wrong: float, rng: np.random.Generator) -> dict[str, float]:
+    """Return a machine: rotors, friction, offsets, and bodies that differ from the file's."""
+    assert robot.servo is not None
+    truth: dict[str, float] = {}
+    for k, joint in enumerate(robot.joints):
+        rotor = next(x for word, x in ROTORS.items() if word in joint)
+        truth[f"{joint}.Ia"] = rotor * rng.uniform(0.8, 1.2)
+        truth[f"{joint}.Fv"], truth[f"{joint}.Fc"] = rng.uniform(0.05, 0.3), rng.uniform(0.1, 0.4)
+        truth[f"{joint}.off"] = rng.uniform(-0.007, 0.007) * robot.servo.kp[k]
+    for body in robot.bodies if wrong else ():
+        share = 1 + wrong * rng.uniform(-1, 1)
+        truth |= {f"{body}.{k}": share * robot.nominal[f"{body}.{k}"] for k in INERTIAL_KINDS}
+    return truth
+
+
+def judge(robot: Robot, wrong: float, how: Recorder, seed: int) -> dict[str, float]:
+    """Return shares of intervals that hold, by kind, and errors of rollouts of a sealed log."""
+    rng = np.random.default_rng(seed)
+    truth = draw_quadruped(robot, wrong, rng)
+    frames = []
+    for seconds in (15.0, 8.0):
+        commands = draw_commands(robot, seconds, how.command_rate, 0.35, rng)
+        frames.append(record(robot, truth, commands, seconds, how, rng))
+    began = time.process_time()
+    found = analyze(robot, frames[0], quick=True)
+    out = {"cpu": time.process_time() - began}
+    table, structure = found.to_frame().set_index("name"), found.structure
+    phi = np.array([{**robot.nominal, **truth}.get(n, 0.0) for n in structure.columns])
+    true = dict(zip(structure.base.names, structure.G @ phi, strict=True))
+    inside = {n: lo <= true[n] <= hi for n, (lo, hi) in table["interval95"].items()}
+    sure = table["verdict"] == "identifiable"
+    for kind in ("Fv", "Fc", "off", "Ia"):
+        names = [n for n in table.index if n.endswith(f".{kind}")]
+        out[kind] = float(np.mean([inside[n] for n in names]))
+    out["sure"] = float(np.mean([inside[n] for n in table.index[sure]]))
+    out["count"] = float(sure.sum())
+    log = Log.from_frame(frames[1], conventions=Conventions.of(robot)).select(robot.joints)
+    oracle = CommandedRobot(robot, truth)
+    apart = oracle.roll(log, delay=find_delay(oracle, [log]))[0] - log.q
+    least = float(np.sqrt(np.mean(apart[forgotten(log) :] ** 2)))
+    with tempfile.TemporaryDirectory() as folder:
+        path = found.to_json(Path(folder) / "result.json")
+        rolled = rollout(robot, frames[1], path, fit=frames[0])
+    ratios = zip(("file", "joints alone", "analyze"), rolled.totals / least, strict=True)
+    return out | {"oracle [mrad]": 1e3 * least} | {name: float(x) for name, x in ratios}
+
+
+def main() -> None:
+    """Print how well numbers, delays and rollouts of drawn quadrupeds are found."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--first", type=int, default=0)
+    given = parser.parse_args()
+    robot = Robot.load("quadruped")
+    for rate, bits in ((200.0, 14), (50.0, 12)):
+        for wrong in (0.0, 0.2):
+            rows = []
+            for seed in range(given.first, given.first + given.seeds):
+                how = Recorder(rate=rate, bits=bits, delay=0.002 + 0.004 * (seed % 4))
+                rows.append(judge(robot, wrong, how, seed))
+            mean = pd.DataFrame(rows).mean()
+            print(f"{rate:g} Hz, {bits} bits, bodies ± {100 * wrong:g} %:", flush=True)
+            print("  " + ", ".join(f"{k} {x:.3g}" for k, x in mean.items()), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Log, Robot, analyze
+from identifiability import Log, Robot, analyze, compare, inspect, payload
 from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -75,3 +76,25 @@ def test_where_joints_agree_nothing_is_fitted(two_link, monkeypatch, simulated_s
     monkeypatch.setattr(band, "_score", None)
     found = settle_band(structure, [log], None)
     assert found.cutoff == settle_cutoff(robot, [log], None).cutoff
+
+
+@pytest.mark.parametrize("verb", ["compare", "inspect", "payload", "predict"])
+def test_every_verb_takes_the_same_band(two_link, coarse, verb, monkeypatch):
+    robot, _ = two_link
+    taken = []
+
+    def prepare(robot, log, how, **options):
+        taken.append(how)
+        return prepare_log(robot, log, how, **options)
+
+    where = {"predict": "predict.fit"}.get(verb, f"{verb}.workflow")
+    monkeypatch.setattr(f"identifiability.workflows.{where}.prepare_log", prepare)
+    other = replace(coarse.cut(0, 3500, "other"), sha256="other")
+    if verb == "compare":
+        compare(robot, coarse, other)
+    elif verb == "inspect":
+        inspect(robot, coarse)
+    else:
+        result = analyze(robot, coarse, preparation=Preparation(cutoff=5.65), replicates=10)
+        result.predict(other) if verb == "predict" else payload(robot, result, other)
+    assert {(how.cutoff < 10, how.band.bandwidth < 1) for how in taken} == {(True, True)}

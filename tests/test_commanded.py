@@ -271,6 +271,23 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     assert found.write_report(tmp_path / "rollout.html").stat().st_size > 10_000
 
 
+def test_gains_that_contradict_the_motion_are_refused(arm, frames, tmp_path):
+    shutil.copy(arm.path, tmp_path / "arm.xml")
+    (tmp_path / "arm.toml").write_text("[servo]\nkp = 3\nkv = 1\n")
+    with pytest.raises(LogError, match="contradict the motion"):
+        analyze(tmp_path / "arm.xml", frames[1], quick=True)
+
+
+def test_joints_are_fitted_to_rollouts_and_written_in_one_go(arm, frames, tmp_path):
+    found = rollout(arm, frames[1], fit=frames[0])
+    assert found.totals[1] < 0.15 * found.totals[0]
+    path = found.fitted.save(tmp_path / "fitted.xml")
+    again = rollout(path, frames[1])
+    np.testing.assert_allclose(again.totals[0], found.totals[1], rtol=1e-3)
+    with pytest.raises(LogError, match="is fitted and rolled out"):
+        rollout(arm, frames[1], fit=frames[1])
+
+
 def test_a_rollout_needs_commands_and_joints_alike(arm, frames):
     frame = frames[1].rename(columns={"shoulder.cmd": "shoulder.tau", "elbow.cmd": "elbow.tau"})
     with pytest.raises(LogError, match="has no commands"):

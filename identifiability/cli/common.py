@@ -227,7 +227,7 @@ def print_end(texts: Iterable[str], written: Iterable[Path] = ()) -> None:
 
 
 #: Options that are logs to read.
-LOGS = ("logs", "validate", "loaded", "start_from", "without")
+LOGS = ("logs", "validate", "loaded", "start_from", "without", "fit")
 
 #: Options that are logs, or results.
 SIDES = ("before", "after", "more_before", "more_after")

@@ -18,6 +18,8 @@ def rollout(
     logs: options.Logs,
     outputs: options.Outputs,
     against: Annotated[str | None, Option(metavar="ROBOT|RESULT")] = None,
+    fit: Annotated[list[str] | None, Option(metavar="LOG")] = None,
+    fitted: Annotated[Path | None, Option(), Writes(".xml", ".urdf")] = None,
     out: Annotated[Path | None, Option(), Writes(".csv", ".parquet", ".pq")] = None,
 ) -> None:
     """Move a robot by logged commands in a simulator, and say by how much its positions err.
@@ -28,26 +30,41 @@ def rollout(
     or prune wrote, is moved by the same commands.
 
         identifiability rollout quadruped run.csv --report rollout.html
+        identifiability rollout robot.xml unseen.csv --fit run.csv --fitted fitted.xml
         identifiability rollout robot.xml unseen.csv --against fitted.xml --out positions.csv
 
     **You get** the error of each joint's positions [mrad or mm], over whole logs and over windows
     of one second that begin with what was measured. Use logs that were not fitted.
 
+    With --fit rotors, friction and offsets of the joints, and the delay of commands, are fitted to
+    the positions of other logs first, bodies as the file's; *analyze* says which of these numbers
+    the logs determine, and fits bodies, too.
+
     Parameters
     ----------
     against
         Another robot file, or a result of this robot (.json).
+    fit
+        Log to fit the joints to first; may be given several times.
+    fitted
+        Robot file to write with what was fitted.
     out
         File to write with positions sample by sample: .csv or .parquet.
     """
     with common.sentences(), common.progress() as say:
+        from identifiability.foundation.options import OptionError  # noqa: PLC0415
         from identifiability.workflows.rollout import rollout as run  # noqa: PLC0415
 
         say("reading logs", 0.0)
         robot = machine.load(recorded)
         say("rolling out commands", 0.2)
-        found = run(robot, logs, against)
-        written = ([] if out is None else [found.write(out)]) + outputs.write(found, say)
+        if fitted is not None and not fit:
+            raise OptionError("--fitted writes what --fit finds; give logs to fit to.")
+        found = run(robot, logs, against, fit or ())
+        written = [] if out is None else [found.write(out)]
+        if fitted is not None and found.fitted is not None:
+            written.append(found.fitted.save(fitted))
+        written += outputs.write(found, say)
     names = [run.name for run in found.runs]
     headings = ("joint", *(h for n in names for h in (n, "1 s windows")), "unit")
     units = [{"N": "mm"}.get(unit, "mrad") for unit in found.robot.torque_units]

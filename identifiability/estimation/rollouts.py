@@ -17,7 +17,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.robot import Robot
-from identifiability.simulation.rollout import CommandedRobot, forgotten
+from identifiability.simulation.rollout import STEP, CommandedRobot, forgotten
 
 #: What is found of each joint: rotor, viscous and dry friction, offset.
 KINDS = ("Ia", "Fv", "Fc", "off")
@@ -25,6 +25,9 @@ KINDS = ("Ia", "Fv", "Fc", "off")
 #: Shares of the inertia, damping and torque of a joint by which its numbers are varied, and of a
 #: sampling step by which the delay is.
 VARIED, LATER = 0.02, 0.05
+
+#: Step of rollouts whose differences alone are looked at [s].
+COARSE = 2.5 * STEP
 
 #: No delay that is looked for is longer [s].
 LATEST = 0.06
@@ -150,12 +153,14 @@ def find_delay(machine: CommandedRobot, logs: Sequence[Log]) -> float:
     # A command was given at any time since the row before.
     grid = np.linspace(-step, LATEST, 12)
     best = int(np.argmin(costs(grid)))
-    for _ in range(3):
-        wide = float(grid[1] - grid[0])
-        low, high = max(grid[best] - wide, -step), grid[best] + wide
-        grid = np.linspace(low, high, 7)
-        best = int(np.argmin(costs(grid)))
-    return float(grid[best])
+    wide = float(grid[1] - grid[0])
+    near = np.linspace(max(grid[best] - wide, -step), grid[best] + wide, 7)
+    found = costs(near)
+    best = int(np.clip(np.argmin(found), 1, len(near) - 2))
+    a, b, c = found[best - 1 : best + 2]  # through which goes a parabola
+    bend = a - 2 * b + c
+    shift = 0.5 * (a - c) / bend if bend > 0 else 0.0
+    return float(near[best] + np.clip(shift, -1, 1) * (near[1] - near[0]))
 
 
 class _Problem:
@@ -198,12 +203,12 @@ class _Problem:
             low[late], high[late] = -1e-12, 1e-12
         return np.minimum(low, -1e-12), high
 
-    def roll(self, xs: Sequence[Array]) -> list[list[Array]]:
+    def roll(self, xs: Sequence[Array], step: float = STEP) -> list[list[Array]]:
         """Return positions along every log, for several vectors."""
         numbers, delays = zip(*map(self.unpack, xs), strict=True)
         late = np.array(delays).T
         pairs = zip(self.logs, late, strict=True)
-        each = [self.machine.roll(log, numbers, own) for log, own in pairs]
+        each = [self.machine.roll(log, numbers, own, step=step) for log, own in pairs]
         return [[q[k] for q in each] for k in range(len(xs))]
 
     def residual(self, q: list[Array], weights: Array) -> Array:
@@ -233,7 +238,7 @@ class _Problem:
         late = x.copy()
         late[4 * n :] += LATER * self.dt
         tries.append(late)
-        base, *others = self.roll(tries)
+        base, *others = self.roll(tries, COARSE)
         r = self.residual(base, weights)
         J = np.zeros((len(r), p))
         rows = r.reshape(-1, n)
@@ -248,4 +253,4 @@ class _Problem:
         ends = np.cumsum([0, *(n * (len(log) - forgotten(log)) for log in self.logs)])
         for k, (a, b) in enumerate(pairwise(ends.tolist())):
             J[a:b, 4 * n + k] = change[a:b]
-        return J, r
+        return J, self.residual(self.roll([x])[0], weights)

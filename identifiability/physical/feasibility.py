@@ -9,7 +9,7 @@ import numpy as np
 
 from identifiability.effects.vocabulary import file_kinds, held_by_file
 from identifiability.estimation.estimator import settle_signs
-from identifiability.estimation.evidence import LEVELS, Held, Score, near_best
+from identifiability.estimation.evidence import LEVELS, Evidence, Held, Level, Score
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL, Array
@@ -63,8 +63,8 @@ class PhysicalResult:
     cad_weight : float
         Of the prior around the robot file that the nearest real robot was sought with.
     as_good : bool
-        Whether the nearest real robot predicts stretches of the fitted logs that it has not seen
-        as well as the estimate does.
+        Whether the estimate does not surely predict stretches of the fitted logs that it has not
+        seen better than the nearest real robot does.
     """
 
     region: PhysicalSet
@@ -182,7 +182,8 @@ class PriorChoice:
     values : (F, b)
         Base parameters of the nearest real robot under it, found from each fold's rest.
     as_good : bool
-        Whether it may stand for the best of these and the free fit (`near_best`).
+        Whether the free fit is not surely better. Of two that are not told apart the one is right
+        that can exist.
     """
 
     weight: float
@@ -236,7 +237,7 @@ def choose_prior(
     if not scores:
         return None
     at = int(np.argmax(np.array(total) >= max(total) - LEVELS.nats))
-    good = bool(near_best([scores[at], free])[0])
+    good = Evidence.of(scores[at], free).level is not Level.WORSE
     return PriorChoice(weights[at], values[at], good)
 
 

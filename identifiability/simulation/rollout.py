@@ -12,6 +12,7 @@ own rate is part of it: what it measured is half a period old while it acts.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import mujoco
@@ -30,6 +31,9 @@ from identifiability.simulation.forward import DIVERGED, HARD, ForwardRobot
 
 #: Longest step of the integrator [s].
 STEP = 1e-3
+
+#: Share of the time in which damping stops a joint that is a step, and no step is shorter [s].
+LITTLE, LEAST = 0.4, 2e-5
 
 #: Time in which the speed of a start is seen [s], and after which it is forgotten by most servos.
 AROUND, FORGOTTEN = 0.05, 0.25
@@ -83,6 +87,14 @@ class CommandedRobot:
         mujoco.mj_fullM(self.model, data, M)
         return np.asarray(np.diag(M)[self.dofs])
 
+    @cached_property
+    def longest(self) -> float:
+        """Longest step of the integrator that takes little of any joint's inertia off [s]."""
+        home = self._forward.home()[self.at]
+        damping = self.model.dof_damping[self.dofs] + self.servo.kv
+        ratio = self.inertia(home) / np.maximum(damping, 1e-12)
+        return float(max(LEAST, LITTLE * ratio.min()))
+
     @property
     def trees(self) -> np.ndarray:
         """Which tree behind the base each joint is of, (n,) int: none moves another's."""
@@ -111,6 +123,7 @@ class CommandedRobot:
         numbers: Sequence[Mapping[str, Array]] = (),
         delay: float | Sequence[float] | Array = 0.0,
         windows: Sequence[tuple[int, int]] = (),
+        step: float | None = None,
     ) -> Array:
         """Return positions at the samples of a log, (K, N, n); NaN where they diverged.
 
@@ -123,11 +136,14 @@ class CommandedRobot:
         delay : float or K of them [s]
         windows : sequence of (start, stop)
             Rows at which each run begins anew; by default one, the whole log.
+        step : float [s], optional
+            Longest one of the integrator.
         """
         numbers = list(numbers) or [self.numbers()]
         delays = np.broadcast_to(np.asarray(delay, float), (len(numbers),))
         dt = signals.sampling_step(log.t)
-        inner = max(1, int(np.ceil(dt / STEP - 1e-9)))
+        longest = min(step or STEP, self.longest)
+        inner = max(1, int(np.ceil(dt / longest - 1e-9)))
         h = dt / inner
         speed = starting_speeds(log)
         models = [self._with(own, h) for own in numbers]

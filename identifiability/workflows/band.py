@@ -50,6 +50,8 @@ def settle_band(
     first = settle_cutoff(structure.robot, logs, how)
     if not isinstance(first, SettledPreparation) or first.band is None:
         return first
+    if any(log.motion_alone for log in logs):  # there is nothing to predict
+        return first
     found: list[Preparation] = [first]
     given = how is not None and how.cutoff is not None
     for fastest in np.unique(first.band.joints)[-2::-1].tolist():

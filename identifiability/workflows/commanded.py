@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.estimation.rollouts import Rollouts, find_delay, fit_rollouts
-from identifiability.foundation.errors import RobotError, listing
+from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.commands import check_commands, servo_log
@@ -28,6 +28,9 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 from identifiability.simulation.rollout import CommandedRobot, forgotten
+
+#: Share of a joint's motion by which the best rollout errs where gains contradict it.
+CONTRADICTED = 0.5
 
 #: Recordings of a rollout that differ in where the encoders' steps lie.
 PHASES = 4
@@ -86,6 +89,7 @@ def follow_commands(
     found = fit_rollouts(
         robot, [log.select(robot.joints) for log in commanded], delay=robot.servo.delay
     )
+    _check_found(robot, commanded, found)
     own = CommandedRobot(robot, found.parameters(robot))
 
     def calibrated(log: Recording) -> Recording:
@@ -96,6 +100,27 @@ def follow_commands(
     hints = (state_servos(robot, commanded, found),)
     del machine
     return tuple(map(calibrated, fitted)), tuple(map(calibrated, held)), hints
+
+
+def _check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> None:
+    """Refuse gains that the motion contradicts.
+
+    Raises
+    ------
+    LogError
+    """
+    assert robot.servo is not None
+    moved = np.sqrt(np.mean([log.q.var(0) for log in logs], axis=0))
+    share = found.errors / np.maximum(moved, 1e-3)
+    k = int(np.argmax(share))
+    if share[k] > CONTRADICTED:
+        raise LogError(
+            f"The servos of {robot.servo.source} contradict the motion in "
+            f"{listing([log.name for log in logs], 4)}: moved by the commands, '{robot.joints[k]}' "
+            f"errs by {100 * share[k]:.0f} % of how it moves, whatever its friction and rotor are; "
+            f"check its gains (kp = {robot.servo.kp[k]:.4g}, kv = {robot.servo.kv[k]:.4g}) and the "
+            "sign and zero of its command."
+        )
 
 
 def _calibrate(
@@ -154,7 +179,7 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     return (
         f"{names} {'holds' if len(logs) == 1 else 'hold'} commands and no torque: it is what the "
         f"servos of {robot.servo.source} make of them, kp (q_cmd − q) − kv dq, "
-        f"{late} ms after each command was logged ({known}), less what sampling "
+        f"{late} ms after the row of each command ({known}), less what sampling "
         "and encoders leave in it. Moved by these commands the file's robot errs by "
         f"{before:.3g} mrad (rms), one with the joints' numbers that fit best by {after:.3g}."
     )

@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from identifiability.estimation.rollouts import find_delay
+from identifiability.estimation.rollouts import find_delay, fit_rollouts
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.names import Array
@@ -31,7 +31,7 @@ from identifiability.logs.tables import write_table
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.changed import new_place
 from identifiability.simulation.rollout import NO_SERVO, CommandedRobot, forgotten
-from identifiability.workflows.opening import Logs, in_memory, read_logs
+from identifiability.workflows.opening import Logs, in_memory, list_logs, read_logs
 
 #: Length of a window [s].
 WINDOW = 1.0
@@ -76,8 +76,9 @@ class RolledOut(Result):
     robot : Robot
     logs : tuple of Log
     runs : tuple of Rolled
-        Of the robot, and of the other one if there is one.
-    hints : tuple of str
+        Of the robot, of the fitted one, and of the other one, as far as there are.
+    fitted : Robot or None
+        With what was fitted to logs first; its `save` writes it.
     """
 
     schema: ClassVar[str] = "identifiability/rollout/1"
@@ -85,7 +86,7 @@ class RolledOut(Result):
     robot: Robot
     logs: tuple[Log, ...]
     runs: tuple[Rolled, ...]
-    hints: tuple[str, ...] = ()
+    fitted: Robot | None = None
 
     @cached_property
     def errors(self) -> Array:
@@ -139,9 +140,10 @@ class RolledOut(Result):
         told = [self._tell(k) for k in range(len(self.runs))]
         text = f"Moved by the commands of {names} from where it began, {told[0]}"
         if len(told) > 1:
-            ratio = float(self.totals[1] / self.totals[0])
-            text += f"; {told[1]}"
-            text += f", {ratio:.3g} times as much" if np.isfinite(ratio) else ""
+            ratios = self.totals[1:] / self.totals[0]
+            for other, ratio in zip(told[1:], ratios, strict=True):
+                text += f"; {other}"
+                text += f", {ratio:.3g} times as much" if np.isfinite(ratio) else ""
         late = [
             f"{run.name} {listing([f'{1e3 * d:.3g}' for d in run.delays], 3)} ms"
             + (" (found from these logs)" if run.found else "")
@@ -173,8 +175,8 @@ class RolledOut(Result):
             columns: dict[str, Any] = {"log": log.name, "t": log.t}
             for i, joint in enumerate(log.joints):
                 columns[f"{joint}.q"] = log.q[:, i]
-                for word, run in zip(("simulated", "other"), self.runs, strict=False):
-                    columns[f"{joint}.{word}"] = run.q[k][:, i]
+                for r, run in enumerate(self.runs):
+                    columns[f"{joint}.{run.name if r else 'simulated'}"] = run.q[k][:, i]
             parts.append(pd.DataFrame(columns))
         return pd.concat(parts, ignore_index=True)
 
@@ -213,7 +215,6 @@ class RolledOut(Result):
             ],
             "window": WINDOW,
             "rollouts": runs,
-            "hints": list(self.hints),
         }
 
 
@@ -223,7 +224,9 @@ def _number(x: float) -> float | None:
 
 
 @checked
-def rollout(robot: RobotLike, logs: Logs, against: Other | None = None) -> RolledOut:
+def rollout(
+    robot: RobotLike, logs: Logs, against: Other | None = None, fit: Logs = ()
+) -> RolledOut:
     """Say by how much positions err where a robot is moved by logged commands.
 
     Parameters
@@ -234,6 +237,9 @@ def rollout(robot: RobotLike, logs: Logs, against: Other | None = None) -> Rolle
         With commands, ``<joint>.cmd``, beside positions; torque is not looked at.
     against : Robot, path or result, optional
         Another robot, or what analyze or prune fitted to this one.
+    fit : the same as logs, optional
+        Logs to whose positions rotors, friction and offsets of the joints, and the delay, are
+        fitted first, bodies as the file's: that robot is the other one.
 
     Raises
     ------
@@ -246,16 +252,33 @@ def rollout(robot: RobotLike, logs: Logs, against: Other | None = None) -> Rolle
             raise RobotError(f"{robot.path} {NO_SERVO}")
         read = _read(robot, logs)
         others = [] if against is None else [_other(robot, against)]
+        learnt = _read(robot, fit) if list_logs(fit) else []
+        if learnt:
+            shared = {log.sha256 for log in learnt} & {log.sha256 for log in read}
+            if shared:
+                raise LogError(
+                    f"{next(x.name for x in learnt if x.sha256 in shared)} is fitted and rolled "
+                    "out; give logs that were not fitted."
+                )
+            found = fit_rollouts(robot, learnt, delay=robot.servo.delay)
+            others.insert(0, robot.with_values(found.parameters(robot)))
         for other in others:
             if other.joints != robot.joints:
                 raise RobotError(
                     f"{other.path} has the actuated joints {listing(other.joints)}, and "
                     f"{robot.path} {listing(robot.joints)}; compare robots with the same joints."
                 )
-        runs = tuple(_roll(each, read) for each in (robot, *others))
-        if len(runs) > 1 and runs[0].name == runs[1].name:
-            runs = (runs[0], replace(runs[1], name=f"{runs[1].name} (the other)"))
-    return RolledOut(robot=robot, logs=tuple(read), runs=runs)
+        runs = [_roll(each, read) for each in (robot, *others)]
+        if learnt:
+            runs[1] = replace(runs[1], name=f"fitted to {listing([x.name for x in learnt], 2)}")
+        if against is not None and runs[-1].name == runs[0].name:
+            runs[-1] = replace(runs[-1], name=f"{runs[-1].name} (the other)")
+    return RolledOut(
+        robot=robot,
+        logs=tuple(read),
+        runs=tuple(runs),
+        fitted=others[0] if learnt else None,
+    )
 
 
 def _read(robot: Robot, logs: Logs) -> list[Log]:

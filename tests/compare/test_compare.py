@@ -70,6 +70,17 @@ def test_friction_that_rose_is_named_with_its_size(name, joint, motion):
     assert bool(found.pairs) == (motion == 0)
 
 
+def test_a_second_log_with_twelve_times_the_noise_does_not_spoil_the_first():
+    before, after = logs(PLANAR, 0)[0], logs(PLANAR, 30)[1]
+    rng = np.random.default_rng(9)
+    bad = replace(logs(PLANAR, 31)[1], name="bad")
+    bad = replace(bad, tau=Noise(additive=0.24, correlation=0.7).on_torque(bad.tau, rng))
+    alone, both = (compare(PLANAR, before, side).difference for side in (after, [after, bad]))
+    assert alone.kept.tolist() == both.kept.tolist()
+    ratio = np.sqrt(np.diag(both.covariance) / np.diag(alone.covariance))
+    assert np.exp(np.log(ratio).mean()) < 1.1
+
+
 def test_friction_of_passive_joints_may_be_what_a_closed_chain_shows():
     """A model without it says that of the motors rose, and must say that it may not have."""
     name, joint = "five-bar", campaign("five-bar").robot.joints[0]

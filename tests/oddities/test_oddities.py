@@ -13,7 +13,9 @@ from identifiability.logs.checks import FEWEST
 from identifiability.logs.prepare import prepare_samples
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
+from identifiability.workflows.oddities import Evidence, find_oddities
 from identifiability.workflows.oddities.timing import Shift, measure_position, measure_shift
+from identifiability.workflows.oddities.torque import measure_carried
 
 from .conftest import record
 
@@ -45,6 +47,29 @@ def test_the_gain_of_one_joint(say, six_axis):
     (hint,) = say(structure, replace(log, tau=gain * log.tau))
     assert f"The measured torque of {log.joints[1]} is" in hint
     assert "not so at the other joints" in hint
+
+
+def test_a_tool_that_the_file_does_not_state_is_no_gain(six_axis):
+    structure, _ = six_axis
+    robot, rng = structure.robot, np.random.default_rng(3)
+    hand = robot.bodies[-1]
+    kinds = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+    heavy = robot.with_values({f"{hand}.{k}": 12.0 * robot.nominal[f"{hand}.{k}"] for k in kinds})
+    motion = random_trajectory(heavy, rng, samples=600)
+    log = simulate(heavy, motion, noise=Noise(torque=0.02, encoder=1e-5), rng=rng)
+    log = replace(log, dq=None, ddq=None)
+    found = find_oddities(Evidence(structure, (log,), (prepare_samples(robot, log),)))
+    assert "state what the robot carries" in found.hints[0]
+    assert not found.misread
+
+
+def test_weight_is_not_told_by_masses_that_are_not_what_is_moved(six_axis):
+    structure, log = six_axis
+    samples = prepare_samples(structure.robot, log)
+    evidence = Evidence(structure, (log,), (samples,))
+    (held, *_) = [c for c in measure_carried(evidence) if c.joint == 1]
+    assert held.nearest == 1.0
+    assert np.isnan(replace(held, factor=-0.2, half=0.1, moving=9.6, moving_half=2.4).nearest)
 
 
 def test_time_in_milliseconds_read_as_seconds(say, six_axis):

@@ -169,6 +169,18 @@ def test_masses_are_said_to_be_proportional_to_the_gains(fit, make_logs, planted
     assert "proportional to the torque constants" in page.summary[0].answers[0].text
 
 
+def test_a_second_log_with_twelve_times_the_noise_does_not_spoil_the_first(fit, make_logs, planted):
+    good = make_logs("six-dof-arm", planted, seed=2)
+    bad = make_logs("six-dof-arm", planted, seed=3, size=0.12)[1]
+    bare = make_logs("six-dof-arm", seed=4)[1]
+    alone, both = (
+        payload("six-dof-arm", fit("six-dof-arm"), logs, bare)
+        for logs in (good[:1], [good[0], bad])
+    )
+    one, two = (np.sqrt(np.diag(found.estimate.covariance))[-1] for found in (alone, both))
+    assert two < 1.1 * one
+
+
 def test_logs_that_disagree_widen_the_interval_and_are_told(fit, make_logs, planted):
     light = make_logs(ARM, planted, seed=12)
     heavy = make_logs(ARM, replace(planted, mass=2.5), seed=13)

@@ -145,8 +145,8 @@ class RungResult(JudgedModel):
     physical : PhysicalResult
         Whether a real robot has these parameters, and the nearest that has.
     physical_as_good : bool
-        Whether the nearest real robot stands for the estimate: it predicts stretches of the fitted
-        logs as well, and validation logs do not object.
+        Whether the nearest real robot stands for the estimate: of stretches of the fitted logs it
+        does not surely predict worse, and validation logs do not object.
     """
 
     uncertainty: Uncertainty

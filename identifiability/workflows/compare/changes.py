@@ -16,7 +16,7 @@ from scipy.stats import f
 
 from identifiability.effects import title_of
 from identifiability.estimation.bootstrap import merge_blocks
-from identifiability.estimation.estimate import estimate, forget_noise
+from identifiability.estimation.estimate import estimate, forget_noise, weigh_logs
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.motions import MOST_STRETCHES, compare_motions
 from identifiability.estimation.scores import MEMORIES, scatter_scores
@@ -119,7 +119,7 @@ class Difference:
             If a side is too short to be fitted by itself.
         """
         fresh = forget_noise(estimator)
-        sides = [information.take(side) for side in (~after, after)]
+        sides = [weigh_logs(information.take(side), estimator) for side in (~after, after)]
         fits = [fresh.fit(side) for side in sides]
         kept = sorted(set(fits[0].kept) & set(fits[1].kept))
         parts = [side.select(kept) for side in sides]

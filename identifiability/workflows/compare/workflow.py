@@ -21,7 +21,6 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
-from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import (
     LadderLike,
@@ -32,6 +31,7 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
+from identifiability.workflows.band import settle_band
 from identifiability.workflows.compare.changes import (
     LEVEL,
     Cause,
@@ -403,7 +403,7 @@ def _compare_logs(
     source = find_ladder(robot, ladder, beside=True)
     structure = Structure.of(robot, ladder_model(source.entry))
     rung = build_ladder(source.entry, structure)[0]
-    how = settle_cutoff(robot, (*first, *second), preparation)
+    how = settle_band(structure, (*first, *second), preparation)
     prepare = partial(prepare_log, robot, how=how, engine=engine)
     both = Recordings((*first, *second), (), (*sides[0].hints, *sides[1].hints))
     names = (tuple(r.name for r in first), tuple(r.name for r in second))

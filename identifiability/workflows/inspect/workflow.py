@@ -22,7 +22,6 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared, prepare_log
-from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.logs.prepare.samples import explain_silence
 from identifiability.logs.repeats import Recording
 from identifiability.regression.base_parameters import group_columns
@@ -34,6 +33,7 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
+from identifiability.workflows.band import settle_band
 from identifiability.workflows.inspect.contents import (
     JointFact,
     Need,
@@ -339,7 +339,7 @@ def _with_logs(
     reading = share(say, "reading logs", 0.2, 0.6)
     prepared: dict[int, Prepared] = {}
     refused: dict[int, str] = {}
-    settled = _settle(robot, recordings.fitted, how)
+    settled = _settle(structure, recordings.fitted, how)
     prepare = partial(prepare_log, robot, how=settled, engine=engine, progress=reading)
     for k, log in enumerate(recordings.fitted):
         try:
@@ -378,10 +378,12 @@ def _with_logs(
     )
 
 
-def _settle(robot: Robot, logs: tuple[Recording, ...], how: Preparation | None) -> Preparation:
+def _settle(
+    structure: Structure, logs: tuple[Recording, ...], how: Preparation | None
+) -> Preparation:
     """Return the preparation with one cut-off for all logs, or each with its own if one is odd."""
     try:
-        return settle_cutoff(robot, logs, how)
+        return settle_band(structure, logs, how)
     except IdentifiabilityError:
         return how or Preparation()
 

@@ -14,6 +14,7 @@ from identifiability.workflows.oddities.timing import find_late, find_time_scale
 from identifiability.workflows.oddities.torque import (
     find_exchanged,
     find_gravity,
+    find_other_masses,
     find_saturation,
     find_torque_scale,
     find_turned_torque,
@@ -52,12 +53,14 @@ MISREAD = (
     find_gravity,
     find_torque_scale,
 )
-EXPLAIN = (*MISREAD, find_weightless, find_late)
+EXPLAIN = (*MISREAD, find_other_masses, find_weightless, find_late)
 
 
 def find_oddities(evidence: Evidence) -> Oddities:
     """Return what is odd about logs, a sentence each; one explanation is enough."""
     raw = (*find_beyond_limits(evidence), *find_hung(evidence), *find_saturation(evidence))
-    found = ((find, find(evidence)) for find in EXPLAIN)
+    # Torque that servos made of commands has no column that could be another one.
+    commanded = any(getattr(log, "servo_delay", None) is not None for log in evidence.recordings)
+    found = ((find, find(evidence)) for find in (() if commanded else EXPLAIN))
     which, first = next((pair for pair in found if pair[1]), (None, ()))
     return Oddities((*first, *raw), bool(first), which in MISREAD)

@@ -91,8 +91,13 @@ class Carried:
 
     @property
     def nearest(self) -> float:
-        """The one of `FACTORS` that it is, NaN if it may be several."""
-        return _nearest(self.factor, self.half)
+        """The one of `FACTORS` that it is, NaN if it may be several, or bodies are not the file's.
+
+        What moves the file's masses says whether they are there at all: a tool that the file does
+        not state, or a spring, carries weight of its own.
+        """
+        others = abs(self.moving) - self.moving_half > FACTOR
+        return np.nan if others else _nearest(self.factor, self.half)
 
     @property
     def moves(self) -> float:
@@ -123,9 +128,10 @@ def measure_carried(evidence: Evidence) -> list[Carried]:
     for k in np.flatnonzero((size > FELT * most) & (size > 0) & evidence.measured):
         moving = evidence.predicted[:, k] - weight[:, k]
         own = np.column_stack([weight[:, k], moving, evidence.ordinary(int(k))])
-        value, half = regress(own, evidence.torque[:, k])
+        own, torque = own[evidence.data[:, k]], evidence.torque[evidence.data[:, k], k]
+        value, half = regress(own, torque)
         if not half[0] < WIDEST:  # weight that hardly varies is told from no offset
-            value, half = regress(own[:, [0, 1, 3, 4, 5]], evidence.torque[:, k])
+            value, half = regress(own[:, [0, 1, 3, 4, 5]], torque)
         if np.isfinite(half[0]):
             found.append(Carried(int(k), value[0], half[0], value[1], half[1]))
     return found
@@ -274,12 +280,18 @@ UNITS = {"mN·m (or mN)": 1e3, "N·cm": 1e2, "N·mm": 1e3, "kN·m (or kN)": 1e-3
 
 
 def find_torque_scale(evidence: Evidence) -> tuple[str, ...]:
-    """Return one sentence on torque whose size contradicts the file's masses, or none."""
+    """Return one sentence on torque whose size contradicts the file's masses, or none.
+
+    Where it does at some joints alone, and bodies of other masses explain it as well as another
+    gain there does, these are what the logs say (`find_other_masses`).
+    """
     if not evidence.weighs:
         return ()
     factors = measure_factors(evidence)
     known = np.isfinite(factors)
     odd = known & ((factors > FACTOR) | (factors < 1 / FACTOR))
+    if odd.any() and odd.sum() < known.sum() and not _gain_explains(evidence, odd, factors):
+        return ()
     if not odd.any():
         return _tell_apart(evidence, factors[known])
     joints, share = evidence.joints, factors[odd]
@@ -306,6 +318,39 @@ def find_torque_scale(evidence: Evidence) -> tuple[str, ...]:
         ": check unit and gain of the column (current, percent, before the gear?), or the file's "
         "masses.",
     )
+
+
+def find_other_masses(evidence: Evidence) -> tuple[str, ...]:
+    """Return one sentence on joints that carry bodies of quite other masses than the file's."""
+    if not evidence.weighs:
+        return ()
+    factors = measure_factors(evidence)
+    known = np.isfinite(factors)
+    odd = known & ((factors > FACTOR) | (factors < 1 / FACTOR))
+    if not odd.any() or odd.sum() == known.sum() or _gain_explains(evidence, odd, factors):
+        return ()
+    which = listing([evidence.joints[k] for k in np.flatnonzero(odd)], 6)
+    return (
+        f"The measured torque of {which} is {_multiple(factors[odd])} what the masses of the robot "
+        "file ask for, and bodies of other masses explain it better than another gain of the "
+        "column: state what the robot carries (a tool, a load) in the file.",
+    )
+
+
+def _gain_explains(evidence: Evidence, odd: np.ndarray, factors: Array) -> bool:
+    """Return whether the unpruned model fits better if torque at odd joints had another gain."""
+    spread = evidence.torque.std(0)
+    if not (spread > 0).all():
+        return True
+    structure, data = evidence.structure, evidence.data
+    W = structure.model.regressor(structure.robot, evidence.motion)[:, :, structure.base.kept]
+    W, tau = W * data[:, :, None], evidence.torque * data
+    gain = np.where(odd, factors, 1.0)
+    given, other = (
+        unexplained(W * g[:, None] / spread[:, None], tau / spread)
+        for g in (np.ones(len(gain)), gain)
+    )
+    return other < given
 
 
 def _tell_apart(evidence: Evidence, factors: Array) -> tuple[str, ...]:

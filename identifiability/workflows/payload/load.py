@@ -16,7 +16,7 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from identifiability.effects.transmission import LoadDependentFriction
-from identifiability.estimation.estimate import estimate
+from identifiability.estimation.estimate import estimate, find_estimator, weigh_logs
 from identifiability.estimation.estimator import NOTHING, Estimate
 from identifiability.estimation.memory import Noise
 from identifiability.estimation.motions import Motions, compare_motions
@@ -203,7 +203,7 @@ def estimate_load(
     parts = [info.reduce(both, names, base) for info in loaded]
     parts += [info.reduce(empty, names, fit.base) for info in without]
     parts += [_differences(pair, fit, rubbing, both, empty, names) for pair in pairs]
-    whole = reduce(add, parts)
+    whole = weigh_logs(reduce(add, parts), find_estimator("wls"))
     # Logs without the load tell of the robot only.
     bare = range(len(loaded), len(loaded) + len(without))
     with_load = whole.take(~np.isin(whole.log, bare))

@@ -25,7 +25,6 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.echo import noise_share
 from identifiability.logs.prepare.longsamples import Prepared, prepare_log
-from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.logs.repeats import Recording
 from identifiability.physical.nominal_bodies import draw_bodies
 from identifiability.physical.pseudo_inertia import natural_scale
@@ -34,6 +33,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.changed import last_bodies
 from identifiability.robot.kinematics import WORLD
+from identifiability.workflows.band import settle_band
 from identifiability.workflows.instruments import LOUD
 from identifiability.workflows.opening import Logs, require_signal
 from identifiability.workflows.pairs import find_pairs, read_sides
@@ -289,7 +289,7 @@ def payload(
         place, columns = choose_body(fit.structure, body)
         sides = read_sides(logs, without, Conventions.of(robot), fit.preparation, alone=True)
         given, other = (side.fitted for side in sides)
-        how = settle_cutoff(robot, given, fit.preparation)
+        how = settle_band(fit.structure, given, fit.preparation)
         pairs = find_pairs(robot, given, other, how)
         runner = engine or Serial()
 

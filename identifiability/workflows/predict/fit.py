@@ -28,7 +28,6 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared, prepare_log
-from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.reduction import (
     LadderEntry,
     Rung,
@@ -40,6 +39,7 @@ from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.sidecar import Held
+from identifiability.workflows.band import settle_band
 from identifiability.workflows.commands import name_export
 from identifiability.workflows.opening import Logs, read_recordings
 from identifiability.workflows.predict.prediction import Covaries, TorquePrediction, square_frame
@@ -203,7 +203,7 @@ class Fit(Covaries):
         with one_thread("blas"):
             usual = replace(Conventions.of(self.robot), motion_alone=True)
             known = read_recordings(logs, known=usual, how=self.preparation)
-            how = settle_cutoff(self.robot, known.fitted, self.preparation)
+            how = settle_band(self.structure, known.fitted, self.preparation)
             runner = engine or Serial()
             samples = [prepare_log(self.robot, r, how, engine=runner) for r in known.fitted]
             return self._along(
