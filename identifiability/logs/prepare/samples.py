@@ -528,7 +528,8 @@ def check_left(name: str, left: int, total: int, notes: Sequence[str]) -> None:
     LogError
     """
     if left < FEWEST:
+        why = f" ({'; '.join(notes[1:])})" if notes[1:] else ""
         raise LogError(
-            f"{name}: only {left} of {total} samples are left, too few to say anything: "
-            f"{'; '.join(notes[1:])}."
+            f"{name}: {left} of {total} samples are left{why}, too few to say anything; at least "
+            f"{FEWEST} are needed and some hundreds are usual."
         )

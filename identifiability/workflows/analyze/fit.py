@@ -44,7 +44,7 @@ class FittedLadder:
     folds : Folds or None
         None where nothing was fitted.
     short : str
-        Why predictions choose nothing; empty where they do.
+        That predictions choose nothing, and why; empty where they do.
     """
 
     models: tuple[FittedModel, ...]
@@ -120,7 +120,11 @@ def hold_folds(information: Information, estimator: Estimator) -> tuple[Held, st
     except LogError as error:
         test = choose_folds(information.log)
         train = test != np.arange(test.max() + 1)[:, None]
-        return Held.of(information, noise, Folds(test, train, 1.0 / max(test.max(), 1))), str(error)
+        short = (
+            "Whether values of a robot that can exist predict as well, and how strongly the robot "
+            f"file's bodies pull, could not be asked: {error}"
+        )
+        return Held.of(information, noise, Folds(test, train, 1.0 / max(test.max(), 1))), short
 
 
 def settle_robot(

@@ -207,6 +207,7 @@ def analyze(
                         *leans,
                         *opening.hints,
                         burst,
+                        ladder_.short,
                         *check_cutoff(opening, recordings, results[at], how),
                         *after,
                         belief.hint if belief else None,
