@@ -98,7 +98,9 @@ class Levels:
             (
                 "the model to use",
                 f"the smallest within {self.nats:g} nats of the best predictive log density of "
-                f"{self.fewest} to {self.folds} blocked folds, or as good as the best",
+                f"{self.fewest} to {self.folds} blocked folds, or as good as the best; where no "
+                "real robot has its values, a smaller one that one has, if the real robots nearest "
+                "to both predict alike",
             ),
         )
 

@@ -181,6 +181,8 @@ class PriorChoice:
         Of the prior [σ²].
     values : (F, b)
         Base parameters of the nearest real robot under it, found from each fold's rest.
+    score : Score
+        What they predict.
     as_good : bool
         Whether the free fit is not surely better. Of two that are not told apart the one is right
         that can exist.
@@ -188,6 +190,7 @@ class PriorChoice:
 
     weight: float
     values: Array
+    score: Score
     as_good: bool
 
 
@@ -238,7 +241,7 @@ def choose_prior(
         return None
     at = int(np.argmax(np.array(total) >= max(total) - LEVELS.nats))
     good = Evidence.of(scores[at], free).level is not Level.WORSE
-    return PriorChoice(weights[at], values[at], good)
+    return PriorChoice(weights[at], values[at], scores[at], good)
 
 
 def _within_reach(

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from identifiability import Log, Robot, analyze
+from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import LogError, ModelError
 from identifiability.simulation import Noise
@@ -22,6 +23,17 @@ def test_the_3rps_ends_at_the_papers_smallest_model_without_knowing_it(pruned):
     assert set(pruned.chosen.columns) == MODEL_4
     assert pruned.feasible
     assert all(v.verdict is Class.IDENTIFIABLE for v in pruned.verdicts)
+
+
+def test_a_model_that_no_real_robot_can_have_gives_way_where_real_robots_predict_alike(simulated):
+    """Its inertia of the platform is worth eight nats, and real bodies have as much without it."""
+    out = prune("3-rps", simulated("3-rps", "601", 1), replicates=0)
+    assert out.feasible
+    assert set(out.chosen.columns) == MODEL_4
+    at = out.selected
+    assert out.rungs[at].density < out.rungs[at - 1].density - LEVELS.nats
+    kept = prune("3-rps", simulated("3-rps", "601", 1), criterion="best", replicates=0)
+    assert not kept.feasible
 
 
 @pytest.mark.parametrize(

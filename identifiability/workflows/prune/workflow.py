@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from identifiability.estimation.estimate import Kind, Method, find_estimator, settle_noise
-from identifiability.estimation.evidence import Held
+from identifiability.estimation.evidence import Held, Score, near_best
 from identifiability.estimation.memory import Noise
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
@@ -27,7 +27,7 @@ from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.samples import find_signal
 from identifiability.physical.certify import Certificate
-from identifiability.physical.feasibility import PhysicalResult, certify_model
+from identifiability.physical.feasibility import PhysicalResult, certify_model, choose_prior
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import (
@@ -57,6 +57,7 @@ from identifiability.workflows.opening import (
     share,
 )
 from identifiability.workflows.prune.absorption import absorb
+from identifiability.workflows.prune.elimination import Step
 from identifiability.workflows.prune.proposals import merge_moves, propose_moves
 from identifiability.workflows.prune.result import Ladder
 from identifiability.workflows.prune.rung import (
@@ -74,6 +75,9 @@ from identifiability.workflows.prune.search import (
     good_steps,
 )
 from identifiability.workflows.prune.stability import assess_stability
+
+#: A step, its model, and the certificate with its sentence.
+Candidate = tuple[int, FittedModel, tuple[Certificate | None, str]]
 
 #: Rungs as good as the best whose physical certificate is asked for, the preferred one first.
 CERTIFIED = 4
@@ -271,7 +275,7 @@ def _choose(
 ) -> tuple[int, PhysicalResult]:
     """Return the step to use: the first as good as the best that a real robot can have."""
     steps = search.path.steps
-    asked: list[tuple[int, FittedModel, tuple[Certificate | None, str]]] = []
+    asked: list[Candidate] = []
     problems: list[IdentifiabilityError] = []
     good = good_steps(steps, criterion)
     sound = [k for k in good if not contradicts(question.fit(steps[k]), question.full)]
@@ -287,8 +291,39 @@ def _choose(
     if not asked:
         raise problems[-1]
     feasible = [a for a in asked if a[2][0] is not None and a[2][0].feasible]
-    k, model, proved = (feasible or asked)[0]
     noise = Noise(search.full.variance, search.full.times)
     held = Held.of(question.information, noise, search.whitened.folds)
+    if not feasible and criterion == "identifiable":
+        feasible = _find_possible(question, steps, asked[0][0], held)
+    k, model, proved = (feasible or asked)[0]
     robot, _ = settle_robot(model, held, cad_prior)
     return k, robot.with_certificate(*proved)
+
+
+def _find_possible(
+    question: Question, steps: Sequence[Step], impossible: int, held: Held
+) -> list[Candidate]:
+    """Return the largest smaller model whose values a real robot has, if it predicts as well.
+
+    What a model with impossible values says of the robot is its nearest real robot, and that of a
+    smaller one has what its bodies cannot do without: the two are compared.
+    """
+    best = _score_robot(question.fit(steps[impossible]), held)
+    for k, step in list(enumerate(steps))[impossible + 1 :][:CERTIFIED]:
+        model = question.fit(step)
+        try:
+            proved = certify_model(model)
+        except IdentifiabilityError:
+            continue
+        if proved[0] is not None and proved[0].feasible:
+            own = _score_robot(model, held)
+            near = best is not None and own is not None and near_best([own, best])[0]
+            return [(k, model, proved)] if near else []
+    return []
+
+
+def _score_robot(model: FittedModel, held: Held) -> Score | None:
+    """Return what the nearest real robot predicts; None where there is none."""
+    fit, rung = model.estimate, model.rung
+    found = choose_prior(model, held, held.score_fit(fit, rung.M, rung.held))
+    return None if found is None else found.score
