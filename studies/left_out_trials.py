@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identifiability.estimation.judge import judge_rung
+from identifiability.estimation.decide import decide_rung
 from identifiability.estimation.omitted import body_scatter
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.numbers import REACH, Share, clustered_share, exact_share
@@ -201,7 +201,7 @@ class Laboratory:
 def judge_before(analysis: Analysis, model: RungResult) -> np.ndarray:
     """Return what would be identifiable if nothing were known of what is left out, (k,)."""
     part, blank = model.rung.reduce(analysis.information), ("",) * len(model.rung)
-    verdicts = judge_rung(
+    verdicts = decide_rung(
         model.rung, part, model.estimate, model.uncertainty, 1.0, blank, analysis.thresholds
     )
     return np.array([v.verdict is Class.IDENTIFIABLE for v in verdicts])

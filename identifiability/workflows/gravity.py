@@ -26,8 +26,8 @@ from identifiability.regression.information import Information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot.description import Tilt
-from identifiability.workflows.oddities import Evidence
-from identifiability.workflows.oddities.evidence import without
+from identifiability.workflows.oddities import MeasuredLogs
+from identifiability.workflows.oddities.measured_logs import without
 
 #: Angle beyond which a tilt is looked for before all else [°]: small angles about the file's
 #: direction, by which a diagnosis names a tilt, leave 1 − cos 15° = 3 % of the weight unexplained.
@@ -137,7 +137,7 @@ def about_gravity(structure: Structure, samples: Sequence[Prepared]) -> Structur
     return structure if found is None else found.structure
 
 
-def find_leaning(evidence: Evidence) -> Leaning | None:
+def find_leaning(logs: MeasuredLogs) -> Leaning | None:
     """Return gravity far from the file's, if motion that was not fitted is surely better so.
 
     Either half of every log is predicted by the other one, with gravity as the file states it and
@@ -145,24 +145,24 @@ def find_leaning(evidence: Evidence) -> Leaning | None:
 
     Parameters
     ----------
-    evidence : Evidence
+    logs : MeasuredLogs
         Of logs under a model with bodies, and without `gravity_tilt`.
     """
-    structure, robot = evidence.structure, evidence.robot
+    structure, robot = logs.structure, logs.robot
     names = structure.model.names
     if "rigid_body" not in names or GravityTilt.name in names:
         return None
-    if not (evidence.weighs and robot.gravity.any()):
+    if not (logs.weighs and robot.gravity.any()):
         return None
-    start = _gravity_by_file(evidence)
+    start = _gravity_by_file(logs)
     if np.linalg.norm(start) < HALF * np.linalg.norm(robot.gravity):
         return None
     if Tilt.of(robot.gravity, start).degrees < LARGE:
         return None
-    found = settle_direction(structure, evidence.samples, start)
+    found = settle_direction(structure, logs.samples, start)
     if found.tilt.degrees - 1.96 * found.sd < LARGE:
         return None
-    upright = gather_information(structure.regression(evidence.samples))
+    upright = gather_information(structure.regression(logs.samples))
     weights = found.fit.weights
     better = [
         _error_on(found.information, weights, half) < _error_on(upright, weights, half)
@@ -179,16 +179,16 @@ def state_leaning(found: Leaning) -> str:
     )
 
 
-def _gravity_by_file(evidence: Evidence) -> Array:
+def _gravity_by_file(logs: MeasuredLogs) -> Array:
     """Return gravity (3,) [m/s²] by the file's masses, beside what any drive adds at its joint."""
-    robot, motion = evidence.robot, evidence.motion
+    robot, motion = logs.robot, logs.motion
     each = np.stack([gravity_torque(robot, motion, axis) for axis in np.eye(3)], axis=2)
-    left = evidence.torque - (evidence.predicted - evidence.gravity)
+    left = logs.torque - (logs.predicted - logs.gravity)
     size = np.std(left, axis=0)
     size = np.where(size > 0, size, np.inf)
     rows, aims = [], []
-    for k in range(len(evidence.joints)):
-        drive = evidence.ordinary(k)
+    for k in range(len(logs.joints)):
+        drive = logs.ordinary(k)
         rows.append(without(each[:, k], drive) / size[k])
         aims.append(without(left[:, k], drive) / size[k])
     found: Array = np.linalg.lstsq(np.concatenate(rows), np.concatenate(aims), rcond=1e-6)[0]

@@ -36,7 +36,7 @@ from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.workflows.commanded import follow_commands, give_torque
 from identifiability.workflows.gravity import about_gravity
-from identifiability.workflows.oddities import Evidence, find_oddities
+from identifiability.workflows.oddities import MeasuredLogs, find_oddities
 
 #: Why no verdict stands on columns that are read as what they are not, for after "because".
 MISREAD = (
@@ -119,12 +119,12 @@ class Opening(OfStructure):
     def under(self, structure: Structure, recordings: Sequence[Recording]) -> "Opening":
         """Return the opening under another structure, with what is odd about logs then."""
         before, now = (
-            find_oddities(Evidence(s, tuple(recordings), self.samples))
+            find_oddities(MeasuredLogs(s, tuple(recordings), self.samples))
             for s in (self.structure, structure)
         )
         hints = (*now.hints, *(h for h in self.hints if h not in before.hints))
         why = MISREAD if now.misread else ""
-        known = replace(self, structure=structure, explained=now.decisive, misread=why)
+        known = replace(self, structure=structure, explained=now.explains, misread=why)
         return replace(known, hints=hints)
 
     @cached_property
@@ -310,9 +310,9 @@ def open_logs(
     if opening.silence:
         return replace(opening, validation=())
     structure = about_gravity(structure, train)
-    odd = find_oddities(Evidence(structure, recordings.fitted, train))
+    odd = find_oddities(MeasuredLogs(structure, recordings.fitted, train))
     why = MISREAD if odd.misread else ""
-    known = replace(opening, structure=structure, explained=odd.decisive, misread=why)
+    known = replace(opening, structure=structure, explained=odd.explains, misread=why)
     return replace(known, hints=(*odd.hints, *hints))
 
 

@@ -18,7 +18,7 @@ from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
-from identifiability.workflows.oddities import Evidence
+from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.oddities.positions import find_beyond_limits, find_hung
 from identifiability.workflows.oddities.timing import find_late, find_time_scale, find_wrong_rates
 from identifiability.workflows.oddities.torque import (
@@ -70,10 +70,10 @@ def false_frame(seeds: int, data: Path | None) -> pd.DataFrame:
     rows: dict[str, dict[str, Any]] = {}
     for name, structure, raw in good_logs(seeds, data):
         (log,), _ = mend_logs([raw])
-        evidence = Evidence(structure, (log,), (prepare_samples(structure.robot, log),))
+        logs = MeasuredLogs(structure, (log,), (prepare_samples(structure.robot, log),))
         row = rows.setdefault(name, {"robot": name, "logs": 0, **dict.fromkeys(FINDERS, 0)})
         row["logs"] += 1
         for what, find in FINDERS.items():
-            row[what] += bool(find(evidence))
+            row[what] += bool(find(logs))
     every = {"robot": "all", **{k: sum(r[k] for r in rows.values()) for k in ("logs", *FINDERS)}}
     return pd.DataFrame([*rows.values(), every])

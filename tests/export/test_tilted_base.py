@@ -29,7 +29,7 @@ from identifiability.workflows.gravity import (
     settle_direction,
     state_leaning,
 )
-from identifiability.workflows.oddities import Evidence
+from identifiability.workflows.oddities import MeasuredLogs
 
 ANGLES = (1.0, 30.0, 90.0, 180.0)
 
@@ -154,7 +154,7 @@ def test_where_nothing_is_believed_and_gravity_disagrees_diagnose_comes_next(on_
     few = ("viscous_friction", "rigid_body")
     ladder = LadderEntry(models=[RungEntry(name="bodies", effects=few)])
     result = analyze(robot, log, ladder=ladder, quick=True, replicates=0)
-    lost = replace(result, nothing="no model predicts", leaning=find_leaning(evidence(robot, log)))
+    lost = replace(result, nothing="no model predicts", leaning=find_leaning(logs(robot, log)))
     assert lost.leaning.tilt.degrees == pytest.approx(90.0, abs=2.0)
     ((_, command),) = next_commands(lost)
     assert command.startswith("identifiability diagnose ")
@@ -185,7 +185,7 @@ def test_only_a_large_tilt_is_taken_before_all_else(degrees):
     gravity = leaning(robot, degrees)
     move = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
     log = simulate(robot.turned(gravity), move, noise=Noise(additive=0.02))
-    found = find_leaning(evidence(robot, log))
+    found = find_leaning(logs(robot, log))
     assert (found is not None) == (degrees > LARGE)
     if found is not None:
         off = Tilt.of(gravity, found.tilt.direction).degrees
@@ -198,11 +198,11 @@ def test_torque_without_gravity_is_no_tilt():
     log = simulate(robot, move, noise=Noise(additive=0.02))
     motion = complete_motion(robot, log.t, log.q, log.dq, log.ddq)
     bare = replace(log, tau=log.tau - gravity_torque(robot, motion, robot.gravity))
-    assert find_leaning(evidence(robot, bare)) is None
+    assert find_leaning(logs(robot, bare)) is None
 
 
-def evidence(robot, log):
+def logs(robot, log):
     """What a log and the file's masses say under the usual model."""
     model = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
     samples = prepare_samples(robot, log, settle_cutoff(robot, [log], None))
-    return Evidence(Structure.of(robot, model), (log,), (samples,))
+    return MeasuredLogs(Structure.of(robot, model), (log,), (samples,))

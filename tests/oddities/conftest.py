@@ -10,7 +10,7 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
-from identifiability.workflows.oddities import Evidence, find_oddities
+from identifiability.workflows.oddities import MeasuredLogs, find_oddities
 
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
@@ -29,8 +29,8 @@ def say():
     """A function (structure, log) -> what is odd about it."""
 
     def look(structure, log):
-        evidence = Evidence(structure, (log,), (prepare_samples(structure.robot, log),))
-        return find_oddities(evidence).hints
+        logs = MeasuredLogs(structure, (log,), (prepare_samples(structure.robot, log),))
+        return find_oddities(logs).hints
 
     return look
 

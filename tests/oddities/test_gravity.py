@@ -15,7 +15,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.parts import Entry
 from identifiability.simulation import Noise, random_trajectory, simulate
-from identifiability.workflows.oddities import Evidence
+from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.oddities.torque import measure_carried, regress
 
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
@@ -117,7 +117,7 @@ def test_intervals_hold_factors_though_successive_errors_are_alike():
 def test_no_factor_is_told_where_weight_is_not_felt(six_axis):
     structure, log = six_axis
     samples = prepare_samples(structure.robot, log)
-    carried = measure_carried(Evidence(structure, (log,), (samples,)))
+    carried = measure_carried(MeasuredLogs(structure, (log,), (samples,)))
     assert {log.joints[c.joint] for c in carried} == {"joint_2", "joint_3"}
     assert all(c.nearest == c.moves == 1.0 for c in carried)
 

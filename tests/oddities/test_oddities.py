@@ -13,7 +13,7 @@ from identifiability.logs.checks import FEWEST
 from identifiability.logs.prepare import prepare_samples
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
-from identifiability.workflows.oddities import Evidence, find_oddities
+from identifiability.workflows.oddities import MeasuredLogs, find_oddities
 from identifiability.workflows.oddities.timing import Shift, measure_position, measure_shift
 from identifiability.workflows.oddities.torque import measure_carried
 
@@ -58,7 +58,7 @@ def test_a_tool_that_the_file_does_not_state_is_no_gain(six_axis):
     motion = random_trajectory(heavy, rng, samples=600)
     log = simulate(heavy, motion, noise=Noise(torque=0.02, encoder=1e-5), rng=rng)
     log = replace(log, dq=None, ddq=None)
-    found = find_oddities(Evidence(structure, (log,), (prepare_samples(robot, log),)))
+    found = find_oddities(MeasuredLogs(structure, (log,), (prepare_samples(robot, log),)))
     assert "state what the robot carries" in found.hints[0]
     assert not found.misread
 
@@ -66,8 +66,8 @@ def test_a_tool_that_the_file_does_not_state_is_no_gain(six_axis):
 def test_weight_is_not_told_by_masses_that_are_not_what_is_moved(six_axis):
     structure, log = six_axis
     samples = prepare_samples(structure.robot, log)
-    evidence = Evidence(structure, (log,), (samples,))
-    (held, *_) = [c for c in measure_carried(evidence) if c.joint == 1]
+    logs = MeasuredLogs(structure, (log,), (samples,))
+    (held, *_) = [c for c in measure_carried(logs) if c.joint == 1]
     assert held.nearest == 1.0
     assert np.isnan(replace(held, factor=-0.2, half=0.1, moving=9.6, moving_half=2.4).nearest)
 

@@ -6,11 +6,11 @@ from typing import Any, Self
 
 import numpy as np
 
+from identifiability.estimation.decide import decide_rung
 from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import NOTHING, Estimate, settle_signs
 from identifiability.estimation.evidence import Mixture
-from identifiability.estimation.judge import judge_rung
 from identifiability.estimation.least_squares import MIXED, dependence
 from identifiability.estimation.omitted import find_left_out
 from identifiability.estimation.prediction import Prediction
@@ -266,7 +266,7 @@ def assess_ladder(
             rung=rung,
             estimate=fit,
             uncertainty=uncertainty,
-            verdicts=judge_told(told, spread_told, torque, thresholds, full, doubt),
+            verdicts=decide_told(told, spread_told, torque, thresholds, full, doubt),
             error_ra=float(error[k]),
             error_ra_validation=float(held_error[k]),
             error_se=float(spread[k]),
@@ -286,7 +286,7 @@ def assess_ladder(
     return tuple(results)
 
 
-def judge_told(
+def decide_told(
     told: FittedModel,
     uncertainty: Uncertainty,
     torque: float,
@@ -316,7 +316,7 @@ def judge_told(
     left_out = find_left_out(told.structure, rung, told.whole, fit, full)
     aliases = _aliases(part, fit, rung)
     own = doubt.of_labels(rung, fit)
-    return judge_rung(
+    return decide_rung(
         rung, part, fit, uncertainty, torque, aliases, thresholds, stated, left_out, own, models
     )
 

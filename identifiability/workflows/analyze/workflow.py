@@ -34,16 +34,16 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.assessment import assess_ladder, select_model
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.decisive import weigh_rows
 from identifiability.workflows.analyze.fit import fit_ladder
 from identifiability.workflows.analyze.form_belief import believe
 from identifiability.workflows.analyze.result import Analysis
 from identifiability.workflows.analyze.several_logs import compare_logs
+from identifiability.workflows.analyze.weighed_rows import weigh_rows
 from identifiability.workflows.analyze.words import doubt, state_weak
 from identifiability.workflows.band import settle_band
 from identifiability.workflows.gravity import Leaning, find_leaning, state_leaning
 from identifiability.workflows.instruments import add_instruments
-from identifiability.workflows.oddities import Evidence
+from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.opening import (
     Logs,
     Opening,
@@ -239,5 +239,5 @@ def _seek_leaning(
     """Return where gravity points, and that in words, if no value is believed and it differs."""
     if not nothing or opening.silence:
         return None, ()
-    found = find_leaning(Evidence(opening.structure, tuple(recordings), opening.samples))
+    found = find_leaning(MeasuredLogs(opening.structure, tuple(recordings), opening.samples))
     return found, () if found is None else (state_leaning(found),)

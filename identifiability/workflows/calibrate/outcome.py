@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom
 
+from identifiability.estimation.decide import decide_rung
 from identifiability.estimation.estimate import Method, find_estimator, fit_whole, settle_noise
 from identifiability.estimation.holm import holm
-from identifiability.estimation.judge import judge_rung
 from identifiability.estimation.omitted import find_left_out
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.estimation.verdict import Class, Thresholds
@@ -173,7 +173,7 @@ class Experiment:
         if self.structure is not None and whole is not None:
             full = fit_whole(method, whole)
             left = find_left_out(self.structure, self.rung, whole, fit, full)
-        verdicts = judge_rung(
+        verdicts = decide_rung(
             self.rung, information, fit, spread, torque, aliases, rules, left_out=left
         )
         ends = np.array([v.interval95 for v in verdicts]).reshape(-1, 2)

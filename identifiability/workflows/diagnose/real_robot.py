@@ -21,8 +21,8 @@ from identifiability.physical.project import Projection
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import full_rung
 from identifiability.regression.structure import Structure
-from identifiability.workflows.analyze.decisive import weigh_rows
 from identifiability.workflows.analyze.fit import hold_folds, settle_robot
+from identifiability.workflows.analyze.weighed_rows import weigh_rows
 from identifiability.workflows.diagnose.findings import Findings
 from identifiability.workflows.diagnose.forward import Physical
 

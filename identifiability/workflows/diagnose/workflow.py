@@ -32,7 +32,7 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import say_band
-from identifiability.workflows.analyze.decisive import weigh_rows
+from identifiability.workflows.analyze.weighed_rows import weigh_rows
 from identifiability.workflows.band import settle_band
 from identifiability.workflows.diagnose.goes_on import Before, read_earlier
 from identifiability.workflows.diagnose.known_values import (
@@ -54,7 +54,7 @@ from identifiability.workflows.diagnose.result import Diagnosis, simulate_forwar
 from identifiability.workflows.diagnose.search import Search
 from identifiability.workflows.diagnose.tilted import lead_with_tilt, settle_named
 from identifiability.workflows.gravity import find_leaning
-from identifiability.workflows.oddities import Evidence
+from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.opening import (
     Logs,
     Opening,
@@ -176,7 +176,7 @@ def diagnose(
         require_signal(verify, "verified")
         leaning = None
         if fixed is False:
-            leaning = find_leaning(Evidence(opening.structure, roles.fit, opening.samples))
+            leaning = find_leaning(MeasuredLogs(opening.structure, roles.fit, opening.samples))
         upright = opening.structure
         opening = opening if leaning is None else opening.under(leaning.structure, roles.fit)
         say("building columns", 0.1)

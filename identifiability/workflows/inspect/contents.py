@@ -29,7 +29,7 @@ from identifiability.robot import Robot
 from identifiability.robot.description import stated_speeds
 from identifiability.robot.parts import Coupling
 from identifiability.robot.sidecar import read_sidecar
-from identifiability.workflows.oddities.evidence import Evidence
+from identifiability.workflows.oddities.measured_logs import MeasuredLogs
 from identifiability.workflows.oddities.positions import find_stretches
 from identifiability.workflows.oddities.torque import flat_share, measure_factors
 
@@ -389,7 +389,7 @@ class Record:
 
 
 def describe_log(
-    robot: Robot, log: Log | LogFile, evidence: Evidence | None, refused: str = ""
+    robot: Robot, log: Log | LogFile, logs: MeasuredLogs | None, refused: str = ""
 ) -> Record:
     """Return what is in a log.
 
@@ -397,7 +397,7 @@ def describe_log(
     ----------
     robot : Robot
     log : Log or LogFile
-    evidence : Evidence or None
+    logs : MeasuredLogs or None
         Of this log alone; None where it cannot be prepared.
     refused : str
         Why.
@@ -409,7 +409,7 @@ def describe_log(
     """
     raw = [log.rows(a, b) for a, b in signals.spread_windows(len(log))]
     windows = [joint_log(robot, window) for window in raw]
-    prepared = evidence.samples[0] if evidence is not None else None
+    prepared = logs.samples[0] if logs is not None else None
     clock = log.clock
     times = [w.t for w in windows]
     gaps = Gaps.of(log.name, clock, times)
@@ -433,13 +433,13 @@ def describe_log(
         parts=len(windows),
         refused=refused,
         notes=prepared.notes if prepared is not None else (),
-        joints=_describe_columns(robot, windows, gaps.step, evidence),
+        joints=_describe_columns(robot, windows, gaps.step, logs),
         trace=_trace(windows, prepared),
     )
 
 
 def _describe_columns(
-    robot: Robot, windows: Sequence[Log], step: float, evidence: Evidence | None
+    robot: Robot, windows: Sequence[Log], step: float, logs: MeasuredLogs | None
 ) -> tuple[JointRecord, ...]:
     """Return what the columns of every actuated joint hold."""
     q, tau = (np.concatenate([getattr(w, c) for w in windows]) for c in ("q", "tau"))
@@ -461,12 +461,12 @@ def _describe_columns(
         "saturated": [max(flat_share(x), flat_share(-x)) for x in tau.T],
     }
     numbers["room"] = np.where(np.isfinite(robot.limits).all(1), numbers["room"], np.nan)
-    if evidence is not None:
-        survey = evidence.samples[0].survey
+    if logs is not None:
+        survey = logs.samples[0].survey
         reach = np.maximum(np.abs(survey.low), np.abs(survey.high))
         numbers["speed"], numbers["acceleration"] = reach[1], reach[2]
-        if evidence.weighs:
-            numbers["scale"] = measure_factors(evidence)
+        if logs.weighs:
+            numbers["scale"] = measure_factors(logs)
     hung = [joint for w in windows for _, joint, *_ in find_stretches(w)]
     return tuple(
         JointRecord(

@@ -46,7 +46,7 @@ from identifiability.workflows.inspect.contents import (
     required_columns,
     template_frame,
 )
-from identifiability.workflows.oddities import Evidence, find_oddities
+from identifiability.workflows.oddities import MeasuredLogs, find_oddities
 from identifiability.workflows.opening import (
     Logs,
     Progress,
@@ -353,13 +353,13 @@ def _with_logs(
         waiting = iter(prepared.values())
         opening = open_logs(structure, good, lambda _log: next(waiting))
         hints = opening.hints
-        excited = _measure(Evidence(structure, good.fitted, opening.samples))
+        excited = _measure(MeasuredLogs(structure, good.fitted, opening.samples))
     alone = {
-        k: Evidence(structure, (recordings.fitted[k],), (samples,))
+        k: MeasuredLogs(structure, (recordings.fitted[k],), (samples,))
         for k, samples in prepared.items()
     }
     if len(alone) > 1:
-        hints += tuple(text for evidence in alone.values() for text in _odd_alone(evidence, hints))
+        hints += tuple(text for logs in alone.values() for text in _odd_alone(logs, hints))
     say("looking at every column", 0.8)
     records = tuple(
         describe_log(robot, log, alone.get(k), refused.get(k, ""))
@@ -388,19 +388,19 @@ def _settle(
         return how or Preparation()
 
 
-def _odd_alone(evidence: Evidence, said: tuple[str, ...]) -> list[str]:
+def _odd_alone(logs: MeasuredLogs, said: tuple[str, ...]) -> list[str]:
     """Return what is odd about one log of several, which good ones may hide."""
-    if explain_silence([evidence.samples[0].survey]):
+    if explain_silence([logs.samples[0].survey]):
         return []
-    own = find_oddities(evidence).hints
-    return [f"{evidence.samples[0].name}: {text}" for text in own if text not in said]
+    own = find_oddities(logs).hints
+    return [f"{logs.samples[0].name}: {text}" for text in own if text not in said]
 
 
-def _measure(evidence: Evidence) -> Excited:
+def _measure(logs: MeasuredLogs) -> Excited:
     """Return what the motion of some logs excites where there is torque."""
-    structure = evidence.structure
-    W = structure.model.regressor(structure.robot, evidence.motion)[:, :, structure.base.kept]
-    W = W * evidence.data[:, :, None]
+    structure = logs.structure
+    W = structure.model.regressor(structure.robot, logs.motion)[:, :, structure.base.kept]
+    W = W * logs.data[:, :, None]
     kept = [structure.parameters[k] for k in structure.base.kept]
     groups = group_columns(W.reshape(-1, W.shape[2]), kept)
     s = groups.singular_values[: groups.rank]

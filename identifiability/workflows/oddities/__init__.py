@@ -8,7 +8,7 @@ said there: wrong samples (`logs.mend`), wrapped angles (`logs.wraps`), repeated
 from __future__ import annotations
 
 from identifiability.foundation.values import frozen
-from identifiability.workflows.oddities.evidence import Evidence
+from identifiability.workflows.oddities.measured_logs import MeasuredLogs
 from identifiability.workflows.oddities.positions import find_beyond_limits, find_hung
 from identifiability.workflows.oddities.timing import find_late, find_time_scale, find_wrong_rates
 from identifiability.workflows.oddities.torque import (
@@ -21,7 +21,7 @@ from identifiability.workflows.oddities.torque import (
     find_weightless,
 )
 
-__all__ = ["Evidence", "Oddities", "find_oddities"]
+__all__ = ["MeasuredLogs", "Oddities", "find_oddities"]
 
 
 @frozen
@@ -31,7 +31,7 @@ class Oddities:
     Attributes
     ----------
     hints : tuple of str
-    decisive : bool
+    explains : bool
         Whether the first of them explains whatever else contradicts.
     misread : bool
         Whether it says that columns have the wrong sign, unit or joint: values found from them are
@@ -39,7 +39,7 @@ class Oddities:
     """
 
     hints: tuple[str, ...] = ()
-    decisive: bool = False
+    explains: bool = False
     misread: bool = False
 
 
@@ -56,11 +56,11 @@ MISREAD = (
 EXPLAIN = (*MISREAD, find_other_masses, find_weightless, find_late)
 
 
-def find_oddities(evidence: Evidence) -> Oddities:
+def find_oddities(logs: MeasuredLogs) -> Oddities:
     """Return what is odd about logs, a sentence each; one explanation is enough."""
-    raw = (*find_beyond_limits(evidence), *find_hung(evidence), *find_saturation(evidence))
+    raw = (*find_beyond_limits(logs), *find_hung(logs), *find_saturation(logs))
     # Torque that servos made of commands has no column that could be another one.
-    commanded = any(getattr(log, "servo_delay", None) is not None for log in evidence.recordings)
-    found = ((find, find(evidence)) for find in (() if commanded else EXPLAIN))
+    commanded = any(getattr(log, "servo_delay", None) is not None for log in logs.recordings)
+    found = ((find, find(logs)) for find in (() if commanded else EXPLAIN))
     which, first = next((pair for pair in found if pair[1]), (None, ()))
     return Oddities((*first, *raw), bool(first), which in MISREAD)

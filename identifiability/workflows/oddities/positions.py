@@ -11,7 +11,7 @@ from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.gaps import LONGEST, NAMES, smallest_change
 from identifiability.logs.mend import looks_like_degrees
-from identifiability.workflows.oddities.evidence import Evidence
+from identifiability.workflows.oddities.measured_logs import MeasuredLogs
 
 # Positions beyond the limits of the robot file: another unit, zero, sign or joint.
 
@@ -22,12 +22,12 @@ OUTSIDE, MARGIN = 0.2, 0.05
 TURN = 2 * np.pi
 
 
-def find_beyond_limits(evidence: Evidence) -> tuple[str, ...]:
+def find_beyond_limits(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on positions beyond the limits that no whole turn explains, or none."""
-    robot, said = evidence.robot, []
-    for k, joint in enumerate(evidence.joints):
+    robot, said = logs.robot, []
+    for k, joint in enumerate(logs.joints):
         low, high = robot.limits[k]
-        q = evidence.motion.actuated_q[:, k]
+        q = logs.motion.actuated_q[:, k]
         turns = not robot.is_prismatic(int(robot.actuated[k]))
         if not np.isfinite(high - low) or not _outside(q, low, high, turns=turns):
             continue
@@ -68,11 +68,11 @@ CHANGES = 12.0
 JUMPS = 6.0
 
 
-def find_hung(evidence: Evidence) -> tuple[str, ...]:
+def find_hung(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on stretches in which columns hang, or none."""
     said = [
         f"{NAMES[channel]} of {joint} in data rows {start + a + 1}–{start + b} of {log.name}"
-        for start, log in evidence.windows()
+        for start, log in logs.windows()
         for channel, joint, a, b in find_stretches(log)
     ]
     if not said:

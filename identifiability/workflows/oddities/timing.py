@@ -17,7 +17,7 @@ from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.prepare.plan import joint_log
 from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.regression.structure import Structure
-from identifiability.workflows.oddities.evidence import Evidence, without
+from identifiability.workflows.oddities.measured_logs import MeasuredLogs, without
 
 # Torque that is late, or early, beside its motion, and positions beside their velocities.
 #
@@ -53,15 +53,15 @@ LONG, STRETCHES, BYTES, EACH = 4096, 24, 3e7, 2
 SLOW = (0.05, 0.2)
 
 
-def find_late(evidence: Evidence) -> tuple[str, ...]:
+def find_late(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque or positions that are late or early, or none."""
     said, parts = [], []
-    for recording, samples in zip(evidence.recordings, evidence.samples, strict=True):
-        found = measure_delay(evidence, samples)
+    for recording, samples in zip(logs.recordings, logs.samples, strict=True):
+        found = measure_delay(logs, samples)
         if found is None or not found.certain:
             windows = [recording.rows(a, b) for a, b in signals.spread_windows(len(recording))]
-            position = measure_position(joint_log(evidence.robot, windows[0]))
-            shift = None if position else measure_shift(evidence.structure, samples)
+            position = measure_position(joint_log(logs.robot, windows[0]))
+            shift = None if position else measure_shift(logs.structure, samples)
             for what, other, own in (
                 ("positions are", "their velocities", position),
                 ("torque is", "the motion", shift),
@@ -69,7 +69,7 @@ def find_late(evidence: Evidence) -> tuple[str, ...]:
                 if own is not None and own.certain:
                     parts.append(f"in {samples.name} {what} {own.text} beside {other}")
         else:
-            which = "all joints" if found.joint < 0 else evidence.joints[found.joint]
+            which = "all joints" if found.joint < 0 else logs.joints[found.joint]
             said.append(
                 f"in {samples.name} the torque of {which} is {abs(found.delay)} samples "
                 f"({abs(found.delay) * found.step:.3g} s) {'late' if found.delay > 0 else 'early'}"
@@ -116,7 +116,7 @@ class Delay:
         return self.delay != 0 and far and self.error > SMALL
 
 
-def measure_delay(evidence: Evidence, prepared: Prepared) -> Delay | None:
+def measure_delay(logs: MeasuredLogs, prepared: Prepared) -> Delay | None:
     """Return the delay that explains most, or None where a log is too short to show any."""
     samples = _consecutive(prepared)
     if samples is None or len(samples.tau) < 200:
@@ -127,7 +127,7 @@ def measure_delay(evidence: Evidence, prepared: Prepared) -> Delay | None:
     reach = SIDES * stride
     whole = np.flatnonzero(_gapless(kept, reach))
     rows = whole[:: max(1, len(whole) // ENOUGH)]
-    structure = evidence.structure
+    structure = logs.structure
     if len(rows) * samples.tau.shape[1] < 3 * len(structure.base.kept) or len(rows) < 100:
         return None
     fit = _Fit(structure, samples, rows)
@@ -390,41 +390,41 @@ FOLLOWS = 0.6
 SLOW_CLOCK = 0.5
 
 
-def find_time_scale(evidence: Evidence) -> tuple[str, ...]:
+def find_time_scale(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on time in another unit, or none."""
-    why = _by_limits(evidence) or _by_inertia(evidence) or _by_rate(evidence)
+    why = _by_limits(logs) or _by_inertia(logs) or _by_rate(logs)
     if not why:
         return ()
     return (f"The time may be in another unit than s: {why}. Check the column 't'.",)
 
 
-def _by_limits(evidence: Evidence) -> str:
+def _by_limits(logs: MeasuredLogs) -> str:
     """Compare speeds with the file's limits."""
-    limits = np.asarray(evidence.robot.speed_limits, float)
+    limits = np.asarray(logs.robot.speed_limits, float)
     known = np.isfinite(limits) & (limits > 0)
     if not known.any():
         return ""
-    speed = np.abs(evidence.motion.actuated_v).max(0)
+    speed = np.abs(logs.motion.actuated_v).max(0)
     if (speed[known] > BEYOND * limits[known]).all():
         k = int(np.flatnonzero(known)[np.argmax(speed[known] / limits[known])])
         return (
-            f"every joint moves faster than {BEYOND:g} times its speed limit ({evidence.joints[k]} "
+            f"every joint moves faster than {BEYOND:g} times its speed limit ({logs.joints[k]} "
             f"{speed[k]:.3g}, limit {limits[k]:.3g})"
         )
     return ""
 
 
-def _by_inertia(evidence: Evidence) -> str:
+def _by_inertia(logs: MeasuredLogs) -> str:
     """Compare the factor of weight with that of inertia, by the file's masses."""
-    if not evidence.weighs:
+    if not logs.weighs:
         return ""
     ratios = []
-    inertial = evidence.predicted - evidence.gravity
-    for k in range(len(evidence.joints)):
-        v = evidence.motion.actuated_v[:, k]
+    inertial = logs.predicted - logs.gravity
+    for k in range(len(logs.joints)):
+        v = logs.motion.actuated_v[:, k]
         drive = np.column_stack([np.ones(len(v)), v, np.sign(v)])
-        weight = _slope(evidence.gravity[:, k], evidence.torque[:, k], drive, inertial[:, k])
-        moved = _slope(inertial[:, k], evidence.torque[:, k], drive, evidence.gravity[:, k])
+        weight = _slope(logs.gravity[:, k], logs.torque[:, k], drive, inertial[:, k])
+        moved = _slope(inertial[:, k], logs.torque[:, k], drive, logs.gravity[:, k])
         if weight and moved:
             ratios.append(moved / weight)
     if not ratios:
@@ -449,8 +449,8 @@ def _slope(x: Array, tau: Array, drive: Array, other: Array) -> float:
     return fit / float(lengths[0] ** 2) if fit > FOLLOWS * lengths[0] * lengths[1] else 0.0
 
 
-def _by_rate(evidence: Evidence) -> str:
-    for log in evidence.recordings:
+def _by_rate(logs: MeasuredLogs) -> str:
+    for log in logs.recordings:
         step = (log.clock.last - log.clock.first) / max(len(log) - 1, 1)
         if step > SLOW_CLOCK:
             return f"{log.name} has one sample in {step:.3g} s, too few for a robot in motion"
@@ -460,11 +460,9 @@ def _by_rate(evidence: Evidence) -> str:
 # Velocities or accelerations that contradict what they are derived from.
 
 
-def find_wrong_rates(evidence: Evidence) -> tuple[str, ...]:
+def find_wrong_rates(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on given derivatives of another motion, or none."""
-    found = [
-        f"in {s.name} {note}" for s in evidence.samples for note in s.notes if CONTRADICTS in note
-    ]
+    found = [f"in {s.name} {note}" for s in logs.samples for note in s.notes if CONTRADICTS in note]
     if not found:
         return ()
     return (f"A derivative contradicts its position: {'; '.join(found[:3])}.",)

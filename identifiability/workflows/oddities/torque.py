@@ -14,7 +14,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.gaps import smallest_change
 from identifiability.regression.mix_up import find_mix_up
 from identifiability.robot import complete_motion
-from identifiability.workflows.oddities.evidence import Evidence, unexplained, without
+from identifiability.workflows.oddities.measured_logs import MeasuredLogs, unexplained, without
 
 # An "effort" that is no force: it does not carry the weight that the robot file puts on it.
 
@@ -26,20 +26,20 @@ CARRIED = 0.1
 FELT = 0.05
 
 
-def find_weightless(evidence: Evidence) -> tuple[str, ...]:
+def find_weightless(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on joints whose torque does not carry the file's weight, or none."""
-    if not evidence.weighs:
+    if not logs.weighs:
         return ()
-    weight = np.sqrt(np.mean(evidence.gravity**2, 0))
-    measured = np.sqrt(np.mean(evidence.torque**2, 0))
-    units = np.array(evidence.robot.torque_units)
+    weight = np.sqrt(np.mean(logs.gravity**2, 0))
+    measured = np.sqrt(np.mean(logs.torque**2, 0))
+    units = np.array(logs.robot.torque_units)
     most = np.array([weight[units == u].max() for u in units])
-    felt = (weight > FELT * most) & (weight > 0) & evidence.measured
+    felt = (weight > FELT * most) & (weight > 0) & logs.measured
     light = (measured < CARRIED * weight) & felt
     if not light.any():
         return ()
     said = [
-        f"{evidence.joints[k]} has to hold {weight[k]:.3g} {units[k]} and shows {measured[k]:.2g}"
+        f"{logs.joints[k]} has to hold {weight[k]:.3g} {units[k]} and shows {measured[k]:.2g}"
         for k in np.flatnonzero(light)
     ]
     return (
@@ -118,17 +118,17 @@ def _nearest(value: float, half: float) -> float:
     return own.pop() if len(own) == 1 else np.nan
 
 
-def measure_carried(evidence: Evidence) -> list[Carried]:
+def measure_carried(logs: MeasuredLogs) -> list[Carried]:
     """Return how much of the file's weight each joint's torque carries, where it has some."""
-    weight = evidence.gravity
+    weight = logs.gravity
     size = np.sqrt(np.mean(weight**2, 0))
-    units = np.array(evidence.robot.torque_units)
+    units = np.array(logs.robot.torque_units)
     most = np.array([size[units == u].max() for u in units])
     found = []
-    for k in np.flatnonzero((size > FELT * most) & (size > 0) & evidence.measured):
-        moving = evidence.predicted[:, k] - weight[:, k]
-        own = np.column_stack([weight[:, k], moving, evidence.ordinary(int(k))])
-        own, torque = own[evidence.data[:, k]], evidence.torque[evidence.data[:, k], k]
+    for k in np.flatnonzero((size > FELT * most) & (size > 0) & logs.measured):
+        moving = logs.predicted[:, k] - weight[:, k]
+        own = np.column_stack([weight[:, k], moving, logs.ordinary(int(k))])
+        own, torque = own[logs.data[:, k]], logs.torque[logs.data[:, k], k]
         value, half = regress(own, torque)
         if not half[0] < WIDEST:  # weight that hardly varies is told from no offset
             value, half = regress(own[:, [0, 1, 3, 4, 5]], torque)
@@ -160,46 +160,46 @@ def regress(X: Array, y: Array) -> tuple[Array, Array]:
     return out, halves
 
 
-def find_gravity(evidence: Evidence) -> tuple[str, ...]:
+def find_gravity(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque that does not carry the file's weight as it should, or none.
 
     What the sidecar says of torque goes before: `compensated`, `sign`, `gain` and `ratio`.
     """
-    torque = evidence.robot.torque
-    if not evidence.weighs or torque.compensated is not None:
+    torque = logs.robot.torque
+    if not logs.weighs or torque.compensated is not None:
         return ()
-    carried = measure_carried(evidence)
+    carried = measure_carried(logs)
     none = [c for c in carried if c.nearest == 0.0 and c.moves != 0.0]
     # What the masses need to be moved shows that they are right; else the whole fit has to.
     proved = bool(none) and all(c.moves == 1.0 for c in none)
-    if none and (proved or _lacks_weight(evidence, [c.joint for c in none])):
-        return (_tell_compensated(evidence, none, len(none) == len(carried)),)
+    if none and (proved or _lacks_weight(logs, [c.joint for c in none])):
+        return (_tell_compensated(logs, none, len(none) == len(carried)),)
     opposite = [c for c in carried if c.nearest == -1.0]
     if opposite and not torque.sign:
         return (
-            f"By the masses of the robot file, {_listed(evidence, opposite)}: the torque pulls "
+            f"By the masses of the robot file, {_listed(logs, opposite)}: the torque pulls "
             "the wrong way. Its sign, the direction or zero of a joint, or gravity (a robot that "
             "hangs from the ceiling) is another one: correct it ([torque] sign = -1 in the "
             "sidecar, or gravity in the file; sign = 1 says that the torque is right).",
         )
     half = [c for c in carried if c.is_half]
     told = [c for c in carried if np.isfinite(c.nearest)]
-    sure = len(half) == len(told) > 1 or any(_gear(evidence, c.joint) != 1.0 for c in half)
+    sure = len(half) == len(told) > 1 or any(_gear(logs, c.joint) != 1.0 for c in half)
     if half and sure and not (torque.gain or torque.ratio):
         return (
-            f"By the masses of the robot file, {_listed(evidence, half)}, and the torque that "
+            f"By the masses of the robot file, {_listed(logs, half)}, and the torque that "
             'moves them no more: it looks like torque before a gear of 2 (side = "motor" under '
-            f"[torque] in the sidecar, with its ratio{_tell_gears(evidence, half)}), or the file's "
+            f"[torque] in the sidecar, with its ratio{_tell_gears(logs, half)}), or the file's "
             "masses are twice too large (gain = 1 there says so).",
         )
     return ()
 
 
-def _lacks_weight(evidence: Evidence, joints: list[int]) -> bool:
+def _lacks_weight(logs: MeasuredLogs, joints: list[int]) -> bool:
     """Whether the unpruned model fits as well where some joints carry no weight, whatever it is."""
-    step = max(1, len(evidence.torque) // ENOUGH)
-    motion, tau = evidence.motion[::step], evidence.torque[::step]
-    structure, spread = evidence.structure, tau.std(0)
+    step = max(1, len(logs.torque) // ENOUGH)
+    motion, tau = logs.motion[::step], logs.torque[::step]
+    structure, spread = logs.structure, tau.std(0)
     if not (spread > 0).all():
         return False
     light = structure.robot.model.copy()
@@ -212,10 +212,10 @@ def _lacks_weight(evidence: Evidence, joints: list[int]) -> bool:
     return lighter <= WORSE * given
 
 
-def _tell_compensated(evidence: Evidence, none: list[Carried], every: bool) -> str:
-    names = ", ".join(f'"{evidence.joints[c.joint]}"' for c in none)
+def _tell_compensated(logs: MeasuredLogs, none: list[Carried], every: bool) -> str:
+    names = ", ".join(f'"{logs.joints[c.joint]}"' for c in none)
     return (
-        f"By the masses of the robot file, {_listed(evidence, none)}, although it moves them: the "
+        f"By the masses of the robot file, {_listed(logs, none)}, although it moves them: the "
         "effort is compensated for gravity, as some drivers report it, and no mass that is found "
         f"stands. Say compensated = {'true' if every else f'[{names}]'} under [torque] in the "
         "sidecar, and what holds the file's weight is added again; false, where a spring or a "
@@ -223,19 +223,19 @@ def _tell_compensated(evidence: Evidence, none: list[Carried], every: bool) -> s
     )
 
 
-def _listed(evidence: Evidence, those: list[Carried]) -> str:
-    said = [f"{evidence.joints[c.joint]} {c.factor:.2f} ± {c.half:.2f}" for c in those]
+def _listed(logs: MeasuredLogs, those: list[Carried]) -> str:
+    said = [f"{logs.joints[c.joint]} {c.factor:.2f} ± {c.half:.2f}" for c in those]
     return f"the torque carries another share of the weight than all of it ({listing(said, 6)})"
 
 
-def _gear(evidence: Evidence, joint: int) -> float:
+def _gear(logs: MeasuredLogs, joint: int) -> float:
     """Return the gear that an MJCF states of a joint; 1 for none."""
-    entry = evidence.robot.entries.get("actuator_force", {}).get(evidence.joints[joint])
+    entry = logs.robot.entries.get("actuator_force", {}).get(logs.joints[joint])
     return abs(entry.factor) if entry else 1.0
 
 
-def _tell_gears(evidence: Evidence, half: list[Carried]) -> str:
-    gears = [g for c in half if (g := _gear(evidence, c.joint)) != 1.0]
+def _tell_gears(logs: MeasuredLogs, half: list[Carried]) -> str:
+    gears = [g for c in half if (g := _gear(logs, c.joint)) != 1.0]
     return f"; the file states a gear of {gears[0]:g}" if gears else ""
 
 
@@ -279,22 +279,22 @@ ROUNDS = 3
 UNITS = {"mN·m (or mN)": 1e3, "N·cm": 1e2, "N·mm": 1e3, "kN·m (or kN)": 1e-3}
 
 
-def find_torque_scale(evidence: Evidence) -> tuple[str, ...]:
+def find_torque_scale(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque whose size contradicts the file's masses, or none.
 
     Where it does at some joints alone, and bodies of other masses explain it as well as another
     gain there does, these are what the logs say (`find_other_masses`).
     """
-    if not evidence.weighs:
+    if not logs.weighs:
         return ()
-    factors = measure_factors(evidence)
+    factors = measure_factors(logs)
     known = np.isfinite(factors)
     odd = known & ((factors > FACTOR) | (factors < 1 / FACTOR))
-    if odd.any() and odd.sum() < known.sum() and not _gain_explains(evidence, odd, factors):
+    if odd.any() and odd.sum() < known.sum() and not _gain_explains(logs, odd, factors):
         return ()
     if not odd.any():
-        return _tell_apart(evidence, factors[known])
-    joints, share = evidence.joints, factors[odd]
+        return _tell_apart(logs, factors[known])
+    joints, share = logs.joints, factors[odd]
     middle = float(np.exp(np.median(np.log(share))))
     alike = bool((np.abs(np.log(share / middle)) < np.log(ALIKE)).all())
     sizes = _multiple(share)
@@ -320,16 +320,16 @@ def find_torque_scale(evidence: Evidence) -> tuple[str, ...]:
     )
 
 
-def find_other_masses(evidence: Evidence) -> tuple[str, ...]:
+def find_other_masses(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on joints that carry bodies of quite other masses than the file's."""
-    if not evidence.weighs:
+    if not logs.weighs:
         return ()
-    factors = measure_factors(evidence)
+    factors = measure_factors(logs)
     known = np.isfinite(factors)
     odd = known & ((factors > FACTOR) | (factors < 1 / FACTOR))
-    if not odd.any() or odd.sum() == known.sum() or _gain_explains(evidence, odd, factors):
+    if not odd.any() or odd.sum() == known.sum() or _gain_explains(logs, odd, factors):
         return ()
-    which = listing([evidence.joints[k] for k in np.flatnonzero(odd)], 6)
+    which = listing([logs.joints[k] for k in np.flatnonzero(odd)], 6)
     return (
         f"The measured torque of {which} is {_multiple(factors[odd])} what the masses of the robot "
         "file ask for, and bodies of other masses explain it better than another gain of the "
@@ -337,14 +337,14 @@ def find_other_masses(evidence: Evidence) -> tuple[str, ...]:
     )
 
 
-def _gain_explains(evidence: Evidence, odd: np.ndarray, factors: Array) -> bool:
+def _gain_explains(logs: MeasuredLogs, odd: np.ndarray, factors: Array) -> bool:
     """Return whether the unpruned model fits better if torque at odd joints had another gain."""
-    spread = evidence.torque.std(0)
+    spread = logs.torque.std(0)
     if not (spread > 0).all():
         return True
-    structure, data = evidence.structure, evidence.data
-    W = structure.model.regressor(structure.robot, evidence.motion)[:, :, structure.base.kept]
-    W, tau = W * data[:, :, None], evidence.torque * data
+    structure, data = logs.structure, logs.data
+    W = structure.model.regressor(structure.robot, logs.motion)[:, :, structure.base.kept]
+    W, tau = W * data[:, :, None], logs.torque * data
     gain = np.where(odd, factors, 1.0)
     given, other = (
         unexplained(W * g[:, None] / spread[:, None], tau / spread)
@@ -353,7 +353,7 @@ def _gain_explains(evidence: Evidence, odd: np.ndarray, factors: Array) -> bool:
     return other < given
 
 
-def _tell_apart(evidence: Evidence, factors: Array) -> tuple[str, ...]:
+def _tell_apart(logs: MeasuredLogs, factors: Array) -> tuple[str, ...]:
     """Return one sentence on factors that are possible each, but not beside each other."""
     if len(factors) < 2 or factors.max() < APART * factors.min():
         return ()
@@ -363,17 +363,17 @@ def _tell_apart(evidence: Evidence, factors: Array) -> tuple[str, ...]:
     )
 
 
-def measure_factors(evidence: Evidence) -> Array:
+def measure_factors(logs: MeasuredLogs) -> Array:
     """Return measured over predicted torque of each joint, (n,); NaN where it does not show."""
-    factors = np.full(len(evidence.joints), np.nan)
-    size = np.sqrt(np.mean(evidence.predicted**2, 0))
-    units = np.array(evidence.robot.torque_units)
+    factors = np.full(len(logs.joints), np.nan)
+    size = np.sqrt(np.mean(logs.predicted**2, 0))
+    units = np.array(logs.robot.torque_units)
     for k in range(len(factors)):
         if size[k] < FELT_BY_SCALE * size[units == units[k]].max() or size[k] == 0:
             continue
-        factors[k] = _factor(evidence.predicted[:, k], evidence.torque[:, k], evidence.ordinary(k))
-        if np.isnan(factors[k]) and np.isfinite(evidence.stated[:, k]).all():
-            factors[k] = _plain_factor(evidence.stated[:, k], evidence.torque[:, k])
+        factors[k] = _factor(logs.predicted[:, k], logs.torque[:, k], logs.ordinary(k))
+        if np.isnan(factors[k]) and np.isfinite(logs.stated[:, k]).all():
+            factors[k] = _plain_factor(logs.stated[:, k], logs.torque[:, k])
     return factors
 
 
@@ -429,10 +429,10 @@ CROWDED = 6.0
 BAND = 0.01
 
 
-def find_saturation(evidence: Evidence) -> tuple[str, ...]:
+def find_saturation(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque columns with flat tops, or none."""
     found: dict[str, tuple[float, float]] = {}
-    for _, log in evidence.windows():
+    for _, log in logs.windows():
         moves = np.append(np.abs(np.diff(log.q, axis=0)).max(1, initial=0.0) > 0, True)
         for k, joint in enumerate(log.joints):
             column = log.tau[moves, k]
@@ -503,16 +503,16 @@ class _Change:
     says: str = ""
 
 
-def find_exchanged(evidence: Evidence) -> tuple[str, ...]:
+def find_exchanged(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on joints that are exchanged, turned, or in degrees, or none."""
-    robot, n = evidence.robot, len(evidence.joints)
+    robot, n = logs.robot, len(logs.joints)
     if robot.closed or n < 2:
         return ()
     plain = _Change(tuple(range(n)), (1.0,) * n, tuple(range(n)), (1.0,) * n)
-    given = _error(evidence, plain)
+    given = _error(logs, plain)
     if not given > BAD:
         return ()
-    tried = [(_error(evidence, c), c) for c in _candidates(evidence, plain)]
+    tried = [(_error(logs, c), c) for c in _candidates(logs, plain)]
     least, best = min(tried, key=lambda pair: pair[0])
     if least**2 >= FAR * given**2 or not best.says:
         return ()
@@ -522,9 +522,9 @@ def find_exchanged(evidence: Evidence) -> tuple[str, ...]:
     )
 
 
-def _candidates(evidence: Evidence, plain: _Change) -> Iterator[_Change]:
+def _candidates(logs: MeasuredLogs, plain: _Change) -> Iterator[_Change]:
     """Yield what the columns might have been meant to be."""
-    names, n = evidence.joints, len(evidence.joints)
+    names, n = logs.joints, len(logs.joints)
     same, one = plain.order, plain.factor
     near = n > MOST
     for i, j in combinations(range(n), 2):
@@ -545,9 +545,9 @@ def _candidates(evidence: Evidence, plain: _Change) -> Iterator[_Change]:
         )
         yield _Change(same, turned, same, turned, f"The joint {who} seems to turn the other way")
         yield _Change(same, one, same, turned)
-        if not evidence.robot.is_prismatic(int(evidence.robot.actuated[k])):
+        if not logs.robot.is_prismatic(int(logs.robot.actuated[k])):
             yield _Change(same, small, same, one, f"The angles of {who} seem to be degrees")
-    slides = [evidence.robot.is_prismatic(int(k)) for k in evidence.robot.actuated]
+    slides = [logs.robot.is_prismatic(int(k)) for k in logs.robot.actuated]
     angles = tuple(1.0 if s else DEGREE for s in slides)
     advice = "The angles seem to be degrees (--angles deg)"
     yield _Change(same, angles, same, one, advice)
@@ -556,10 +556,10 @@ def _candidates(evidence: Evidence, plain: _Change) -> Iterator[_Change]:
         yield _Change(same, one, same[shift:] + same[:shift], one)
 
 
-def _error(evidence: Evidence, change: _Change) -> float:
+def _error(logs: MeasuredLogs, change: _Change) -> float:
     """Return the relative error of the unpruned model with an offset a joint, joints alike."""
-    step = max(1, len(evidence.torque) // ENOUGH_ROWS)
-    some, tau = evidence.motion[::step], evidence.torque[::step]
+    step = max(1, len(logs.torque) // ENOUGH_ROWS)
+    some, tau = logs.motion[::step], logs.torque[::step]
     order, factor = list(change.order), np.array(change.factor)
     tau = tau[:, list(change.torques)] * change.signs
     spread = tau.std(0)
@@ -570,10 +570,10 @@ def _error(evidence: Evidence, change: _Change) -> float:
     else:
         moved = [x[:, order] * factor for x in (some.actuated_q, some.actuated_v, some.actuated_a)]
         try:
-            motion = complete_motion(evidence.robot, some.t, *moved)
+            motion = complete_motion(logs.robot, some.t, *moved)
         except ClosureError:
             return np.inf
-    structure = evidence.structure
+    structure = logs.structure
     W = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
     return unexplained(W / spread[:, None], tau / spread)
 
@@ -581,8 +581,8 @@ def _error(evidence: Evidence, change: _Change) -> float:
 # Torque columns that are exchanged or have the wrong sign (`regression.mix_up`).
 
 
-def find_turned_torque(evidence: Evidence) -> tuple[str, ...]:
+def find_turned_torque(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque columns that are mixed up, or none."""
-    structure = evidence.structure
-    regression = structure.regression(evidence.samples)
+    structure = logs.structure
+    regression = structure.regression(logs.samples)
     return tuple(filter(None, [find_mix_up(regression, structure.base.nonnegative)]))

@@ -37,8 +37,8 @@ from identifiability.workflows.analyze.assessment import (
     JudgedModel,
     RungResult,
     assess_ladder,
+    decide_told,
     forbidden_signs,
-    judge_told,
 )
 from identifiability.workflows.analyze.words import WORSE
 from identifiability.workflows.opening import Opening, find_missing
@@ -268,7 +268,7 @@ def measure_rungs(
     torque = float(np.sqrt(np.mean(own.rms**2)))
     result = replace(
         result,
-        verdicts=judge_told(
+        verdicts=decide_told(
             own_told, spreads[chosen], torque, Thresholds(), question.full, missing, models
         ),
     )
@@ -279,7 +279,7 @@ def measure_rungs(
             estimate=model.estimate,
             verdicts=result.verdicts
             if k == chosen
-            else judge_told(model.told, spreads[k], torque, Thresholds(), question.full, missing),
+            else decide_told(model.told, spreads[k], torque, Thresholds(), question.full, missing),
             error_ra=float(error[k]),
             error_ra_unseen=float(error_unseen[k]),
             error_se=float(error_se[k]),

@@ -42,9 +42,9 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.decisive import weigh_rows
 from identifiability.workflows.analyze.fit import settle_robot
 from identifiability.workflows.analyze.several_logs import compare_logs
+from identifiability.workflows.analyze.weighed_rows import weigh_rows
 from identifiability.workflows.analyze.words import state_weak
 from identifiability.workflows.band import settle_band
 from identifiability.workflows.instruments import add_instruments

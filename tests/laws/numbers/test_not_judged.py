@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from identifiability.estimation.decide import Grounds, decide
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.judge import Grounds, judge
 from identifiability.estimation.scores import FEWEST, count_freedom, scatter_scores
 from identifiability.estimation.uncertainty import assess_uncertainty, recurrence
 from identifiability.estimation.verdict import Class, Thresholds
@@ -31,7 +31,7 @@ def judged(fit, found, rules=None):
         fit, found.robust, recurrence(fit, found, rules), np.ones(k), np.full(k, 1e3), 1.0,
         ("Only with another.",) * k, found.why_unjudged(rules),
     )  # fmt: skip
-    return judge(["label"] * k, ["kg"] * k, evidence, None, rules)
+    return decide(["label"] * k, ["kg"] * k, evidence, None, rules)
 
 
 def kinds(verdicts):
@@ -126,7 +126,7 @@ def test_what_the_motion_leaves_open_is_said_as_before():
         fit_of([1.0, 2.0], [0.01, 0.01], [False, True]), np.array([np.inf, 0.01]), np.ones(2),
         np.ones(2), np.ones(2), 1.0, ("Only with another.", ""), ("Too short.",) * 2,
     )  # fmt: skip
-    first, second = judge(["label"] * 2, ["kg"] * 2, evidence)
+    first, second = decide(["label"] * 2, ["kg"] * 2, evidence)
     assert (first.verdict, first.reason) == (Class.NOT_IDENTIFIABLE, "Only with another.")
     assert (second.verdict, second.reason) == (Class.NOT_JUDGED, "Too short.")
 

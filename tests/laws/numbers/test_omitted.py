@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identifiability.estimation.decide import Grounds, decide
 from identifiability.estimation.estimate import find_estimator
-from identifiability.estimation.judge import Grounds, judge
 from identifiability.estimation.omitted import SHARE, LeftOut, body_scatter, find_left_out
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.names import INERTIAL
@@ -115,7 +115,7 @@ def verdict_of(left, sigma=0.01):
     grounds = Grounds(
         fit, np.array([sigma]), ones, ones, 100 * ones, 1.0, ("",), ("",), left_out=left
     )
-    (verdict,) = judge(["p"], ["kg"], grounds, np.array([1.1]))
+    (verdict,) = decide(["p"], ["kg"], grounds, np.array([1.1]))
     return verdict
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.bootstrap import merge_blocks
+from identifiability.estimation.decide import column_noise, column_rms
 from identifiability.estimation.estimate import find_estimator
-from identifiability.estimation.judge import column_noise, column_rms
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import Class, Thresholds
 from identifiability.physical.fitted_model import FittedModel

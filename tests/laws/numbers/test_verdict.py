@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from identifiability.estimation.decide import Grounds, decide
 from identifiability.estimation.holm import holm
-from identifiability.estimation.judge import Grounds, judge
 from identifiability.estimation.verdict import Class, Thresholds, Verdict
 
 from .made import fit_of
@@ -24,7 +24,7 @@ def verdicts(value, robust, *, white=None, recurrence=1.0, noise=1.0, known=None
         aliases=(alias,) * k,
         unjudged=("",) * k,
     )
-    return judge([f"label {j}" for j in range(k)], ["kg"] * k, evidence, **rest)
+    return decide([f"label {j}" for j in range(k)], ["kg"] * k, evidence, **rest)
 
 
 def verdict(value, robust, **options):

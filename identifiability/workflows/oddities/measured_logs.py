@@ -1,4 +1,4 @@
-"""`Evidence`: what the finders of oddities look at: raw columns, and what the file predicts."""
+"""`MeasuredLogs`: what the finders of oddities look at: raw columns, and what the file predicts."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ENOUGH = 1000
 
 
 @frozen
-class Evidence:
+class MeasuredLogs:
     """Logs as they were measured, and the same prepared.
 
     Attributes

@@ -1,4 +1,4 @@
-"""`judge`: from the evidence on a model's parameters to the verdict on each, in words."""
+"""`decide`: from the evidence on a model's parameters to the verdict on each, in words."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class Grounds:
         return sigma if self.doubt is None else np.hypot(sigma, self.doubt.sigma)
 
 
-def judge(
+def decide(
     labels: Sequence[str],
     units: Sequence[str],
     grounds: Grounds,
@@ -126,7 +126,7 @@ def judge(
     sigma, left = grounds.sigma_label, grounds.left_out
     without: tuple[Verdict, ...] = ()
     if doubt is not None:  # what would be said if nothing were missing
-        without = judge(labels, units, replace(grounds, doubt=None), nominal, thresholds)
+        without = decide(labels, units, replace(grounds, doubt=None), nominal, thresholds)
     with np.errstate(divide="ignore", invalid="ignore"):
         z = np.where(e.determined & (sigma > 0), np.abs(value) / sigma, 0.0)
         z = np.where(e.determined & (sigma == 0) & (value != 0), np.inf, z)
@@ -262,7 +262,7 @@ def _compare(kind: Class, paper: bool, percent: float, least: float) -> str:
     )
 
 
-def judge_rung(
+def decide_rung(
     rung: Rung,
     information: Information,
     fit: Estimate,
@@ -313,7 +313,7 @@ def judge_rung(
         doubt,
         models,
     )
-    return judge(rung.labels, rung.units, grounds, stated, thresholds)
+    return decide(rung.labels, rung.units, grounds, stated, thresholds)
 
 
 def column_rms(information: Information) -> Array:
