@@ -357,8 +357,8 @@ class Fitting:
         motion does not bias.
     cad_prior
         Weight of a log-det prior around the robot file's bodies, which decides where the logs are
-        silent; default: of 10, 0.3 and 0.01 the strongest that predicts unseen motion as well as
-        the best.
+        silent; default: the heaviest that predicts stretches of the fitted logs as well as the
+        best.
     """
 
     method: Annotated[str, Option(metavar="NAME", autocompletion=estimators)] = "wls"

@@ -102,6 +102,14 @@ class Levels:
                 "real robot has its values, a smaller one that one has, if the real robots nearest "
                 "to both predict alike",
             ),
+            (
+                "the prior to the robot file",
+                f"the heaviest within {self.nats:g} nats of the best predictive log density",
+            ),
+            (
+                "the values to use",
+                "those of the nearest real robot, unless the ones that were estimated are better",
+            ),
         )
 
 

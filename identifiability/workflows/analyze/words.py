@@ -86,8 +86,8 @@ def state_physics(chosen: RungResult) -> str:
     near = f"the nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %."
     if chosen.physical_used:
         near = (
-            f"the nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %, no more than "
-            "they do: its values are those to use, and predictions and exports have them."
+            f"the nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %, not surely "
+            "more than they do: its values are those to use, and predictions and exports have them."
         )
     if chosen.infeasible:
         return (
