@@ -19,10 +19,9 @@ from scipy.signal import lfilter
 from scipy.special import ndtr
 
 from identifiability.estimation.estimate import find_estimator
-from identifiability.estimation.holm import holm
 from identifiability.estimation.outliers import weigh_outliers
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import REACH
+from identifiability.foundation.numbers import REACH, holm
 from identifiability.foundation.output import write_json
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.gather import gather_information

@@ -19,8 +19,7 @@ import pandas as pd
 
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.least_squares import refit
-from identifiability.estimation.noise.autocorrelation import autocorrelation_time
-from identifiability.estimation.noise.residual_noise import ResidualNoise
+from identifiability.estimation.noise import ResidualNoise, autocorrelation_time
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.output import write_json
@@ -30,8 +29,7 @@ from identifiability.report import Check, Prose, Section, frame_table, write_pag
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.analyze import analyze
-from identifiability.workflows.analyze.belief import Effort
-from identifiability.workflows.analyze.form_belief import form_belief
+from identifiability.workflows.analyze.belief import Effort, form_belief
 from identifiability.workflows.calibrate.outcome import Experiment
 
 #: The checkout.

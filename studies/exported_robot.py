@@ -32,7 +32,7 @@ from identifiability.foundation.output import write_json
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
-from identifiability.physical.mass import is_far, mass_rows
+from identifiability.physical.cad_prior import is_far, mass_rows
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.regression.regression import Model
 from identifiability.report import Check, Section, frame_table, write_page

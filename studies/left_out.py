@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from left_out_trials import REPLICATES, SETTINGS, Tally, measure
 
-from identifiability.estimation.omitted import SHARE
+from identifiability.estimation.decide import SHARE
 from identifiability.foundation.numbers import Share
 from identifiability.foundation.output import write_json
 from identifiability.report import Check, Fold, Picture, Prose, Section, frame_table, write_page

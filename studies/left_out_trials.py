@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identifiability.estimation.decide import decide_rung
-from identifiability.estimation.omitted import body_scatter
+from identifiability.estimation.decide import body_scatter, decide_rung
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.numbers import REACH, Share, clustered_share, exact_share
 from identifiability.logs import Log

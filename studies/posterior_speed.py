@@ -22,8 +22,7 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.foundation.engines.mapping import Serial
 from identifiability.foundation.output import write_json
-from identifiability.physical.fitted_model import FittedModel, physical_set
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
 from identifiability.physical.project import Projection, project
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.exact import build_sampler, interior
@@ -38,8 +37,7 @@ from identifiability.simulation import (
     simulate,
 )
 from identifiability.workflows.analyze import Analysis, analyze
-from identifiability.workflows.analyze.belief import START_MARGIN
-from identifiability.workflows.analyze.form_belief import state_prior
+from identifiability.workflows.analyze.belief import START_MARGIN, state_prior
 from identifiability.workflows.calibrate.outcome import build_target
 
 #: The checkout.

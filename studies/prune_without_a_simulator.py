@@ -40,7 +40,7 @@ from identifiability.regression.regression import Model, Regression
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
 from identifiability.simulation.noise import ar1
 from identifiability.workflows.prune import Ladder, prune
-from identifiability.workflows.prune.search import find_path
+from identifiability.workflows.prune.elimination import find_path
 
 ROOT = Path(__file__).resolve().parents[1]
 NEXT = {"571": "595", "595": "601", "601": "571"}

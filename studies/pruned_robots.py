@@ -25,7 +25,7 @@ from drawn_robots import draw_arm
 from left_out_trials import Robots
 
 from identifiability import Log, Robot, simulate
-from identifiability.estimation.omitted import SHARE
+from identifiability.estimation.decide import SHARE
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array

@@ -27,7 +27,7 @@ import staubli_tx40
 
 from identifiability import Log, Robot, analyze
 from identifiability.logs.conventions import Conventions
-from identifiability.physical.mass import total_mass
+from identifiability.physical.cad_prior import total_mass
 from identifiability.workflows.prune import prune
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -26,8 +26,13 @@ from scipy.signal import lfilter
 from threadpoolctl import threadpool_limits
 
 from identifiability.estimation.estimate import estimate, find_estimator, settle_noise, weigh_logs
-from identifiability.estimation.motions import LEVEL, Motions, compare_halves
-from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty
+from identifiability.estimation.uncertainty import (
+    LEVEL,
+    Motions,
+    Uncertainty,
+    assess_uncertainty,
+    compare_halves,
+)
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH, exact_share

@@ -199,7 +199,7 @@ def exact_log() -> Log:
 @pytest.fixture(scope="session")
 def few_draws():
     """A context in which `analyze` samples short posteriors, for what claims nothing of them."""
-    module = import_module("identifiability.workflows.analyze.form_belief")
+    module = import_module("identifiability.workflows.analyze.belief")
 
     @contextmanager
     def patched():

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from identifiability import Log, Preparation, analyze
-from identifiability.estimation.holm import holm
-from identifiability.estimation.noise.autocorrelation import autocorrelation_time
+from identifiability.estimation.noise import autocorrelation_time
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.engines.local import Serial
+from identifiability.foundation.numbers import holm
 from identifiability.physical import feasibility
 from identifiability.simulation import Noise
 from identifiability.simulation.noise import ar1

@@ -13,8 +13,7 @@ from identifiability.cli.demo import run_demo
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import RobotError
 from identifiability.physical.certify import certify
-from identifiability.physical.fitted_model import FittedModel, physical_set
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
 from identifiability.physical.project import project
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.target import Target
@@ -25,9 +24,10 @@ from identifiability.workflows.analyze.belief import (
     Effort,
     Source,
     belief_dict,
+    form_belief,
     refine_verdicts,
+    state_prior,
 )
-from identifiability.workflows.analyze.form_belief import form_belief, state_prior
 
 NOTHING = "The chains are short: 80 draws are 44 autocorrelation times of leg3_upper.mz."
 

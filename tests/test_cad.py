@@ -9,8 +9,7 @@ import pytest
 from identifiability import Robot, analyze
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import INERTIAL
-from identifiability.physical.mass import total_mass
-from identifiability.physical.nominal_bodies import draw_bodies
+from identifiability.physical.cad_prior import draw_bodies, total_mass
 from identifiability.physical.pseudo_inertia import check_body, to_matrix
 from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.regression import Model

@@ -11,11 +11,7 @@ from typer.testing import CliRunner
 from identifiability import analyze
 from identifiability.cli import app
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.noise.residual_noise import (
-    ResidualNoise,
-    find_runs,
-    fit_residual_noise,
-)
+from identifiability.estimation.noise import ResidualNoise, find_runs, fit_residual_noise
 from identifiability.foundation.numbers import clustered_share, exact_share
 from identifiability.foundation.options import OptionError
 from identifiability.regression.base_parameters import find_base_parameters

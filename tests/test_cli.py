@@ -79,7 +79,7 @@ def test_help_is_quick_and_names_the_commands():
 
 def test_an_analysis_without_a_report_neither_draws_nor_simulates_and_none_loads_other_commands():
     code = (
-        "import sys; import identifiability.workflows.analyze.next_steps; "
+        "import sys; import identifiability.workflows.analyze.result; "
         "heavy = {'matplotlib', 'mujoco', 'scipy.stats', 'scipy.signal'} & set(sys.modules); "
         "import identifiability.report.analysis_report; "
         "others = [f'identifiability.workflows.{name}' for name in ('prune', 'diagnose')]; "

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy
 
+from identifiability.estimation.bootstrap import scatter_scores
 from identifiability.estimation.estimate import choose_estimator, estimate
-from identifiability.estimation.scores import scatter_scores
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
 from identifiability.logs.prepare.instruments import add_instrument

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from identifiability import Robot, prune
+from identifiability.estimation.decide import SHARE, body_scatter, find_left_out
 from identifiability.estimation.estimate import find_estimator
-from identifiability.estimation.omitted import SHARE, body_scatter, find_left_out
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.foundation.numbers import LEVEL, REACH
 from identifiability.physical.fitted_model import FittedModel

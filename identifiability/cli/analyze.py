@@ -118,7 +118,7 @@ def print_analysis(result: Analysis, written: Sequence[Path], typed: Sequence[st
     first, *hints = common.apart(result.statement, result.hints)
     common.print_end(filter(None, [first, result.mass_statement, *hints]))
     if typed:
-        from identifiability.workflows.analyze.next_steps import next_commands  # noqa: PLC0415
+        from identifiability.workflows.analyze.result import next_commands  # noqa: PLC0415
 
         common.print_next(next_commands(result), [*typed, *written])
     common.print_end([], written)

@@ -29,9 +29,10 @@ from identifiability.effects.effect import Along
 from identifiability.effects.nominal import has_masses, rigid_torque
 from identifiability.effects.transmission import carried_load
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
-from identifiability.estimation.noise.autoregression import JointRuns
-from identifiability.estimation.noise.restricted_likelihood import (
+from identifiability.estimation.noise import (
+    ARNoise,
+    JointNoise,
+    JointRuns,
     LaggedProducts,
     RestrictedLikelihood,
 )

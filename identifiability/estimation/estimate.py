@@ -9,8 +9,13 @@ import numpy as np
 
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.instrumental import InstrumentalVariables
-from identifiability.estimation.least_squares import OrdinaryLeastSquares, WeightedLeastSquares
-from identifiability.estimation.memory import LogNoise, Noise, taken_of_blocks
+from identifiability.estimation.least_squares import (
+    LogNoise,
+    Noise,
+    OrdinaryLeastSquares,
+    WeightedLeastSquares,
+    taken_of_blocks,
+)
 from identifiability.estimation.renoised import RenoisedLeastSquares
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array

@@ -43,8 +43,8 @@ from scipy.linalg import solve_triangular
 from scipy.special import stdtrit
 
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.memory import Noise
-from identifiability.estimation.updated_refits import RIDGE
+from identifiability.estimation.least_squares import Noise
+from identifiability.estimation.refits import RIDGE
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen

@@ -1,20 +1,339 @@
-"""Standard deviations that allow for what residuals remember: by resampling and by scores."""
+"""Standard deviations that allow for what residuals remember, and for what motions disagree on.
+
+What scatters between motions enters every interval.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
+from dataclasses import replace
 
-from identifiability.estimation.bootstrap import FEWEST_BLOCKS, Bootstrap, bootstrap
-from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.motions import Motions, compare_motions
-from identifiability.estimation.noise.autocorrelation import block_length
-from identifiability.estimation.scores import MEMORIES, ScoreScatter, longer, scatter_scores
+import numpy as np
+from scipy.special import chdtrc, chdtri, fdtrc, stdtrit
+
+from identifiability.estimation.bootstrap import (
+    FEWEST,
+    FEWEST_BLOCKS,
+    MEMORIES,
+    Bootstrap,
+    ScoreScatter,
+    bootstrap,
+    longer,
+    scatter_scores,
+)
+from identifiability.estimation.estimate import ENOUGH, forget_noise
+from identifiability.estimation.estimator import NOTHING, Estimate
+from identifiability.estimation.noise import block_length
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.linalg import sandwich
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import ENDS, REACH, holm
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
+
+# Do several motions give the same values? What scatters between them enters every interval.
+#
+# What a model leaves out is no noise while one motion lasts: it moves the values by as much in
+# every block of a log, and by something else in the next log. So the values of each log by itself
+# are compared by analysis of variance with unequal variances [Welch 1951], a parameter at a time
+# [Holm 1979] and pooled over all of them. Where logs differ by more than each of them knows, the
+# excess is a variance between motions [DerSimonian & Laird 1986]. Two or three logs say next to
+# nothing about one parameter's, so it is pooled, in units of the sampling variance: model errors,
+# like noise, move most what a motion shows least. Only a parameter that moves for sure has one of
+# its own.
+#
+# One log says nothing of another motion; but where its halves are long enough to be judged by
+# themselves they are compared in the same way. Stretches that are shorter scatter by less than
+# they know, because a slow noise seems to be a part of what each of them shows.
+
+
+#: Level of each of the two tests: of all parameters together, and of those that move by themselves.
+LEVEL = 0.05
+
+#: Level of each where the halves of one log are compared: every log is asked.
+SURE = 0.01
+
+#: Fewest outputs of a motion for each parameter, below which it is not fitted by itself.
+FEWEST_OUTPUTS = 1.0
+
+#: Stretches over which the scores of one motion scatter, at most: more say little and cost.
+MOST_STRETCHES = 24
+
+
+@frozen
+class Motions:
+    """Values of L motions, each by itself, and what they say together about k parameters.
+
+    Attributes
+    ----------
+    which : (L,) int
+        Number of each log (or stretch): those that are too short to be fitted are left out.
+    values, sd : (L, k)
+        Of each motion by itself, and their robust standard deviations; infinite where the motion
+        does not determine a parameter.
+    dof : (L,)
+        Degrees of freedom of `sd`.
+    errors : (L, n) [N·m or N]
+        Root mean square of each joint's residual under the fit to all motions.
+    p : (k,)
+        Of each parameter's values being equal, adjusted for their number; 1 where fewer than two
+        motions determine it.
+    pooled : float
+        p-value of all values being equal, by the sum over parameters.
+    ratio : float
+        Variance of the values over their sampling variance, pooled; 1 where the test finds none.
+    ratio_dof : float
+        Degrees of freedom of `ratio`: twice its mean squared over its variance.
+    between : (k,)
+        What the scatter adds to the standard deviations of the fit to all motions, in quadrature;
+        a normal interval with it has the width of Student's t. Zero where motions agree.
+    level : float
+        Of each of the two tests.
+    """
+
+    which: np.ndarray
+    values: Array
+    sd: Array
+    dof: Array
+    errors: Array
+    p: Array
+    pooled: float
+    ratio: float
+    ratio_dof: float
+    between: Array
+    level: float = LEVEL
+
+    @property
+    def moved(self) -> np.ndarray:
+        """Parameters whose values differ for sure, (k,) bool."""
+        moved: np.ndarray = self.p < self.level
+        return moved
+
+    @property
+    def agree(self) -> bool:
+        """Whether neither test finds a difference."""
+        return not (self.moved.any() or self.pooled < self.level)
+
+    def away(self, one: int) -> tuple[Array, Array]:
+        """Return the weighted mean of all other motions' values, and how many σ one is off, (k,).
+
+        Parameters
+        ----------
+        one : int
+            Place in `which`.
+        """
+        others = np.arange(len(self.which)) != one
+        weight = self.sd[others] ** -2.0
+        total = weight.sum(0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mean = (weight * self.values[others]).sum(0) / total
+            z = (self.values[one] - mean) / np.sqrt(self.sd[one] ** 2 + 1.0 / total)
+        return mean, np.nan_to_num(z)
+
+    def odd(self) -> int:
+        """Return the place of the motion that is farthest from the others where values move."""
+        at = self.moved if self.moved.any() else np.ones(len(self.p), bool)
+        return int(np.argmax([(self.away(one)[1][at] ** 2).sum() for one in range(len(self.sd))]))
+
+    def without(self, one: int) -> float:
+        """Return the smallest adjusted p-value of the motions without one."""
+        rest = np.arange(len(self.which)) != one
+        if rest.sum() < 2:
+            return 1.0
+        _, p, _ = _welch(self.values[rest], self.sd[rest], self.dof[rest])
+        return float(holm(p).min())
+
+
+def compare_motions(
+    information: Information,
+    fit: Estimate,
+    time: float,
+    groups: np.ndarray | None = None,
+    level: float = LEVEL,
+) -> Motions | None:
+    """Return what motions say of each other; None where fewer than two can be fitted.
+
+    Parameters
+    ----------
+    information : Information
+        About the fitted columns.
+    fit : Estimate
+        To all motions.
+    time : float [samples]
+        Autocorrelation time of the residual.
+    groups : (B,) int, optional
+        Which motion each block comes from; by default its log.
+    level : float
+        Of each of the two tests.
+    """
+    groups = information.log if groups is None else groups
+    if len(np.unique(groups)) < 2:
+        return None
+    needed = FEWEST_OUTPUTS * len(fit.kept)
+    torque = information.torque.sum()
+    if fit.rss.sum() <= NOTHING**2 * torque:  # rounding left these, and agrees with nothing
+        return None
+    found, own, sd, dof, errors = [], [], [], [], []
+    for one in np.unique(groups) if fit.kept else ():
+        part = information.take(groups == one)
+        if part.rows <= len(fit.kept):  # it determines nothing, and rounding would say what
+            continue
+        alone = forget_noise(fit.estimator).fit(part)
+        if (np.diag(alone.covariance)[alone.determined] < 0.0).any():  # rounding is all there is
+            continue
+        scores = scatter_scores(part, alone, max(time, part.samples / MEMORIES / MOST_STRETCHES))
+        if scores is None:
+            continue
+        # What a few stretches scatter by is uncertain itself: all parameters know more together.
+        known = alone.determined & (alone.sigma > 0)
+        memory = np.mean((scores.sd[known] / alone.sigma[known]) ** 2) if known.any() else 1.0
+        if part.rows < needed * memory:
+            continue
+        wide = np.maximum(scores.sd, alone.sigma * np.sqrt(memory))
+        found.append(int(one))
+        own.append(alone)
+        sd.append(np.where(fit.determined & (wide > 0), wide, np.inf))
+        dof.append(scores.stretches - 1.0)
+        errors.append(np.sqrt(part.squares(np.append(-fit.value, 1.0)) / part.weighed_samples))
+    if len(found) < 2:
+        return None
+    values, spread = np.array([e.value for e in own]), np.array(sd)
+    ratios, p, d = _welch(values, spread, np.array(dof))
+    pooled, ratio, ratio_dof = _pool(p, d, _correlate(own, spread), level)
+    motions = Motions(
+        which=np.array(found),
+        values=values,
+        sd=spread,
+        dof=np.array(dof),
+        errors=np.array(errors),
+        p=holm(p),
+        pooled=pooled,
+        ratio=ratio,
+        ratio_dof=ratio_dof,
+        between=np.zeros(information.size),
+        level=level,
+    )
+    if motions.agree:
+        return motions
+    return replace(motions, between=np.sqrt(_excess(motions, ratios, fit.value)))
+
+
+def compare_halves(information: Information, fit: Estimate) -> Motions | None:
+    """Return what the halves of one log say of each other; None where they are too short.
+
+    Each must have what noise beside all columns asks of a log, and what scores need: so many
+    independent outputs a parameter, and so many stretches that are longer than its noise remembers
+    at any actuator. The fit to both does not tell how long: what changes between them is slow.
+
+    Parameters
+    ----------
+    information : Information
+        About the fitted columns, of one log.
+    fit : Estimate
+        To all of it.
+    """
+    middle = np.cumsum(information.counts) - information.counts / 2
+    later = middle > information.samples / 2
+    time = 0.0
+    for half in (information.take(~later), information.take(later)):
+        if half.rows <= len(fit.kept):
+            return None
+        times = forget_noise(fit.estimator).fit(half).times
+        independent = half.samples * float(np.sum(1.0 / times))
+        least = FEWEST * MEMORIES * float(times.max())
+        if half.samples < least or independent < ENOUGH * len(fit.kept):
+            return None
+        time = max(time, float(times.max()))
+    return compare_motions(information, fit, time, later.astype(int), SURE)
+
+
+def _welch(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
+    """Return Welch's F of each parameter, its p-value, and motions less one, (k,) each.
+
+    Parameters
+    ----------
+    values, sd : (L, k)
+    dof : (L,)
+    """
+    weight = sd**-2.0
+    total = np.maximum(weight.sum(0), 1e-300)
+    count = np.isfinite(sd).sum(0)
+    d = np.maximum(count - 1, 0)
+    at = np.maximum(d, 1)
+    square = (weight * (values - (weight * values).sum(0) / total) ** 2).sum(0)
+    lost = ((1 - weight / total) ** 2 * np.isfinite(sd) / dof[:, None]).sum(0)
+    wide = np.maximum(count**2 - 1, 3)
+    ratio = square / at / (1 + 2 * np.maximum(count - 2, 0) / wide * lost)
+    p = np.where(d > 0, fdtrc(at, wide / (3 * np.maximum(lost, 1e-12)), ratio), 1.0)
+    return ratio, p, d
+
+
+def _correlate(own: Sequence[Estimate], sd: Array) -> Array:
+    """Return how the values' differences between motions are correlated, (k, k)."""
+    total = np.zeros((sd.shape[1], sd.shape[1]))
+    for estimate, scale in zip(own, np.where(np.isfinite(sd), sd, 0.0), strict=True):
+        sigma = np.where(np.isfinite(estimate.sigma) & (estimate.sigma > 0), estimate.sigma, np.inf)
+        share = np.where(np.isfinite(estimate.covariance), estimate.covariance, 0.0)
+        total += share * np.outer(scale / sigma, scale / sigma)
+    length = np.sqrt(np.diag(total))
+    length = np.where(length > 0, length, np.inf)
+    found: Array = total / np.outer(length, length)
+    return found
+
+
+def _pool(
+    p: Array, d: Array, correlation: Array, level: float = LEVEL
+) -> tuple[float, float, float]:
+    """Return p-value, ratio and degrees of freedom of the sum over correlated parameters.
+
+    Each parameter counts with the χ² that has its p-value; the sum is χ² of as many degrees of
+    freedom as its mean and variance ask for [Satterthwaite 1946].
+
+    Parameters
+    ----------
+    p, d : (k,)
+        Not adjusted; motions less one.
+    correlation : (k, k)
+    """
+    mean = float(d.sum())
+    if not mean:
+        return 1.0, 1.0, np.inf
+    square = chdtri(np.maximum(d, 1), np.maximum(p, 1e-300)) * (d > 0)
+    variance = 2 * float(np.sqrt(d) @ correlation**2 @ np.sqrt(d))
+    dof = 2 * mean**2 / variance
+    ratio = float(square.sum()) / mean
+    pooled = float(chdtrc(dof, ratio * dof))
+    return pooled, ratio if pooled < level else 1.0, dof
+
+
+def _excess(motions: Motions, ratios: Array, joint: Array) -> Array:
+    """Return the variance between motions of each parameter, (k,).
+
+    Parameters
+    ----------
+    motions : Motions
+    ratios : (k,)
+        Of variances, of each parameter by itself.
+    joint : (k,)
+        Values of the fit to all motions.
+    """
+    weight = motions.sd**-2.0
+    total = np.maximum(weight.sum(0), 1e-300)
+    count = np.isfinite(motions.sd).sum(0)
+    wider = (stdtrit(motions.ratio_dof, ENDS[1]) / REACH) ** 2
+    pooled = np.where(count > 1, count / total * (motions.ratio - 1), 0.0)
+    unit = np.maximum(count - 1, 0) / np.maximum(total - (weight**2).sum(0) / total, 1e-300)
+    own = np.where(motions.moved, unit * np.maximum(ratios - 1, 0.0), 0.0)
+    # All motions together may lead to a value that none of them has by itself.
+    away = np.abs(motions.values - joint)
+    apart = np.where(away > REACH * motions.sd, away / REACH, 0.0).max(0) ** 2
+    excess: Array = np.maximum(np.maximum(pooled, own) * wider, apart)
+    return excess
+
+
+# Standard deviations that allow for what residuals remember: by resampling and by scores.
+
 
 #: Blocks may be so many autocorrelation times short where longer ones would be too few.
 LEAST_MEMORIES = 2.0

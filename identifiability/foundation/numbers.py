@@ -1,6 +1,7 @@
 """Numbers beside how uncertain they are, in sentences and as shares of simulated experiments.
 
-Binomial intervals hold for shares whose trials are independent, clustered ones where they are not.
+Binomial intervals hold for shares whose trials are independent, clustered ones where they are not;
+p-values of many tests at once are Holm's.
 """
 
 from __future__ import annotations
@@ -167,3 +168,16 @@ def percent(share: float, digits: int = 3) -> str:
         return "less than 0.001 %"
     text = f"{100 * share:.{digits}g}"
     return f"{100 * share:.0f} %" if "e" in text else f"{text} %"
+
+
+# p-values of many tests at once [Holm 1979].
+
+
+def holm(p: Array) -> Array:
+    """Return p-values adjusted for their number by Holm's step-down method."""
+    order = np.argsort(p)
+    m = len(p)
+    stepped = np.maximum.accumulate((m - np.arange(m)) * p[order])
+    adjusted = np.empty(m)
+    adjusted[order] = np.minimum(stepped, 1.0)
+    return adjusted

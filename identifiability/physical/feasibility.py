@@ -14,11 +14,10 @@ from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
-from identifiability.physical.cad_prior import WEAK, WEIGHTS, CadPrior
+from identifiability.physical.cad_prior import WEAK, WEIGHTS, CadPrior, draw_bodies
 from identifiability.physical.certify import Certificate, certify
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import FittedModel, physical_set
-from identifiability.physical.nominal_bodies import draw_bodies
 from identifiability.physical.project import FeasibleEstimate, Projection
 from identifiability.physical.pseudo_inertia import BodyCheck, check_body
 from identifiability.regression.functions import leave_to_terms

@@ -1,12 +1,7 @@
 """A fitted model, and the problem that it poses in the standard parameters of bodies.
 
-The information about base parameters becomes a problem in the full standard parameters,
-``W_base G phi``, for the nearest real robot and for the posterior alike.
-
-What a model leaves out is never free. Of friction, rotors and whatever else belongs to no body it
-is exactly zero (or what it is held at, or equal to what it is tied to). Of bodies that may be
-impossible: a body whose mass were zero has no first moment. There its torque counts as error in
-full, and as no help in explaining the log.
+What the data say is a compressed least-squares problem; what a model leaves out, holds or ties is
+known to it.
 """
 
 from __future__ import annotations
@@ -17,17 +12,268 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.foundation.linalg import SPAN_TOLERANCE
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.physical.bounds import stated_bounds
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.held import Held, find_held, left_out
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.feasible_set import PhysicalSet, stated_bounds
 from identifiability.physical.pseudo_inertia import natural_scale
 from identifiability.regression.functions import list_functions, tell_with_terms
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.structure import Structure
+
+# What the data say about the parameters: a compressed least-squares problem.
+
+
+@frozen
+class LeastSquares:
+    """Residual sum of squares of a linear model, ``‖R phi − z‖² + rss_min``.
+
+    The three hundred thousand rows of a log enter the physical and the Bayesian stages only through
+    these numbers. `R` may have a null space, and it is never squared: ``RᵀR`` loses half the
+    digits.
+
+    Attributes
+    ----------
+    R : (r, p) [torque / parameter], weighted rows
+    z : (r,) [torque], weighted
+    rss_min : float [torque²]
+        Residual sum of squares that no parameter vector can remove.
+    dof : float
+        Samples minus rank: ``rss_min / dof`` estimates the noise variance.
+
+    Raises
+    ------
+    ValueError
+        When shapes disagree or a number is not finite.
+    """
+
+    R: Array
+    z: Array
+    rss_min: float
+    dof: float
+
+    def __post_init__(self) -> None:
+        R, z = self.R, self.z
+        if R.ndim != 2 or z.shape != R.shape[:1]:
+            raise ValueError(
+                f"least-squares problem: R {R.shape} and z {z.shape} were given; "
+                "expected R (r, p) and z (r,) with the same r; compress [W tau] in one go."
+            )
+        if not (np.isfinite(R).all() and np.isfinite(z).all()):
+            raise ValueError(
+                "least-squares problem: R or z holds a number that is not finite; "
+                "drop the samples whose motion or torque is missing before compressing."
+            )
+        if not (self.rss_min >= 0 and self.dof > 0):
+            raise ValueError(
+                f"least-squares problem: rss_min {self.rss_min:g} and dof {self.dof:g} were given; "
+                "expected rss_min ≥ 0 and dof > 0; use more samples than the model has base "
+                "parameters."
+            )
+
+    @staticmethod
+    def of_fit(information: Information, estimate: Estimate) -> LeastSquares:
+        """Return the loss that an estimate made least, in its own k parameters.
+
+        Parameters
+        ----------
+        information : Information
+            That was fitted.
+        estimate : Estimate
+        """
+        F = estimate.estimator.loss(information, estimate)
+        variance = float(estimate.weights @ estimate.rss) / max(estimate.dof, 1)
+        rss = max(float(F[-1, -1] ** 2), variance * 1e-12)
+        return LeastSquares(F[:-1, :-1], F[:-1, -1], rss, max(float(estimate.dof), 1.0))
+
+    @staticmethod
+    def likelihood(information: Information, estimate: Estimate) -> LeastSquares:
+        """Return the same for a posterior: it counts as many rows as are independent.
+
+        To it data without noise have a little of it.
+        """
+        tau = float(np.linalg.norm(estimate.estimator.loss(information, estimate)[:, -1]))
+        rss = max(float(estimate.weights @ estimate.rss), (1e-9 * tau) ** 2)
+        dof = max(information.rows / estimate.memory - len(estimate.kept), 1.0)
+        return replace(LeastSquares.of_fit(information, estimate), rss_min=rss, dof=dof)
+
+    def through(self, to_x: Array) -> LeastSquares:
+        """Return the problem in other parameters phi, of which these are ``to_x (p, q) phi``."""
+        return replace(self, R=self.R @ to_x)
+
+    def beside(self, rows: Array, aim: Array) -> LeastSquares:
+        """Return the problem with further squares ``rows (m, p) phi − aim (m,)`` [torque]."""
+        return replace(self, R=np.vstack([self.R, rows]), z=np.concatenate([self.z, aim]))
+
+    @property
+    def variance(self) -> float:
+        """Estimate of the noise variance [torque²]."""
+        return self.rss_min / self.dof
+
+    @property
+    def unit(self) -> float:
+        """Residual that counts as one: the noise sd [torque], never below 1e-6 of the signal."""
+        return float(
+            max(np.sqrt(self.variance), 1e-6 * np.linalg.norm(self.z), np.finfo(float).tiny)
+        )
+
+    def rss(self, phi: Array) -> Array:
+        """Residual sum of squares (...) [torque²] of parameter vectors ``phi (..., p)``."""
+        residual = np.asarray(phi) @ self.R.T - self.z
+        total: Array = np.einsum("...r,...r->...", residual, residual) + self.rss_min
+        return total
+
+
+# What a model leaves out, holds or ties, as a projection knows it.
+#
+# Base parameters are ``G phi``, and the model says that they are ``value + M x``.
+
+
+@frozen
+class Held:
+    """Independent combinations of parameters with their values; of no inertial parameter.
+
+    Attributes
+    ----------
+    rows : (k, p)
+    value : (k,)
+    """
+
+    rows: Array
+    value: Array
+
+    @staticmethod
+    def none(size: int) -> Held:
+        """Return the absence of held combinations of so many parameters."""
+        return Held(np.zeros((0, size)), np.zeros(0))
+
+    @cached_property
+    def alone(self) -> np.ndarray:
+        """Which combinations are of one parameter, (k,) bool."""
+        mask: np.ndarray = np.count_nonzero(self.rows, axis=1) == 1
+        return mask
+
+    @property
+    def fixed(self) -> np.ndarray:
+        """The parameters that are held by themselves, (p,) bool."""
+        mask: np.ndarray = (self.rows[self.alone] != 0).any(axis=0)
+        return mask
+
+    def settle(self, phi: Array) -> Array:
+        """Return parameters (..., p), those that are held by themselves at exactly their values."""
+        out, rows = np.array(phi), self.rows[self.alone]
+        at = np.argmax(rows != 0, axis=1)
+        out[..., at] = self.value[self.alone] / rows[np.arange(len(at)), at]
+        return out
+
+    def scaled(self, scale: Array) -> Plane:
+        """Return what is left to scaled parameters ``phi = scale * x``."""
+        rows = self.rows * scale
+        Q, R = np.linalg.qr(rows.T, mode="complete")
+        k = len(rows)
+        return Plane(Q[:, :k], Q[:, k:], np.linalg.solve(R[:k].T, self.value))
+
+
+@frozen
+class Plane:
+    """Scaled parameters x with ``normalᵀ x = value``.
+
+    Attributes
+    ----------
+    normal : (p, k)
+        Orthonormal.
+    along : (p, p − k)
+        Orthonormal directions in the plane.
+    value : (k,)
+    """
+
+    normal: Array
+    along: Array
+    value: Array
+
+    def project(self, x: Array) -> Array:
+        """Return the nearest point of the plane, (p,)."""
+        nearest: Array = x - self.normal @ (self.normal.T @ x - self.value)
+        return nearest
+
+    def turn(self, slope: Array) -> Array:
+        """Return the part of a gradient (p,) that lies in the plane."""
+        part: Array = slope - self.normal @ (self.normal.T @ slope)
+        return part
+
+    def solve(self, factor: Array, target: Array) -> Array:
+        """Return the x of the plane with the least ``‖factor x − target‖``, (p,)."""
+        if not len(self.value):
+            return np.asarray(np.linalg.solve(factor, target), float)
+        start = self.normal @ self.value
+        step = np.linalg.lstsq(factor @ self.along, target - factor @ start, rcond=None)[0]
+        return self.project(start + self.along @ step)
+
+
+def find_held(region: PhysicalSet, G: Array, M: Array, value: Array) -> Held:
+    """Return what a model leaves out, holds or ties outside the bodies.
+
+    Parameters
+    ----------
+    region : PhysicalSet
+        Of the p standard parameters.
+    G : (b, p)
+    M : (b, m)
+    value : (b,)
+
+    Raises
+    ------
+    ValueError
+        If it holds what no real robot has: a sum of friction levels below zero, for one.
+    """
+    outside = ~np.any(G[:, np.unique(region.bodies)] != 0, axis=1)
+    alone = outside & ~M.any(axis=1)
+    tied = outside & ~alone
+    _, s, Vt = np.linalg.svd(M[tied].T)
+    apart = Vt[int((s > SPAN_TOLERANCE * s.max(initial=0.0)).sum()) :]
+    found: dict[bytes, tuple[Array, float]] = {}
+    for row, at in zip(
+        [*G[alone], *apart @ G[tied]], [*value[alone], *apart @ value[tied]], strict=True
+    ):
+        members = np.flatnonzero(row)
+        signed = bool((row[members] > 0).all() and region.nonnegative[members].all())
+        if signed and at < 0:
+            raise ValueError(
+                f"the model holds {region.columns[members[0]]} at {at:g}, and no real robot has "
+                "it below zero."
+            )
+        # A sum of what cannot be negative is zero only if every one is.
+        parts = np.eye(len(row))[members] if signed and at == 0 else row[None]
+        found |= {part.tobytes(): (part, float(at)) for part in parts}
+    rows = np.array([row for row, _ in found.values()]).reshape(-1, region.size)
+    return Held(rows, np.array([at for _, at in found.values()]))
+
+
+def left_out(R: Array, G: Array, M: Array, value: Array) -> tuple[Array, Array]:
+    """Return the torque of what a model leaves out, ``rows phi − aim``: (b, p) and (b,).
+
+    Parameters
+    ----------
+    R : (b, b)
+        Weighted torque of the base parameters, compressed.
+    G : (b, p)
+    M : (b, m)
+    value : (b,)
+    """
+    rest = R @ (np.eye(len(G)) - M @ np.linalg.pinv(M)) if M.size else R
+    return rest @ G, rest @ value
+
+
+# A fitted model, and the problem that it poses in the standard parameters of bodies.
+#
+# The information about base parameters becomes a problem in the full standard parameters, ``W_base
+# G phi``, for the nearest real robot and for the posterior alike.
+#
+# What a model leaves out is never free. Of friction, rotors and whatever else belongs to no body
+# it is exactly zero (or what it is held at, or equal to what it is tied to). Of bodies that may be
+# impossible: a body whose mass were zero has no first moment. There its torque counts as error in
+# full, and as no help in explaining the log.
 
 
 @lru_cache(maxsize=4)

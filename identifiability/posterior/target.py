@@ -13,8 +13,7 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.held import Held, Plane
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import Held, LeastSquares, Plane
 
 # What the user knew before the data: a normal distribution per parameter.
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from identifiability.estimation.estimator import PAPER_FACTOR
-from identifiability.estimation.layout import STRETCHES
-from identifiability.estimation.motions import Motions
+from identifiability.estimation.torque_errors import STRETCHES
+from identifiability.estimation.uncertainty import Motions
 from identifiability.estimation.verdict import Class, Thresholds
 from identifiability.foundation.linalg import RANK_TOLERANCE
 from identifiability.logs.prepare.longsamples import Prepared
@@ -67,8 +67,8 @@ from identifiability.report.torque import (
 )
 from identifiability.report.words import GLOSSARY, THRESHOLDS, note, section
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.next_steps import next_commands
-from identifiability.workflows.analyze.several_logs import SeveralLogs
+from identifiability.workflows.analyze.result import next_commands
+from identifiability.workflows.analyze.words import SeveralLogs
 
 # The answer: what to use, who is who, and what to keep in mind.
 

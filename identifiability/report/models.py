@@ -19,7 +19,7 @@ from identifiability.estimation.estimator import PAPER_FACTOR
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.linalg import RANK_TOLERANCE
 from identifiability.foundation.names import Array
-from identifiability.physical.mass import mass_rows, total_mass
+from identifiability.physical.cad_prior import mass_rows, total_mass
 from identifiability.report.answers import (
     SIGMA,
     UNIT,

@@ -15,7 +15,7 @@ import scipy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from identifiability.estimation.noise.autocorrelation import autocorrelation
+from identifiability.estimation.noise import autocorrelation
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.logs.prepare.longsamples import Prepared

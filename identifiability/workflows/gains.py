@@ -14,12 +14,11 @@ from scipy import stats
 from threadpoolctl import threadpool_limits
 
 from identifiability.effects.inertia import Payload
-from identifiability.estimation.holm import holm
-from identifiability.estimation.noise.ar_noise import fit_joint as fit_noise
-from identifiability.estimation.noise.autocorrelation import autocorrelation_time
-from identifiability.estimation.noise.autoregression import autocovariance
+from identifiability.estimation.noise import autocorrelation_time, autocovariance
+from identifiability.estimation.noise import fit_joint as fit_noise
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.numbers import holm
 from identifiability.foundation.options import OptionError, Positive, checked
 from identifiability.foundation.output import write_json
 from identifiability.foundation.result import shown

@@ -11,11 +11,9 @@ from scipy.linalg import null_space
 
 from identifiability.estimation.evidence import Score
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.prune.elimination import Path, walk
+from identifiability.workflows.prune.elimination import Path, find_path, walk
 from identifiability.workflows.prune.folds import Fit, WhitenedRegression
-from identifiability.workflows.prune.moves import Move
-from identifiability.workflows.prune.proposals import propose_moves
-from identifiability.workflows.prune.search import find_path
+from identifiability.workflows.prune.moves import Move, propose_moves
 from inside.pair import Array, Pair, all_rows, difference, timed
 
 

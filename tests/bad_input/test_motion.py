@@ -51,7 +51,7 @@ def test_a_robot_at_rest_is_answered_without_sampling(derivatives, arm, monkeypa
     def refuse(*_, **__):
         raise AssertionError("sampled")
 
-    monkeypatch.setattr("identifiability.workflows.analyze.form_belief.sample_posterior", refuse)
+    monkeypatch.setattr("identifiability.workflows.analyze.belief.sample_posterior", refuse)
     how = Preparation(derivatives=derivatives)
     out = analyze("two-link", at_rest(arm), preparation=how, replicates=20, posterior=True)
     assert out.belief.note == "the robot does not move in these logs"

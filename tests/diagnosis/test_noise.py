@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise, fit_joint
-from identifiability.estimation.noise.autoregression import (
+from identifiability.estimation.noise import (
+    ARNoise,
+    JointNoise,
     autocovariance,
     colour,
     colour_many,
     durbin,
+    fit_joint,
     levinson,
     whiten,
 )

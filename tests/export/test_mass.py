@@ -6,7 +6,7 @@ from typer.testing import CliRunner
 
 from identifiability import Robot, analyze, prune
 from identifiability.cli import app
-from identifiability.physical.mass import state_mass, state_masses, total_mass
+from identifiability.physical.cad_prior import state_mass, state_masses, total_mass
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.report.analysis_report import build_analysis_page
 

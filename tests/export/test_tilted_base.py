@@ -20,7 +20,7 @@ from identifiability.robot.description import Tilt
 from identifiability.robot.kinematics import turn
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.simulation.mujoco_robot import MujocoRobot
-from identifiability.workflows.analyze.next_steps import next_commands
+from identifiability.workflows.analyze.result import next_commands
 from identifiability.workflows.export import export
 from identifiability.workflows.export.workflow import write_parameters
 from identifiability.workflows.gravity import (

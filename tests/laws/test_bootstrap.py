@@ -8,7 +8,7 @@ import pytest
 from identifiability.estimation.bootstrap import bootstrap, draw_blocks, merge_blocks
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.least_squares import refit
-from identifiability.estimation.noise.autocorrelation import block_length
+from identifiability.estimation.noise import block_length
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.base_parameters import find_base_parameters

@@ -6,16 +6,12 @@ from scipy.optimize import approx_fprime
 
 from identifiability import Log, Robot, analyze, calibrate, export
 from identifiability.estimation.doubt import EVEN, find_size, interpolate, pinned_walk
-from identifiability.estimation.noise.autoregression import whiten
-from identifiability.estimation.noise.restricted_likelihood import (
-    LaggedProducts,
-    RestrictedLikelihood,
-)
+from identifiability.estimation.noise import LaggedProducts, RestrictedLikelihood, whiten
 from identifiability.estimation.verdict import Class
 from identifiability.report.analysis_report import answer_notes, answer_questions
 from identifiability.simulation import Noise
 from identifiability.simulation.noise import ar1
-from identifiability.workflows.analyze.next_steps import next_commands
+from identifiability.workflows.analyze.result import next_commands
 from identifiability.workflows.predict.fit import read_fit
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.layout import leave_out
+from identifiability.estimation.torque_errors import leave_out
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression import gather as gather_module
 from identifiability.regression.base_parameters import find_base_parameters

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from identifiability.estimation.bootstrap import FEWEST, scatter_scores
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.scores import FEWEST, scatter_scores
 from identifiability.regression.information import Information
 
 SAMPLES, BLOCK = 2400, 8

@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares
 from identifiability.posterior.calibration import Calibration, calibrate_posterior
 from identifiability.posterior.exact import ExactSampler
 from identifiability.posterior.target import Prior, Target

@@ -10,7 +10,8 @@ import pytest
 
 from identifiability.logs.mend import contradictions, looks_like_degrees
 from identifiability.logs.reading import unify_rates
-from identifiability.workflows.analyze import cutoff_check, several_logs
+from identifiability.workflows.analyze import cutoff_check
+from identifiability.workflows.analyze import words as several_logs
 from identifiability.workflows.analyze.words import grade_of
 from identifiability.workflows.oddities import torque as exchanged
 from identifiability.workflows.oddities import torque as torque_scale

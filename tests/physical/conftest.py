@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares
 from identifiability.physical.pseudo_inertia import natural_scale
 
 

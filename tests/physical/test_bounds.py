@@ -7,8 +7,7 @@ from identifiability import Robot
 from identifiability.foundation.errors import RobotError
 from identifiability.physical.certify import certify
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import physical_set
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares, physical_set
 from identifiability.physical.project import project
 from identifiability.posterior.exact import build_sampler
 from identifiability.posterior.target import Prior, Target

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares
 
 BALL = np.array([0.01, 0, 0, 0.01, 0, 0.01, 0, 0, 0, 1.0])  # 1 kg, radius of gyration 0.07 m
 

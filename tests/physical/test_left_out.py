@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.physical.fitted_model import FittedModel
-from identifiability.physical.held import Held, find_held
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import FittedModel, Held, LeastSquares, find_held
 from identifiability.physical.project import Projection, project
 from identifiability.regression.reduction import LadderEntry, RungEntry
-from identifiability.workflows.analyze.belief import Effort, Source
-from identifiability.workflows.analyze.form_belief import form_belief
+from identifiability.workflows.analyze.belief import Effort, Source, form_belief
 
 EFFECTS = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"]
 

@@ -10,7 +10,7 @@ from identifiability.estimation.estimator import settle_signs
 from identifiability.physical.feasibility import assess_feasibility
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
-from identifiability.workflows.prune.stability import Stability
+from identifiability.workflows.prune.rung import Stability
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares
 from identifiability.posterior.exact import build_sampler, interior
 from identifiability.posterior.target import Prior, Target
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identifiability import Robot, analyze, simulate
-from identifiability.estimation.noise.residual_noise import ResidualNoise
+from identifiability.estimation.noise import ResidualNoise
 from identifiability.logs import Log
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 

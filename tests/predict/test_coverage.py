@@ -5,8 +5,7 @@ import pytest
 
 from identifiability import Robot, analyze
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.prediction import predict
-from identifiability.estimation.spread import measure_spread
+from identifiability.estimation.prediction import measure_spread, predict
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.gather import gather_information

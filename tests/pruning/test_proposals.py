@@ -6,15 +6,18 @@ import pytest
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.prune.geometry import (
+from identifiability.workflows.prune.moves import (
     Attachment,
+    Kind,
     Mirror,
+    Partition,
     attachments,
+    common_name,
     find_equal_bodies,
     find_mirrors,
+    propose_moves,
+    tie_moves,
 )
-from identifiability.workflows.prune.moves import Kind, Partition, common_name
-from identifiability.workflows.prune.proposals import propose_moves, tie_moves
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
+from identifiability.workflows.prune.elimination import find_path
 from identifiability.workflows.prune.folds import whiten_regression
 from identifiability.workflows.prune.moves import Kind, Move, Partition
-from identifiability.workflows.prune.search import find_path
 
 from .conftest import chosen_set, gather, plant
 

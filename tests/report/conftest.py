@@ -17,8 +17,7 @@ from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.belief import Effort, Summary
-from identifiability.workflows.analyze.form_belief import form_belief
+from identifiability.workflows.analyze.belief import Effort, Summary, form_belief
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 

@@ -4,9 +4,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identifiability.estimation.layout import Layout, Turns
 from identifiability.estimation.prediction import Prediction
-from identifiability.estimation.torque_errors import MEMORIES, ErrorSums, standard_error
+from identifiability.estimation.torque_errors import (
+    MEMORIES,
+    ErrorSums,
+    Layout,
+    Turns,
+    standard_error,
+)
 from identifiability.logs import signals
 
 

@@ -1,29 +1,55 @@
-"""Assess the models of a ladder: uncertainty, verdicts, errors, feasibility; select one."""
+"""Assess the models of a ladder: uncertainty, verdicts, errors, feasibility; select one.
 
-from collections.abc import Sequence
+`Laddered` is what analyze and prune answer alike about the model to use.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Self
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+import pandas as pd
 
-from identifiability.estimation.decide import decide_rung
+from identifiability.estimation.decide import decide_rung, find_left_out
 from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import NOTHING, Estimate, settle_signs
 from identifiability.estimation.evidence import Mixture
 from identifiability.estimation.least_squares import MIXED, dependence
-from identifiability.estimation.omitted import find_left_out
-from identifiability.estimation.prediction import Prediction
+from identifiability.estimation.prediction import (
+    Prediction,
+    measure_errors,
+    measure_spread,
+    widening,
+)
 from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty
 from identifiability.estimation.verdict import Class, Thresholds, Verdict, withdraw
-from identifiability.foundation.errors import listing
+from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
+from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
+from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.physical.cad_prior import real_robot_dict, state_mass, state_masses
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import LadderSource, Rung
+from identifiability.robot import Robot
+from identifiability.workflows.opening import Opening
+from identifiability.workflows.predict import Predicts
+from identifiability.workflows.predict.fit import Fit, settled
+from identifiability.workflows.provenance import state_provenance
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+# Assess the models of a ladder: uncertainty, verdicts, errors, feasibility; select one.
 
 
 @frozen(kw_only=True)
@@ -385,3 +411,250 @@ def select_model(results: Sequence[RungResult]) -> int:
         return *impossible, len(r.rung), float(error[k])
 
     return min(good, key=rank)
+
+
+# Of one model what analyze and prune tell alike: its errors by joint and log.
+
+
+#: What is told of a log, and more of a joint: in N or N·m, and of the torque as it was measured.
+OF_LOG = ("error", "error_validation")
+OF_JOINT = (
+    *("rms", "rms_validation", "error_raw", "error_raw_validation"),
+    *("rms_raw", "rms_raw_validation"),
+)
+
+
+def tell_errors(
+    robot: Robot,
+    samples: Sequence[Prepared],
+    validation: Sequence[Prepared],
+    fitted: Prediction,
+    unseen: Prediction,
+) -> pd.DataFrame:
+    """Return one row a joint and a log: its error fitted and held out; NaN where it has none.
+
+    Of a joint it is over the joint's own scale (`torque_errors.joint_errors`), and in N or N·m
+    (`rms`), of the torque that was fitted, low-passed with the columns where these were; `raw` is
+    the same prediction against the torque as it was measured at the same samples.
+
+    Parameters
+    ----------
+    robot : Robot
+    samples, validation : sequences of Samples
+        Logs that were fitted, and that were held out; without these the former were held out in
+        turns.
+    fitted, unseen : Prediction
+        By the model alone, on the former and on what was held out.
+    """
+    both = (fitted, unseen)
+    numbers = [p.joint_error()[:, 0] for p in both]
+    for raw in (False, True):
+        numbers += [p.joint_error(raw=True)[:, 0] for p in both] if raw else []
+        numbers += [p.joint_rms(raw=raw)[:, 0] for p in both]
+    each = zip(robot.joints, robot.torque_units, *map(np.ndarray.tolist, numbers), strict=True)
+    rows = [("joint", *row) for row in each]
+    blank = (np.nan,) * len(OF_JOINT)
+    for k, s in enumerate(samples):
+        crossed = np.nan if validation else float(unseen.relative_error(k)[0])
+        rows.append(("log", s.name, "", float(fitted.relative_error(k)[0]), crossed, *blank))
+    for k, s in enumerate(validation):
+        error = float(unseen.relative_error(k)[0])
+        rows.append(("log", s.name, "", np.nan, error, *blank))
+    return pd.DataFrame(rows, columns=["of", "name", "unit", *OF_LOG, *OF_JOINT])
+
+
+def errors_dict(errors: pd.DataFrame) -> dict[str, Any]:
+    """Return the rows of `tell_errors` as plain values, those of joints and those of logs."""
+    told = {"joint": ["name", "unit", *OF_LOG, *OF_JOINT], "log": ["name", *OF_LOG]}
+    return {
+        f"{kind}s": part[told[str(kind)]].rename(columns={"name": kind}).to_dict("records")
+        for kind, part in errors.groupby("of")
+    }
+
+
+def state_raw(unseen: Prediction) -> str:
+    """Return what torque the error is of, where it was low-passed; nothing where it was not.
+
+    Parameters
+    ----------
+    unseen : Prediction
+        By the model alone.
+    """
+    error, raw = unseen.relative_error()[0], unseen.relative_error(raw=True)[0]
+    if not np.isfinite(raw) or np.isclose(error, raw, rtol=1e-6):
+        return ""
+    return (
+        "This error is of torque that was low-passed like the model's columns; of the torque as "
+        f"it was measured it is {100 * raw:.3g} %."
+    )
+
+
+# `Laddered`: what analyze and prune answer alike about the model to use of a ladder.
+
+
+@frozen(kw_only=True)
+class Laddered(Result, Opening, Predicts):
+    """A ladder of models, of which one is to be used.
+
+    Attributes
+    ----------
+    information : Information
+        About the base parameters, on the fitted logs.
+    selected : int
+        The model to use.
+    fitted, held_out : Prediction
+        Torque predicted on the logs that were fitted, and on validation logs or, without any, on
+        stretches (or logs) by models fitted to the others.
+    method, seed
+        As asked for.
+    source : LadderSource or None
+        Where the models came from.
+    settings : mapping
+        Other options that decided the numbers.
+    nothing : str
+        Why no verdict is believed, for after "because"; empty where they are.
+    missing : Doubt
+        Functions of a joint's motion or load that are missing beside the unpruned model.
+    """
+
+    information: Information
+    selected: int
+    fitted: Prediction
+    held_out: Prediction
+    method: str
+    seed: int
+    source: LadderSource | None = None
+    settings: Mapping[str, object]
+    nothing: str = ""
+    missing: Doubt = NO_DOUBT
+
+    @property
+    @abstractmethod
+    def _ladder(self) -> Sequence[JudgedModel]:
+        """Every model, the unpruned one first."""
+
+    @property
+    @abstractmethod
+    def _used(self) -> RungResult:
+        """The model to use, with all that was asked of it."""
+
+    @property
+    def _alone(self) -> tuple[Prediction, Prediction]:
+        """By the model to use alone: on what was fitted, and on what was held out."""
+        return self.fitted, self.held_out
+
+    @property
+    def _asked(self) -> dict[str, object]:
+        """Options beside `settings`."""
+        return {"method": self.method}
+
+    @cached_property
+    def provenance(self) -> dict[str, str]:
+        """Versions, seed, options, and hashes of the inputs."""
+        logs, options = (*self.samples, *self.validation), {**self._asked, **self.settings}
+        return state_provenance(self.robot, logs, self.seed, self.source, options)
+
+    @cached_property
+    def fit(self) -> Fit:
+        """The model to use: values, covariance, and how torque scatters about it.
+
+        Raises
+        ------
+        IdentifiabilityError
+            If no value is believed.
+        """
+        if self.nothing:
+            raise IdentifiabilityError(
+                f"Nothing can be predicted, because {self.nothing}; give other logs to fit."
+            )
+        own, unseen = ((p.joint_rms()[:, 0], p.joint_rms(raw=True)[:, 0]) for p in self._alone)
+        used, whole = self._used, self._ladder[0]
+        part = used.rung.reduce(self.information)
+        wider = widening(part, used.estimate, used.uncertainty)
+        M, unpruned = whole.rung.M, whole.rung.reduce(self.information)
+        covariance, unknown = measure_errors(unpruned, whole.estimate, wider)
+        return Fit(
+            structure=self.structure,
+            rung=used.rung,
+            values=used.recommended,
+            spread=measure_spread(part, used.estimate, used.uncertainty, own, unseen),
+            preparation=settled(self.settings.get("preparation"), self.samples),
+            base_covariance=M @ covariance @ M.T,
+            base_unknown=M @ unknown,
+            errors=(self._real_robot["error_ra"], self._real_robot["error_ra_files"]["mjcf"]),
+            missing=tuple(f.text for f in self.missing.functions),
+        )
+
+    def ladder_frame(self) -> pd.DataFrame:
+        """Return one row a model."""
+        import pandas as pd  # noqa: PLC0415 - only who wants a table pays for it
+
+        return pd.DataFrame([m.row() for m in self._ladder])
+
+    def error_frame(self) -> pd.DataFrame:
+        """Return the errors of the model to use by joint and by log, fitted and held out.
+
+        Relative to how much the torque varies: that of the joint about its own mean (`rms` is in
+        N or N·m, `raw` of the torque as it was measured, not low-passed), that of all joints of a
+        log about the log's mean (ε_RA of the log by itself). NaN where a log took no part, or the
+        torque does not vary.
+        """
+        return tell_errors(self.robot, self.samples, self.validation, *self._alone)
+
+    @cached_property
+    def _real_robot(self) -> dict[str, Any]:
+        """The nearest real robot as plain values, as `export` reads them."""
+        used, real = self._used, self._used.physical
+        errors = used.error_ra_real, used.error_ra_file, used.error_ra_other
+        return real_robot_dict(
+            self.structure, real.parameters(), errors, self.samples, real.cad_weight
+        )
+
+    @property
+    def mass_statement(self) -> str:
+        """What the nearest real robot and its bodies weigh beside the robot file's, in a line."""
+        return state_masses(self.robot, self._used.physical.parameters())
+
+    @property
+    def mass_warning(self) -> str:
+        """What is wrong with the total mass of the nearest real robot; empty if nothing is."""
+        real = self._used.physical
+        return "" if self.nothing else state_mass(self.robot, real.parameters(), real.cad_weight)
+
+    def _state(self, answer: str) -> str:
+        """Return an answer behind a wrong mass, with what its error is of and what is odd."""
+        raw = "" if self.nothing else state_raw(self._alone[1])
+        tilt = self.robot.tilt
+        about = "" if tilt is None else f"In this model gravity {tilt.text}."
+        return " ".join(filter(None, (self.mass_warning, answer, about, raw, *self.hints)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result in the documented JSON schema."""
+        used = self._used
+        return {
+            "schema": self.schema,
+            "robot": self.robot.identity,
+            "samples": self.information.samples,
+            "statement": self.statement,
+            "nothing": self.nothing or None,
+            "models": [m.row() for m in self._ladder],
+            "selected": self._ladder[self.selected].name,
+            "errors": errors_dict(self.error_frame()),
+            "parameters": [v.to_row() for v in used.verdicts],
+            "full_parameters": [v.to_row() for v in self._ladder[0].verdicts],
+            "fit": None if self.nothing else self.fit.to_dict(),
+            "missing_functions": self.missing.to_list(),
+            "physical": {
+                "feasible": used.feasible,
+                "margin": used.margin,
+                "infeasible": list(used.infeasible),
+                "error_ra_validation": used.error_ra_physical,
+                "used": used.physical_used,
+                **self._real_robot,
+            },
+            "hints": list(self.hints),
+            "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},
+            "method": self.method,
+            "estimator": used.estimate.estimator.name,
+            "provenance": self.provenance,
+        }

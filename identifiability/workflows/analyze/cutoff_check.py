@@ -26,7 +26,7 @@ from identifiability.logs.repeats import Recording
 from identifiability.logs.spectrum import NARROW, Band
 from identifiability.regression.gather import gather_information
 from identifiability.workflows.analyze.assessment import RungResult
-from identifiability.workflows.analyze.weighed_rows import weigh_rows
+from identifiability.workflows.analyze.fit import weigh_rows
 from identifiability.workflows.band import settle_band
 from identifiability.workflows.instruments import follow
 from identifiability.workflows.opening import Opening, Recordings

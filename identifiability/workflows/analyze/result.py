@@ -1,4 +1,6 @@
-"""`Analysis`: the answer to which parameters the logs determine; a table, JSON or a report."""
+"""`Analysis`: which parameters do the logs determine? A table, JSON, a report, the next lines."""
+
+from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field
@@ -8,20 +10,33 @@ import numpy as np
 import pandas as pd
 
 from identifiability.estimation.prediction import Prediction
-from identifiability.estimation.verdict import Thresholds
+from identifiability.estimation.verdict import Class, Thresholds
 from identifiability.foundation.options import check_choice
 from identifiability.foundation.values import frozen
 from identifiability.logs.repeats import Recording
-from identifiability.workflows.analyze.arviz import Which, build_datatree
-from identifiability.workflows.analyze.assessment import RungResult
-from identifiability.workflows.analyze.belief import Belief, belief_dict
-from identifiability.workflows.analyze.laddered import Laddered
-from identifiability.workflows.analyze.several_logs import SeveralLogs
-from identifiability.workflows.analyze.words import state_answer, state_physics
+from identifiability.workflows.analyze.assessment import Laddered, RungResult
+from identifiability.workflows.analyze.belief import Belief, Which, belief_dict, build_datatree
+from identifiability.workflows.analyze.words import (
+    SeveralLogs,
+    grade_of,
+    state_answer,
+    state_physics,
+)
+from identifiability.workflows.commands import (
+    held_back,
+    ladder_option,
+    name_export,
+    name_logs,
+    on_file,
+    source_name,
+)
 from identifiability.workflows.gravity import Leaning
 
 if TYPE_CHECKING:
     from xarray import DataTree
+
+
+# `Analysis`: the answer to which parameters the logs determine; a table, JSON or a report.
 
 
 @frozen(kw_only=True)
@@ -130,7 +145,7 @@ class Analysis(Laddered):
             "several_logs": None if self.several is None else self.several.to_dict(),
         }
 
-    def to_arviz(self, posterior: Which = "physical") -> "DataTree":
+    def to_arviz(self, posterior: Which = "physical") -> DataTree:
         """Return a posterior of the selected model for ArviZ; needs the extra ``arviz``.
 
         Parameters
@@ -174,3 +189,45 @@ class Analysis(Laddered):
     def physical_statement(self) -> str:
         """What physics says of the selected model, in words."""
         return state_physics(self.chosen)
+
+
+# What to do next after an analysis, as lines for the terminal.
+
+
+def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
+    """Return at most three lines for the terminal, the most useful first."""
+    robot, how = source_name(analysis.robot), analysis.settings.get("preparation")
+    names = [s.name for s in analysis.samples]
+    logs = name_logs(analysis.robot, names, how=how)
+    held = held_back(analysis.validation)
+    if analysis.leaning is not None:
+        diagnose = f"identifiability diagnose {robot} {logs}{held}"
+        return [
+            (
+                "Take gravity as the logs have it, and find what else is missing:",
+                f"{diagnose} --report missing.html --out model.toml --json result.json",
+            )
+        ]
+    if analysis.nothing:
+        return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
+    chosen, out = analysis.chosen, []
+    suspect = analysis.missing.functions or chosen.contradicted
+    if suspect or grade_of(chosen.error_ra_validation) != "very-good":
+        page = "--report missing.html"
+        text = "Find out what the model misses:"
+        out.append((text, f"identifiability diagnose {robot} {logs}{held} {page}"))
+    if chosen.count(Class.IDENTIFIABLE) < len(chosen.rung):
+        text = "Drop what noise decides, and keep a model that a real robot can have:"
+        more = f"{ladder_option(analysis.robot, analysis.source)} --report pruned.html"
+        out.append((text, f"identifiability prune {robot} {logs}{held}{more} --json result.json"))
+        text = "Or measure what these logs leave open:"
+        begun = name_logs(analysis.robot, names, "--start-from", how)
+        out.append((text, f"identifiability excite {robot} {begun} --out next.json"))
+    again = f"identifiability analyze {robot} {logs}{held}"
+    again += f"{ladder_option(analysis.robot, analysis.source)} --json"
+    fit = analysis.fit
+    text, name = name_export(analysis.robot, fit.names, fit.errors)
+    use = f"identifiability export {robot} {{file}} --out {name}"
+    line = on_file(analysis, "json", "result.json", again, use)
+    out.append((text, line))
+    return out[:3]

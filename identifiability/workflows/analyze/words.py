@@ -1,18 +1,206 @@
-"""The answer of an analysis in plain words."""
+"""The answer of an analysis in plain words, and what logs say of each other."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
 
 from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.renoised import RenoisedLeastSquares
+from identifiability.estimation.uncertainty import LEVEL, Motions, compare_halves
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import listing
+from identifiability.foundation.values import frozen
+from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.base_parameters import BaseParameters
+from identifiability.regression.information import Information
 from identifiability.workflows.analyze.assessment import RungResult
+
+# What logs say of each other, in words; of one long log, what its halves say.
+
+
+#: Parameters that a sentence names.
+NAMED = 3
+
+#: What of one log is compared.
+HALVES = ("the first half", "the second half")
+
+#: The error of a joint is spoken of where it is so many times as large, and the noise of a log.
+LARGER, LOUDER = 1.3, 2.0
+
+CAUSE = "a payload, a temperature or another robot does that"
+LEFT_OUT = "or the model leaves out what differs between them (diagnose looks for it)"
+ONE = "One motion cannot show what another would change: no interval holds that."
+
+
+@frozen
+class SeveralLogs:
+    """Whether motions lead to the same values, in numbers and words.
+
+    Attributes
+    ----------
+    motions : Motions or None
+        None where there are not two that can be fitted by themselves.
+    names : tuple of str
+        Of its logs, or of the halves of one.
+    columns : tuple of str
+        The k parameters.
+    statement : str
+    hint : str
+        What to do where they disagree; empty where they agree.
+    """
+
+    motions: Motions | None
+    names: tuple[str, ...]
+    columns: tuple[str, ...]
+    statement: str
+    hint: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain values."""
+        m = self.motions
+        found: dict[str, Any] = {"statement": self.statement, "names": list(self.names)}
+        if m is None:
+            return found
+        found |= {"p": m.pooled, "variance_ratio": m.ratio, "degrees_of_freedom": m.ratio_dof}
+        rows = zip(self.columns, m.values.T, m.sd.T, m.p, m.between, strict=True)
+        keys = ("name", "values", "sd", "p", "between")
+        found["parameters"] = [
+            dict(zip(keys, (name, v.tolist(), s.tolist(), float(p), float(b)), strict=True))
+            for name, v, s, p, b in rows
+        ]
+        return found
+
+
+def compare_logs(
+    joints: Sequence[str],
+    samples: Sequence[Prepared],
+    information: Information,
+    result: RungResult,
+) -> SeveralLogs:
+    """Return what logs say of each other under a model, or the halves of one log.
+
+    Parameters
+    ----------
+    joints : sequence of str
+        The n actuated ones.
+    samples : sequence of Samples
+        Of each fitted log.
+    information : Information
+        About the base parameters.
+    result : RungResult
+    """
+    columns = result.rung.columns
+    if len(samples) > 1:
+        motions = result.uncertainty.motions
+        names = tuple(samples[k].name for k in motions.which) if motions else ()
+        if motions is None:
+            text = "The logs are too short to be fitted one by one: no interval holds what "
+            text += (
+                f"another motion would change.{_weighed(information, [s.name for s in samples])}"
+            )
+            return SeveralLogs(None, names, columns, text)
+        if motions.agree:
+            text = f"The {len(names)} logs agree: fitted one by one, {_chance(motions, columns)}."
+            text += _weighed(information, [s.name for s in samples])
+            return SeveralLogs(motions, names, columns, text)
+        hint = _blame(motions, names, columns, joints)
+        return SeveralLogs(motions, names, columns, hint, hint)
+    log = samples[0].name
+    motions = compare_halves(result.rung.reduce(information), result.estimate)
+    if motions is None:
+        text = f"{ONE} {log} is too short for its halves to be compared."
+        return SeveralLogs(None, (), columns, text)
+    if motions.agree:
+        text = f"{ONE} The halves of {log} agree: {_chance(motions, columns)}."
+        return SeveralLogs(motions, HALVES, columns, text)
+    hint = (
+        f"{HALVES[0].capitalize()} of {log} disagrees with the second: "
+        f"{differences(motions, columns, 0)}{_worse(motions, joints, 0)}. Something changed "
+        "while it was logged (a temperature, a load, a contact), or the model leaves out what only "
+        "a part of the motion shows: compare it with another log."
+    )
+    return SeveralLogs(motions, HALVES, columns, f"{ONE} {hint}", hint)
+
+
+def _blame(
+    motions: Motions, names: Sequence[str], columns: Sequence[str], joints: Sequence[str]
+) -> str:
+    if len(names) == 2:
+        return (
+            f"{names[0]} and {names[1]} disagree: {differences(motions, columns, 0)}. Two logs "
+            f"cannot tell which is odd: {CAUSE}, {LEFT_OUT}. Fit each by itself; together, "
+            "intervals are widened to hold both."
+        )
+    odd = motions.odd()
+    found = f"{differences(motions, columns, odd)}{_worse(motions, joints, odd)}"
+    if motions.without(odd) < LEVEL or not motions.moved.any():
+        return (
+            f"The logs disagree with each other, {names[odd]} most: {found}. {CAUSE.capitalize()}, "
+            f"{LEFT_OUT}; intervals are widened to hold all of them."
+        )
+    return (
+        f"{names[odd]} disagrees with the other logs: {found}. {CAUSE.capitalize()}: leave it out "
+        "or fit it by itself; together, intervals are widened to hold both."
+    )
+
+
+def differences(motions: Motions, columns: Sequence[str], odd: int) -> str:
+    """Return which parameters differ in one motion, and by how much."""
+    mean, z = motions.away(odd)
+    at = np.flatnonzero(motions.moved)
+    if not len(at):
+        share = np.sqrt(motions.ratio)
+        return f"all values together differ {share:.2g} × as much as noise allows"
+    order = at[np.argsort(-np.abs(z[at]))]
+    own = motions.values[odd]
+    texts = (
+        f"{columns[k]} {own[k]:.3g} instead of {mean[k]:.3g} ({abs(z[k]):.2g} σ)" for k in order
+    )
+    return listing(texts, NAMED)
+
+
+def _worse(motions: Motions, joints: Sequence[str], odd: int) -> str:
+    """Return the joint whose error is larger in one motion, if one is, for after a list."""
+    others = np.delete(motions.errors, odd, axis=0)
+    ratio = motions.errors[odd] / np.maximum(np.sqrt((others**2).mean(0)), 1e-300)
+    k = int(np.argmax(ratio))
+    return (
+        f"; the error of {joints[k]} is {ratio[k]:.2g} × as large there"
+        if ratio[k] > LARGER
+        else ""
+    )
+
+
+def _weighed(information: Information, names: Sequence[str]) -> str:
+    """Return a sentence on a log that counts for less because of its noise, to follow another."""
+    if information.weights is None:
+        return ""
+    first = np.unique(information.log, return_index=True)[1]
+    size = np.exp(-0.5 * np.log(np.maximum(information.weights[:, first], 1e-12)).mean(0))
+    loud, still = int(size.argmax()), int(size.argmin())
+    if size[loud] < LOUDER * size[still]:
+        return ""
+    return (
+        f" Logs count by their noise: that of {names[loud]} is {size[loud] / size[still]:.2g} × "
+        f"that of {names[still]}."
+    )
+
+
+def _chance(motions: Motions, columns: Sequence[str]) -> str:
+    """Return the largest difference of values that agree."""
+    z = np.abs([motions.away(one)[1] for one in range(len(motions.which))]).max(0)
+    k = int(np.argmax(z))
+    return f"no value differs by more than chance (the most: {columns[k]}, {z[k]:.2g} σ)"
+
+
+# The answer of an analysis in plain words.
+
 
 #: Why no verdict is believed where a model would be used that is no better than no model.
 WORSE = "no model predicts motion that it has not seen better than a constant torque would"

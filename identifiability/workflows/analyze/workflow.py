@@ -33,13 +33,11 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.assessment import assess_ladder, select_model
+from identifiability.workflows.analyze.belief import believe
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.fit import fit_ladder
-from identifiability.workflows.analyze.form_belief import believe
+from identifiability.workflows.analyze.fit import fit_ladder, weigh_rows
 from identifiability.workflows.analyze.result import Analysis
-from identifiability.workflows.analyze.several_logs import compare_logs
-from identifiability.workflows.analyze.weighed_rows import weigh_rows
-from identifiability.workflows.analyze.words import doubt, state_weak
+from identifiability.workflows.analyze.words import compare_logs, doubt, state_weak
 from identifiability.workflows.band import settle_band
 from identifiability.workflows.gravity import Leaning, find_leaning, state_leaning
 from identifiability.workflows.instruments import add_instruments

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.estimation.instrumental import InstrumentalVariables
-from identifiability.estimation.noise.residual_noise import ResidualNoise, find_runs
+from identifiability.estimation.noise import ResidualNoise, find_runs
 from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.engines.mapping import Steps
 from identifiability.foundation.errors import LogError

@@ -13,19 +13,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from identifiability.estimation.decide import decide_rung
+from identifiability.estimation.decide import decide_rung, find_left_out
 from identifiability.estimation.estimate import Method, find_estimator, fit_whole, settle_noise
-from identifiability.estimation.holm import holm
-from identifiability.estimation.omitted import find_left_out
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.estimation.verdict import Class, Thresholds
 from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.engines.mapping import Steps
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import LEVEL, REACH, Share, clustered_share, each_share
+from identifiability.foundation.numbers import (
+    LEVEL,
+    REACH,
+    Share,
+    clustered_share,
+    each_share,
+    holm,
+)
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares
 from identifiability.posterior.calibration import Calibration, calibrate_posterior
 from identifiability.posterior.target import Prior, Target
 from identifiability.regression.information import Information

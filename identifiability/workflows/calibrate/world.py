@@ -13,15 +13,16 @@ from enum import Flag, auto
 import numpy as np
 from scipy.linalg import eigvalsh, toeplitz
 
-from identifiability.estimation.noise.autoregression import (
+from identifiability.estimation.decide import body_scatter
+from identifiability.estimation.noise import (
+    HIGHEST_ORDER,
     JointRuns,
+    ResidualNoise,
     Runs,
     autocovariance,
     durbin,
+    fit_residual_noise,
 )
-from identifiability.estimation.noise.residual_noise import ResidualNoise, fit_residual_noise
-from identifiability.estimation.noise.restricted_likelihood import HIGHEST_ORDER
-from identifiability.estimation.omitted import body_scatter
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen

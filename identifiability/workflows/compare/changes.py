@@ -15,12 +15,14 @@ import numpy as np
 from scipy.stats import f
 
 from identifiability.effects import title_of
-from identifiability.estimation.bootstrap import merge_blocks
+from identifiability.estimation.bootstrap import MEMORIES, merge_blocks, scatter_scores
 from identifiability.estimation.estimate import estimate, forget_noise, weigh_logs
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.motions import MOST_STRETCHES, compare_motions
-from identifiability.estimation.scores import MEMORIES, scatter_scores
-from identifiability.estimation.uncertainty import remembering_covariance
+from identifiability.estimation.uncertainty import (
+    MOST_STRETCHES,
+    compare_motions,
+    remembering_covariance,
+)
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.numbers import REACH

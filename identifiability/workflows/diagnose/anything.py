@@ -10,7 +10,7 @@ import numpy as np
 from scipy import signal
 
 from identifiability.effects.transmission import follow_with_play
-from identifiability.estimation.noise.autoregression import Runs
+from identifiability.estimation.noise import Runs
 from identifiability.foundation.names import Array
 from identifiability.workflows.diagnose.rows import Rows
 

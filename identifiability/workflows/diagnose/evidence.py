@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import log_ndtr
 
-from identifiability.estimation.noise.ar_noise import ARNoise
+from identifiability.estimation.noise import ARNoise
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import log_tail
 from identifiability.foundation.values import frozen, remember

@@ -17,7 +17,7 @@ from scipy import stats
 
 from identifiability.effects import Family, bring, find_families
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.noise.autoregression import colour, durbin
+from identifiability.estimation.noise import colour, durbin
 from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen

@@ -7,7 +7,7 @@ from functools import cached_property
 from identifiability.effects import Effect, title_of
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.physical.mass import state_mass
+from identifiability.physical.cad_prior import state_mass
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identifiability.estimation.noise.ar_noise import ARNoise
+from identifiability.estimation.noise import ARNoise
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import log_tail
 from identifiability.foundation.values import frozen

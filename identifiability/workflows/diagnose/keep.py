@@ -9,8 +9,7 @@ import numpy as np
 from identifiability.effects import find_family
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.prediction import predict
-from identifiability.estimation.spread import Spread, measure_spread
+from identifiability.estimation.prediction import Spread, measure_spread, predict
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.foundation.names import Array
 from identifiability.regression.gather import gather_information

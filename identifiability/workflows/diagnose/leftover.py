@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from scipy import stats
 
-from identifiability.estimation.noise.ar_noise import ARNoise
+from identifiability.estimation.noise import ARNoise
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import tail_of_sum
 from identifiability.foundation.values import frozen

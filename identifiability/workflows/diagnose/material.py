@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from identifiability.effects import find_families
-from identifiability.estimation.noise.ar_noise import ARNoise, fit_noise
+from identifiability.estimation.noise import ARNoise, fit_noise
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Share, at_least, check_fields
 from identifiability.foundation.values import frozen

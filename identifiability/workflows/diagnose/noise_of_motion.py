@@ -6,9 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identifiability.estimation.noise.ar_noise import ARNoise, fit_noise
-from identifiability.estimation.noise.autoregression import JointRuns
-from identifiability.estimation.noise.residual_noise import find_runs
+from identifiability.estimation.noise import ARNoise, JointRuns, find_runs, fit_noise
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log

@@ -15,7 +15,7 @@ import numpy as np
 
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.motions import LEVEL, Motions, compare_motions
+from identifiability.estimation.uncertainty import LEVEL, Motions, compare_motions
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
@@ -23,7 +23,7 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
-from identifiability.workflows.analyze.several_logs import differences
+from identifiability.workflows.analyze.words import differences
 
 #: Stretches of the log that are looked at, and how much more than the typical one is "when".
 STRETCHES, STANDS_OUT = 8, 1.5

@@ -8,7 +8,7 @@ import numpy as np
 
 from identifiability.foundation.names import INERTIAL, INERTIAL_KINDS, Array
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares
 from identifiability.physical.project import Projection
 from identifiability.workflows.diagnose.evidence import Whitened
 from identifiability.workflows.diagnose.rows import Candidate

@@ -12,8 +12,7 @@ from identifiability.estimation.estimator import Estimate
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import physical_set
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares, physical_set
 from identifiability.physical.project import Projection
 from identifiability.regression.information import Information
 from identifiability.regression.structure import Structure

@@ -13,16 +13,14 @@ from identifiability.estimation.estimate import estimate, find_estimator
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs.prepare import Samples
+from identifiability.physical.cad_prior import real_robot_dict
 from identifiability.physical.feasibility import find_nearest
-from identifiability.physical.fitted_model import FittedModel, physical_set
-from identifiability.physical.least_squares import LeastSquares
-from identifiability.physical.mass import real_robot_dict
+from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
 from identifiability.physical.project import Projection
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import full_rung
 from identifiability.regression.structure import Structure
-from identifiability.workflows.analyze.fit import hold_folds, settle_robot
-from identifiability.workflows.analyze.weighed_rows import weigh_rows
+from identifiability.workflows.analyze.fit import hold_folds, settle_robot, weigh_rows
 from identifiability.workflows.diagnose.findings import Findings
 from identifiability.workflows.diagnose.forward import Physical
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from identifiability.estimation.noise.autocorrelation import autocorrelation_time
+from identifiability.estimation.noise import autocorrelation_time
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.evidence import NEGLIGIBLE, Whitened

@@ -14,7 +14,7 @@ import numpy as np
 
 from identifiability.effects import Effect, Family, Part, Span
 from identifiability.effects.effect import measure_spans
-from identifiability.estimation.noise.autoregression import JointRuns, Runs
+from identifiability.estimation.noise import JointRuns, Runs
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot

@@ -13,7 +13,7 @@ from math import comb
 
 import numpy as np
 
-from identifiability.estimation.noise.ar_noise import ARNoise
+from identifiability.estimation.noise import ARNoise
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, Samples

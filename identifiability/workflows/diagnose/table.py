@@ -16,7 +16,7 @@ import numpy as np
 from identifiability.effects import Part
 from identifiability.effects.functions import has_session
 from identifiability.effects.gravity import ForcesOnBodies
-from identifiability.estimation.noise.residual_noise import find_runs
+from identifiability.estimation.noise import find_runs
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.estimation.holm import holm
-from identifiability.foundation.numbers import percent
+from identifiability.foundation.numbers import holm, percent
 from identifiability.workflows.diagnose.findings import Findings
 from identifiability.workflows.diagnose.leftover import LEVEL
 from identifiability.workflows.diagnose.motion import join

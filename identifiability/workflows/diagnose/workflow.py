@@ -32,7 +32,7 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import say_band
-from identifiability.workflows.analyze.weighed_rows import weigh_rows
+from identifiability.workflows.analyze.fit import weigh_rows
 from identifiability.workflows.band import settle_band
 from identifiability.workflows.diagnose.goes_on import Before, read_earlier
 from identifiability.workflows.diagnose.known_values import (

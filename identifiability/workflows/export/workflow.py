@@ -32,8 +32,8 @@ from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs.mend import REPLACED
 from identifiability.logs.prepare.instruments import STANDS
+from identifiability.physical.cad_prior import state_mass
 from identifiability.physical.feasibility import ANOTHER, is_another
-from identifiability.physical.mass import state_mass
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.other_format import write_twin

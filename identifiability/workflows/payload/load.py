@@ -16,19 +16,18 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from identifiability.effects.transmission import LoadDependentFriction
+from identifiability.estimation.bootstrap import scatter_scores
 from identifiability.estimation.estimate import estimate, find_estimator, weigh_logs
 from identifiability.estimation.estimator import NOTHING, Estimate
-from identifiability.estimation.memory import Noise
-from identifiability.estimation.motions import Motions, compare_motions
-from identifiability.estimation.scores import scatter_scores
-from identifiability.estimation.uncertainty import remembering_covariance
+from identifiability.estimation.least_squares import Noise
+from identifiability.estimation.uncertainty import Motions, compare_motions, remembering_covariance
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares
 from identifiability.physical.project import project
 from identifiability.physical.pseudo_inertia import entry_scale, to_matrix
 from identifiability.regression.gather import BLOCKS

@@ -26,7 +26,7 @@ from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.echo import noise_share
 from identifiability.logs.prepare.longsamples import Prepared, prepare_log
 from identifiability.logs.repeats import Recording
-from identifiability.physical.nominal_bodies import draw_bodies
+from identifiability.physical.cad_prior import draw_bodies
 from identifiability.physical.pseudo_inertia import natural_scale
 from identifiability.regression.gather import gather_information
 from identifiability.regression.structure import Structure

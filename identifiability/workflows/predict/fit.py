@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from pydantic import BaseModel, ConfigDict, Field
 
-from identifiability.estimation.spread import Spread
+from identifiability.estimation.prediction import Spread
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, one_thread

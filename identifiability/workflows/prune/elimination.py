@@ -1,30 +1,179 @@
 """The path down: from every column to few, one physically meaningful move at a time.
 
-1. What this motion never excites, or excites only together with something else, goes first.
-2. Moves that knowledge of the robot suggests, in the order merge, zero, tie: each is made unless
-   the data contradict it (the predictive log density falls by more than its standard error, and the
-   difference that it denies is significant) or it surely makes the model less feasible.
-3. Then the group whose loss raises the sum of squares least, until nothing is left. A joint's two
-   Coulomb levels are merged or dropped together, never torn apart.
-
-The path ends where nothing is left; which rung of it to use is `selection`'s to say.
+The cheapest move goes first; of the path the smallest model as good as the best is used.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import field
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import field, replace
+from typing import Literal
 
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from identifiability.estimation.evidence import Evidence, Score
-from identifiability.estimation.updated_refits import UpdatedRefits
+from identifiability.estimation.estimate import Method, estimate
+from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.evidence import Evidence, Score, near_best
+from identifiability.estimation.least_squares import MIXED, dependence
+from identifiability.estimation.refits import UpdatedRefits
+from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.workflows.prune.descent import descend, find_cheapest, find_either
-from identifiability.workflows.prune.folds import Fit
-from identifiability.workflows.prune.moves import Kind, Move, Partition
+from identifiability.regression.information import Information
+from identifiability.workflows.prune.folds import HELD, Fit, WhitenedRegression, whiten_regression
+from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
+
+# Which move is the cheapest, and the order in which all that is left goes.
+#
+# Only the fit to everything says what is cheapest. So the order is found with that fit alone, and
+# those without each fold follow for all models at once (`UpdatedRefits.along`): they are nested.
+
+
+#: Estimates correlated beyond this are one quantity to these logs: "either".
+EITHER = 0.95
+
+
+@frozen
+class Descent:
+    """A move down, with what the fit to everything says of it.
+
+    Attributes
+    ----------
+    move : Move
+    cost : float
+        Rise of the estimator's loss.
+    either : str
+        The parameter that a dropped one can hardly be told from.
+    after : Partition
+    held : (r, k)
+        All constraints ``held y = 0`` after it.
+    """
+
+    move: Move
+    cost: float
+    either: str
+    after: Partition
+    held: Array
+
+
+def descend(fit: Fit, pairs: Sequence[Move], kept: Collection[str]) -> Iterator[Descent]:
+    """Yield the cheapest moves until nothing is left that may go.
+
+    Parameters
+    ----------
+    fit : Fit
+        Whose refits are updates.
+    pairs : sequence of Move
+        Merges of Coulomb levels; such columns are dropped in pairs only.
+    kept : collection of str
+        Columns that must not be dropped.
+    """
+    fit, X = fit.alone, fit.whitened.inverse
+    square, spread = (X**2).sum(1), measure_spread(fit)
+    while True:
+        free = spread > HELD * square
+        drops = np.where(free, fit.values[0] ** 2 / np.where(free, spread, 1.0), 0.0)
+        move = find_cheapest(fit, pairs, kept, drops)
+        if move is None:
+            return
+        after = fit.after(move)
+        before, then = (f.refits for f in (fit, after))
+        assert isinstance(before, UpdatedRefits)
+        assert isinstance(then, UpdatedRefits)
+        yield Descent(
+            move, fit.cost(move), find_either(fit, move, spread), after.partition, then.held
+        )
+        if then.solved == before.solved:
+            new = then.held[len(before.held) :]
+            gone = before.C @ new.T
+            of_x = X @ gone
+            spread = spread - ((of_x @ np.linalg.inv(new @ gone)) * of_x).sum(1)
+        else:
+            spread = measure_spread(after)
+        fit = after
+
+
+def measure_spread(fit: Fit) -> Array:
+    """Return the inverse information of each column's value, (k,)."""
+    X = fit.whitened.inverse
+    spread: Array = ((X @ fit.refits.C) * X).sum(1)
+    return spread
+
+
+def find_cheapest(
+    fit: Fit, pairs: Sequence[Move], kept: Collection[str], drops: Array | None = None
+) -> Move | None:
+    """Return the move whose loss raises the sum of squares least per parameter.
+
+    Parameters
+    ----------
+    fit, pairs, kept
+        As in `descend`.
+    drops : (k,), optional
+        What dropping each group by itself costs, at its leader; the fit is asked without.
+    """
+    p = fit.partition
+    paired: set[int] = set()
+    moves = []
+    for pair in pairs:
+        leaders = p.alive(pair.columns)
+        if len(leaders) == 2:
+            paired.update(leaders)
+            moves.append(pair)
+            moves.append(Move(Kind.DROP, tuple(p.columns[g] for g in leaders)))
+    bound = set(p.alive(kept))
+    moves = [m for m in moves if not set(m.zero).intersection(kept)]
+    singles = [g for g in p.leaders if g not in paired and g not in bound]
+    if drops is None:
+        own = fit.costs([Move(Kind.DROP, p.members(g)) for g in singles])
+    else:
+        own = drops[singles]
+    costs = np.concatenate([own, fit.costs(moves)])
+    if not len(costs):
+        return None
+    best = int(np.argmin(costs))
+    if best < len(singles):
+        return Move(Kind.DROP, p.members(singles[best]))
+    return moves[best - len(singles)]
+
+
+def find_either(fit: Fit, move: Move, spread: Array | None = None) -> str:
+    """Return the parameter that a dropped one can hardly be told from.
+
+    Parameters
+    ----------
+    fit : Fit
+    move : Move
+    spread : (k,), optional
+        As `measure_spread` has it.
+    """
+    if move.kind is not Kind.DROP:
+        return ""
+    partition = fit.partition
+    gone = partition.alive(move.zero)
+    others = [g for g in partition.leaders if g not in gone]
+    if len(gone) != 1 or not others:
+        return ""
+    X = fit.whitened.inverse
+    square = measure_spread(fit) if spread is None else spread
+    size = np.sqrt(np.maximum(square, 1e-300))
+    rho = np.abs(X[others] @ (fit.refits.C @ X[gone[0]])) / (size[gone[0]] * size[others])
+    best = int(np.argmax(rho))
+    return partition.columns[others[best]] if rho[best] > EITHER else ""
+
+
+# The path down: from every column to few, one physically meaningful move at a time.
+#
+# 1. What this motion never excites, or excites only together with something else, goes first.
+# 2. Moves that knowledge of the robot suggests, in the order merge, zero, tie: each is made unless
+#    the data contradict it (the predictive log density falls by more than its standard error, and
+#    the difference that it denies is significant) or it surely makes the model less feasible.
+# 3. Then the group whose loss raises the sum of squares least, until nothing is left. A joint's two
+#    Coulomb levels are merged or dropped together, never torn apart.
+#
+# The path ends where nothing is left; which rung of it to use is `selection`'s to say.
+
 
 #: A suggested move is refused only if the data deny it at this level.
 LEVEL = 0.01
@@ -272,3 +421,173 @@ def _significance(denied: Array, covariance: Array, folds: int) -> tuple[float, 
         return float(f_distribution.sf(single, 1, max(F - 1, 1))), percent
     t2 = float(denied @ np.linalg.pinv(covariance, hermitian=True) @ denied)
     return float(f_distribution.sf(t2 * (F - r) / (r * (F - 1)), r, F - r)), percent
+
+
+# The path of a regression, and which rung of it to use: the smallest as good as the best.
+
+
+#: ``identifiable``: the smallest within two nats of the best predictive log density, or as good as
+#: the best (`evidence.near_best`).
+#: ``one-se-of-difference``, ``one-se``: the smallest whose density is within one standard error of
+#: the difference to the best; that depends on the scatter between folds, and keeps less.
+#: ``best``: the best predictive log density itself; keeps most.
+Criterion = Literal["identifiable", "one-se-of-difference", "one-se", "best"]
+
+
+@frozen
+class Search:
+    """A path and what it was walked with.
+
+    Attributes
+    ----------
+    full : Estimate
+        Of the starting model.
+    whitened : WhitenedRegression
+        Of its independent columns.
+    plan : Plan
+    path : Path
+        Its partitions are of all columns of the starting model.
+    """
+
+    full: Estimate
+    whitened: WhitenedRegression
+    plan: Plan
+    path: Path
+
+    def embed(self, path: Path) -> Path:
+        """Return a path over the independent columns as one over all columns."""
+        columns, at = self.full.columns, np.array(self.full.kept, int)
+        steps = []
+        for step in path.steps:
+            inner = step.partition.group
+            group = np.full(len(columns), ZERO)
+            group[at] = [at[g] if g != ZERO else ZERO for g in inner]
+            values = np.zeros((len(step.values), len(columns)))
+            values[:, at] = step.values
+            steps.append(replace(step, partition=Partition(columns, group), values=values))
+        return replace(path, steps=tuple(steps))
+
+    def choose(self, criterion: Criterion) -> int:
+        """Return the step to use, physics aside."""
+        return choose_step(self.path.steps, criterion)
+
+
+def find_path(
+    information: Information,
+    nonnegative: np.ndarray,
+    *,
+    variation: Array | None = None,
+    suggested: Sequence[Move] = (),
+    forbid: Sequence[str] = (),
+    force: Sequence[str] = (),
+    method: Method = "wls",
+) -> Search:
+    """Walk from all columns of a regression down to none.
+
+    Parameters
+    ----------
+    information : Information
+        About the k columns of the starting model.
+    nonnegative : (k,) bool
+        Whether physics forbids a value below zero.
+    variation : (n,), optional [(N·m)² or N²]
+        Of the torque of each joint about its mean, as in `whiten_regression`.
+    suggested : sequence of Move
+        What knowledge of the robot suggests.
+    forbid, force : sequence of str
+        Columns that must not be dropped, and that are dropped whatever the data say.
+    method : str or Estimator
+        Its refits are the fits of the path.
+    """
+    full = estimate(information, method)
+    kept = list(full.kept)
+    part = information.select(kept)
+    own = full if len(kept) == information.size else estimate(part, method)
+    whitened = whiten_regression(part, own, np.asarray(nonnegative)[kept], variation)
+    plan = _plan(suggested, forbid, force, part.columns)
+    walked = walk(whitened.fit(), plan)
+    search = Search(full, whitened, plan, walked)
+    return replace(search, path=_with_idle(search, walked, information))
+
+
+def _plan(
+    suggested: Sequence[Move], forbid: Sequence[str], force: Sequence[str], columns: Sequence[str]
+) -> Plan:
+    """Return the plan over the columns that the motion excites."""
+    known = set(columns)
+    usable = []
+    for move in suggested:
+        zero = tuple(c for c in move.zero if c in known and c not in forbid)
+        tie = tuple(t for s in move.tie if len(t := tuple(c for c in s if c in known)) > 1)
+        if zero or tie:
+            usable.append(replace(move, zero=zero, tie=tie))
+    pairs = tuple(m for m in usable if m.kind is Kind.MERGE)
+    forced = tuple(Move(Kind.FORCED, (c,), why="You asked for it") for c in force if c in known)
+    return Plan(tuple(usable), pairs, forced, frozenset(forbid))
+
+
+def _with_idle(search: Search, walked: Path, information: Information) -> Path:
+    """Return the path over all columns, what the motion does not excite being its first move."""
+    path, full = search.embed(walked), search.full
+    idle = [c for k, c in enumerate(full.columns) if k not in set(full.kept)]
+    if not idle:
+        return path
+    move = Move(Kind.UNEXCITED, tuple(idle), why=_why_idle(information, full, idle))
+    whole = replace(path.steps[0], partition=Partition.of(full.columns))
+    return replace(path, steps=(whole, replace(path.steps[0], move=move), *path.steps[1:]))
+
+
+def _why_idle(information: Information, full: Estimate, idle: Sequence[str]) -> str:
+    """Return what each idle column cannot be told from."""
+    leans = np.abs(dependence(information, full.kept, full.weights))
+    alone, either = [], []
+    for k, name in enumerate(idle):
+        partners = [full.kept[i] for i in np.argsort(-leans[:, k]) if leans[i, k] > MIXED]
+        if not partners:
+            alone.append(name)
+        elif len(partners) == 1:
+            other = information.columns[partners[0]]
+            either.append(f"either {other} or {name} can stand for both")
+        else:
+            others = listing([information.columns[p] for p in partners], 3)
+            either.append(f"{name} acts only together with {others}")
+    parts = [f"the motion never makes {listing(alone, 4)} act"] if alone else []
+    text = "; ".join([*parts, *either[:3]])
+    if len(either) > 3:
+        text += f"; and {len(either) - 3} more act only together with others"
+    return text[:1].upper() + text[1:]
+
+
+def best_step(steps: Sequence[Step]) -> int:
+    """Return the step with the best predictive log density of those that may be used."""
+    first = first_allowed(steps)
+    return first + int(np.argmax([s.density for s in steps[first:]]))
+
+
+def first_allowed(steps: Sequence[Step]) -> int:
+    """Return the first step after what must go: what the motion or the user leaves out."""
+    must = (Kind.UNEXCITED, Kind.FORCED)
+    return max((k for k, s in enumerate(steps) if s.move and s.move.kind in must), default=0)
+
+
+def good_steps(steps: Sequence[Step], criterion: Criterion) -> list[int]:
+    """Return the steps that may be used, the preferred one first.
+
+    Preferred is the smallest of those with the fewest forbidden signs; the others follow for the
+    case that no real robot can have its values.
+    """
+    first, best = first_allowed(steps), best_step(steps)
+    if criterion == "best":
+        return [best]
+    scores = [step.score for step in steps[first:]]
+    if criterion == "identifiable":
+        near = (first + np.flatnonzero(near_best(scores))).tolist()
+    else:
+        gains = [Evidence.of(score, steps[best].score).density for score in scores]
+        near = [first + k for k, gain in enumerate(gains) if gain.value >= -gain.se]
+    return sorted(near, key=lambda k: (steps[k].violations, len(steps[k].partition)))
+
+
+def choose_step(steps: Sequence[Step], criterion: Criterion) -> int:
+    """Return the step to use, the physical certificate aside."""
+    return good_steps(steps, criterion)[0]

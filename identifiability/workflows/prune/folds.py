@@ -14,13 +14,11 @@ from functools import cached_property
 
 import numpy as np
 
-from identifiability.estimation.combined import combine
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import Folds, Score, nested_density
-from identifiability.estimation.instrumental import InstrumentalVariables
+from identifiability.estimation.instrumental import InstrumentalVariables, combine
 from identifiability.estimation.least_squares import noise_scale
-from identifiability.estimation.refits import Asked, Equations, Refits
-from identifiability.estimation.updated_refits import UpdatedRefits
+from identifiability.estimation.refits import Asked, Equations, Refits, UpdatedRefits
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import ActuatorBlocks, Information

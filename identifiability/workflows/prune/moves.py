@@ -1,18 +1,32 @@
-"""What a pruning step does to the columns of a model: zero some, or make some equal."""
+"""What a pruning step does to the columns of a model: zero some, or make some equal.
+
+Moves that knowledge of the robot suggests are declared in its sidecar or proposed from its
+kinematics.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from enum import StrEnum
-from functools import cached_property
-from itertools import takewhile
+from functools import cache, cached_property
+from itertools import combinations, takewhile
+from typing import Literal
 
 import numpy as np
+from scipy.linalg import null_space
 
-from identifiability.foundation.names import Array
+from identifiability.foundation.errors import listing
+from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
+from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.regression.reduction import Rung
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
+from identifiability.robot.kinematics import WORLD, Joint
+
+# What a pruning step does to the columns of a model: zero some, or make some equal.
+
 
 #: Stands for "held at zero" where a column's group is named.
 ZERO = -1
@@ -191,3 +205,345 @@ def _beginning(texts: Sequence[str]) -> str:
     """Return the letters with which all texts begin."""
     letters = takewhile(lambda each: len(set(each)) == 1, zip(*texts, strict=False))
     return "".join(each[0] for each in letters)
+
+
+# What the kinematics of a robot suggest about the shape of its bodies.
+#
+# A body is built around its joints. If a mirror maps the joints of a body onto themselves, the
+# body is probably its own mirror image too, and if two legs have equal joints they are probably
+# equal. Nothing of this is certain, so it is only ever *proposed*; the data may contradict it.
+# Masses and inertias that the robot file states are not looked at.
+
+
+#: Lengths [m] and directions that agree to this are equal; robot files have six digits or more.
+CLOSE = 1e-5
+
+
+@frozen
+class Attachment:
+    """What fixes a body to another: a point, a hinge line, or a slide that goes one way.
+
+    Attributes
+    ----------
+    kind : {"point", "hinge", "slide"}
+    position : (3,) [m]
+        In the body's frame.
+    axis : (3,)
+        Unit vector; zero for a point.
+    """
+
+    kind: Literal["point", "hinge", "slide"]
+    position: Array
+    axis: Array
+
+    def equals(self, other: Attachment) -> bool:
+        """Whether both are the same place: the same point, or the same line."""
+        if self.kind != other.kind:
+            return False
+        apart = self.position - other.position
+        if self.kind == "point":
+            return bool(np.linalg.norm(apart) < CLOSE)
+        turn = float(self.axis @ other.axis)
+        along = abs(turn) if self.kind == "hinge" else turn
+        off = apart - (apart @ self.axis) * self.axis
+        return along > 1 - CLOSE and bool(np.linalg.norm(off) < CLOSE)
+
+    def reflected(self, mirror: Mirror) -> Attachment:
+        """Return its image in a mirror."""
+        n = mirror.normal
+        p = self.position - 2 * (self.position @ n - mirror.offset) * n
+        return Attachment(self.kind, p, self.axis - 2 * (self.axis @ n) * n)
+
+
+@frozen
+class Mirror:
+    """The plane ``normal · x = offset`` in a body's frame."""
+
+    normal: Array
+    offset: float
+
+    def constraints(self) -> Array:
+        """Return the conditions on a body's ten parameters that it makes, (r, 10)."""
+        T = np.eye(4)
+        T[:3, :3] -= 2 * np.outer(self.normal, self.normal)
+        T[:3, 3] = 2 * self.offset * self.normal
+        moved = T @ BASIS @ T.T - BASIS
+        return moved.reshape(10, 16).T
+
+
+@frozen
+class Link:
+    """A body and the joint that carries it, which may turn about several axes at one point.
+
+    Attributes
+    ----------
+    first, last : int
+        Its joint's axes in the robot's tree.
+    parent : int
+        The body that carries it, or `WORLD`.
+    """
+
+    first: int
+    last: int
+    parent: int
+
+
+def find_links(robot: Robot) -> list[Link]:
+    """Return the links of the robot's bodies, in their order."""
+    links: list[Link] = []
+    at, owner = 0, {WORLD: WORLD}
+    for k in range(1, robot.model.njoints):
+        first, freedoms = at, 0
+        while freedoms < robot.model.joints[k].nv:
+            freedoms += robot.tree.joints[at].nv
+            owner[at] = len(links)
+            at += 1
+        links.append(Link(first, at - 1, owner[robot.tree.joints[first].parent]))
+    return links
+
+
+def attachments(robot: Robot) -> list[list[Attachment]]:
+    """Return what each body is fixed by: its own joint, the joints on it, and loop closures."""
+    joints, links = robot.tree.joints, find_links(robot)
+    body_of = {last: k for k, last in enumerate(link.last for link in links)}
+    found: list[list[Attachment]] = [[] for _ in links]
+    for k, link in enumerate(links):
+        kind, first, last = _kind(robot, link), joints[link.first], joints[link.last]
+        if kind == "free":
+            continue
+        zero = np.zeros(3)
+        axis = zero if kind == "point" else np.asarray(last.axis, float)
+        found[k].append(Attachment(kind, zero, axis))
+        if link.parent != WORLD:
+            on = zero if kind == "point" else first.rotation @ first.axis
+            place = np.asarray(first.translation, float)
+            found[link.parent].append(Attachment(kind, place, on))
+    for loop in robot.loops:
+        for point in (loop.first, loop.second):
+            if point.joint in body_of:
+                at = np.asarray(point.position, float)
+                found[body_of[point.joint]].append(Attachment("point", at, np.zeros(3)))
+    return found
+
+
+def _kind(robot: Robot, link: Link) -> Literal["point", "hinge", "slide", "free"]:
+    kinds = [robot.tree.joints[k].kind for k in range(link.first, link.last + 1)]
+    if "free" in kinds:
+        return "free"
+    if len(kinds) > 2 or "ball" in kinds:
+        return "point"
+    return "slide" if kinds[-1] == "prismatic" else "hinge"
+
+
+def find_mirrors(parts: list[Attachment]) -> list[Mirror]:
+    """Return the mirrors that map a body's attachments onto themselves."""
+    mirrors: list[Mirror] = []
+    for normal in _candidates(parts):
+        # A hinge along the normal says nothing of where along it the plane is.
+        fixed = [a for a in parts if a.kind == "point" or abs(a.axis @ normal) < 1 - CLOSE]
+        if not fixed:
+            continue
+        mirror = Mirror(normal, float(np.mean([a.position @ normal for a in fixed])))
+        if all(any(a.reflected(mirror).equals(b) for b in parts) for a in parts):
+            mirrors.append(mirror)
+    return mirrors
+
+
+def _candidates(parts: list[Attachment]) -> Iterator[Array]:
+    axes = [a.axis for a in parts if a.kind != "point"]
+    gaps = [b.position - a.position for a, b in combinations(parts, 2)]
+    crossed = [np.cross(a, b) for a, b in combinations([*axes, *gaps], 2)]
+    seen: list[Array] = []
+    for v in [*np.eye(3), *axes, *gaps, *crossed]:
+        size = float(np.linalg.norm(v))
+        if size < CLOSE:
+            continue
+        unit = v / size
+        if not any(abs(unit @ s) > 1 - CLOSE**2 for s in seen):
+            seen.append(unit)
+            yield unit
+
+
+def find_equal_bodies(robot: Robot) -> list[tuple[int, ...]]:
+    """Return the sets of bodies at the same place of equal chains from the base."""
+    joints, links = robot.tree.joints, find_links(robot)
+    parts = attachments(robot)
+
+    @cache
+    def same(a: int, b: int) -> bool:
+        """Whether the chains to two bodies are equal but for where they stand on the base."""
+        x, y = links[a], links[b]
+        if (x.parent == WORLD) != (y.parent == WORLD) or len(parts[a]) != len(parts[b]):
+            return False
+        if not all(any(p.equals(q) for q in parts[b]) for p in parts[a]):
+            return False
+        first, other = (joints[link.first : link.last + 1] for link in (x, y))
+        if len(first) != len(other):
+            return False
+        if not all(
+            _same_joint(u, v, first=u is first[0]) for u, v in zip(first, other, strict=True)
+        ):
+            return False
+        if x.parent == WORLD:
+            return True
+        u, v = first[0], other[0]
+        moved = np.linalg.norm(u.translation - v.translation) > CLOSE
+        turned = np.linalg.norm(u.rotation - v.rotation) > CLOSE
+        return not moved and not turned and same(x.parent, y.parent)
+
+    sets: list[list[int]] = []
+    for k in range(len(links)):
+        home = next((s for s in sets if same(s[0], k)), [])
+        if not home:
+            sets.append(home)
+        home.append(k)
+    return [tuple(s) for s in sets if len(s) > 1]
+
+
+def _same_joint(x: Joint, y: Joint, *, first: bool) -> bool:
+    if x.kind != y.kind or np.linalg.norm(x.axis - y.axis) > CLOSE:
+        return False
+    return first or bool(np.linalg.norm(x.rotation - y.rotation) < CLOSE)
+
+
+def body_shapes(mirrors: list[Mirror]) -> Array:
+    """Return a basis of the ten parameters that mirrors allow a body, (10, free)."""
+    return np.asarray(null_space(np.vstack([m.constraints() for m in mirrors])), float)
+
+
+# Moves that knowledge of the robot suggests, declared in its sidecar or proposed from its file.
+#
+# A hypothesis about bodies (their own mirror image; equal to others) confines the standard
+# parameters to a subspace, and with them the base parameters ``beta = G phi``: some become zero,
+# some equal. Friction and actuator inertia are left alone: equal drawings do not make equal
+# friction.
+
+
+#: Entries of ``G N`` below this share of their row's terms are zero.
+TINY = 1e-8
+
+
+def propose_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
+    """Return the moves that the robot suggests about some base parameters.
+
+    Parameters
+    ----------
+    structure : Structure
+    columns : sequence of str
+        The base parameters that the model has.
+    """
+    moves = offset_moves(structure, columns) + merge_moves(structure, columns)
+    moves += declared_moves(structure.robot, columns)
+    moves += zero_moves(structure, columns)
+    ties = {frozenset(c) for m in moves if m.kind is Kind.TIE for c in m.tie}
+    return moves + [m for m in tie_moves(structure, columns) if frozenset(m.tie[0]) not in ties]
+
+
+def offset_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
+    """Return the zeros of torque offsets.
+
+    An offset looks like gravity; asked late, it would stand for a mass that was dropped.
+    """
+    names = (f"{joint}.off" for joint in structure.robot.joints)
+    return [Move(Kind.OFFSET, (n,), why="Torque without offset") for n in names if n in columns]
+
+
+def merge_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
+    """Return the merges of a joint's two Coulomb levels."""
+    pairs = ((f"{joint}.Fc+", f"{joint}.Fc-") for joint in structure.robot.joints)
+    why = "Friction of the same size in both directions"
+    return [Move(Kind.MERGE, tie=(p,), why=why) for p in pairs if set(p) <= set(columns)]
+
+
+def declared_moves(robot: Robot, columns: Sequence[str]) -> list[Move]:
+    """Return the ties of the robot's sidecar."""
+    known = set(columns)
+    sets = (members for tie in robot.ties for members in tie.values())
+    where = robot.sidecar.name if robot.sidecar is not None else "the sidecar"
+    return [
+        Move(Kind.TIE, tie=(tuple(s),), why=f"{where} declares them equal")
+        for s in sets
+        if set(s) <= known and len(s) > 1
+    ]
+
+
+def zero_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
+    """Return what vanishes if bodies are mirror images of themselves, equal bodies together."""
+    robot = structure.robot
+    parts = attachments(robot)
+    sets = find_equal_bodies(robot)
+    single = [(k,) for k in range(len(parts)) if not any(k in s for s in sets)]
+    known, moves, seen = set(columns), [], set[str]()
+    for bodies in [*single, *sets]:
+        # One hinge says nothing of the shape of what hangs on it.
+        mirrors = find_mirrors(parts[bodies[0]]) if len(parts[bodies[0]]) > 1 else []
+        if not mirrors:
+            continue
+        N = _subspace(structure, [((k,), body_shapes(mirrors)) for k in bodies])
+        vanished = _vanishing(structure, N)
+        names = tuple(n for n in vanished if n in known and n not in seen)
+        seen.update(names)
+        if names:
+            which = listing([robot.bodies[k] for k in bodies], 4)
+            planes = "its plane" if len(mirrors) == 1 else f"{len(mirrors)} planes"
+            why = f"The joints of {which} are symmetric about {planes}"
+            moves.append(Move(Kind.ZERO, names, why=why))
+    return moves
+
+
+def tie_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
+    """Return what becomes equal if bodies of equal chains are equal."""
+    base, sets = structure.base, find_equal_bodies(structure.robot)
+    if not sets:
+        return []
+    N = _subspace(structure, [(bodies, np.eye(len(INERTIAL))) for bodies in sets])
+    reach = base.G @ N
+    size = np.linalg.norm(np.abs(base.G) @ np.abs(N), axis=1) + 1e-300
+    unit = reach / size[:, None]
+    known, left, moves = set(columns), list(range(len(base))), []
+    while left:
+        first = left.pop(0)
+        if np.linalg.norm(unit[first]) < TINY:
+            continue
+        equal = [k for k in left if np.abs(reach[k] - reach[first]).max() < TINY * size[first]]
+        left = [k for k in left if k not in equal]
+        names = tuple(base.names[k] for k in (first, *equal))
+        if equal and set(names) <= known:
+            moves.append(Move(Kind.TIE, tie=(names,), why="Their chains have equal joints"))
+    return moves
+
+
+def _columns(structure: Structure, body: int) -> np.ndarray | None:
+    """Return the columns of a body's ten parameters; None where the model has not got them."""
+    stem = f"{structure.robot.bodies[body]}."
+    stems = list(structure.bodies)
+    return structure.inertial[stems.index(stem)] if stem in stems else None
+
+
+def _subspace(structure: Structure, confined: Sequence[tuple[Sequence[int], Array]]) -> Array:
+    """Return a basis of the standard parameters where some bodies have one shape, (p, free).
+
+    Parameters
+    ----------
+    structure : Structure
+    confined : sequence of (bodies, shape)
+        Bodies that are equal, and a basis (10, f) of the ten parameters that they may have.
+    """
+    p = len(structure.parameters)
+    blocks, free = [], np.ones(p, bool)
+    for bodies, shape in confined:
+        block = np.zeros((p, shape.shape[1]))
+        for at in (_columns(structure, k) for k in bodies):
+            if at is not None:
+                free[at] = False
+                block[at] = shape
+        blocks.append(block)
+    return np.hstack([np.eye(p)[:, free], *blocks])
+
+
+def _vanishing(structure: Structure, N: Array) -> list[str]:
+    """Return the base parameters that are zero for all standard parameters ``N z``."""
+    reach = np.abs(structure.G @ N).max(1, initial=0.0)
+    size = np.abs(structure.G).max(1, initial=0.0)
+    gone = (size > 0) & (reach <= TINY * size)
+    return [n for n, g in zip(structure.base.names, gone, strict=True) if g]

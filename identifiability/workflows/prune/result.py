@@ -18,15 +18,11 @@ from identifiability.regression.reduction import (
     ladder_text,
     rung_entry,
 )
-from identifiability.workflows.analyze.assessment import RungResult
-from identifiability.workflows.analyze.laddered import Laddered
+from identifiability.workflows.analyze.assessment import Laddered, RungResult
 from identifiability.workflows.analyze.words import state_physics
-from identifiability.workflows.prune.absorption import Absorption
-from identifiability.workflows.prune.elimination import Refusal
+from identifiability.workflows.prune.elimination import Criterion, Refusal
 from identifiability.workflows.prune.moves import Partition
-from identifiability.workflows.prune.rung import Measured, PrunedRung
-from identifiability.workflows.prune.search import Criterion
-from identifiability.workflows.prune.stability import Stability
+from identifiability.workflows.prune.rung import Absorption, Measured, PrunedRung, Stability
 
 
 @frozen(kw_only=True)

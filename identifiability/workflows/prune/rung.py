@@ -1,13 +1,23 @@
-"""The rungs of the ladder: models on the way down, with what is said of each."""
+"""The models on the path down, with what is said of each.
 
+Where the effect of removed parameters went, as bias of the survivors; how much of a model is the
+robot, and how much the luck of one log.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import starmap
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
+from identifiability.estimation.bootstrap import scatter_scores
+from identifiability.estimation.decide import find_left_out
 from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import Estimate, Estimator
@@ -17,13 +27,15 @@ from identifiability.estimation.evidence import (
     mix_labels,
     weigh_models,
 )
-from identifiability.estimation.layout import take_turns
-from identifiability.estimation.omitted import find_left_out
 from identifiability.estimation.prediction import Prediction, Task, predict_all
-from identifiability.estimation.scores import scatter_scores
-from identifiability.estimation.torque_errors import standard_error, standard_error_over_joints
+from identifiability.estimation.torque_errors import (
+    standard_error,
+    standard_error_over_joints,
+    take_turns,
+)
 from identifiability.estimation.uncertainty import Uncertainty, resample
 from identifiability.estimation.verdict import Class, Thresholds
+from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
@@ -42,8 +54,269 @@ from identifiability.workflows.analyze.assessment import (
 )
 from identifiability.workflows.analyze.words import WORSE
 from identifiability.workflows.opening import Opening, find_missing
-from identifiability.workflows.prune.elimination import Step, explain
-from identifiability.workflows.prune.search import Search, best_step, first_allowed
+from identifiability.workflows.prune.elimination import (
+    Criterion,
+    Search,
+    Step,
+    best_step,
+    choose_step,
+    explain,
+    first_allowed,
+    walk,
+)
+from identifiability.workflows.prune.folds import WhitenedRegression
+from identifiability.workflows.prune.moves import ZERO, Partition
+
+# Where the effect of removed parameters went: into the survivors, as bias.
+#
+# A parameter that is left out although it is not zero does not vanish from the torque: the
+# survivors take it over as far as their columns can, ``A = (W_kᵀ W_k)⁻¹ W_kᵀ W_r``, and are biased
+# by ``A φ_r`` [Gautier 1997]. The part that no survivor can take over stays in the residual.
+
+
+@frozen(kw_only=True)
+class Absorption:
+    """What survivors took over.
+
+    Attributes
+    ----------
+    removed : tuple of str
+        The r removed parameters or differences of tied ones.
+    survivors : tuple of str
+        The m surviving parameters.
+    value, sigma : (r,)
+        Estimates of the removed ones in the unpruned model.
+    shift : (m, r)
+        Bias of each survivor if the removed one had its estimated value.
+    shift_sigma : (m, r)
+        Standard deviation of that.
+    share : (r,)
+        Share of the removed column (mean square) that survivors can take over.
+    torque : (r,)
+        Root mean square of the removed torque, relative to the residual's.
+    sigma_survivor : (m,)
+        Standard deviation of each survivor, to compare shifts with.
+    """
+
+    removed: tuple[str, ...]
+    survivors: tuple[str, ...]
+    value: Array
+    sigma: Array
+    shift: Array
+    shift_sigma: Array
+    share: Array
+    torque: Array
+    sigma_survivor: Array
+
+    def main(self, column: int, most: int = 3) -> list[tuple[str, float]]:
+        """Return the survivors that take over most of a removed parameter, with their shifts.
+
+        Shifts are compared in units of the survivors' standard deviations.
+        """
+        size = np.abs(self.shift[:, column]) / np.maximum(self.sigma_survivor, 1e-300)
+        order = np.argsort(-size)[:most]
+        return [(self.survivors[k], float(self.shift[k, column])) for k in order if size[k] > 0]
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row for each removed parameter."""
+        into = [self.main(k) for k in range(len(self.removed))]
+        return pd.DataFrame(
+            {
+                "removed": self.removed,
+                "estimate": self.value,
+                "sigma": self.sigma,
+                "torque_to_residual": self.torque,
+                "absorbed_share": self.share,
+                "absorbed_by": [", ".join(s for s, _ in takers) for takers in into],
+                "bias": [", ".join(f"{b:+.3g}" for _, b in takers) for takers in into],
+            }
+        )
+
+
+def absorb(
+    information: Information, full: Estimate, survivors: Estimate, partition: Partition
+) -> Absorption:
+    """Return what the survivors of a pruned model took over.
+
+    Parameters
+    ----------
+    information : Information
+        About the starting model's columns.
+    full, survivors : Estimate
+        Of the starting and of the pruned model.
+    partition : Partition
+        What became of each column.
+    """
+    columns, M = partition.columns, partition.matrix
+    rows, names = [np.empty((0, len(columns)))], []
+    for k, leader in enumerate(partition.group):
+        if leader != k:  # what the pruned model denies is that removed @ x = 0
+            unit = np.eye(len(columns))[[k, leader]]
+            rows.append(unit[:1] if leader == ZERO else unit[:1] - unit[1:])
+            names.append(columns[k] if leader == ZERO else f"{columns[k]} − {columns[leader]}")
+    removed = np.concatenate(rows)
+    R = information.factor(survivors.weights)[:-1, :-1]
+    samples = np.sqrt(max(information.rows, 1))
+    # x = M u + D v with v = removed @ x: D undoes the denied combinations one by one.
+    kept, gone = R @ M, R @ np.linalg.pinv(removed)
+    A = np.linalg.lstsq(kept, gone, rcond=None)[0]
+    squares = np.maximum((gone**2).sum(0), 1e-300)
+    value = removed @ full.value
+    covariance = np.where(np.isfinite(full.covariance), full.covariance, 0.0)
+    sigma = np.sqrt(np.maximum(np.einsum("ri,ij,rj->r", removed, covariance, removed), 0.0))
+    residual = np.sqrt(float(survivors.weights @ survivors.rss)) / samples
+    return Absorption(
+        removed=tuple(names),
+        survivors=survivors.columns,
+        value=value,
+        sigma=sigma,
+        shift=A * value,
+        shift_sigma=np.abs(A) * sigma,
+        share=((kept @ A) ** 2).sum(0) / squares,
+        torque=np.abs(value) * np.sqrt(squares) / samples / max(residual, 1e-300),
+        sigma_survivor=survivors.sigma,
+    )
+
+
+# How much of a pruned model is the robot, and how much the luck of one log.
+#
+# The whole path, from the unpruned model to the chosen rung, is walked again on resampled blocks
+# of time. The selection is part of what is resampled, so the answer speaks of it, not of one fixed
+# model.
+
+
+#: Replicates that one item of an engine walks, some tenths of a second.
+BATCH = 10
+
+
+@frozen
+class Stability:
+    """What the replicates chose.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Of the starting model.
+    survives : (k,)
+        Share of replicates in which a column is not zero.
+    sizes : (replicates,) int
+        Number of parameters chosen.
+    same : float
+        Share of replicates that chose exactly the columns that the logs themselves chose.
+    models : tuple of (tuple of str, float)
+        Sets of columns chosen most often, with their shares.
+    """
+
+    columns: tuple[str, ...]
+    survives: np.ndarray
+    sizes: np.ndarray
+    same: float
+    models: tuple[tuple[tuple[str, ...], float], ...]
+
+    @property
+    def replicates(self) -> int:
+        """Number of replicates."""
+        return len(self.sizes)
+
+    @property
+    def statement(self) -> str:
+        """The answer in one sentence."""
+        if not self.replicates:
+            return "No log was resampled, so nothing is known of the stability of the choice."
+        low, high = np.round(np.quantile(self.sizes, [0.05, 0.95]))
+        torn = int(((self.survives > 0.1) & (self.survives < 0.9)).sum())
+        most = "90 %" if high > low else "at least 90 %"
+        span = f"{low:.0f} to {high:.0f}" if high > low else f"{low:.0f}"
+        shaky = (
+            f"{torn} of {len(self.columns)} parameters survive in some (10 to 90 %) and not in "
+            "others"
+            if torn
+            else "no parameter survives in some and not in others (10 to 90 %)"
+        )
+        return (
+            f"Of {self.replicates} resampled logs {100 * self.same:.0f} % lead to exactly this "
+            f"model, and {most} to {span} parameters; {shaky}."
+        )
+
+
+def assess_stability(
+    search: Search,
+    chosen: Partition,
+    criterion: Criterion,
+    rng: np.random.Generator,
+    *,
+    replicates: int,
+    length: float,
+    progress: Steps | None = None,
+    engine: Engine | None = None,
+) -> Stability:
+    """Walk the path again on resampled logs.
+
+    Parameters
+    ----------
+    search : Search
+    chosen : Partition
+        What the logs themselves chose.
+    criterion : Criterion
+    rng : numpy.random.Generator
+    replicates : int
+    length : float
+        Samples a block must have at least to be nearly independent of the next.
+    progress : callable(int, int), optional
+    engine : Engine, optional
+        Where the replicates are walked; by default here.
+    """
+    own = search.whitened
+    unit = _units(own, max(1, round(length * len(own.folds.test) / max(own.samples, 1))))
+    count = int(unit.max()) + 1
+    # Drawn here, so that a replicate is the same whoever walks it.
+    draws = rng.multinomial(count, np.full(count, 1 / count), size=replicates)
+    items = [draws[k : k + BATCH] for k in range(0, replicates, BATCH)]
+    parts = (engine or Serial()).map(
+        partial(_walk_again, search, unit, criterion), items, progress=progress
+    )
+    drawn = [partition for part in parts for partition in part]
+    sets, most = Counter(_set(p) for p in drawn), max(replicates, 1)
+    alive = np.array([p.survivors() for p in drawn]).reshape(-1, len(chosen.columns))
+    return Stability(
+        columns=chosen.columns,
+        survives=alive.mean(0) if drawn else np.full(len(chosen.columns), np.nan),
+        sizes=np.array([len(p) for p in drawn], int),
+        same=sets[_set(chosen)] / most if drawn else np.nan,
+        models=tuple((m, count / most) for m, count in sets.most_common(5)),
+    )
+
+
+def _walk_again(
+    search: Search, unit: np.ndarray, criterion: Criterion, draws: np.ndarray
+) -> list[Partition]:
+    """Return what some replicates choose; `draws` (r, units) says how often they draw a unit."""
+    chosen = []
+    for row in draws:
+        path = walk(search.whitened.fit(row[unit].astype(float)), search.plan)
+        steps = search.embed(path).steps
+        chosen.append(steps[choose_step(steps, criterion)].partition)
+    return chosen
+
+
+def _units(own: WhitenedRegression, blocks: int) -> np.ndarray:
+    """Return the unit of resampling of each block: runs of `blocks` within a fold."""
+    test, at = own.folds.test, 0
+    unit = np.empty(len(test), int)
+    for f in range(own.folds.count):
+        rows = np.flatnonzero(test == f)
+        runs = max(1, len(rows) // blocks)
+        unit[rows] = at + np.arange(len(rows)) * runs // len(rows)
+        at += runs
+    return unit
+
+
+def _set(partition: Partition) -> tuple[str, ...]:
+    return tuple("=".join(partition.members(g)) for g in partition.leaders)
+
+
+# The rungs of the ladder: models on the way down, with what is said of each.
+
 
 #: Models of less weight than this share of the heaviest's are no part of a mixture.
 LEAST_WEIGHT = 1e-3

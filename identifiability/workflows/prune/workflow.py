@@ -9,7 +9,7 @@ import numpy as np
 
 from identifiability.estimation.estimate import Kind, Method, find_estimator, settle_noise
 from identifiability.estimation.evidence import Held, Score, near_best
-from identifiability.estimation.memory import Noise
+from identifiability.estimation.least_squares import Noise
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.options import (
@@ -42,10 +42,8 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.fit import settle_robot
-from identifiability.workflows.analyze.several_logs import compare_logs
-from identifiability.workflows.analyze.weighed_rows import weigh_rows
-from identifiability.workflows.analyze.words import state_weak
+from identifiability.workflows.analyze.fit import settle_robot, weigh_rows
+from identifiability.workflows.analyze.words import compare_logs, state_weak
 from identifiability.workflows.band import settle_band
 from identifiability.workflows.instruments import add_instruments
 from identifiability.workflows.opening import (
@@ -56,25 +54,25 @@ from identifiability.workflows.opening import (
     running,
     share,
 )
-from identifiability.workflows.prune.absorption import absorb
-from identifiability.workflows.prune.elimination import Step
-from identifiability.workflows.prune.proposals import merge_moves, propose_moves
+from identifiability.workflows.prune.elimination import (
+    Criterion,
+    Search,
+    Step,
+    best_step,
+    find_path,
+    good_steps,
+)
+from identifiability.workflows.prune.moves import merge_moves, propose_moves
 from identifiability.workflows.prune.result import Ladder
 from identifiability.workflows.prune.rung import (
     Question,
+    absorb,
+    assess_stability,
     contradicts,
     measure_rungs,
     state_disagreement,
     state_foreign,
 )
-from identifiability.workflows.prune.search import (
-    Criterion,
-    Search,
-    best_step,
-    find_path,
-    good_steps,
-)
-from identifiability.workflows.prune.stability import assess_stability
 
 #: A step, its model, and the certificate with its sentence.
 Candidate = tuple[int, FittedModel, tuple[Certificate | None, str]]

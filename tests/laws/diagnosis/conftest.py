@@ -11,7 +11,7 @@ import pytest
 
 from identifiability.effects.effect import Family
 from identifiability.effects.friction import ViscousFriction
-from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
+from identifiability.estimation.noise import ARNoise, JointNoise
 from identifiability.workflows.diagnose.dictionary import Dictionary
 from identifiability.workflows.diagnose.evidence import Bench
 from identifiability.workflows.diagnose.held_out import HeldOut

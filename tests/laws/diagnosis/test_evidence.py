@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 from scipy.optimize import nnls
 
-from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
+from identifiability.estimation.noise import ARNoise, JointNoise
 from identifiability.foundation.numbers import log_tail
 from identifiability.workflows.diagnose import evidence
 from identifiability.workflows.diagnose.evidence import Bench, Whitened, score_candidates

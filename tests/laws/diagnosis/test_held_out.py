@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
+from identifiability.estimation.noise import ARNoise, JointNoise
 from identifiability.workflows.diagnose.dictionary import Dictionary
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.held_out import HeldOut

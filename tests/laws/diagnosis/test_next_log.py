@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability import Robot
-from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
-from identifiability.estimation.noise.residual_noise import find_runs
+from identifiability.estimation.noise import ARNoise, JointNoise, find_runs
 from identifiability.foundation.errors import ClosureError
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation

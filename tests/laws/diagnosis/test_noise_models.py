@@ -5,9 +5,18 @@ import pytest
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import lfilter
 
-from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise, fit_joint, fit_noise
-from identifiability.estimation.noise.autoregression import autocovariance, durbin, levinson, whiten
-from identifiability.estimation.noise.restricted_likelihood import BOUND, RestrictedLikelihood
+from identifiability.estimation.noise import (
+    BOUND,
+    ARNoise,
+    JointNoise,
+    RestrictedLikelihood,
+    autocovariance,
+    durbin,
+    fit_joint,
+    fit_noise,
+    levinson,
+    whiten,
+)
 
 PACF = np.array([0.6, -0.3])
 RUNS = [(0, 25), (25, 27), (27, 70)]

@@ -6,16 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.estimation.layout import (
-    FEWEST,
-    STRETCHES,
-    Layout,
-    Turns,
-    choose_folds,
-    leave_out,
-    take_turns,
-)
-from identifiability.estimation.noise.autocorrelation import autocorrelation_time
+from identifiability.estimation.noise import autocorrelation_time
 from identifiability.estimation.prediction import (
     Prediction,
     Task,
@@ -23,9 +14,16 @@ from identifiability.estimation.prediction import (
     predict_all,
 )
 from identifiability.estimation.torque_errors import (
+    FEWEST,
     MEMORIES,
+    STRETCHES,
     ErrorSums,
+    Layout,
+    Turns,
+    choose_folds,
+    leave_out,
     standard_error,
+    take_turns,
 )
 from identifiability.regression.regression import Chunk
 

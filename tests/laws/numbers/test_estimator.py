@@ -9,18 +9,17 @@ import pytest
 
 from identifiability import analyze, prune
 from identifiability.estimation import estimate as known
-from identifiability.estimation.bootstrap import bootstrap, merge_blocks
+from identifiability.estimation.bootstrap import bootstrap, merge_blocks, scatter_scores
 from identifiability.estimation.estimate import estimate, find_estimator, register_estimator
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.least_squares import OrdinaryLeastSquares, refit
 from identifiability.estimation.refits import Asked, Equations
-from identifiability.estimation.scores import scatter_scores
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.options import OptionError
+from identifiability.workflows.prune.elimination import find_path
 from identifiability.workflows.prune.moves import Kind, Move
-from identifiability.workflows.prune.search import find_path
-from identifiability.workflows.prune.stability import assess_stability
+from identifiability.workflows.prune.rung import assess_stability
 
 from .made import gather
 

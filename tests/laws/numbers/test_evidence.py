@@ -19,7 +19,7 @@ from identifiability.estimation.evidence import (
     near_best,
     weigh_models,
 )
-from identifiability.estimation.memory import Noise
+from identifiability.estimation.least_squares import Noise
 from identifiability.foundation.errors import LogError
 
 from .made import ar1, gather

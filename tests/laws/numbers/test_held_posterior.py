@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.held import Held
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import Held, LeastSquares
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.target import Prior, Target
 

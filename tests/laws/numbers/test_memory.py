@@ -8,11 +8,11 @@ from scipy.stats import t
 
 from identifiability.estimation.estimate import estimate, find_estimator, settle_noise, weigh_logs
 from identifiability.estimation.instrumental import InstrumentalVariables
-from identifiability.estimation.memory import _sum_lags, measure_memory
-from identifiability.estimation.noise.autocorrelation import autocorrelation_time
+from identifiability.estimation.least_squares import _sum_lags, measure_memory
+from identifiability.estimation.noise import autocorrelation_time
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.foundation.numbers import ENDS
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares
 
 from .made import ar1, gather
 

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 from scipy.stats import binom, norm, ttest_ind_from_stats
 
+from identifiability.estimation.bootstrap import ScoreScatter
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.motions import (
+from identifiability.estimation.uncertainty import (
     LEVEL,
     MOST_STRETCHES,
     SURE,
+    Uncertainty,
     _pool,
     _welch,
     compare_halves,
     compare_motions,
 )
-from identifiability.estimation.scores import ScoreScatter
-from identifiability.estimation.uncertainty import Uncertainty
 from identifiability.regression.information import Information
 
 from .made import ar1

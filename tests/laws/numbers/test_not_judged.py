@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from identifiability.estimation.bootstrap import FEWEST, count_freedom, scatter_scores
 from identifiability.estimation.decide import Grounds, decide
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.scores import FEWEST, count_freedom, scatter_scores
 from identifiability.estimation.uncertainty import assess_uncertainty, recurrence
 from identifiability.estimation.verdict import Class, Thresholds
 

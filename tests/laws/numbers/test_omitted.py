@@ -5,9 +5,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.estimation.decide import Grounds, decide
+from identifiability.estimation.decide import (
+    SHARE,
+    Grounds,
+    LeftOut,
+    body_scatter,
+    decide,
+    find_left_out,
+)
 from identifiability.estimation.estimate import find_estimator
-from identifiability.estimation.omitted import SHARE, LeftOut, body_scatter, find_left_out
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.names import INERTIAL
 from identifiability.foundation.numbers import REACH

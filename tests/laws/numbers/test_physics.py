@@ -6,7 +6,7 @@ import pytest
 from identifiability.physical.cad_prior import CadPrior
 from identifiability.physical.certify import certify
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares
 from identifiability.physical.project import Projection, project
 from identifiability.physical.pseudo_inertia import (
     check_body,

@@ -10,8 +10,7 @@ from identifiability.estimation.prediction import Prediction
 from identifiability.physical import project
 from identifiability.physical.cad_prior import WEIGHTS, CadPrior
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.held import Held
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import Held, LeastSquares
 from identifiability.physical.project import Projection
 from identifiability.physical.pseudo_inertia import to_matrix
 from identifiability.robot import Robot

@@ -8,7 +8,7 @@ import pytest
 from identifiability.estimation.estimate import estimate, find_estimator
 from identifiability.estimation.evidence import Held
 from identifiability.estimation.instrumental import InstrumentalVariables
-from identifiability.estimation.updated_refits import RIDGE
+from identifiability.estimation.refits import RIDGE
 from identifiability.regression.information import Information
 from identifiability.workflows.prune.folds import whiten_regression
 from identifiability.workflows.prune.moves import Kind, Move

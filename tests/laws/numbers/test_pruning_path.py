@@ -6,10 +6,19 @@ from scipy.stats import f as f_distribution
 
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.evidence import Evidence, Score
-from identifiability.workflows.prune.elimination import MoveTest, Plan, Step, explain, walk
+from identifiability.workflows.prune.elimination import (
+    MoveTest,
+    Plan,
+    Step,
+    best_step,
+    choose_step,
+    explain,
+    find_path,
+    good_steps,
+    walk,
+)
 from identifiability.workflows.prune.folds import whiten_regression
 from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
-from identifiability.workflows.prune.search import best_step, choose_step, find_path, good_steps
 
 from .made import gather
 

@@ -5,11 +5,9 @@ import pytest
 
 from identifiability.estimation.estimate import estimate
 from identifiability.regression.reduction import Rung
-from identifiability.workflows.prune.absorption import absorb
-from identifiability.workflows.prune.elimination import Plan
+from identifiability.workflows.prune.elimination import Plan, Search, find_path
 from identifiability.workflows.prune.moves import Kind, Move, Partition
-from identifiability.workflows.prune.search import Search, find_path
-from identifiability.workflows.prune.stability import Stability, assess_stability
+from identifiability.workflows.prune.rung import Stability, absorb, assess_stability
 
 from .made import gather
 

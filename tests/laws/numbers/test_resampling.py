@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from identifiability.estimation.bootstrap import Bootstrap, bootstrap, draw_blocks, merge_blocks
+from identifiability.estimation.bootstrap import (
+    Bootstrap,
+    bootstrap,
+    draw_blocks,
+    merge_blocks,
+    scatter_scores,
+)
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.least_squares import refit
-from identifiability.estimation.scores import scatter_scores
 from identifiability.foundation.errors import IdentifiabilityError
 
 from .made import gather

@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from identifiability.estimation.bootstrap import Bootstrap, bootstrap
+from identifiability.estimation.bootstrap import Bootstrap, ScoreScatter, bootstrap
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.noise.autocorrelation import (
-    autocorrelation,
-    autocorrelation_time,
-    block_length,
-)
-from identifiability.estimation.scores import ScoreScatter
+from identifiability.estimation.noise import autocorrelation, autocorrelation_time, block_length
 from identifiability.estimation.uncertainty import (
     Uncertainty,
     assess_uncertainty,

@@ -1,0 +1,808 @@
+"""What noise remembers: autocorrelation times, autoregression, restricted likelihood.
+
+`ARNoise` is fitted to each joint beside whatever columns explain; simulated repetitions have noise
+that resembles a residual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import scipy
+
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.logs import signals
+from identifiability.logs.prepare import Samples
+
+# What residuals say about the noise: autocorrelation and what it does to σ.
+
+
+#: Window of the integrated autocorrelation time, in units of itself [Sokal 1997].
+SOKAL_WINDOW = 5.0
+
+
+def autocorrelation(residual: Array) -> Array:
+    """Return the autocorrelation of each column of residuals (N, n) by FFT, (N, n); 1 at lag 0."""
+    n = len(residual)
+    centred = residual - residual.mean(0)
+    size = 1 << (2 * n - 1).bit_length()
+    spectrum = np.fft.rfft(centred, size, axis=0)
+    acf = np.fft.irfft(np.abs(spectrum) ** 2, size, axis=0)[:n]
+    variance = np.where(acf[0] > 0, acf[0], 1.0)
+    scaled: Array = acf / variance
+    return scaled
+
+
+def autocorrelation_time(residual: Array) -> Array:
+    """Return the integrated autocorrelation time of each column of (N, n), at least 1, (n,).
+
+    ``1 + 2 Σ ρ_k`` up to the first lag beyond `SOKAL_WINDOW` times the sum so far. Variances of
+    means grow by it; standard deviations of white-noise formulas by its root.
+    """
+    acf = autocorrelation(residual)
+    times = 2.0 * np.cumsum(acf, axis=0) - 1.0
+    lags = np.arange(len(acf))[:, None]
+    beyond = lags >= SOKAL_WINDOW * times
+    window = np.where(beyond.any(0), beyond.argmax(0), len(acf) - 1)
+    tau: Array = np.maximum(times[window, np.arange(acf.shape[1])], 1.0)
+    return tau
+
+
+def block_length(residual: Array) -> float:
+    """Return the block length for a block bootstrap of residuals (N, n), the largest over columns.
+
+    The automatic choice for the circular bootstrap [Politis & White 2004, with the correction of
+    Patton, Politis & White 2009]: long enough that blocks are nearly independent, short enough
+    that there are many.
+    """
+    return max((_politis_white(column) for column in residual.T), default=1.0)
+
+
+def _politis_white(x: Array) -> float:
+    n = len(x)
+    centred = x - x.mean()
+    if not centred.any() or n < 10:
+        return 1.0
+    window = max(5, int(np.sqrt(np.log10(n))))
+    most = int(np.ceil(np.sqrt(n))) + window
+    size = 1 << (2 * n - 1).bit_length()
+    covariance = np.fft.irfft(np.abs(np.fft.rfft(centred, size)) ** 2, size)[: most + 1] / n
+    rho = covariance / covariance[0]
+    small = np.abs(rho[1:]) < 2 * np.sqrt(np.log10(n) / n)
+    # The first lag after which `window` correlations in a row are nothing.
+    runs = np.convolve(small, np.ones(window), mode="valid") == window
+    lag = int(runs.argmax()) if runs.any() else int(np.flatnonzero(~small).max(initial=0)) + 1
+    reach = min(2 * max(lag, 1), most)
+    k = np.arange(1, reach + 1)
+    flat_top = np.minimum(1.0, 2.0 * (1.0 - k / reach))
+    spread = 2.0 * np.sum(flat_top * k * covariance[1 : reach + 1])
+    density = covariance[0] + 2.0 * np.sum(flat_top * covariance[1 : reach + 1])
+    if density <= 0:
+        return 1.0
+    length = (1.5 * spread**2 / density**2) ** (1 / 3) * n ** (1 / 3)
+    return float(np.clip(length, 1.0, np.ceil(min(3 * np.sqrt(n), n / 3))))
+
+
+# Autoregressive series by their partial autocorrelations: predict, whiten, colour.
+#
+# Any partial autocorrelations inside (-1, 1) make a stationary series [Monahan 1984]; innovations
+# have unit variance throughout.
+
+
+Runs = Sequence[tuple[int, int]]
+
+
+@frozen
+class JointRuns:
+    """Stretches of samples by joint, as (start, stop): between them its torque is no data.
+
+    Attributes
+    ----------
+    each : tuple of Runs, (n,)
+    """
+
+    each: tuple[Runs, ...]
+
+    @staticmethod
+    def of(runs: Runs, data: np.ndarray) -> JointRuns:
+        """Return the parts of stretches at which torque of each joint is `data` (N, n)."""
+        if data.all():
+            return JointRuns((runs,) * data.shape[1])
+        return JointRuns(tuple(_data_runs(runs, own) for own in data.T))
+
+
+def _data_runs(runs: Runs, data: np.ndarray) -> Runs:
+    out: list[tuple[int, int]] = []
+    for start, stop in runs:
+        edges = start + np.flatnonzero(np.diff(data[start:stop], prepend=False, append=False))
+        out += zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    return out
+
+
+def take_data(runs: Runs, y: Array, *others: Array) -> tuple[Runs, list[Array]]:
+    """Return rows (N, …) that lie in stretches, and the stretches among them."""
+    if sum(stop - start for start, stop in runs) == len(y):
+        return runs, [y, *others]
+    inside = np.concatenate([np.arange(0), *(np.arange(a, b) for a, b in runs)])
+    ends = np.cumsum([0, *(b - a for a, b in runs)]).tolist()
+    return list(pairwise(ends)), [x[inside] for x in (y, *others)]
+
+
+def runs_of(runs: Runs | JointRuns, joint: int) -> Runs:
+    """Return the stretches of a joint."""
+    return runs.each[joint] if isinstance(runs, JointRuns) else runs
+
+
+def levinson(pacf: Array) -> tuple[list[Array], Array]:
+    """Return predictors of order 0 … p and their error variances, the last one 1.
+
+    Parameters
+    ----------
+    pacf : (p,) or (p, B)
+        Partial autocorrelations, of several series side by side.
+    """
+    predictors = [np.empty((0, *pacf.shape[1:]))]
+    for r in pacf:
+        before = predictors[-1]
+        longer = np.empty((len(before) + 1, *pacf.shape[1:]))
+        longer[:-1], longer[-1] = before - r * before[::-1], r
+        predictors.append(longer)
+    ones = np.ones((1, *pacf.shape[1:]))
+    shrink = np.concatenate([ones, np.cumprod(1 - pacf**2, axis=0)])
+    return predictors, shrink / shrink[-1]
+
+
+def innovation_filter(predictor: Array) -> Array:
+    """Return the filter (m + 1,) that leaves of a series what m samples before do not predict."""
+    out = np.ones(len(predictor) + 1)
+    np.negative(predictor, out=out[1:])
+    return out
+
+
+def colour(e: Array, pacf: Array) -> Array:
+    """Return stationary autoregressive noise with innovations e (N,)."""
+    predictors, variances = levinson(pacf)
+    p = min(len(pacf), len(e))
+    x = np.array(e, float)
+    for m in range(p):
+        x[m] *= np.sqrt(variances[m])
+        x[m] += predictors[m] @ x[:m][::-1]
+    if len(e) > p > 0:
+        a = innovation_filter(predictors[-1])
+        start = scipy.signal.lfiltic([1.0], a, x[:p][::-1])
+        x[p:] = scipy.signal.lfilter([1.0], a, e[p:], zi=start)[0]
+    return x
+
+
+def colour_many(e: Array, pacf: Array) -> Array:
+    """Return series (N, B) with innovations e (N, B), each with partials of its own, (p, B)."""
+    predictors, variances = levinson(pacf)
+    p = len(pacf)
+    x = np.array(e, float)
+    for k in range(len(e)):
+        m = min(k, p)
+        if k < p:
+            x[k] *= np.sqrt(variances[k])
+        if m:
+            x[k] += np.einsum("kb,kb->b", predictors[m], x[k - m : k][::-1])
+    return x
+
+
+def autocovariance(pacf: Array, most: int) -> Array:
+    """Return autocovariances at lags 0 … most for unit innovations, (most + 1,)."""
+    predictors, variances = levinson(pacf)
+    p = len(pacf)
+    out = np.zeros(most + 1)
+    out[0] = variances[0]
+    for k in range(1, most + 1):
+        if k > p:
+            out[k] = predictors[p] @ out[k - p : k][::-1]
+        else:  # the last partial autocorrelation of an order gives the next lag [Levinson 1947]
+            out[k] = pacf[k - 1] * variances[k - 1] + predictors[k - 1] @ out[1:k][::-1]
+    return out
+
+
+def durbin(covariance: Array) -> tuple[Array, float]:
+    """Return partial autocorrelations and innovation sd of autocovariances [Durbin 1960]."""
+    a = np.empty(0)
+    variance = float(covariance[0])
+    pacf = []
+    for k in range(1, len(covariance)):
+        r = float(covariance[k] - a @ covariance[1:k][::-1]) / variance
+        pacf.append(r)
+        a = np.append(a - r * a[::-1], r)
+        variance *= 1 - r * r
+    return np.array(pacf), float(np.sqrt(variance))
+
+
+def whiten(x: Array, runs: Runs, pacf: Array) -> Array:
+    """Return one-step prediction errors of x (N, …) in units of their standard deviation.
+
+    They are zero between the stretches.
+    """
+    predictors, variances = levinson(pacf)
+    p = len(pacf)
+    out = np.zeros(x.shape)
+    for start, stop in runs:
+        part = x[start:stop]
+        out[start:stop] = part
+        for k, a in enumerate(predictors[-1], start=1):
+            out[start + k : stop] -= a * part[:-k] if k < len(part) else 0.0
+        for m in range(min(p, len(part))):
+            past = part[:m][::-1]
+            error = part[m] - np.tensordot(predictors[m], past, 1) if m else part[0]
+            out[start + m] = error / np.sqrt(variances[m])
+    return out
+
+
+# Restricted likelihood of autoregressive noise beside columns that are fitted with it.
+
+
+#: Highest order that is tried.
+HIGHEST_ORDER = 4
+#: Partial autocorrelations are held below tanh(this): slower noise cannot be told from a drift.
+BOUND = 3.5
+#: White noise that is taken to be there beside the residual, as a share of its variance: logs that
+#: were filtered before they were stored have empty bands, which whitening would blow up.
+FLOOR = 0.05
+#: Shares of the trace below which directions are rounding, the next where one does not suffice.
+ROUNDING = (1e-14, 1e-12, 1e-10)
+#: When the search of one order ends, and the step of its derivatives.
+STOP, STEP = {"maxiter": 30, "ftol": 1e-6}, 1e-4
+
+
+def _lay_out() -> tuple[list[Array], list[Array], dict[tuple[str, int, int], int]]:
+    """Return what lagged products count for in those of filtered rows.
+
+    For each order p, and each number m of first rows that are known: the coefficients of all M
+    lagged products by pairs of lags, (M, (p + 1)²).
+    """
+    P = HIGHEST_ORDER
+    keys = [("all", 0, d) for d in range(P + 1)]
+    keys += [("first", s, d) for s in range(P) for d in range(s + 1)]
+    keys += [("last", r, d) for r in range(P) for d in range(P + 1)]
+    at = {key: k for k, key in enumerate(keys)}
+    whole = [np.zeros((len(keys), p + 1, p + 1)) for p in range(P + 1)]
+    begun = [np.zeros((len(keys), m + 1, m + 1)) for m in range(P)]
+    for p, out in enumerate(whole):
+        for i, j in np.ndindex(p + 1, p + 1):
+            d, late = abs(i - j), min(i, j)
+            out[at["all", 0, d], i, j] += 1.0
+            for s in range(d, p - late):
+                out[at["first", s, d], i, j] -= 1.0
+            for r in range(late):
+                out[at["last", r, d], i, j] -= 1.0
+    for m, out in enumerate(begun):
+        for i, j in np.ndindex(m + 1, m + 1):
+            out[at["first", m - min(i, j), abs(i - j)], i, j] += 1.0
+    return [w.reshape(len(keys), -1) for w in whole], [w.reshape(len(keys), -1) for w in begun], at
+
+
+_WHOLE, _BEGUN, _AT = _lay_out()
+
+
+@frozen
+class LaggedProducts:
+    """Products of rows with those a few samples before: what whitening by a short memory needs.
+
+    Products of rows that autoregressive noise whitens are sums over pairs of lags, and all pairs of
+    one lag differ by the ends of stretches alone. So rows are met once, however many noises are
+    tried.
+
+    Attributes
+    ----------
+    products : (l M, m, m)
+        Of stretches of l lengths, those as long as the highest order or longer together: at every
+        lag, of each of the first rows with those before it, and of each of the last ones.
+    lengths : tuple of int
+        Of the stretches, at most the highest order.
+    counts : tuple of (int, int)
+        How many stretches and rows there are of each.
+    """
+
+    products: Array
+    lengths: tuple[int, ...]
+    counts: tuple[tuple[int, int], ...]
+
+    @staticmethod
+    def of(Z: Array, runs: Runs) -> LaggedProducts:
+        """Return those of rows (N, m) in stretches."""
+        lengths = sorted({min(b - a, HIGHEST_ORDER) for a, b in runs if b > a})
+        parts = [[Z[a:b] for a, b in runs if min(b - a, HIGHEST_ORDER) == n] for n in lengths]
+        counts = tuple((len(own), sum(map(len, own))) for own in parts)
+        none = np.zeros((0, *Z.shape[1:], *Z.shape[1:]))
+        return LaggedProducts(
+            np.concatenate([none, *map(_multiply, parts)]), tuple(lengths), counts
+        )
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return sum(rows for _, rows in self.counts)
+
+    @property
+    def plain(self) -> Array:
+        """Products of the rows as they are, (m, m)."""
+        total: Array = self.products[:: len(_AT)].sum(0)
+        return total
+
+    def times(self, T: Array) -> LaggedProducts:
+        """Return those of other columns, rows @ T with T (m, k)."""
+        return LaggedProducts(T.T @ self.products @ T, self.lengths, self.counts)
+
+    def weigh(self, pacf: Array) -> tuple[Array, Array, Array]:
+        """Return what products count for in those of what noise leaves of the rows.
+
+        Its innovations have unit variance.
+
+        Parameters
+        ----------
+        pacf : (p, B)
+            Partial autocorrelations of B noises.
+
+        Returns
+        -------
+        weights : (l M, B)
+        logdet : (B,)
+            Of the covariance of a series.
+        white : (B,)
+            Sum of the squares to be expected of white noise of unit variance in their stead.
+        """
+        predictors, variances = levinson(pacf)
+        ones = np.ones((1, pacf.shape[1]))
+        filters = [np.concatenate([ones, -a]) for a in predictors]
+        squares = [(c[:, None] * c).reshape(-1, pacf.shape[1]) for c in filters]
+        p, weights = len(pacf), np.zeros((len(self.lengths), len(_AT), pacf.shape[1]))
+        logdet, white = np.zeros((2, pacf.shape[1]))
+        for k, (n, (runs, rows)) in enumerate(zip(self.lengths, self.counts, strict=True)):
+            if p <= n:
+                weights[k] += _WHOLE[p] @ squares[p]
+                white += (rows - p * runs) * squares[p][:: p + 2].sum(0)
+            for m in range(min(p, n)):
+                weights[k] += _BEGUN[m] @ squares[m] / variances[m]
+                logdet += runs * np.log(variances[m])
+                white += runs * squares[m][:: m + 2].sum(0) / variances[m]
+        return weights.reshape(-1, pacf.shape[1]), logdet, white
+
+    def weighed(self, weights: Array) -> Array:
+        """Return the sum of products by weights, (m, m)."""
+        flat = self.products.reshape(len(weights), -1)
+        total: Array = (weights @ flat).reshape(self.products.shape[1:])
+        return total
+
+    def whitened(self, pacf: Array) -> Array:
+        """Return the products of what noise leaves of the rows, (m, m)."""
+        return self.weighed(self.weigh(pacf[:, None])[0][:, 0])
+
+
+def _multiply(parts: Sequence[Array]) -> Array:
+    """Return the products of a stack, symmetric, (M, m, m)."""
+    out = np.zeros((len(_AT), parts[0].shape[1], parts[0].shape[1]))
+    for (where, place, d), k in _AT.items():
+        if where == "all":
+            for z in parts:
+                out[k] += z[: max(len(z) - d, 0)].T @ z[d:]
+        else:
+            at = [place if where == "first" else len(z) - 1 - place for z in parts]
+            known = [(z, i) for z, i in zip(parts, at, strict=True) if d <= i < len(z)]
+            if known:
+                out[k] = np.array([z[i - d] for z, i in known]).T @ np.array(
+                    [z[i] for z, i in known]
+                )
+    return 0.5 * (out + out.transpose(0, 2, 1))
+
+
+class RestrictedLikelihood:
+    """Restricted likelihood of autoregressive noise.
+
+    Parameters
+    ----------
+    lagged : LaggedProducts
+        Of an orthonormal basis (N, k) and of what it leaves of a series of unit length.
+    left : float
+        Sum of squares of what it leaves.
+    scale : float
+        Length of the series.
+    floor : float, optional
+    """
+
+    def __init__(
+        self, lagged: LaggedProducts, left: float, scale: float, floor: float = FLOOR
+    ) -> None:
+        self.lagged, self.scale, self.k = lagged, scale, lagged.products.shape[1] - 1
+        self.rows = lagged.rows
+        self.dof = max(self.rows - self.k, 1)
+        self.floor = floor * left / self.rows
+        self.left = left * scale**2 / self.dof
+
+    @staticmethod
+    def of(y: Array, basis: Array, runs: Runs, floor: float = FLOOR) -> RestrictedLikelihood:
+        """Return that of a series y (N,) beside an orthonormal basis (N, k)."""
+        scale = float(np.linalg.norm(y)) or 1.0
+        left = y / scale
+        left = left - basis @ (basis.T @ left)
+        lagged = LaggedProducts.of(np.column_stack([basis, left]), runs)
+        return RestrictedLikelihood(lagged, float(left @ left), scale, floor)
+
+    def _factor(self, theta: Array) -> tuple[Array, float]:
+        (weights,), (logdet,), (white,) = (x.T for x in self.lagged.weigh(np.tanh(theta)[:, None]))
+        G = self.lagged.weighed(weights)
+        G[-1, -1] += self.floor * white
+        for share in ROUNDING:
+            G.ravel()[:: len(G) + 1] += share * np.trace(G)
+            try:
+                return np.linalg.cholesky(G), logdet
+            except np.linalg.LinAlgError:  # slow noise leaves nothing of slow columns
+                continue
+        raise np.linalg.LinAlgError("The whitened columns are not finite.")
+
+    def deviance(self, theta: Array) -> float:
+        """Return minus twice the restricted log-likelihood, sigma profiled out."""
+        return self._deviance(*self._factor(theta))
+
+    def _deviance(self, L: Array, logdet: float) -> float:
+        diagonal = np.diag(L)
+        rss = max(diagonal[-1] ** 2, 1e-300)
+        return float(self.dof * np.log(rss / self.dof) + logdet + 2 * np.log(diagonal[:-1]).sum())
+
+    def slope(self, theta: Array) -> tuple[float, Array]:
+        """Return the deviance and its derivatives, (p,).
+
+        Products are met once: what changes with theta is what each of them counts for.
+        """
+        L, logdet = self._factor(theta)
+        inverse = scipy.linalg.solve_triangular(L, np.eye(len(L)), lower=True, check_finite=False)
+        inner, last = inverse[:-1], inverse[-1] * np.sqrt(self.dof)
+        toward = inner.T @ inner + np.outer(last, last)  # derivative by the whitened products
+        flat = self.lagged.products.reshape(len(self.lagged.products), -1) @ toward.ravel()
+        p, steps = len(theta), STEP * np.eye(len(theta))
+        near = np.tanh(theta[:, None] + np.concatenate([steps, -steps], axis=1))
+        weights, logdets, white = self.lagged.weigh(near)
+        around = flat @ weights + logdets + toward[-1, -1] * self.floor * white
+        return self._deviance(L, logdet), (around[:p] - around[p:]) / (2 * STEP)
+
+    def sigma(self, theta: Array) -> float:
+        """Return the standard deviation of the innovations."""
+        L, _ = self._factor(theta)
+        return max(float(L[-1, -1]) * self.scale / float(np.sqrt(self.dof)), 1e-12 * self.scale)
+
+    def spread(self, theta: Array) -> Array:
+        """Return the covariance of theta from the curvature of the deviance."""
+        p = len(theta)
+        h = 0.05
+        H = np.zeros((p, p))
+        unit = h * np.eye(p)
+        for i in range(p):
+            for j in range(i + 1):
+                signs = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+                total = sum(
+                    a * b * self.deviance(theta + a * unit[i] + b * unit[j]) for a, b in signs
+                )
+                H[i, j] = H[j, i] = total / (8 * h * h)
+        values, vectors = np.linalg.eigh(H)
+        limited = np.maximum(values, self.dof / 6)  # sd of Fisher's z is about 1/√dof
+        covariance: Array = (vectors / limited) @ vectors.T
+        return covariance
+
+    def maximise(self) -> Array:
+        """Return the transformed partial autocorrelations (p,) of the order with the least BIC."""
+        best = theta = np.empty(0)
+        least = self.deviance(theta)
+        for order in range(1, HIGHEST_ORDER + 1):
+            start, bounds = np.append(theta, 0.3 if order == 1 else 0.0), [(-BOUND, BOUND)] * order
+            found = scipy.optimize.minimize(
+                self.slope, start, method="L-BFGS-B", jac=True, bounds=bounds, options=STOP
+            )
+            theta = found.x
+            value = found.fun + order * np.log(self.dof)
+            if value < least - 1e-9:
+                best, least = theta, value
+        return best
+
+
+# `ARNoise`: autoregressive noise of each joint, fitted beside whatever the dictionary explains.
+#
+# Residuals of a fit look whiter than the noise was, because slow noise is swallowed by the
+# columns. The likelihood of what is left after projection (REML [Harville 1977]) has no such bias:
+# it is fitted beside the base model and the whole dictionary, so that a large slow effect is not
+# taken for slow noise either. Coefficients are held as partial autocorrelations, which keeps every
+# model stationary [Monahan 1984].
+
+
+#: Order of the whitening filter when misfit is added to the noise.
+MISFIT_ORDER = 8
+#: Columns that explain the noise-free part may take at most this share of a joint's rows.
+MOST_COLUMNS = 0.45
+#: Directions of unit columns below this length are left to the noise.
+THIN = 1e-3
+
+
+@frozen
+class JointNoise:
+    """Noise of one joint.
+
+    Attributes
+    ----------
+    theta : (p,)
+        Inverse hyperbolic tangents of the partial autocorrelations.
+    covariance : (p, p)
+        Of theta, from the curvature of the likelihood.
+    sigma : float [N·m or N]
+        Standard deviation of the innovations.
+    dof : float
+        Degrees of freedom that sigma was estimated with.
+    left : float [(N·m)² or N²]
+        Variance of the residual beside base model and dictionary.
+    """
+
+    theta: Array
+    covariance: Array
+    sigma: float
+    dof: float
+    left: float
+
+    @cached_property
+    def _root(self) -> Array:
+        """A root of the covariance, (p, p)."""
+        vectors, squares, _ = np.linalg.svd(self.covariance)
+        root: Array = vectors * np.sqrt(squares)
+        return root
+
+    @property
+    def pacf(self) -> Array:
+        """Partial autocorrelations, (p,)."""
+        partial: Array = np.tanh(self.theta)
+        return partial
+
+    def beside(self, misfit: float) -> tuple[Array, float]:
+        """Return partial autocorrelations and innovation sd of the noise plus a white misfit.
+
+        Parameters
+        ----------
+        misfit : float [(N·m)² or N²]
+            Variance of what the model does not explain yet.
+        """
+        if misfit <= 0:
+            return self.pacf, self.sigma
+        covariance = self.sigma**2 * autocovariance(self.pacf, MISFIT_ORDER)
+        covariance[0] += misfit
+        return durbin(covariance)
+
+    def draw(self, rng: np.random.Generator) -> tuple[Array, float]:
+        """Return partial autocorrelations and sigma as uncertain as the data leave them."""
+        theta = self.theta
+        if len(theta):
+            theta = np.clip(theta + self._root @ rng.standard_normal(len(theta)), -BOUND, BOUND)
+        return np.tanh(theta), self.sigma * float(np.sqrt(self.dof / rng.chisquare(self.dof)))
+
+
+@frozen
+class ARNoise:
+    """Noise of all joints; joints are independent."""
+
+    joints: tuple[JointNoise, ...]
+
+    def whiten(self, values: Array, runs: Runs | JointRuns, misfit: Array | None = None) -> Array:
+        """Return values (N, n) or (N, n, k) whose noise would be white with unit variance.
+
+        `misfit` (n,) is the variance of what the model does not explain yet, taken as white: while
+        it is large the rows weigh as in ordinary least squares.
+        """
+        out = np.empty_like(values)
+        for j, noise in enumerate(self.joints):
+            pacf, sigma = noise.beside(0.0 if misfit is None else float(misfit[j]))
+            out[:, j] = whiten(values[:, j], runs_of(runs, j), pacf) / sigma
+        return out
+
+    def misfit(self, residual: Array, rows: Array | None = None) -> Array:
+        """Return the variance of a residual (N, n) that noise does not explain, (n,).
+
+        `rows` (n,) are those of each joint that are data; the residual is zero in the others.
+        """
+        left = np.array([j.left for j in self.joints])
+        square = np.sum(residual**2, axis=0) / (len(residual) if rows is None else rows)
+        excess: Array = np.maximum(square - 2 * left, 0.0)
+        return excess
+
+    def simulate(
+        self,
+        count: int,
+        draws: int,
+        rng: np.random.Generator,
+        runs: Runs | JointRuns,
+        precision: type[np.floating[Any]] = np.float64,
+    ) -> Array:
+        """Return noise (count, n, draws) with coefficients as uncertain as the data leave them.
+
+        It is zero between the stretches.
+        """
+        out = np.zeros((count, len(self.joints), draws), precision)
+        if not draws:
+            return out
+        for j, noise in enumerate(self.joints):
+            drawn = [noise.draw(rng) for _ in range(draws)]
+            pacf = np.array([p for p, _ in drawn]).T
+            e = rng.standard_normal((count, draws))
+            size = np.array([sigma for _, sigma in drawn])
+            for start, stop in runs_of(runs, j):
+                out[start:stop, j] = colour_many(e[start:stop], pacf) * size
+        return out
+
+
+def fit_noise(
+    tau: Array, blocks: Callable[[int], Sequence[Array]], runs: Runs | JointRuns
+) -> ARNoise:
+    """Return the noise of every joint beside columns that may explain its torque.
+
+    Parameters
+    ----------
+    tau : (N, n)
+    blocks : callable(joint) -> sequence of (N, k)
+        What acts in a joint: base model, then the families of the dictionary, the ones that must
+        not be left out first.
+    runs : sequence of (start, stop)
+        Stretches without gaps.
+    """
+    return ARNoise(tuple(fit_joint(y, blocks(j), runs_of(runs, j)) for j, y in enumerate(tau.T)))
+
+
+def fit_joint(y: Array, blocks: Sequence[Array], runs: Runs) -> JointNoise:
+    """Return the noise of one joint; the order is the one with the least BIC."""
+    runs, (y, *blocks) = take_data(runs, y, *blocks)
+    if not len(y):
+        return JointNoise(np.empty(0), np.empty((0, 0)), 1.0, 1.0, 0.0)
+    problem = RestrictedLikelihood.of(y, _span(blocks, int(MOST_COLUMNS * len(y))), runs)
+    best = problem.maximise()
+    sigma = problem.sigma(best)
+    return JointNoise(best, problem.spread(best), sigma, float(problem.dof), problem.left)
+
+
+def _span(blocks: Sequence[Array], most: int) -> Array:
+    """Return an orthonormal basis (N, k) of blocks of columns, block by block while there is room.
+
+    Of a block that does not fit whole the directions that stand out most are taken.
+    """
+    basis = np.empty((len(blocks[0]), 0))
+    for block in blocks:
+        length = np.linalg.norm(block, axis=0)
+        unit = block[:, length > 0] / length[length > 0]
+        left = unit - basis @ (basis.T @ unit)
+        left -= basis @ (basis.T @ left)
+        if not left.shape[1] or basis.shape[1] >= most:
+            continue
+        U, s, _ = np.linalg.svd(left, full_matrices=False)
+        count = min(int((s > THIN).sum()), most - basis.shape[1])
+        basis = np.column_stack([basis, U[:, :count]])
+    return basis
+
+
+# Noise that resembles a residual: autoregressive at each actuator, for simulated repetitions.
+#
+# A residual looks whiter and smaller than the noise was, because slow noise is swallowed by the
+# columns that are fitted; on the motion of one log a correlation of 0.97 from sample to sample
+# looks like 0.75. So the noise is fitted beside these columns by restricted likelihood [Harville
+# 1977].
+
+
+#: Rows that are fitted; more tell nothing new of the noise.
+MOST_ROWS = 20_000
+#: White noise that is taken to be there beside the residual, as a share of its variance.
+RESIDUAL_FLOOR = 1e-4
+#: Singular values below this share of the largest are rounding.
+RANK = 1e-9
+#: A residual below this share of the torque is rounding, and has no correlation to speak of.
+RESIDUAL_ROUNDING = 1e-8
+
+
+@frozen
+class ResidualNoise:
+    """Stationary autoregressive noise; actuators are independent.
+
+    Attributes
+    ----------
+    pacf : tuple of (p,)
+        Partial autocorrelations of each actuator; empty for white noise.
+    innovation : (n,) [N·m or N]
+        Standard deviation of what is new in each sample.
+    """
+
+    pacf: tuple[Array, ...]
+    innovation: Array
+
+    @staticmethod
+    def first_order(sd: Array, rho: float) -> ResidualNoise:
+        """Return AR(1) noise of a size (n,) and a correlation from sample to sample."""
+        return ResidualNoise(tuple(np.array([rho]) for _ in sd), sd * np.sqrt(1 - rho**2))
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """Order at each actuator."""
+        return tuple(len(p) for p in self.pacf)
+
+    @property
+    def sd(self) -> Array:
+        """Standard deviation of the noise at each actuator, (n,) [N·m or N]."""
+        unit = [float(autocovariance(p, 0)[0]) for p in self.pacf]
+        size: Array = self.innovation * np.sqrt(unit)
+        return size
+
+    @property
+    def times(self) -> Array:
+        """Integrated autocorrelation time at each actuator, (n,) [samples]."""
+        out = []
+        for p in self.pacf:
+            predictors, _ = levinson(p)
+            out.append(1.0 / (1.0 - predictors[-1].sum()) ** 2 / autocovariance(p, 0)[0])
+        return np.array(out)
+
+    def scaled(self, level: float) -> ResidualNoise:
+        """Return the same noise of another size."""
+        return ResidualNoise(self.pacf, level * self.innovation)
+
+    def simulate(self, runs: Runs, rng: np.random.Generator) -> Array:
+        """Return noise, each stretch by itself, (N, n).
+
+        Parameters
+        ----------
+        runs : sequence of (start, stop)
+            Stretches without gaps; together they are all samples.
+        rng : numpy.random.Generator
+        """
+        out = rng.standard_normal((runs[-1][1], len(self.pacf)))
+        for j, pacf in enumerate(self.pacf):
+            for start, stop in runs:
+                out[start:stop, j] = colour(out[start:stop, j], pacf)
+        return out * self.innovation
+
+
+def fit_residual_noise(tau: Array, W: Array, runs: Runs | JointRuns) -> ResidualNoise:
+    """Return the noise of torque beside the columns that are fitted to it.
+
+    Parameters
+    ----------
+    tau : (N, n)
+    W : (N, n, k)
+    runs : sequence of (start, stop)
+        Stretches without gaps.
+    """
+    fits = []
+    for j in range(tau.shape[1]):
+        own, (y, X) = take_data(runs_of(runs, j), tau[:, j], W[:, j])
+        shown = _first_rows(own, MOST_ROWS)
+        rows = shown[-1][1] if shown else 0
+        fits.append(_fit(y[:rows], X[:rows], shown) if rows else (np.empty(0), 0.0))
+    return ResidualNoise(tuple(p for p, _ in fits), np.array([s for _, s in fits]))
+
+
+def find_runs(samples: Sequence[Samples]) -> list[tuple[int, int]]:
+    """Return the stretches without gaps of the rows of a regression, as (start, stop)."""
+    runs: list[tuple[int, int]] = []
+    start = 0
+    for s in samples:
+        t = s.output_times()
+        breaks = np.flatnonzero(signals.has_gap(t)) + 1
+        runs += pairwise([start, *(start + breaks).tolist(), start + len(t)])
+        start += len(t)
+    return runs
+
+
+def _first_rows(runs: Runs, most: int) -> list[tuple[int, int]]:
+    return [(a, min(b, most)) for a, b in runs if a < most]
+
+
+def _fit(y: Array, X: Array, runs: Runs) -> tuple[Array, float]:
+    """Return partial autocorrelations and innovation sd of y (N,) beside X (N, k), least BIC."""
+    length = np.linalg.norm(X, axis=0)
+    U, s, _ = np.linalg.svd(X[:, length > 0] / length[length > 0], full_matrices=False)
+    basis = U[:, s > RANK * s.max(initial=0.0)]
+    left = y - basis @ (basis.T @ y)
+    if np.linalg.norm(left) <= RESIDUAL_ROUNDING * np.linalg.norm(y):
+        return np.empty(0), float(np.linalg.norm(left) / np.sqrt(max(len(y) - basis.shape[1], 1)))
+    problem = RestrictedLikelihood.of(y, basis, runs, RESIDUAL_FLOOR)
+    best = problem.maximise()
+    return np.tanh(best), problem.sigma(best)

@@ -1,1 +1,0 @@
-"""What noise remembers: autocorrelation times, autoregression, restricted likelihood."""
