@@ -207,13 +207,31 @@ def judge(robot: Robot, wrong: float, how: Recorder, seed: int) -> dict[str, flo
     return out | {"oracle [mrad]": 1e3 * least} | {name: float(x) for name, x in ratios}
 
 
+def write_samples(robot: Robot) -> None:
+    """Write the logs in models/quadruped/logs: a machine whose bodies are the file's ± 10 %."""
+    rng, how = np.random.default_rng(2024), Recorder(rate=100.0)
+    truth = draw_quadruped(robot, 0.1, rng)
+    for k in (1, 2, 3):
+        commands = draw_commands(robot, 7.0, how.command_rate, 0.35, rng)
+        frame = record(robot, truth, commands, 7.0, how, rng)
+        path = robot.path.parent / "logs" / f"run{k}.csv"
+        path.parent.mkdir(exist_ok=True)
+        frame.round(5).to_csv(path, index=False)
+
+
 def main() -> None:
     """Print how well numbers, delays and rollouts of drawn quadrupeds are found."""
     parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument(
+        "--logs", action="store_true", help="write the sample logs and nothing else"
+    )
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--first", type=int, default=0)
     given = parser.parse_args()
     robot = Robot.load("quadruped")
+    if given.logs:
+        write_samples(robot)
+        return
     for rate, bits in ((200.0, 14), (50.0, 12)):
         for wrong in (0.0, 0.2):
             rows = []

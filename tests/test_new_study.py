@@ -15,10 +15,11 @@ from typer.testing import CliRunner
 from identifiability import Log, Robot, new_study
 from identifiability.cli import app
 from identifiability.foundation.errors import LogError, OutputError, RobotError
+from identifiability.logs.conventions import Conventions
 from identifiability.robot.locate import shipped_folder, shipped_robots
 
 ROOT = Path(__file__).resolve().parents[1]
-SAMPLED = ("six-dof-arm", "3-rps")
+SAMPLED = ("six-dof-arm", "3-rps", "quadruped")
 
 
 @pytest.mark.parametrize("robot", SAMPLED)
@@ -31,7 +32,8 @@ def test_a_study_of_a_sampled_robot_has_what_its_script_and_makefile_name(robot,
         assert all((made.folder / name).is_file() for name in named)
     loaded = Robot.load(made.folder / made.robot)
     assert loaded.joints == Robot.load(robot).joints
-    assert Log.read(made.folder / "run1.csv").joints == loaded.joints
+    log = Log.read(made.folder / "run1.csv", Conventions.of(loaded))
+    assert log.joints == loaded.joints
     compile((made.folder / "study.py").read_text(), "study.py", "exec")
 
 

@@ -160,9 +160,9 @@ def _calibrate(
 
 
 def _recorded(q: Array, log: Log, rng: np.random.Generator) -> Array:
-    """Return positions (N, n) with the steps of a log's encoders, or else with its noise."""
+    """Return positions (N, n) with the steps of a log's encoders, and what else is its noise."""
     step = resolution(log.q)
-    noise = np.where(step > 0, 0.0, noise_level(log.q, log.t))
+    noise = np.sqrt(np.maximum(noise_level(log.q, log.t) ** 2 - step**2 / 12, 0.0))
     at = rng.uniform(size=q.shape[1])
     width = np.where(step > 0, step, 1.0)
     rounded = np.where(step > 0, (np.floor(q / width + at) + 0.5 - at) * width, q)
@@ -179,7 +179,7 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     return (
         f"{names} {'holds' if len(logs) == 1 else 'hold'} commands and no torque: it is what the "
         f"servos of {robot.servo.source} make of them, kp (q_cmd − q) − kv dq, "
-        f"{late} ms after the row of each command ({known}), less what sampling "
+        f"shifted by {late} ms against the rows of the commands ({known}), less what sampling "
         "and encoders leave in it. Moved by these commands the file's robot errs by "
         f"{before:.3g} mrad (rms), one with the joints' numbers that fit best by {after:.3g}."
     )

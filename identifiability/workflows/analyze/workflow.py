@@ -206,7 +206,12 @@ def analyze(
                         *opening.hints,
                         burst,
                         ladder_.short,
-                        *check_cutoff(opening, recordings, results[at], how),
+                        # Torque that was calibrated at one cut-off is not that of another.
+                        *(
+                            ()
+                            if recordings.commanded
+                            else check_cutoff(opening, recordings, results[at], how)
+                        ),
                         *after,
                         belief.hint if belief else None,
                     ),

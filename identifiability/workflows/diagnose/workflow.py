@@ -157,10 +157,13 @@ def diagnose(
         if before is not None:
             logs, validate = before.find_logs(list_logs(logs), list_logs(validate))
             model = list(before.model) if model is None and fixed is False else model
-        given = read_recordings(logs, validate, Conventions.of(robot), preparation)
+        given = read_recordings(logs, validate, Conventions.of(robot), preparation, commands=True)
+        structure, known = _settle_values(robot, model, fixed)
+        if given.commanded:
+            first = settle_band(structure, given.fitted, preparation)
+            given = given.follow(structure, first, np.random.default_rng(seed), say)
         fitted = given.fitted if before is None else halve_new(given.fitted, before.fitted)
         roles = assign_roles(fitted, given.held)
-        structure, known = _settle_values(robot, model, fixed)
         settled = settle_band(structure, roles.fit, preparation)
         how = preparation if settled.cutoff is None else settled
         most = samples_each(map(len, roles.fit))
