@@ -131,6 +131,7 @@ def judge(truth: dict[str, Any], named: Sequence[dict[str, Any]], *, falls: bool
         Whether the sealed error does.
     """
     effects, kind = truth["effects"], truth["kind"]
+    named = list({(n["family"], n["joint"]): n for n in named}.values())  # parameters apart
     places = {e["place"] for e in effects}
     stands = dict(zip(truth["joints"], truth["stands"], strict=True))
 

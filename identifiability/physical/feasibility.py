@@ -234,8 +234,8 @@ def choose_prior(
             roots = wider * (G @ np.stack([root for _, root in found]))
             scores.append(held.score_roots(values[-1], roots))
             total = [float(score.density.sum()) for score in scores]
-            if total[-1] < max(total) - LEVELS.nats:
-                break
+            if len(total) > 1 and total[-1] <= total[-2] + LEVELS.nats:
+                break  # a lighter one still would give up more of the file for nothing
     if not scores:
         return None
     at = int(np.argmax(np.array(total) >= max(total) - LEVELS.nats))

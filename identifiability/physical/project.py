@@ -43,7 +43,8 @@ from identifiability.physical.program import (
 #: are needed.
 STEPS = (40, 100)
 
-#: Newton decrement and complementarity [σ²] at which the optimum is reached.
+#: Newton decrement and complementarity [σ²] at which the optimum is reached, of a weight up to one;
+#: of heavier ones [weights].
 ENOUGH = 1e-8
 
 #: Share of the way to the edge that one step goes, of cones and of signs.
@@ -134,7 +135,7 @@ def follow(
     plane : Plane
         What is held.
     enough : float
-        Newton decrement and complementarity [σ²] at which an optimum is reached.
+        Newton decrement and complementarity at which an optimum is reached, as `ENOUGH`.
     steps : int
         Within which each is.
     patience : float
@@ -152,10 +153,11 @@ def follow(
     triangle = 4 * ROW + COLUMN
     slack = np.abs(rows @ x - least) + 0.01
     y = weight / slack
-    least_product = enough / max(100, 2 * y.size)  # so that all of them together are enough
     at, left = 0, steps
     while left and at < len(weights):
         left, light = left - 1, weights[at]
+        reached = max(enough, ENOUGH * light)
+        least_product = reached / max(100, 2 * y.size)  # so that all of them together are enough
         root = np.linalg.inv(np.linalg.cholesky((maps @ x).reshape(-1, 4, 4)))
         congruent = np.einsum("kab,kcd->kacbd", root, root).reshape(-1, 16, 16)
         # Of the congruent J along each direction: the triangle, and its squares as of the whole.
@@ -181,7 +183,7 @@ def follow(
         if weight > light:
             if patience == np.inf or (reach > IN_CONES and force @ step <= patience * weight):
                 weight = max(light, LIGHTER * weight)
-        elif reach == 1.0 and max(force @ step, product.sum()) < enough:
+        elif reach == 1.0 and max(force @ step, product.sum()) < reached:
             yield Pulled(x, y, T, curve)
             at, left = at + 1, steps
             weight = max(weights[min(at, len(weights) - 1)], LIGHTER * weight)

@@ -489,6 +489,10 @@ class Information:
         return found
 
     def _factor(self, weights: Array) -> Array:
+        if "_whole" in vars(self):
+            whole, own = vars(self)["_whole"]
+            R: Array = whole.factor(weights) @ own
+            return triangular_factor(np.pad(R, ((0, max(0, R.shape[1] - len(R))), (0, 0))))
         pairs = zip(np.sqrt(weights), self.parts, strict=True)
         found: list[tuple[np.ndarray, Array]] = []
         for root, part in sorted(pairs, key=lambda pair: len(pair[1].columns)):
@@ -533,7 +537,9 @@ class Information:
         map_ = block_diag(M, own) if self.instrumented else own
         parts = tuple(part.reduce(map_) for part in self.parts)
         echo = None if self.echo is None else self.echo.reduce(M, columns)
-        return replace(self, columns=tuple(columns), parts=parts, echo=echo)
+        reduced = replace(self, columns=tuple(columns), parts=parts, echo=echo)
+        vars(reduced)["_whole"] = self, own  # whose factor is that of these columns, too
+        return reduced
 
     def select(self, columns: Sequence[int]) -> Information:
         """Return the information about some columns, the others held at zero."""
