@@ -35,6 +35,9 @@ STEP = 1e-3
 #: Share of the time in which damping stops a joint that is a step, and no step is shorter [s].
 LITTLE, LEAST = 0.4, 2e-5
 
+#: Share of the inertia of a joint that is taken off for time steps, at most.
+MOST_TAKEN = 0.5
+
 #: Time in which the speed of a start is seen [s], and after which it is forgotten by most servos.
 AROUND, FORGOTTEN = 0.05, 0.25
 
@@ -85,7 +88,14 @@ class CommandedRobot:
         data.qpos[self.at] = q
         mujoco.mj_forward(self.model, data)
         mujoco.mj_fullM(self.model, data, M)
-        return np.asarray(np.diag(M)[self.dofs])
+        return np.asarray(1 / np.diag(np.linalg.inv(M))[self.dofs])
+
+    @cached_property
+    def bare(self) -> Array:
+        """Inertia that each joint feels at home without its rotor, (n,)."""
+        home = self._forward.home()[self.at]
+        own = self.model.dof_armature[self.dofs]
+        return np.asarray(np.maximum(self.inertia(home) - own, 0.0))
 
     @cached_property
     def longest(self) -> float:
@@ -194,7 +204,10 @@ class CommandedRobot:
         model.dof_damping[dofs] = damping
         model.dof_frictionloss[dofs] = np.maximum(numbers["Fc"], 0.0)
         servo = self.servo
-        model.dof_armature[dofs] = numbers["Ia"] + servo.lead - 0.5 * h * (damping + servo.damping)
+        whole = self.bare + numbers["Ia"]
+        taken = -servo.lead + 0.5 * h * (damping + servo.damping)
+        # A file without rotors may state less inertia than a servo of this rate could hold.
+        model.dof_armature[dofs] = numbers["Ia"] - np.minimum(taken, MOST_TAKEN * whole)
         late = dict(zip(self.robot.joints, servo.damping, strict=True))
         for joint, offset in zip(self.robot.joints, numbers["off"], strict=True):
             actuator = model.actuator(joint).id  # what is taken off at the joint
