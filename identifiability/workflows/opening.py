@@ -34,7 +34,6 @@ from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
-from identifiability.workflows.commanded import follow_commands, give_torque
 from identifiability.workflows.gravity import about_gravity
 from identifiability.workflows.oddities import MeasuredLogs, find_oddities
 
@@ -86,6 +85,8 @@ class Recordings:
         """Return the logs with calibrated torque where it comes from commands."""
         if not self.commanded:
             return self
+        from identifiability.workflows.commanded import follow_commands  # noqa: PLC0415 - MuJoCo
+
         say("rolling out commands", 0.1)
         fitted, held, said = follow_commands(structure, self.fitted, self.held, how, rng)
         return replace(self, fitted=fitted, held=held, hints=(*said, *self.hints))
@@ -217,7 +218,10 @@ def read_recordings(
     check_held_out(train, held)
     whole, turned = unwrap_logs(share_clock([*train, *held]))
     mended, wrong = mend_logs(whole)
-    mended = give_torque(mended, known.servo)
+    if known.servo is not None:
+        from identifiability.workflows.commanded import give_torque  # noqa: PLC0415 - MuJoCo
+
+        mended = give_torque(mended, known.servo)
     alone = [x.name for x in mended if isinstance(x, Log) and x.servo_delay is not None]
     if alone and not commands:
         raise LogError(
