@@ -106,6 +106,7 @@ def test_what_a_model_holds_is_no_part_of_its_noise(analysis):
     np.testing.assert_allclose(free.tau - fixed.tau, W @ held, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.pictures
 def test_the_command_writes_a_report(simulated_session, tmp_path):
     log = simulated_session("two-link", "a", 0).write(tmp_path / "log.csv")
     report, data = tmp_path / "calibration.html", tmp_path / "calibration.json"

@@ -76,6 +76,7 @@ def logs(folder):
     return [folder / f"{name}.csv" for name in "abc"], folder / "d.csv"
 
 
+@pytest.mark.pictures
 def test_a_diagnosis_names_it_and_its_page_draws_it_over_position(folder, plugin):
     train, held = logs(folder)
     page, found = folder / "gap.html", folder / "gap.json"

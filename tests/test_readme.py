@@ -112,6 +112,7 @@ def agree(said: str, printed: str) -> bool:
     return words == others and same
 
 
+@pytest.mark.pictures
 def test_the_readme_runs_from_top_to_bottom(tmp_path):
     """With few random draws, and without the verbs that take long."""
     said = " ".join(said for said, _ in run(ROOT / "README.md", tmp_path, quick=True))

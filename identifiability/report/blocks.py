@@ -174,29 +174,35 @@ class Trace:
     t : tuple of float [s]
     lines : mapping
         Name of a line to its values at `t`; NaN breaks a line.
+    quantity : str
+        What is drawn.
     """
 
     name: str
     unit: str
     t: tuple[float, ...]
     lines: Mapping[str, tuple[float, ...]]
+    quantity: str = "torque"
 
     @classmethod
-    def of(cls, name: str, unit: str, t: Array, lines: Mapping[str, Array]) -> Trace:
+    def of(
+        cls, name: str, unit: str, t: Array, lines: Mapping[str, Array], quantity: str = "torque"
+    ) -> Trace:
         """Return the lines of arrays (N,); where samples are missing they break."""
         step = np.diff(t)
         usual = np.median(step) if len(step) else np.inf
         gaps = np.flatnonzero(step > GAP * usual) + 1
         times = np.insert(t, gaps, t[gaps] - 1e-9)
         broken = {n: tuple(np.insert(y, gaps, np.nan).tolist()) for n, y in lines.items()}
-        return cls(name, unit, tuple(times.tolist()), broken)
+        return cls(name, unit, tuple(times.tolist()), broken, quantity)
 
     @property
     def data(self) -> str:
         """The lines as JSON with four digits."""
         rows = (self.t, *self.lines.values())
         short = [[None if math.isnan(x) else float(f"{x:.5g}") for x in row] for row in rows]
-        return json.dumps({"unit": self.unit, "names": [*self.lines], "rows": short})
+        axis = f"{self.quantity} [{self.unit}]"
+        return json.dumps({"axis": axis, "names": [*self.lines], "rows": short})
 
 
 @frozen

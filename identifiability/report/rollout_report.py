@@ -69,7 +69,8 @@ def section_positions(result: RolledOut) -> Section:
         if log.q_ref is not None:
             lines["command"] = log.q_ref[:, k]
         rows = peak_rows(tuple(lines.values()), most)
-        groups.append(Trace.of(joint, unit, t[rows], {n: y[rows] for n, y in lines.items()}))
+        drawn = {n: y[rows] for n, y in lines.items()}
+        groups.append(Trace.of(joint, unit, t[rows], drawn, "position"))
     return section("rollout.positions", Traces(tuple(groups)), log=log.name)
 
 

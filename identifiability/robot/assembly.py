@@ -332,10 +332,15 @@ def _refuse_loose(robot: Description, count: int) -> NoReturn:
     ]
     if floating:
         name = floating[0].dofs[0].rpartition(".")[0]
+        advice = (
+            'remove that joint, or write base = "fixed" into the sidecar'
+            if robot.mjcf
+            else "make that joint 'fixed' in the URDF"
+        )
         raise RobotError(
             f"{robot.path} floats on the free joint '{name}', which nothing determines: robots "
             "must stand on the ground (a floating base is not supported); if this one was bolted "
-            'down while it was measured, write base = "fixed" into its sidecar.'
+            f"down while it was measured, {advice}."
         )
     advice = (
         "name the missing actuated joints (<actuator> in MJCF, 'actuated' in the sidecar), add the "

@@ -179,7 +179,7 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     return (
         f"{names} {'holds' if len(logs) == 1 else 'hold'} commands and no torque: it is what the "
         f"servos of {robot.servo.source} make of them, kp (q_cmd − q) − kv dq, "
-        f"shifted by {late} ms against the rows of the commands ({known}), less what sampling "
+        f"acting {late} ms after the rows of the commands ({known}), less what sampling "
         "and encoders leave in it. Moved by these commands the file's robot errs by "
         f"{before:.3g} mrad (rms), one with the joints' numbers that fit best by {after:.3g}."
     )

@@ -158,7 +158,7 @@ URDF = {
     ),
     "floating joint": (
         ('"joint_2" type="revolute"', '"joint_2" type="floating"'),
-        "floats on the free joint 'joint_2', .* not supported.*'fixed' in URDF",
+        "floats on the free joint 'joint_2', .* not supported.*'fixed' in the URDF",
     ),
     "no joint type": (
         ('"joint_2" type="revolute"', '"joint_2"'),

@@ -77,7 +77,9 @@ def test_mimicking_a_fixed_joint_is_standing_still_and_a_fixed_joint_cannot_mimi
 
 
 def test_a_floating_link_is_told_and_fixing_it_helps(load_text):
-    with pytest.raises(RobotError, match=r"floats on the free joint 'j1', .*make it 'fixed'"):
+    with pytest.raises(
+        RobotError, match=r"floats on the free joint 'j1', .*make that joint 'fixed'"
+    ):
         load_text(chain("floating"), "urdf")
     assert load_text(chain("fixed"), "urdf").joints == ("j2",)
 

@@ -1,4 +1,4 @@
-// Torque over time: drag to zoom, double click for all, the cursor reads values off.
+// Lines over time: drag to zoom, double click for all, the cursor reads values off.
 function drawTraces(figure) {
   const box = figure.querySelector(".trace-box"), reset = figure.querySelector(".reset");
   const buttons = [...figure.querySelectorAll("[data-trace]")];
@@ -9,7 +9,7 @@ function drawTraces(figure) {
     const data = JSON.parse(button.dataset.trace);
     if (plot) plot.destroy();
     const [ink, line] = [colour("--muted"), colour("--line")];
-    const strokes = [colour("--muted"), colour("--blue"), colour("--vermilion")];
+    const strokes = [colour("--muted"), colour("--blue"), colour("--vermilion"), colour("--purple")];
     const axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1 } };
     const digits = (u, x) => (x == null ? "\u2014" : Number(x.toPrecision(4)).toString());
     plot = new uPlot({
@@ -17,7 +17,7 @@ function drawTraces(figure) {
       scales: { x: { time: false } },
       cursor: { drag: { x: true, y: false } },
       legend: { live: true },
-      axes: [{ ...axis, label: "time [s]" }, { ...axis, label: `torque [${data.unit}]`, size: 64 }],
+      axes: [{ ...axis, label: "time [s]" }, { ...axis, label: data.axis, size: 64 }],
       series: [{ label: "t [s]", value: digits }, ...data.names.map((name, k) => ({
         label: name, stroke: strokes[k], width: k ? 1.4 : 2.6, value: digits, points: { show: false },
       }))],

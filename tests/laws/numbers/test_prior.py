@@ -6,16 +6,19 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
+from identifiability.estimation.evidence import Score
 from identifiability.estimation.prediction import Prediction
 from identifiability.physical import project
 from identifiability.physical.cad_prior import WEIGHTS, CadPrior
+from identifiability.physical.feasibility import choose_prior
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import Held, LeastSquares
+from identifiability.physical.fitted_model import FittedModel, Held, LeastSquares
 from identifiability.physical.project import Projection
 from identifiability.physical.pseudo_inertia import to_matrix
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
 from identifiability.workflows.analyze.assessment import stands_for
+from identifiability.workflows.analyze.fit import hold_folds
 
 BODY = np.array([0.2, 0.01, 0.0, 0.3, 0.02, 0.25, 0.3, 0.1, -0.2, 2.0])
 REGION = PhysicalSet(
@@ -138,6 +141,31 @@ def test_no_log_that_is_held_out_has_a_say_in_the_weight(weighed):
     for found in zip(*(r.models for r in weighed[0]), strict=True):
         assert len({m.physical.cad_weight for m in found}) == 1
         assert len({m.physical.as_good for m in found}) == 1
+
+
+def test_the_heaviest_prior_within_two_nats_is_taken_and_a_surely_better_fit_stands(weighed):
+    first = weighed[1]
+    kept = first.models[0]
+    how = kept.estimate.estimator
+    model = FittedModel.of(first.structure, kept.rung, first.information, how)
+    real, _ = hold_folds(first.information, how)
+    F, rng = real.folds.count, np.random.default_rng(2)
+    squares = rng.uniform(0.9, 1.1, (F, 2))
+
+    def score(total, times=1.0):
+        return Score(np.full(F, total / F), times * squares, 100 * squares.sum(0), real.folds.ratio)
+
+    for totals, free, taken, good in (
+        ((-10.0, -1.5, 0.0, 1.9), score(0.0), 1, True),  # and the last one is not asked
+        ((-30.0, -10.0, 0.0, 1.0), score(0.0), 2, True),
+        ((-30.0, -10.0, 0.0, 1.0), score(500.0, 0.01), 2, False),
+    ):
+        planted = iter(totals)
+        held = SimpleNamespace(folds=real.folds, score_roots=lambda *_: score(next(planted)))  # noqa: B023
+        weights = (1e-1, 3e-2, 1e-2, 3e-3)
+        found = choose_prior(model, held, free, weights)
+        assert found.weight == weights[taken]
+        assert found.as_good is good
 
 
 def test_motion_that_is_held_out_has_a_veto_and_no_more():
