@@ -69,9 +69,11 @@ MODULES = $(shell find identifiability -name '*.py' ! -name __main__.py | \
   sed 's,/__init__,,; s,\.py$$,,; s,/,.,g' | sort)
 
 # Links that lead nowhere are errors; NO_MKDOCS_2_WARNING: no advertisement for another program.
+# An inherited field's annotation names what only its own module knows: it is printed as it stands.
 docs: $(VENV)/dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
-	$(BIN)/python -W error::UserWarning -W 'ignore:The module specification' -m pdoc \
+	$(BIN)/python -W error::UserWarning -W 'ignore:The module specification' \
+	  -W 'ignore:Error parsing type annotation' -m pdoc \
 	  --docformat numpy --no-show-source --footer-text identifiability \
 	  --output-directory reports/docs/modules $(MODULES)
 
