@@ -80,15 +80,14 @@ def follow_commands(
     if robot.servo is None or not commanded:
         return tuple(fitted), tuple(held), ()
     try:
-        machine = CommandedRobot(robot, {})
+        found = fit_rollouts(
+            robot, [log.select(robot.joints) for log in commanded], delay=robot.servo.delay
+        )
     except RobotError as error:
         said = f"{error} Torque of commands is taken as it is"
         if robot.servo.delay is None:
             said += ", without a delay: state it in the sidecar ([servo] delay = …)"
         return tuple(fitted), tuple(held), (f"{said}.",)
-    found = fit_rollouts(
-        robot, [log.select(robot.joints) for log in commanded], delay=robot.servo.delay
-    )
     _check_found(robot, commanded, found)
     own = CommandedRobot(robot, found.parameters(robot))
 
@@ -98,7 +97,6 @@ def follow_commands(
         return _calibrate(structure, log.select(robot.joints), own, found, how, rng)
 
     hints = (state_servos(robot, commanded, found),)
-    del machine
     return tuple(map(calibrated, fitted)), tuple(map(calibrated, held)), hints
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, get_args
 import numpy as np
 import pandas as pd
 
+from identifiability.estimation.evidence import Folds
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import Class, Thresholds
 from identifiability.foundation.options import check_choice
@@ -62,6 +63,8 @@ class Analysis(Laddered):
         Where gravity points by the torque, where nothing is believed and it is not the file's.
     several : SeveralLogs or None
         Whether the logs, or stretches of one, lead to the same values of the selected model.
+    folds : Folds or None
+        What is predicted from the rest of the fitted logs; None where nothing was fitted.
     """
 
     schema: ClassVar[str] = "identifiability/analysis/1"
@@ -73,6 +76,7 @@ class Analysis(Laddered):
     recordings: tuple[Recording, ...] = ()
     several: SeveralLogs | None = None
     leaning: Leaning | None = None
+    folds: Folds | None = None
 
     @property
     def _ladder(self) -> tuple[RungResult, ...]:
@@ -168,9 +172,10 @@ class Analysis(Laddered):
             return "nothing, for there is no error"
         if self.validation:
             return "held-out logs: " + ", ".join(s.name for s in self.validation)
-        if len(self.samples) > 1:
+        logs = len(self.samples)
+        if logs > 1 and self.folds is not None and self.folds.count == logs:
             return "cross-validation, one log left out at a time"
-        return "cross-validation over stretches of the log"
+        return f"cross-validation over stretches of the {'log' if logs == 1 else 'logs'}"
 
     @property
     def statement(self) -> str:

@@ -218,6 +218,7 @@ def analyze(
                 )
             ),
             information=information,
+            folds=ladder_.folds,
             models=results,
             selected=at,
             fitted=fitted.select(range(len(rungs))),
