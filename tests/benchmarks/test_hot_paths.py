@@ -32,15 +32,20 @@ def bare_loop(model, data, q, v, a, out) -> None:
         out[k] = pin.computeJointTorqueRegressor(model, data, q[k], v[k], a[k])
 
 
-def best(*functions, rounds: int = 7) -> list[float]:
-    """The least processor time of each, taken in turn so that both see the same machine."""
-    times = [[] for _ in functions]
-    for _ in range(rounds):
-        for function, spent in zip(functions, times, strict=True):
+def in_turns(*functions, rounds: int = 7) -> np.ndarray:
+    """Return processor times (rounds, functions), taken in turn: all see the same machine."""
+    times = np.empty((rounds, len(functions)))
+    for row in times:
+        for k, function in enumerate(functions):
             start = time.process_time()
             function()
-            spent.append(time.process_time() - start)
-    return [min(spent) for spent in times]
+            row[k] = time.process_time() - start
+    return times
+
+
+def best(*functions, rounds: int = 7) -> np.ndarray:
+    """The least processor time of each."""
+    return in_turns(*functions, rounds=rounds).min(axis=0)
 
 
 @pytest.fixture
@@ -50,9 +55,11 @@ def arm():
 
 
 def chunked(robot, model, motion):
-    buffer = np.empty((1024, len(robot.joints), len(model.parameters(robot))))
+    """As data are gathered: one buffer, and the widths of the columns once."""
+    widths = model.widths(robot)
+    buffer = np.empty((1024, len(robot.joints), sum(widths)))
     for start in range(0, len(motion), 1024):
-        model.regressor(robot, motion[start : start + 1024], out=buffer)
+        model.regressor(robot, motion[start : start + 1024], buffer, widths)
 
 
 def test_open_chain_regressor(benchmark, arm):
@@ -62,15 +69,19 @@ def test_open_chain_regressor(benchmark, arm):
 
 
 def test_open_chain_regressor_costs_at_most_a_fifth_more_than_a_bare_pinocchio_loop(arm):
+    """Measured: 1.08, 1.12 on a busy machine; neighbours in time are compared, which share it."""
     robot, motion = arm
+    motion = motion[:4096]
     data = robot.model.createData()
     model = Model.of("rigid_body")
     out = np.ones((len(motion), robot.nv, 10 * robot.nv))
-    ours, bare = best(
+    ours, bare = in_turns(
         lambda: chunked(robot, model, motion),
         lambda: bare_loop(robot.model, data, motion.q, motion.v, motion.a, out),
-    )
-    assert ours <= 1.2 * bare, f"{ours / bare:.2f} × the bare loop"
+        rounds=60,
+    ).T
+    ratio = np.median(ours / bare)
+    assert ratio <= 1.2, f"{ratio:.2f} × the bare loop"
 
 
 def test_closing_loops_costs_no_more_than_a_few_regressors(arm):
