@@ -69,7 +69,7 @@ def open_browser() -> Iterator[Any]:
         from playwright.sync_api import sync_playwright  # noqa: PLC0415 - an extra
     except ImportError:
         raise IdentifiabilityError(
-            "Pictures need the extra 'browser': pip install 'identifiability[browser]'."
+            "Pictures need the extra 'browser': pip install 'robot-identifiability[browser]'."
         ) from None
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=program, args=["--disable-quic"])

@@ -146,7 +146,8 @@ def _opened(path: Path) -> Iterator[Any]:
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
     except ImportError:
         raise LogError(
-            f"{path} is a bag, which needs the extra 'ros': pip install 'identifiability[ros]'."
+            f"{path} is a bag, which needs the extra 'ros': "
+            "pip install 'robot-identifiability[ros]'."
         ) from None
     _check_files(path)
     with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:

@@ -286,7 +286,7 @@ def _read_sheet(path: Path, content: bytes) -> tuple[pd.DataFrame, Form]:
     except ImportError:
         raise LogError(
             f"{path} is a sheet of Excel, which needs the extra 'excel': pip install "
-            "'identifiability[excel]'; or save it as CSV."
+            "'robot-identifiability[excel]'; or save it as CSV."
         ) from None
     cut = {str(k): x.dropna(how="all").dropna(axis=1, how="all") for k, x in sheets.items()}
     filled = {name: sheet for name, sheet in cut.items() if not sheet.empty}

@@ -305,7 +305,7 @@ def write_trajectory_bag(path: str | Path, joints: Sequence[str], motion: Prescr
     except ImportError:
         raise LogError(
             f"'{path}' would be a bag, which needs the extra 'ros': "
-            "pip install 'identifiability[ros]'."
+            "pip install 'robot-identifiability[ros]'."
         ) from None
     store = get_typestore(Stores.ROS2_HUMBLE)
     make = store.types

@@ -129,7 +129,9 @@ def test_a_cluster_without_workers_is_one_sentence(monkeypatch):
 
 def test_without_dask_one_sentence_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(EngineError, match=r"install it with pip install 'identifiability\[dist"):
+    with pytest.raises(
+        EngineError, match=r"install it with pip install 'robot-identifiability\[dist"
+    ):
         choose_engine("dask")
 
 

@@ -169,6 +169,8 @@ def test_names_of_a_robot_file_are_no_code(tmp_path):
 def test_without_casadi_the_line_that_installs_it_is_said(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "casadi", None)
     robot = Robot.load("two-link")
-    with pytest.raises(IdentifiabilityError, match=r"pip install 'identifiability\[codegen\]'"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"pip install 'robot-identifiability\[codegen\]'"
+    ):
         write_code(robot, dict(robot.nominal), {}, tmp_path / "code.c", "c")
     assert not (tmp_path / "code.c").exists()

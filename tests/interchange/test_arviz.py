@@ -66,5 +66,5 @@ def test_what_is_not_there_is_said_in_a_sentence(result, simulated_session, monk
     with pytest.raises(OptionError, match="posterior must be 'physical' or 'signs', not 'flat'"):
         result.to_arviz("flat")
     monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(ModelError, match=r"pip install 'identifiability\[arviz\]'\.$"):
+    with pytest.raises(ModelError, match=r"pip install 'robot-identifiability\[arviz\]'\.$"):
         result.to_arviz()

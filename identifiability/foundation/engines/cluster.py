@@ -48,7 +48,7 @@ _DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 
 _INSTALL = (
     "The engine 'dask' needs the package distributed, which is not installed; install it with "
-    "pip install 'identifiability[distributed]', here and on every worker."
+    "pip install 'robot-identifiability[distributed]', here and on every worker."
 )
 
 

@@ -359,7 +359,8 @@ def build_datatree(
         from xarray import Dataset, DataTree  # noqa: PLC0415 - an extra
     except ImportError:
         raise ModelError(
-            "A posterior for ArviZ needs the extra 'arviz': pip install 'identifiability[arviz]'."
+            "A posterior for ArviZ needs the extra 'arviz': "
+            "pip install 'robot-identifiability[arviz]'."
         ) from None
     if belief is None:
         raise ModelError("The result has no posterior; ask for it with analyze(…, posterior=True).")

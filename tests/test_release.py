@@ -1,0 +1,46 @@
+"""What an index and a citation show agrees with the package."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import identifiability
+
+ROOT = Path(__file__).resolve().parents[1]
+TOML = tomllib.loads((ROOT / "pyproject.toml").read_text())
+HOME = TOML["project"]["urls"]["Homepage"]
+
+
+def shown_readme() -> str:
+    """Return the README as an index shows it, without the files beside it."""
+    hook = TOML["tool"]["hatch"]["metadata"]["hooks"]["fancy-pypi-readme"]
+    text = "".join((ROOT / piece["path"]).read_text() for piece in hook["fragments"])
+    for step in hook["substitutions"]:
+        text = re.sub(step["pattern"], step["replacement"], text)
+    return text
+
+
+def test_the_readme_in_an_index_has_no_relative_link_and_each_leads_to_a_file():
+    links = re.findall(r"(!?)\[[^\]]*\]\(([^)]+)\)", shown_readme())
+    assert len(links) > 10
+    raw = HOME.replace("//github.com/", "//raw.githubusercontent.com/") + "/main/"
+    for picture, link in links:
+        base = raw if picture else f"{HOME}/blob/main/"
+        assert link.startswith(base), link
+        assert (ROOT / link.removeprefix(base)).exists(), link
+
+
+@pytest.mark.parametrize("line", [f"version: {identifiability.__version__}", f"code: {HOME}"])
+def test_the_citation_is_of_this_version_and_place(line):
+    assert f"{line}\n" in (ROOT / "CITATION.cff").read_text()
+
+
+def test_sentences_on_extras_name_the_distribution_and_an_extra_of_it():
+    named = set()
+    for path in (ROOT / "identifiability").rglob("*.py"):
+        named |= set(re.findall(r"install '([\w-]+)\[(\w+)\]'", path.read_text()))
+    assert named
+    extras = TOML["project"]["optional-dependencies"]
+    assert {(TOML["project"]["name"], extra) for extra in extras} >= named
