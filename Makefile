@@ -71,6 +71,7 @@ MODULES = $(shell find identifiability -name '*.py' ! -name __main__.py | \
 # Links that lead nowhere are errors; NO_MKDOCS_2_WARNING: no advertisement for another program.
 # An inherited field's annotation names what only its own module knows: it is printed as it stands.
 docs: $(VENV)/dev
+	$(BIN)/python docs/written.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	$(BIN)/python -W error::UserWarning -W 'ignore:The module specification' \
 	  -W 'ignore:Error parsing type annotation' -m pdoc \

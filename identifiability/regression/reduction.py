@@ -1,6 +1,9 @@
 """Ladders of models: files in, models (`Rung`) over base parameters out.
 
-Each model zeroes, ties or keeps base parameters of the one it starts from.
+Each model zeroes, ties or keeps base parameters of the one it starts from. Names are those of base
+parameters (the parameter that represents a group); in every list and in ``hold`` a pattern stands
+for all that fit it (``leg*_lower.Ixx``; ``*`` is any letters, ``?`` one). A model file
+(``model.toml``) is a ladder of one rung. ``docs/reference/ladders.md`` is written from the keys.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from identifiability.effects import default_effects
-from identifiability.foundation.documents import read_document
+from identifiability.foundation.documents import described, read_document
 from identifiability.foundation.errors import ModelError, listing, near_match
 from identifiability.foundation.names import Array, find_named, is_pattern
 from identifiability.foundation.options import Expected
@@ -27,27 +30,6 @@ from identifiability.regression.information import Information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-
-# A ladder of models: each rung zeroes, ties or keeps base parameters of the one it starts from.
-#
-# A ladder is a TOML file (every key but ``name`` is optional)::
-#
-# [[models]]
-# name = "Model 1"
-# effects = ["rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia",
-#     "joint_stiffness@slider1+slider2",     # in these joints only
-#     "quadratic_friction@leg*",             # … in all whose names fit
-#     "stribeck_friction@slider1:0.02"]      # … with its shape, the Stribeck velocity
-#
-# [[models]] name = "Model 2" from = "Model 1" # default: the rung before zero = ["leg1_lower.mx"]
-# # left out: held at 0 hold = {"platform.mz" = 0.1} # held at a value, or at "nominal" (the robot
-# file's) tie = {"slider1.Fc" = ["slider1.Fc+", "slider1.Fc-"]} # columns added: equal values keep
-# = ["slider1.Fv"] # everything else is left out
-#
-# Names are those of base parameters (the parameter that represents a group); in every list and in
-# ``hold`` a pattern stands for all that fit it (``leg*_lower.Ixx``; ``*`` is any letters, ``?``
-# one). A model file (``model.toml``) is a ladder of one rung.
-
 
 #: The model of those that judge one alone: no torque offset, so that one can be named, or asked
 #: for by a motion.
@@ -70,18 +52,29 @@ Held = Annotated[float | Literal["nominal"], BeforeValidator(_held)]
 
 
 class RungEntry(BaseModel):
-    """A rung as it stands in the file."""
+    """A model."""
 
     model_config = ConfigDict(extra="forbid", populate_by_name=True, allow_inf_nan=False)
 
-    name: str = Field(min_length=1)
-    description: str = ""
-    effects: list[str] | None = None
-    start: str | None = Field(default=None, alias="from")
-    zero: list[str] = []
-    hold: dict[str, Held] = {}
-    tie: dict[str, list[str]] = {}
-    keep: list[str] | None = None
+    name: str = described("Its name.", "Model 2", min_length=1)
+    description: str = described("A sentence on it.", "equal legs", "")
+    effects: list[str] | None = described(
+        "What its torque is made of, for the first model: an effect everywhere, in some joints "
+        "(`@slider1+slider2`, `@leg*`), with its shape behind a colon.",
+        ["rigid_body", "viscous_friction", "stribeck_friction@slider1:0.02"],
+        None,
+    )
+    start: str | None = described(
+        "The model that it starts from; without it the one before.", "Model 1", None, alias="from"
+    )
+    zero: list[str] = described("Left out: held at 0.", ["leg1_lower.mx"], list)
+    hold: dict[str, Held] = described(
+        "Held at a value [SI], or at the robot file's (nominal).", {"platform.mz": "nominal"}, dict
+    )
+    tie: dict[str, list[str]] = described(
+        "Columns added: equal values.", {"slider1.Fc": ["slider1.Fc+", "slider1.Fc-"]}, dict
+    )
+    keep: list[str] | None = described("Everything else is left out.", ["slider1.Fv"], None)
 
 
 class LadderEntry(BaseModel):

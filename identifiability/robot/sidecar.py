@@ -1,6 +1,10 @@
 """The sidecar: a TOML file beside the robot file with what the robot file cannot say.
 
-Its tables may have patterns, ``wrist_*.Fv``, for every joint, motor and axis that fits.
+Every key is optional; each says here what it is, for the reader of this file and for
+``docs/reference/sidecar.md``, which is written from it. In [nominal], [prior], [shapes],
+[reference], [limits] and the sums of [[symmetry]] a pattern such as ``wrist_*.Fv`` or ``leg?.my``
+stands for all names that fit (passive joints too), ``*`` being any letters and ``?`` one. A name
+goes before a pattern, and of two patterns the one that stands last.
 """
 
 from __future__ import annotations
@@ -11,122 +15,13 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from identifiability.foundation.documents import read_document
+from identifiability.foundation.documents import described, read_document
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import INERTIAL_KINDS, Renames, find_named, is_pattern
 from identifiability.foundation.values import frozen
 from identifiability.robot.markup import LARGEST, LONGEST_NAME
 from identifiability.robot.measured_torque import Interpolation, Side
 from identifiability.robot.servo import RATE
-
-# The sidecar: a TOML file beside the robot file with what the robot file cannot say.
-#
-# Every key is optional::
-#
-# name = "3-RPS parallel robot"
-# prior_relative = 1.0                 # width of the other priors (default: 1, the size itself)
-# base = "fixed"                       # the root of a legged URDF was bolted down (asked for)
-# actuated = ["joint1", "joint2"]      # which joints have a motor (default: <actuator>, or all)
-# locked = ["finger"]                  # joints that do not move (or a table: finger = 0.02)
-# angles = "deg"                       # unit of angles in the logs: rad or deg (default: rad,
-#                                      # and what looks like degrees is refused)
-# effects = ["joint_stiffness@roll"]   # effects of default models that are at some places only,
-#                                      # as a ladder writes them
-# massless = ["cross"]                 # links of a URDF between the axes of one joint (universal,
-#                                      # ball), each carrying one joint: they are no bodies
-# inertia_parts = ["Jr", "Js"]         # what an actuator's inertia is made of (default: Ia)
-#
-# [home] # joint = position; selects the assembly of a closed chain joint1 = 0.3
-#
-# [[loops]]                            # point closures, in the frames of the bodies
-# name = "tip"
-# body1 = "left_tip"
-# point1 = [0.3, 0, 0]
-# body2 = "right_tip"
-# point2 = [0.3, 0, 0]
-# axes = ["x", "z"]                    # directions in which it is demanded (default: all, which
-#                                      # also a planar loop may have, at any yaw)
-# frame = "table"                      # the body whose axes they are, as a slot turns with its
-#                                      # body (default: the world's)
-#
-# [[couplings]] # joint = c0 + c1 of + c2 of² + …, beside the file's own joint = "joint3" of =
-# "joint2" polynomial = [0, -1] terms = {joint1 = [0, 0.5, 0.1]} # further joints that are added, a
-# polynomial each
-#
-# [transmission] # motor = ratio ∘ (coupling · (q - offset)); there may be motors = ["m1", "m2"] #
-# more motors than joints coupling = [[1, 0], [1, 1]] ratio = [45, 32] offset = [0, 0]
-#
-# [[axes]] # a combination of joints on which effects can be name = "jaws" # (jaws.Fv, jaws.K …);
-# fixed tendons of an MJCF along joints = {jaw2 = 1, jaw1 = -1} # several joints are axes by their
-# own names rest = 0.1 # where a spring on it is relaxed (default: at home)
-#
-# [symbols] # short forms in labels: body or joint = symbol platform = "3"
-#
-# [base_parameters] bodies = ["arm2", "arm1"] # whose columns are kept first when columns are
-# grouped
-#
-# [nominal] # parameter values beside those of the robot file "joint1.Fv" = 3.0
-#
-# [rest] # where the spring of a joint ("joint2.K") is relaxed joint2 = 0.4 # [rad or m] (default:
-# as the robot file says, or at home)
-#
-# [shapes] # joint and effect = Stribeck velocity, period of a ripple "joint1.stribeck_friction" =
-# 0.05 # [rad/s or m/s]
-#
-# [reference] # values by which the loads of load-dependent friction, "arm1.m" = 3.0 # a tilted
-# base and a delay are known (default: nominal)
-#
-# [limits] # actuated joint = {q = [lo, hi], v = vmax, a = amax} joint1 = {q = [-1, 1], v = 2, a =
-# 10}
-#
-# [columns] # column or joint in the logs = column or joint here, "fer_joint(\\d)" =
-# "panda_joint\\1" # or a regular expression for the whole name
-#
-# [time]
-# unit = "ms"                          # of `t` in the logs: s, ms, us or ns (default: s, or what
-#                                      # can only be meant)
-#
-# [torque]                             # what torque columns hold: τ = sign · gain · ratio · value
-# side = "motor"                       # at the rotor, or "link": behind the gear, where no rotor
-#                                      # inertia is seen (default: at the joint, with all of it)
-# gain = {joint1 = 0.11}               # K_t of a current [N·m/A]; or one number for all
-# ratio = {joint1 = 100}               # of the gear
-# sign = {joint1 = -1}
-# compensated = true                   # without what holds the weight, which the driver took off
-#                                      # (or a list of joints): the file's is added again
-#
-# [servo]                              # where logs hold commands and no torque:
-# kp = 40                              # τ = kp (q_cmd − q) + kv (dq_cmd − dq) + τ_ff [N·m/rad],
-# kv = {"*_knee" = 2, "*" = 1}         # [N·m·s/rad]; one number, or by joint
-# limit = 30                           # torque beyond which it is saturated [N·m or N]
-# delay = "auto"                       # of commands [s]; auto (default): logs tell it
-# rate = 1000                          # at which it measures and acts [Hz] (default: 1000)
-#
-# [[known_torque]]                     # torque that motors supply beside all else, taken off the
-# along = "joint2"                     # measured one: a joint, passive or not, or a coupled motor
-# table = [[-1, 0.2], [0, 0], [1, -3]] # (position [rad or m], torque [N·m or N]), or polynomial =
-# interpolation = "linear"             # [c0, c1, …] with range = [lo, hi]; linear, monotone or
-#                                      # cubic between points, and never beyond the ends
-#
-# [prior] # normal priors of standard parameters "arm1.m" = {mean = 3.0, sd = 0.3} # the others:
-# nominal ± prior_relative × their size
-#
-# [bounds]                             # what a real robot of this kind can have
-# total_mass = [8.0, 12.0]             # of all moving bodies, without payload [kg]
-# [bounds.bodies."leg*"]               # a body, or all whose names fit
-# mass = [0.5, 2.0]                    # [kg]
-# box = [[-0.1, 0.1], [-0.1, 0.1], [0.0, 0.4]]       # where its centre of mass is, along the
-#                                      # axes of the body's frame in the robot file [m]
-# ellipsoid = {centre = [0, 0, 0.2], radii = [0.1, 0.1, 0.3]}
-#
-# [[symmetry]] # columns that equal legs let us add name = "equal legs" tie = {"leg.my" =
-# ["leg1.my", "leg2.my"]}
-#
-# In [nominal], [prior], [shapes], [reference], [limits] and the sums of [[symmetry]] a pattern
-# such as ``wrist_*.Fv`` or ``leg?.my`` stands for all names that fit (passive joints too), ``*``
-# being any letters and ``?`` one. A name goes before a pattern, and of two patterns the one that
-# stands last.
-
 
 Triple = tuple[float, float, float]
 
@@ -171,23 +66,42 @@ DEGREE = 50
 
 
 class LoopEntry(_Strict):
-    """A point closure."""
+    """A point of one body that coincides with a point of another: a closed chain."""
 
-    name: str = ""
-    body1: str
-    point1: Triple = (0.0, 0.0, 0.0)
-    body2: str
-    point2: Triple = (0.0, 0.0, 0.0)
-    axes: list[Literal["x", "y", "z"]] = Field(default=["x", "y", "z"], min_length=1)
-    frame: str | None = None
+    name: str = described("Its name in reports.", "tip", "")
+    body1: str = described("The one body.", "left_tip")
+    point1: Triple = described("The point in its frame [m].", [0.3, 0, 0], (0.0, 0.0, 0.0))
+    body2: str = described("The other body.", "right_tip")
+    point2: Triple = described("The point in its frame [m].", [0.3, 0, 0], (0.0, 0.0, 0.0))
+    axes: list[Literal["x", "y", "z"]] = described(
+        "Directions in which it is demanded; a planar loop may have all, at any yaw.",
+        ["x", "z"],
+        lambda: ["x", "y", "z"],
+        min_length=1,
+    )
+    frame: str | None = described(
+        "The body whose axes they are, as a slot turns with its body; without it the world's.",
+        "table",
+        None,
+    )
 
 
 class _CouplingEntry(_Strict):
-    name: str = ""
-    joint: str
-    of: str | None = None
-    polynomial: list[float] = Field(default=[0.0, 1.0], min_length=1, max_length=DEGREE)
-    terms: dict[str, Annotated[list[float], Field(min_length=1, max_length=DEGREE)]] = {}
+    """A joint that moves as a polynomial of others, beside what the robot file says."""
+
+    name: str = described("Its name in reports.", "parallelogram", "")
+    joint: str = described("The joint that follows.", "joint3")
+    of: str | None = described("The joint that it follows.", "joint2", None)
+    polynomial: list[float] = described(
+        "``joint = c0 + c1 of + c2 of² + …``",
+        [0, -1],
+        lambda: [0.0, 1.0],
+        min_length=1,
+        max_length=DEGREE,
+    )
+    terms: dict[str, Annotated[list[float], Field(min_length=1, max_length=DEGREE)]] = described(
+        "Further joints that are added, a polynomial each.", {"joint1": [0, 0.5, 0.1]}, dict
+    )
 
     @model_validator(mode="after")
     def _two_joints(self) -> _CouplingEntry:
@@ -197,52 +111,97 @@ class _CouplingEntry(_Strict):
 
 
 class _TransmissionEntry(_Strict):
-    motors: Names
-    coupling: list[list[float]]
-    ratio: list[float] | None = None
-    offset: list[float] | None = None
+    """Motors that are coupled: motor = ratio ∘ (coupling · (q − offset))."""
+
+    motors: Names = described("Their names, also more than there are joints.", ["m1", "m2"])
+    coupling: list[list[float]] = described(
+        "What each motor turns by per joint, before its gear.", [[1, 0], [1, 1]]
+    )
+    ratio: list[float] | None = described("Ratios of the gears.", [45, 32], None)
+    offset: list[float] | None = described(
+        "Joint positions where motors are at zero.", [0, 0], None
+    )
 
 
 class AxisEntry(_Strict):
-    """A combination of joints that effects can be on."""
+    """A combination of joints on which effects can be (jaws.Fv, jaws.K …).
 
-    name: str = Field(min_length=1)
-    joints: dict[str, Factor] = Field(min_length=1)
-    rest: float | None = None
+    Fixed tendons of an MJCF along several joints are axes by their own names.
+    """
+
+    name: str = described("Its name.", "jaws", min_length=1)
+    joints: dict[str, Factor] = described(
+        "By how much each joint moves it.", {"jaw2": 1, "jaw1": -1}, min_length=1
+    )
+    rest: float | None = described(
+        "Where a spring on it is relaxed; without it at home.", 0.1, None
+    )
 
 
 class _BaseParametersEntry(_Strict):
-    bodies: Names = []
+    """How dependent columns are grouped."""
+
+    bodies: Names = described(
+        "Bodies whose columns are kept first when columns are grouped.", ["arm2", "arm1"], list
+    )
 
 
 class LimitEntry(_Strict):
-    """Motion limits of an actuated joint."""
+    """Motion limits of an actuated joint, for motions that are designed."""
 
-    q: Span | None = None
-    v: float | None = Field(default=None, gt=0)
-    a: float | None = Field(default=None, gt=0)
-    tau: float | None = Field(default=None, gt=0)
-    power: float | None = Field(default=None, gt=0)
+    q: Span | None = described("Position [rad or m].", [-1, 1], None)
+    v: float | None = described("Speed [rad/s or m/s].", 2, None, gt=0)
+    a: float | None = described("Acceleration [rad/s² or m/s²].", 10, None, gt=0)
+    tau: float | None = described("Torque [N·m or N].", 40, None, gt=0)
+    power: float | None = described("Power [W].", 200, None, gt=0)
 
 
 class _TimeEntry(_Strict):
-    unit: Literal["s", "ms", "us", "ns"] | None = None
+    """The clock of logs."""
+
+    unit: Literal["s", "ms", "us", "ns"] | None = described(
+        "Unit of `t`; without it s, or what can only be meant.", "ms", None
+    )
 
 
 class _TorqueEntry(_Strict):
-    side: Side = "joint"
-    gain: Factor | dict[str, Factor] | None = None
-    ratio: Factor | dict[str, Factor] | None = None
-    sign: Literal[1, -1] | dict[str, Literal[1, -1]] | None = None
-    compensated: bool | Names | None = None
+    """What torque columns hold: τ = sign · gain · ratio · value."""
+
+    side: Side = described(
+        "Where it was measured: at the joint with all of its rotor, at the `motor`'s rotor, or at "
+        "the `link` behind the gear, where no rotor inertia is seen.",
+        "motor",
+        "joint",
+    )
+    gain: Factor | dict[str, Factor] | None = described(
+        "Torque constants of currents [N·m/A]; one number, or by joint.", {"joint1": 0.11}, None
+    )
+    ratio: Factor | dict[str, Factor] | None = described("Of the gears.", {"joint1": 100}, None)
+    sign: Literal[1, -1] | dict[str, Literal[1, -1]] | None = described(
+        "−1 where a column counts the other way.", {"joint1": -1}, None
+    )
+    compensated: bool | Names | None = described(
+        "Whether the driver took off what holds the weight (or of which joints): the file's is "
+        "added again.",
+        True,
+        None,
+    )
 
 
 class _KnownTorqueEntry(_Strict):
-    along: str
-    table: list[tuple[float, float]] = []
-    interpolation: Interpolation | None = None
-    polynomial: list[float] = Field(default=[], max_length=DEGREE)
-    range: Span | None = None
+    """Torque that is supplied beside the motor's, and taken off the measured one."""
+
+    along: str = described("A joint, passive or not, or a coupled motor.", "joint2")
+    table: list[tuple[float, float]] = described(
+        "Points (position [rad or m], torque [N·m or N]).", [[-1, 0.2], [0, 0], [1, -3]], list
+    )
+    interpolation: Interpolation | None = described(
+        "Between points: linear, monotone or cubic, and never beyond the ends.", "linear", None
+    )
+    polynomial: list[float] = described(
+        "In place of a table: c0 + c1 q + …", [0, -2.5], list, max_length=DEGREE
+    )
+    range: Span | None = described("Positions between which the polynomial holds.", [-1, 1], None)
 
     @model_validator(mode="after")
     def _one_of_both(self) -> _KnownTorqueEntry:
@@ -260,76 +219,158 @@ class _KnownTorqueEntry(_Strict):
 
 
 class ServoEntry(_Strict):
-    """Position servos."""
+    """Position servos, where logs hold commands and no torque.
 
-    kp: Gain | dict[str, Gain] | None = None
-    kv: Gain | dict[str, Gain] | None = None
-    limit: Length | dict[str, Length] | None = None
-    delay: Literal["auto"] | Annotated[float, Field(ge=0, le=1)] = "auto"
-    rate: float = Field(default=RATE, gt=0)
+    τ = kp (q_cmd − q) + kv (dq_cmd − dq) + τ_ff
+    """
+
+    kp: Gain | dict[str, Gain] | None = described(
+        "[N·m/rad or N/m]; one number, or by joint.", 40, None
+    )
+    kv: Gain | dict[str, Gain] | None = described(
+        "[N·m·s/rad or N·s/m]; one number, or by joint.", {"*_knee": 2, "*": 1}, None
+    )
+    limit: Length | dict[str, Length] | None = described(
+        "Torque beyond which it is saturated [N·m or N].", 30, None
+    )
+    delay: Literal["auto"] | Annotated[float, Field(ge=0, le=1)] = described(
+        "Of commands [s]; auto: logs tell it.", 0.004, "auto"
+    )
+    rate: float = described("At which the servo measures and acts [Hz].", 500, RATE, gt=0)
 
 
 class _SymmetryEntry(_Strict):
-    name: str = ""
-    tie: dict[str, list[str]]
+    """Columns that equal parts let us add."""
+
+    name: str = described("Its name in reports.", "equal legs", "")
+    tie: dict[str, list[str]] = described(
+        "The parameter, and those that are equal to it.", {"leg.my": ["leg1.my", "leg2.my"]}
+    )
 
 
 class _EllipsoidEntry(_Strict):
-    centre: Triple = (0.0, 0.0, 0.0)
-    radii: tuple[Length, Length, Length]
+    """Where a centre of mass is."""
+
+    centre: Triple = described("In the body's frame [m].", [0, 0, 0.2], (0.0, 0.0, 0.0))
+    radii: tuple[Length, Length, Length] = described("Along its axes [m].", [0.1, 0.1, 0.3])
 
 
 class BodyBoundsEntry(_Strict):
-    """What is known of a body."""
+    """What is known of a body, or of all whose names fit."""
 
-    mass: Masses | None = None
-    box: tuple[Span, Span, Span] | None = None
+    mass: Masses | None = described("Least and largest mass [kg].", [0.5, 2.0], None)
+    box: tuple[Span, Span, Span] | None = described(
+        "Where its centre of mass is, along the axes of the body's frame in the robot file [m].",
+        [[-0.1, 0.1], [-0.1, 0.1], [0.0, 0.4]],
+        None,
+    )
     ellipsoid: _EllipsoidEntry | None = None
 
 
 class BoundsEntry(_Strict):
-    """What is known of masses and centres of mass."""
+    """What a real robot of this kind can have."""
 
-    total_mass: Masses | None = None
+    total_mass: Masses | None = described(
+        "Least and largest mass of all moving bodies, without payload [kg].", [8.0, 12.0], None
+    )
     bodies: dict[str, BodyBoundsEntry] = {}
 
 
 class _PriorEntry(_Strict):
-    mean: float
-    sd: float = Field(gt=0)
+    """A normal prior of a standard parameter; others are nominal ± prior_relative × their size."""
+
+    mean: float = described("In SI units.", 3.0)
+    sd: float = described("In SI units.", 0.3, gt=0)
 
 
 class Sidecar(_Strict):
-    """The whole file."""
+    """What the robot file cannot say."""
 
-    name: str = Field(default="", max_length=LONGEST_NAME)
-    description: str = Field(default="", max_length=20 * LONGEST_NAME)
-    base: Literal["fixed"] | None = None
-    actuated: list[str] | None = None
-    locked: Names | dict[str, float | None] = []
-    angles: Literal["rad", "deg"] | None = None
-    effects: Names = []
-    massless: Names = []
-    inertia_parts: Names = Field(default=["Ia"], min_length=1)
-    home: dict[str, float] = {}
+    name: str = described("The robot's name.", "3-RPS parallel robot", "", max_length=LONGEST_NAME)
+    description: str = described(
+        "A sentence on it.", "Three legs carry a platform.", "", max_length=20 * LONGEST_NAME
+    )
+    base: Literal["fixed"] | None = described(
+        "The root of a legged robot, or of one that floats in its file, was bolted down.",
+        "fixed",
+        None,
+    )
+    actuated: list[str] | None = described(
+        "Which joints have a motor; without it those of <actuator>, or all.",
+        ["joint1", "joint2"],
+        None,
+    )
+    locked: Names | dict[str, float | None] = described(
+        "Joints that do not move, or a table with where they stand.", {"finger": 0.02}, list
+    )
+    angles: Literal["rad", "deg"] | None = described(
+        "Unit of angles in logs; without it rad, and what looks like degrees is refused.",
+        "deg",
+        None,
+    )
+    effects: Names = described(
+        "Effects of default models that are at some places only, as a ladder writes them.",
+        ["joint_stiffness@roll"],
+        list,
+    )
+    massless: Names = described(
+        "Links of a URDF between the axes of one joint (universal, ball), each carrying one "
+        "joint: they are no bodies.",
+        ["cross"],
+        list,
+    )
+    inertia_parts: Names = described(
+        "What an actuator's inertia is made of.", ["Jr", "Js"], lambda: ["Ia"], min_length=1
+    )
+    home: dict[str, float] = described(
+        "Joint positions; they select the assembly of a closed chain.", {"joint1": 0.3}, dict
+    )
     loops: list[LoopEntry] | None = None
     couplings: list[_CouplingEntry] = []
     transmission: _TransmissionEntry | None = None
     axes: list[AxisEntry] = []
-    symbols: dict[str, str] = {}
+    symbols: dict[str, str] = described(
+        "Short forms of bodies and joints in labels.", {"platform": "3"}, dict
+    )
     base_parameters: _BaseParametersEntry = _BaseParametersEntry()
-    nominal: dict[str, Held] = {}
-    rest: dict[str, float] = {}
-    shapes: dict[str, Annotated[float, Field(gt=0)]] = {}
-    reference: dict[str, float] = {}
+    nominal: dict[str, Held] = described(
+        "Values of parameters beside those of the robot file.", {"joint1.Fv": 3.0}, dict
+    )
+    rest: dict[str, float] = described(
+        "Where the spring of a joint (joint2.K) is relaxed [rad or m]; without it as the robot "
+        "file says, or at home.",
+        {"joint2": 0.4},
+        dict,
+    )
+    shapes: dict[str, Annotated[float, Field(gt=0)]] = described(
+        "Shapes by joint and effect: a Stribeck velocity [rad/s or m/s], the period of a ripple.",
+        {"joint1.stribeck_friction": 0.05},
+        dict,
+    )
+    reference: dict[str, float] = described(
+        "Values by which the loads of load-dependent friction, a tilted base and a delay are "
+        "known; without them nominal ones.",
+        {"arm1.m": 3.0},
+        dict,
+    )
     limits: dict[str, LimitEntry] = {}
-    columns: Annotated[dict[str, str], AfterValidator(_renaming)] = {}
+    columns: Annotated[dict[str, str], AfterValidator(_renaming)] = described(
+        "Column or joint in the logs = column or joint here; or a regular expression for the "
+        "whole name.",
+        {"fer_joint(\\d)": "panda_joint\\1"},
+        dict,
+    )
     time: _TimeEntry = _TimeEntry()
     torque: _TorqueEntry = _TorqueEntry()
     servo: ServoEntry | None = None
     known_torque: list[_KnownTorqueEntry] = []
     symmetry: list[_SymmetryEntry] = []
-    prior_relative: float = Field(default=1.0, gt=0)
+    prior_relative: float = described(
+        "Width of the priors that [prior] does not state, as a share of their size.",
+        0.5,
+        1.0,
+        gt=0,
+    )
     prior: dict[str, _PriorEntry] = {}
     bounds: BoundsEntry = BoundsEntry()
 

@@ -1,0 +1,263 @@
+"""Write the reference pages that the code itself holds: `python docs/written.py [check]`.
+
+Sidecars and ladders from the models that read them, effects from the registry. `make docs` writes
+them; a test says when a page is no longer what the code says.
+"""
+
+from __future__ import annotations
+
+import inspect
+import io
+import sys
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Union, get_args, get_origin
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+
+from identifiability.effects import FAMILIES
+from identifiability.effects.effect import AlongAxes, Family, measure_spans
+from identifiability.foundation.documents import toml_text
+from identifiability.regression.reduction import LadderEntry
+from identifiability.robot import Robot, complete_motion
+from identifiability.robot.sidecar import Sidecar
+
+DOCS = Path(__file__).resolve().parent
+
+#: Kinds of values, as a reader of TOML calls them.
+WORDS = {str: "text", float: "number", int: "whole number", bool: "true or false"}
+
+#: More curves in a picture are a net.
+MOST_CURVES = 8
+
+
+def tables(schema: type[BaseModel], at: str = "") -> Iterator[tuple[str, type[BaseModel]]]:
+    """Yield every table of a document with its heading, the document itself first."""
+    yield at, schema
+    for name, field in schema.model_fields.items():
+        for many, inner in _inner(field.annotation):
+            path = f"{at}.{field.alias or name}".strip(".")
+            yield from tables(inner, f"[{path}]" if many == "list" else path + many)
+
+
+def _inner(annotation: Any, many: str = "") -> Iterator[tuple[str, type[BaseModel]]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield many, annotation
+    nested = {list: "list", dict: ".NAME"}.get(get_origin(annotation), many)
+    for part in get_args(annotation):
+        yield from _inner(part, nested)
+
+
+def kind_of(annotation: Any) -> str:
+    """Return what a value is, in words."""
+    origin, args = get_origin(annotation), get_args(annotation)
+    if annotation in WORDS:
+        return WORDS[annotation]
+    if origin is list:
+        return f"list of {kind_of(args[0])}"
+    if origin is dict:
+        return f"table of {kind_of(args[1])}"
+    if origin is tuple:
+        return f"[{', '.join(kind_of(a) for a in args)}]"
+    if str(origin) == "typing.Literal":
+        return " or ".join(f"`{a}`" for a in args)
+    if hasattr(annotation, "__metadata__"):
+        return kind_of(annotation.__origin__)
+    if origin is Union or str(origin) == "<class 'types.UnionType'>":
+        return " or ".join(dict.fromkeys(kind_of(a) for a in args if a is not type(None)))
+    return "table" if inspect.isclass(annotation) else str(annotation)
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.replace("``", "`").split()).replace("|", "\\|")
+
+
+def rows_of(schema: type[BaseModel]) -> list[str]:
+    """Return a table's keys as rows; keys that are tables of their own have their own heading."""
+    rows = []
+    for name, field in schema.model_fields.items():
+        if any(True for _ in _inner(field.annotation)):
+            continue
+        default = field.get_default(call_default_factory=True)
+        said = "" if default in (None, PydanticUndefined, "", [], {}) else f"`{toml_of(default)}`"
+        if default is PydanticUndefined:
+            said = "must be given"
+        [example] = field.examples or [None]
+        assert field.description, f"{schema.__name__}.{name} does not say what it is"
+        assert example is not None, f"{schema.__name__}.{name} has no example"
+        key = field.alias or name
+        cells = (f"`{key} = {toml_of(example)}`", kind_of(field.annotation), said)
+        rows.append(f"| {' | '.join(_cell(c) for c in (*cells, field.description))} |")
+    return rows
+
+
+def toml_of(value: Any) -> str:
+    """Return a value as it stands behind `=`."""
+    if isinstance(value, dict):
+        inner = ", ".join(
+            f"{toml_text({k: v}).strip()}" if not isinstance(v, dict) else f"{k} = {toml_of(v)}"
+            for k, v in value.items()
+        )
+        return f"{{{inner}}}"
+    if isinstance(value, tuple):
+        value = list(value)
+    return toml_text({"x": value}).strip().removeprefix("x = ")
+
+
+def write_schema(schema: type[BaseModel]) -> str:
+    """Return every table of a document with its keys."""
+    out = []
+    for heading, table in tables(schema):
+        rows = rows_of(table)
+        if heading:
+            said = inspect.getdoc(table) or ""
+            out += [f"## `[{heading}]`", "", said.replace("``", "`"), ""]
+        if rows:
+            out += ["| key, as an example | value | default | what it is |", "|---|---|---|---|"]
+            out += [*rows, ""]
+    return "\n".join(out)
+
+
+def _motion(robot: Robot) -> Any:
+    t = np.linspace(0, 1, 400, endpoint=False)
+    q = np.stack([0.9 * np.sin(2 * np.pi * t), 0 * t], axis=1)
+    w = 2 * np.pi
+    dq = np.stack([0.9 * w * np.cos(w * t), 0 * t], axis=1)
+    return complete_motion(robot, t, q, dq, -(w**2) * q)
+
+
+def picture_of(family: Family) -> str:
+    """Return its curves at a joint as SVG: torque per unit over what they depend on, or nothing."""
+    robot = Robot.load("two-link")
+    motion = _motion(robot)
+    joint = robot.joints[0]
+    effect = family.effect
+    over = {"velocity": motion.v[:, 0], "position": motion.q[:, 0], "time": motion.t}
+    if not isinstance(effect, AlongAxes) or family.against not in over:
+        return ""
+    shapes = family.grid(measure_spans(robot, [motion])[joint])
+    effect = family.at(shapes[len(shapes) // 2], joint)
+    parameters = effect.parameters(robot)
+    out = np.zeros((len(motion.t), len(robot.joints), len(parameters)))
+    effect.fill(robot, motion, out)
+    columns = [out[:, 0, k] for k, p in enumerate(parameters) if p.owner == joint]
+    if len(columns) > MOST_CURVES or not any(np.ptp(c) > 0 for c in columns):
+        return ""
+    with mpl.rc_context({"svg.hashsalt": family.name, "svg.fonttype": "none", "font.size": 8}):
+        figure = Figure(figsize=(2.6, 1.5), layout="constrained")
+        axes = figure.add_subplot()
+        for column in columns:
+            axes.plot(over[family.against], column / (np.abs(column).max() or 1.0), lw=1.2)
+        axes.set_xlabel(
+            {"velocity": "speed", "position": "position", "time": "time"}[family.against]
+        )
+        axes.set_ylabel("torque")
+        axes.set_xticks([])
+        axes.set_yticks([])
+        axes.spines[["top", "right"]].set_visible(False)
+        buffer = io.StringIO()
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return buffer.getvalue()
+
+
+def write_effects() -> tuple[str, dict[str, str]]:
+    """Return the page of all effects, and their pictures by file."""
+    out, pictures = [], {}
+    for family in FAMILIES.values():
+        effect = family.effect
+        out += [f"## {family.title[0].upper()}{family.title[1:]}", "", f"`{family.name}`", ""]
+        if picture := picture_of(family):
+            name = f"effect-{family.name}.svg"
+            pictures[name] = picture
+            out += [f"![{family.title} at a joint](../images/{name})", ""]
+        if effect.equation:
+            out.append(f"- Equation: {effect.equation}")
+        if isinstance(effect, AlongAxes):
+            kinds = ", ".join(f"`{k}` [{a} or {b}]" for k, a, b in effect.units)
+            sign = "; never below zero" if effect.nonnegative else ""
+            out.append(f"- Parameters of a joint that turns or slides: {kinds}{sign}")
+        if family.needs:
+            out.append(f"- Refines `{family.needs}`, which must be in the model at the same place")
+        if family.shapes is not None:
+            out.append(
+                "- Its shape is searched" + (" continuously" if family.continuous else " on a grid")
+            )
+        if family.told_by:
+            out.append(f"- What tells it from what it resembles: {family.told_by.rstrip(',')}")
+        if effect.source:
+            out.append(f"- Source: {effect.source}")
+        out.append("")
+    return "\n".join(out), pictures
+
+
+#: What stands at the head of each page; it is in lines as docstrings are.
+NOTE = "<!-- Written by docs/written.py from the code: change that, not this page. -->\n"
+SIDECAR = """# The sidecar
+
+A TOML file with the robot file's name (`arm.toml` beside `arm.urdf`), for what the robot file
+cannot say. Every key may be left out.
+"""
+LADDERS = """# Ladders of models
+
+A TOML file with models that `analyze --ladder` and `prune --ladder` compare; `prune --out` and
+`diagnose --out` write one.
+"""
+EFFECTS = """# Effects
+
+What a model can be made of, by the name that ladders, `--effects` and results use. A user's own
+effect is one class in a file of its own (`--plugin`). Pictures: torque per unit of each parameter,
+at a joint of an arm that swings.
+"""
+
+
+def pages() -> dict[Path, str]:
+    """Return every written page and picture, by its place."""
+    effects, pictures = write_effects()
+    reference = {
+        "sidecar": (SIDECAR, _doc("identifiability.robot.sidecar"), write_schema(Sidecar)),
+        "ladders": (
+            LADDERS,
+            _doc("identifiability.regression.reduction"),
+            write_schema(LadderEntry),
+        ),
+        "effects": (EFFECTS, effects),
+    }
+    return {
+        **{
+            DOCS / "reference" / f"{name}.md": "\n".join((NOTE, *parts)).rstrip() + "\n"
+            for name, parts in reference.items()
+        },
+        **{DOCS / "images" / name: text.rstrip() + "\n" for name, text in pictures.items()},
+    }
+
+
+def _doc(module: str) -> str:
+    """Return what a module says of its files, without its first line and what it says of pages."""
+    said = (inspect.getdoc(sys.modules[module]) or "").partition("\n\n")[2]
+    sentences = " ".join(said.replace("``", "`").split()).split(". ")
+    kept = ". ".join(s for s in sentences if "docs/reference" not in s).rstrip(".")
+    return f"{textwrap.fill(kept, 98)}.\n"
+
+
+def main() -> int:
+    """Write the pages, or with `check` say which are not what the code says."""
+    stale = []
+    for path, text in pages().items():
+        if not path.exists() or path.read_text() != text:
+            # Pictures differ with the version of what draws them, and say the same.
+            stale += [path.relative_to(DOCS.parent)] if path.suffix == ".md" else []
+            if sys.argv[1:] != ["check"]:
+                path.write_text(text)
+    if stale and sys.argv[1:] == ["check"]:
+        print(f"Not what the code says: {', '.join(map(str, stale))}; run make docs.")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
