@@ -41,9 +41,9 @@ def prune(
     **You give** a robot file and logs, as for *analyze*. Stretches of the logs, or the logs in
     turn, are held out to judge each step; what you hold back with --validate is only reported on.
 
-    **You get** the way down, a row a model (▸ the one to use): what was left out, tied or merged,
-    and why; the error on unseen motion ± its standard error; how many resampled logs lead to the
-    same model. Few lead there? Then several models are as good, and which one is chance.
+    **You get** the reduction path, a row a model (▸ the one to use): what was left out, tied or
+    merged, and why; the error on unseen motion ± its standard error; how many resampled logs lead
+    to the same model. Few lead there? Then several models are as good, and which one is chance.
 
     **Then** use the model that --out wrote:
 
@@ -119,7 +119,7 @@ def print_pruning(result: Ladder, written: Iterable[Path]) -> None:
         )
         rows.append(row)
     common.print_table(
-        f"{result.robot.title}: the way down (▸ use this rung)",
+        f"{result.robot.title}: reduction path (▸ use this model)",
         ("size", "identifiable", "error", "unseen", "± SE", "signs", "move"),
         rows,
         left=("signs", "move"),

@@ -267,8 +267,8 @@ def ladder_model(entry: LadderEntry) -> Model:
     later = [r.name for r in entry.models[1:] if r.effects is not None]
     if later:
         raise ModelError(
-            f"The rung '{later[0]}' names effects, but a ladder reduces one model: name all "
-            "effects in its first rung and zero or tie what the others leave out."
+            f"The model '{later[0]}' names effects, but a ladder reduces one model: name all "
+            "effects in its first model and zero or tie what the others leave out."
         )
     return Model.of(*(first.effects if first.effects is not None else DEFAULT_EFFECTS))
 
@@ -368,10 +368,10 @@ def build_ladder(entry: LadderEntry, structure: Structure) -> tuple[Rung, ...]:
     before = full_rung(structure.base)
     for item in entry.models:
         if item.name in rungs:
-            raise ModelError(f"The ladder has two rungs named '{item.name}'; give each its own.")
+            raise ModelError(f"The ladder has two models named '{item.name}'; give each its own.")
         if item.start is not None and item.start not in rungs:
             raise ModelError(
-                f"The rung '{item.name}' starts from '{item.start}', which does not stand before "
+                f"The model '{item.name}' starts from '{item.start}', which does not stand before "
                 f"it{near_match(item.start, rungs)}"
             )
         start = before if item.start is None else rungs[item.start]
@@ -411,13 +411,13 @@ def _build_rung(item: RungEntry, start: Rung, structure: Structure) -> Rung:
         members = _find_columns(rung, texts, item.name)
         if len(set(members)) < 2 or (name in rung.columns and name not in members):
             raise ModelError(
-                f"The rung '{item.name}' ties '{name}' = {members}; give two or more different "
+                f"The model '{item.name}' ties '{name}' = {members}; give two or more different "
                 "parameters and a name that no other parameter has."
             )
         units = {rung.units[rung.columns.index(m)] for m in members}
         if len(units) > 1:
             raise ModelError(
-                f"The rung '{item.name}' ties {listing(members)} of the units "
+                f"The model '{item.name}' ties {listing(members)} of the units "
                 f"{listing(sorted(units))}; only parameters of one unit can be equal."
             )
         rung = rung.tied(name, members)
@@ -440,7 +440,7 @@ def _find_columns(
         found |= dict.fromkeys(named)
         if not (named or (is_pattern(name) and find_named(name, grouped))):
             raise ModelError(
-                f"The rung '{where}' names the parameter '{name}', which is not there"
+                f"The model '{where}' names the parameter '{name}', which is not there"
                 f"{near_match(name, rung.columns)} It has {listing(rung.columns)}."
             )
     return [*found]

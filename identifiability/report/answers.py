@@ -18,7 +18,7 @@ from identifiability.report.tables import Cell, Column, Table, badge_cell, measu
 from identifiability.report.words import sentence
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.analyze.assessment import RungResult, state_joints
 from identifiability.workflows.analyze.words import grade_of
 
 if TYPE_CHECKING:
@@ -180,10 +180,12 @@ def state_error(error: float, joints: Sequence[str], each: Array) -> tuple[float
         short = sentence("decision.grades", grade_of(error), error=error_text(error))
         if tone_of(error) == "green" and each[high] > FEW:
             short = short.replace(":", f", but not in {joints[high]}:", 1)
-        return error, short, f"From {ends[0]} to {ends[1]}, each joint by itself. "
+        told = state_joints(joints, each, error)
+        return error, short, f"{told or f'From {ends[0]} to {ends[1]}, each joint by itself.'} "
     judged = float(np.sqrt(np.mean(each**2)))
     short = sentence("decision.grades", grade_of(judged), error=" to ".join(ends))
-    return judged, short, sentence("decision.together", error=error_text(error))
+    told = state_joints(joints, each, error)
+    return judged, short, f"{told} {sentence('decision.together', error=error_text(error))}"
 
 
 def answer_trust(

@@ -18,26 +18,26 @@ BAD = {
     "no effect": (FIRST + "effects = []", "name at least one, such as rigid_body"),
     "effects in a later rung": (
         FIRST + SECOND + 'effects = ["rigid_body"]',
-        "The rung 'b' names effects, but a ladder reduces one model",
+        "The model 'b' names effects, but a ladder reduces one model",
     ),
     "unknown parameter": (
         FIRST + 'zero = ["elbw.Fv"]',
-        "The rung 'a' names the parameter 'elbw.Fv'",
+        "The model 'a' names the parameter 'elbw.Fv'",
         "did you mean 'elbow.Fv'?",
         "It has link1.Iyy",
     ),
     "unknown parameter kept": (FIRST + 'keep = ["elbow.Fw"]', "did you mean 'elbow.F"),
     "unknown rung": (
         '[[models]]\nname = "Model 1"\n' + SECOND + 'from = "Modle 1"',
-        "The rung 'b' starts from 'Modle 1', which does not stand before it",
+        "The model 'b' starts from 'Modle 1', which does not stand before it",
         "did you mean 'Model 1'?",
     ),
     "later rung": (FIRST + 'from = "b"\n' + SECOND, "which does not stand before it"),
-    "rung twice": (FIRST + FIRST, "two rungs named 'a'; give each its own"),
+    "rung twice": (FIRST + FIRST, "two models named 'a'; give each its own"),
     "no name": ('[[models]]\nname = ""', "'models.0.name': string should have at least 1"),
     "tie of one": (
         FIRST + 'tie = {"x.Fc" = ["elbow.Fc"]}',
-        "The rung 'a' ties 'x.Fc' = ['elbow.Fc']; give two or more different parameters",
+        "The model 'a' ties 'x.Fc' = ['elbow.Fc']; give two or more different parameters",
     ),
     "tie of one twice": (FIRST + 'tie = {"x.F" = ["elbow.Fv", "elbow.Fv"]}', "give two or more"),
     "tie with a taken name": (

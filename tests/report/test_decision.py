@@ -21,6 +21,7 @@ from identifiability.report.blocks import Note, Trace
 from identifiability.report.skeleton import Part, draw_skeleton, trace_limbs
 from identifiability.report.torque import order_confused, section_confused
 from identifiability.robot import Robot
+from identifiability.workflows.analyze.assessment import state_joints
 from identifiability.workflows.commands import (
     file_names,
     held_back,
@@ -44,8 +45,8 @@ def test_an_error_has_a_grade(error, grade):
 
 def test_quality_names_the_best_and_the_worst_joint():
     answer = answer_quality(0.05, ("a", "b", "c"), np.array([0.04, 0.09, 0.02]), "another log")
-    assert answer.short == "Good: it misses 5.00 % of how much torque varies."
-    assert "From 2.00 % (c) to 9.00 % (b), each joint by itself." in answer.text
+    assert answer.short == "Good: relative validation error 5.00 %."
+    assert "Each joint over its own variation: b 9 %, a 4 %, c 2 %." in answer.text
     assert answer.text.endswith("Measured on another log.")
     assert answer.tone == "green"
 
@@ -216,13 +217,13 @@ def test_where_loads_differ_each_joint_is_judged_by_its_own_error():
     joints, each = ("a", "b"), np.array([0.13, 0.22])
     judged, short, said = state_error(0.08, joints, each)
     assert 0.13 < judged < 0.22
-    assert short.startswith("Poor: it misses 13.0 % (a) to 22.0 % (b)")
+    assert short.startswith("Poor: relative validation error 13.0 % (a) to 22.0 % (b)")
     assert "all together it is 8.00 %" in said
     assert state_error(0.12, joints, each)[0] == 0.12  # hardly below either
     assert state_error(0.05, joints, np.array([0.04, 0.3]))[1].startswith("Good, but not in b:")
     judged, short, said = state_error(0.15, joints, each)
     assert judged == 0.15
-    assert short == "Fair: it misses 15.0 % of how much torque varies."
+    assert short == "Fair: relative validation error 15.0 %."
 
 
 def test_the_name_of_a_joint_stands_beside_its_dot_and_over_no_line():
@@ -259,3 +260,17 @@ def test_the_first_line_counts_places_once(monkeypatch):
     effect = SimpleNamespace(names="friction", alternatives=(), joints=places, placements=twice)
     said = missing._what(SimpleNamespace(effects=(effect,))).short
     assert said == "Friction in a, b and 2 more."
+
+
+def test_errors_of_joints_are_told_worst_first_where_that_of_all_hides_them():
+    joints = tuple("abcdef")
+    each = np.array([0.01, 0.05, 0.02, 0.03, 0.015, 0.012])
+    told = state_joints(joints, each, 0.02)
+    assert told == (
+        "Each joint over its own variation: b 5 %, d 3 %, c 2 %, e 1.5 %, "
+        "the other 2 at most 1.2 %."
+    )
+    assert state_joints(joints, np.full(6, 0.02), 0.02) == ""
+    # Loads that differ: the torque of all varies more than that of any.
+    assert state_joints(("a", "b"), np.array([0.10, 0.22]), 0.06).endswith("b 22 %, a 10 %.")
+    assert state_joints(("a",), np.array([0.2]), 0.02) == ""

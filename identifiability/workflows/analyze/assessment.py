@@ -489,6 +489,40 @@ def state_raw(unseen: Prediction) -> str:
     )
 
 
+#: Errors of joints differ where the largest is more than so many times the least.
+DIFFERENT = 2.0
+
+#: Joints whose errors a sentence states one by one.
+WORST = 4
+
+
+def state_joints(joints: Sequence[str], each: Array, together: float) -> str:
+    """Return the errors of joints, worst first, where that of all together hides them.
+
+    It does where joints differ, and where their loads differ so much that the torque of all
+    together varies more than that of any.
+
+    Parameters
+    ----------
+    joints : sequence of str
+    each : (n,)
+        On unseen motion, over each joint's own scale.
+    together : float
+        Of all joints.
+    """
+    if len(joints) < 2 or not np.isfinite(each).all():
+        return ""
+    order = np.argsort(-each, kind="stable")
+    if each[order[0]] <= DIFFERENT * min(each[order[-1]], together):
+        return ""
+    said = [f"{joints[k]} {100 * each[k]:.2g} %" for k in order[:WORST]]
+    if len(order) == WORST + 1:
+        said.append(f"{joints[order[-1]]} {100 * each[order[-1]]:.2g} %")
+    elif len(order) > WORST:
+        said.append(f"the other {len(order) - WORST} at most {100 * each[order[WORST]]:.2g} %")
+    return f"Each joint over its own variation: {', '.join(said)}."
+
+
 # `Laddered`: what analyze and prune answer alike about the model to use of a ladder.
 
 
@@ -623,10 +657,15 @@ class Laddered(Result, Opening, Predicts):
 
     def _state(self, answer: str) -> str:
         """Return an answer behind a wrong mass, with what its error is of and what is odd."""
-        raw = "" if self.nothing else state_raw(self._alone[1])
+        raw = each = ""
+        if not self.nothing:
+            unseen = self._alone[1]
+            raw = state_raw(unseen)
+            together = float(unseen.relative_error()[0])
+            each = state_joints(self.robot.joints, unseen.joint_error()[:, 0], together)
         tilt = self.robot.tilt
         about = "" if tilt is None else f"In this model gravity {tilt.text}."
-        return " ".join(filter(None, (self.mass_warning, answer, about, raw, *self.hints)))
+        return " ".join(filter(None, (self.mass_warning, answer, each, about, raw, *self.hints)))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""

@@ -284,7 +284,7 @@ def state_physics(chosen: RungResult) -> str:
         )
     if chosen.physical.certificate is None:
         return f"The motion leaves some of its parameters open; {near}"
-    return f"No real robot has exactly its values, although each sign is possible; {near}"
+    return f"Its values are not physically consistent, although each sign is possible; {near}"
 
 
 def state_weak(chosen: RungResult) -> str:

@@ -87,7 +87,7 @@ def test_kept_parameters_alone_are_left_and_rungs_start_where_they_say(base):
     [
         ({"name": "r", "zero": ["arm.my"]}, "names the parameter 'arm.my', which is not there"),
         ({"name": "r", "keep": ["arm.my"]}, "names the parameter 'arm.my', which is not there"),
-        ({"name": "full"}, "two rungs named 'full'"),
+        ({"name": "full"}, "two models named 'full'"),
         ({"name": "r", "from": "ful"}, "starts from 'ful', which does not stand before it"),
         ({"name": "r", "tie": {"x": ["arm.m", "arm.m"]}}, "two or more different parameters"),
         ({"name": "r", "tie": {"arm.mx": ["arm.Fc+", "arm.Fc-"]}}, "a name that no other"),
@@ -118,7 +118,7 @@ def test_a_pattern_is_all_that_fit_it_and_a_name_goes_before_it(base):
 
 def test_only_the_first_rung_names_effects():
     two = LadderEntry(models=[{"name": "a"}, {"name": "b", "effects": ["rigid_body"]}])
-    with pytest.raises(ModelError, match="The rung 'b' names effects, but a ladder reduces one"):
+    with pytest.raises(ModelError, match="The model 'b' names effects, but a ladder reduces one"):
         ladder_model(two)
     one = LadderEntry(models=[{"name": "a", "effects": ["rigid_body"]}])
     assert ladder_model(one).names == ("rigid_body",)

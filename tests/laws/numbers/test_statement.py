@@ -139,7 +139,7 @@ def test_physics_says_what_is_impossible_and_how_near_the_nearest_is():
     assert "2 of its values have a sign that physics forbids (a.m" in signs
     assert "the nearest real robot errs by 20 %." in signs
     bodies = state_physics(Judged(feasible=False))
-    assert "No real robot has exactly its values, although each sign is possible" in bodies
+    assert "Its values are not physically consistent, although each sign is possible" in bodies
     used = state_physics(Judged(feasible=False, physical_used=True))
     assert "its values are those to use" in used
     open_ = state_physics(Judged(feasible=False, certificate=None))
