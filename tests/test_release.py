@@ -44,3 +44,15 @@ def test_sentences_on_extras_name_the_distribution_and_an_extra_of_it():
     assert named
     extras = TOML["project"]["optional-dependencies"]
     assert {(TOML["project"]["name"], extra) for extra in extras} >= named
+
+
+def test_every_source_that_code_or_pages_cite_stands_in_the_list():
+    key = re.compile(r"\[((?:de |van )?[A-ZÀ-Þ][\w'’-]*(?: & [A-Z][\w'’-]*)? \d{4})")
+    listed = set(key.findall((ROOT / "docs" / "reference" / "sources.md").read_text()))
+    cited = {}
+    for folder in ("identifiability", "models", "docs"):
+        for path in (ROOT / folder).rglob("*.*"):
+            if path.suffix in {".py", ".md", ".toml", ".j2"}:
+                cited |= dict.fromkeys(key.findall(path.read_text()), path.relative_to(ROOT))
+    assert len(cited) > 50
+    assert not {k: str(path) for k, path in cited.items() if k not in listed}

@@ -233,7 +233,7 @@ class PositionRipple(Shaped):
 
     name = "position_ripple"
     equation = "τ = Rs sin(2π q/λ) + Rc cos(2π q/λ)"
-    source = "[Holmes 1988; Bittencourt 2012, Sec. 3]"
+    source = "[Tuttle & Seering 1996; Bittencourt 2012, Sec. 3]"
     units = (("Rs", "N·m", "N"), ("Rc", "N·m", "N"))
 
     def curves(self, at: Along) -> list[Array]:
@@ -301,7 +301,7 @@ class GearRipple(PositionRipple):
 
     name = "gear_ripple"
     equation = "τ = Rs sin(2π q/λ) + Rc cos(2π q/λ), λ = 2π/ratio/k"
-    source = "[Holmes 1988; Tuttle & Seering 1996]"
+    source = "[Tuttle & Seering 1996]"
     units = (("Ms", "N·m", "N"), ("Mc", "N·m", "N"))
 
     def typical(self, robot: Robot, axis: Axis) -> float:

@@ -59,7 +59,7 @@ def correct_leverage(scores: Array, shares: Array) -> Array:
 # Slow noise makes the sums of residuals over blocks of time scatter more than white noise does.
 # How much more, with the blocks before and after, is the integrated autocorrelation time κ: ``σ²
 # κ`` is what the noise weighs in an average over many samples, so 1/(σ² κ) is the weight of an
-# actuator [Aitken 1935, with a noise that is slow beside the columns].
+# actuator [Aitken 1936, with a noise that is slow beside the columns].
 #
 # Slow noise is also what a fit swallows first, so that what is left looks small and forgetful: of
 # 750 samples with a correlation of .98 from each to the next, 39 columns leave a residual that

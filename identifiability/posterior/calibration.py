@@ -4,7 +4,7 @@ If parameters are drawn from the prior, data from the parameters, and draws from
 the data, then the rank of the true value among the draws is uniform [Talts 2018]. The data need not
 be simulated sample by sample: the posterior sees only ``z`` and ``rss_min``. The chains are
 reversible, so the true value is put at a random place of its own chain, which makes the ranks
-uniform exactly, whatever the autocorrelation and without warm-up [Gandy 2020].
+uniform exactly, whatever the autocorrelation and without warm-up [Gandy & Scott 2020].
 """
 
 from dataclasses import replace
