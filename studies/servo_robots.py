@@ -175,6 +175,27 @@ def draw_quadruped(robot: Robot, wrong: float, rng: np.random.Generator) -> dict
     return truth
 
 
+def draw_hobby_arm(robot: Robot, wrong: float, rng: np.random.Generator) -> dict[str, float]:
+    """Return a machine whose six servos are of two sizes, the last two without load."""
+    assert robot.servo is not None
+    truth: dict[str, float] = {}
+    for k, joint in enumerate(robot.joints):
+        truth[f"{joint}.Ia"] = (0.028 if k < 4 else 0.012) * rng.uniform(0.9, 1.1)
+        truth[f"{joint}.Fv"], truth[f"{joint}.Fc"] = rng.uniform(0.2, 0.6), rng.uniform(0.03, 0.12)
+        truth[f"{joint}.off"] = rng.uniform(-0.008, 0.008) * robot.servo.kp[k]
+    for body in robot.bodies:
+        share = 1 + wrong * rng.uniform(-1, 1)
+        truth |= {f"{body}.{k}": share * robot.nominal[f"{body}.{k}"] for k in INERTIAL_KINDS}
+    return truth
+
+
+#: Shipped robots with sample logs: who draws the machine, how it is recorded, for how long [s].
+SAMPLES = {
+    "quadruped": (draw_quadruped, Recorder(rate=100.0), 7.0),
+    "hobby-arm": (draw_hobby_arm, Recorder(50.0, command_rate=25.0, delay=0.018, bits=12), 20.0),
+}
+
+
 def judge(robot: Robot, wrong: float, how: Recorder, seed: int) -> dict[str, float]:
     """Return shares of intervals that hold, by kind, and errors of rollouts of a sealed log."""
     rng = np.random.default_rng(seed)
@@ -207,13 +228,14 @@ def judge(robot: Robot, wrong: float, how: Recorder, seed: int) -> dict[str, flo
     return out | {"oracle [mrad]": 1e3 * least} | {name: float(x) for name, x in ratios}
 
 
-def write_samples(robot: Robot) -> None:
-    """Write the logs in models/quadruped/logs: a machine whose bodies are the file's ± 10 %."""
-    rng, how = np.random.default_rng(2024), Recorder(rate=100.0)
-    truth = draw_quadruped(robot, 0.1, rng)
+def write_samples(name: str) -> None:
+    """Write the logs of a shipped robot: of a machine whose bodies are the file's ± 10 %."""
+    robot, rng = Robot.load(name), np.random.default_rng(2024)
+    draw, how, seconds = SAMPLES[name]
+    truth = draw(robot, 0.1, rng)
     for k in (1, 2, 3):
-        commands = draw_commands(robot, 7.0, how.command_rate, 0.35, rng)
-        frame = record(robot, truth, commands, 7.0, how, rng)
+        commands = draw_commands(robot, seconds, how.command_rate, 0.35, rng)
+        frame = record(robot, truth, commands, seconds, how, rng)
         path = robot.path.parent / "logs" / f"run{k}.csv"
         path.parent.mkdir(exist_ok=True)
         frame.round(5).to_csv(path, index=False)
@@ -230,7 +252,8 @@ def main() -> None:
     given = parser.parse_args()
     robot = Robot.load("quadruped")
     if given.logs:
-        write_samples(robot)
+        for name in SAMPLES:
+            write_samples(name)
         return
     for rate, bits in ((200.0, 14), (50.0, 12)):
         for wrong in (0.0, 0.2):

@@ -19,7 +19,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.robot.locate import shipped_folder, shipped_robots
 
 ROOT = Path(__file__).resolve().parents[1]
-SAMPLED = ("six-dof-arm", "3-rps", "quadruped")
+SAMPLED = ("six-dof-arm", "3-rps", "quadruped", "hobby-arm")
 
 
 @pytest.mark.parametrize("robot", SAMPLED)
