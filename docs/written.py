@@ -78,10 +78,10 @@ def _cell(text: str) -> str:
 
 
 def rows_of(schema: type[BaseModel]) -> list[str]:
-    """Return a table's keys as rows; keys that are tables of their own have their own heading."""
+    """Return a table's keys as rows; those that are only tables have their own heading."""
     rows = []
     for name, field in schema.model_fields.items():
-        if any(True for _ in _inner(field.annotation)):
+        if field.description is None and any(True for _ in _inner(field.annotation)):
             continue
         default = field.get_default(call_default_factory=True)
         said = "" if default in (None, PydanticUndefined, "", [], {}) else f"`{toml_of(default)}`"

@@ -83,6 +83,11 @@ def is_pattern(text: str) -> bool:
     return "*" in text or "?" in text
 
 
+def numbered(count: int) -> tuple[str, ...]:
+    """Return what joints are called of which only the order is known."""
+    return tuple(str(k + 1) for k in range(count))
+
+
 def find_named(text: str, names: Iterable[str]) -> list[str]:
     """Return the names that a name or a pattern such as ``wrist_*.K`` stands for, in their order.
 

@@ -6,6 +6,11 @@ type ``sensor_msgs/JointState`` is read; name it behind a colon where there are 
 and ``<joint>.tau`` as they are: the message type promises rad, rad/s and N·m (m, m/s, N), but some
 drivers publish motor currents as effort, which are no torques. Joints without effort (NaN) are
 passive and left out.
+
+Commands are those of one topic of ``control_msgs/JointTrajectoryControllerState`` (its reference),
+``control_msgs/MultiDOFCommand`` or ``std_msgs/Float64MultiArray`` (values in the robot's order), if
+there is just one that tells of the joints; else it is named, too: ``run.mcap:/joint_states,/goal``.
+They stand for torque where no joint has effort.
 """
 
 from __future__ import annotations
@@ -22,7 +27,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, numbered
+from identifiability.logs.lerobot import is_dataset, list_episodes
 from identifiability.logs.sizes import MOST_DESCRIBED, check_values
 
 if TYPE_CHECKING:
@@ -35,6 +41,13 @@ BAGS = (".mcap", ".db3", ".bag")
 
 #: What ROS 2 and ROS 1 call the type.
 JOINT_STATE = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
+
+#: Types of commands, and the fields of their names, positions and velocities.
+COMMANDS = {
+    "control_msgs/msg/JointTrajectoryControllerState": ("joint_names", "reference", ""),
+    "control_msgs/msg/MultiDOFCommand": ("dof_names", "values", "values_dot"),
+    "std_msgs/msg/Float64MultiArray": ("", "data", ""),
+}
 
 #: Bytes of a message of joint states: some ten thousand joints.
 MOST_MESSAGE = 1_000_000
@@ -104,7 +117,7 @@ def read_bag(
     path : str or Path
         The bag, or ``bag:/topic``.
     topic : str, optional
-        Needed where several topics hold joint states.
+        Needed where several topics hold joint states; behind a comma that of commands.
     joints : sequence of str, optional
         Which joints, for topics that also tell of others (grippers); messages that lack one of
         them are passed over. By default all, and every message must hold the same.
@@ -112,8 +125,9 @@ def read_bag(
     Returns
     -------
     DataFrame
-        ``t`` [s] from the first message on, ``<joint>.q``, ``<joint>.dq``, ``<joint>.tau``; the
-        stamp of the first message [s] is ``attrs["start"]``.
+        ``t`` [s] from the first message on, ``<joint>.q``, ``<joint>.dq``, ``<joint>.tau`` or
+        ``<joint>.cmd``, the command that was recorded last; the stamp of the first message [s] is
+        ``attrs["start"]``.
 
     Raises
     ------
@@ -123,8 +137,12 @@ def read_bag(
     bag, named = split_topic(path)
     try:
         with _opened(bag) as reader:
-            name = _choose_topic(bag, reader, topic or named)
-            return _collect(bag, name, _messages(bag, reader, name), joints)
+            name, _, of = (topic or named or "").partition(",")
+            states = _choose_topic(bag, reader, name or None)
+            goal = _choose_commands(bag, reader, of)
+            messages = _messages(bag, reader, states)
+            frame = _collect(bag, states, messages, joints, commanded=bool(goal))
+            return _add_commands(bag, reader, frame, goal) if goal else frame
     except LogError:
         raise
     except MemoryError:  # mostly a length that was spoilt
@@ -250,6 +268,58 @@ def _choose_topic(path: Path, reader: Any, wanted: str | None) -> str:
     )
 
 
+def _choose_commands(path: Path, reader: Any, wanted: str) -> str:
+    """Return the topic of commands; empty if there is none, or several and none is named.
+
+    Raises
+    ------
+    LogError
+        If the named one has none.
+    """
+    found = {str(c.topic): c.msgtype for c in reader.connections if c.msgtype in COMMANDS}
+    if wanted and wanted not in found:
+        raise LogError(
+            f"{path} has no commands on the topic '{wanted}'{near_match(wanted, [*found])} It has "
+            f"them on {listing(sorted(found)) or 'none'}."
+        )
+    named = [topic for topic, kind in found.items() if COMMANDS[kind][0]]
+    chosen = [wanted] if wanted else named or [*found]  # names are better than an order
+    return chosen[0] if len(chosen) == 1 else ""
+
+
+def _add_commands(path: Path, reader: Any, frame: pd.DataFrame, topic: str) -> pd.DataFrame:
+    """Return a table of joint states with the commands that were recorded last before each."""
+    connections = [c for c in reader.connections if c.topic == topic and c.msgtype in COMMANDS]
+    names_of, of, dot_of = COMMANDS[connections[0].msgtype]
+    when, rows, called = list[int](), list[tuple[Array, ...]](), tuple[str, ...]()
+    for connection, recorded, raw in reader.messages(connections=connections):
+        _check_length(path, len(raw))
+        message = reader.deserialize(raw, connection.msgtype)
+        point = getattr(message, of)
+        if hasattr(point, "positions"):
+            given = (point.positions, point.velocities)
+        else:
+            given = (point, getattr(message, dot_of) if dot_of else ())
+        values = tuple(np.asarray(x, float) for x in given)
+        names = tuple(getattr(message, names_of)) if names_of else numbered(len(values[0]))
+        called = called or names
+        if names == called and len(values[0]) == len(names):
+            when.append(recorded)
+            rows.append(values)
+    if not rows:
+        return frame
+    last = np.searchsorted(when, frame.attrs["recorded"], side="right") - 1
+    kinds = ["cmd"]
+    if all(len(row[1]) == len(called) and np.isfinite(row[1]).all() for row in rows):
+        kinds.append("dq_cmd")  # else velocities that nobody commands
+    for k, kind in enumerate(kinds):
+        held = np.array([row[k] for row in rows])[last]
+        held[last < 0] = np.nan
+        for name, column in zip(called, held.T, strict=True):
+            frame[f"{name}.{kind}"] = column
+    return frame
+
+
 def _messages(path: Path, reader: Any, topic: str) -> Iterator[tuple[int, Any]]:
     """Time of recording [ns] and message, for every message of a topic."""
     connections = [c for c in reader.connections if c.topic == topic and c.msgtype in JOINT_STATE]
@@ -259,7 +329,12 @@ def _messages(path: Path, reader: Any, topic: str) -> Iterator[tuple[int, Any]]:
 
 
 def _collect(
-    path: Path, topic: str, messages: Iterable[tuple[int, Any]], joints: Sequence[str] | None
+    path: Path,
+    topic: str,
+    messages: Iterable[tuple[int, Any]],
+    joints: Sequence[str] | None,
+    *,
+    commanded: bool,
 ) -> pd.DataFrame:
     import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
 
@@ -289,18 +364,20 @@ def _collect(
     columns = {"t": (stamp[sequence] - stamp.min()) * 1e-9}
     values = {c: _joined([row[c] for row in rows], len(wanted))[sequence] for c in FIELDS}
     known: dict[str, Array] = {c: np.any(np.isfinite(x), axis=0) for c, x in values.items()}
-    for channel in ("q", "tau"):
-        if not known[channel].any():
-            raise LogError(
-                f"{path}: the joint states on {topic} have no {FIELDS[channel]} in some or all "
-                "messages; record a topic that has position and effort."
-            )
-    driven = np.flatnonzero(known["tau"])  # the others are passive
+    lacking = [channel for channel in ("q", "tau") if not known[channel].any()]
+    if lacking and (lacking != ["tau"] or not commanded):
+        raise LogError(
+            f"{path}: the joint states on {topic} have no {FIELDS[lacking[0]]} in some or all "
+            "messages; record a topic that has position and effort, or commands beside position."
+        )
+    driven = np.flatnonzero(known["q" if lacking else "tau"])  # the others are passive
+    # Velocities that nobody measured are none, and torque that stands for commands is not there.
     for channel in FIELDS:
-        if channel != "dq" or known["dq"][driven].all():  # else velocities that nobody measured
+        if channel not in lacking and (channel != "dq" or known["dq"][driven].all()):
             columns |= {f"{wanted[k]}.{channel}": values[channel][:, k] for k in driven}
     frame = pd.DataFrame(columns)
     frame.attrs["start"] = float(stamp.min()) * 1e-9  # on the clock of the stamps
+    frame.attrs["recorded"] = recordings[sequence]
     return frame
 
 
@@ -343,6 +420,9 @@ def check_there(path: Path) -> None:
     LogError
     """
     bag = split_topic(path)[0]
+    if is_dataset(path):
+        list_episodes(path)
+        return
     try:
         there = bag.exists()
         other = there and not bag.is_file() and not bag.is_dir()

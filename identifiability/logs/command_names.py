@@ -171,6 +171,11 @@ def _factor(column: str, kind: str, joint: str, source: str, known: Conventions)
     if unit is None:
         return 1.0
     unit.check(kind, column.strip(), source)
+    if joint in known.scales and kind in ANGULAR:
+        raise LogError(
+            f"{source}: the column '{column.strip()}' states a unit, and the sidecar's [columns] "
+            f"scales '{joint}'; leave one of them out."
+        )
     return unit.factor / (DEGREE if joint in known.degrees and kind in ANGULAR else 1.0)
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.names import numbered
 from identifiability.logs.aliases import guess_column
 from identifiability.logs.form import PLAIN, Form, find_form
 from identifiability.logs.sizes import (
@@ -169,11 +170,6 @@ def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
             f"{listing(shapes)}. Give (N, n) arrays with a row a sample."
         )
     return pd.DataFrame(columns)
-
-
-def numbered(count: int) -> tuple[str, ...]:
-    """Return what joints are called of which only the order is known."""
-    return tuple(str(k + 1) for k in range(count))
 
 
 def stack_arrays(

@@ -29,6 +29,8 @@ class Conventions:
         Motors that a log may have instead (coupled transmissions).
     columns : Renames
         From columns, or joints, of a log to those of the robot: ``[columns]`` and ``--map``.
+    scales : mapping
+        Joint or motor to scale and offset of its positions and commands: ``[columns]``.
     time_unit : str
         Unit of its times, ``[time]`` and ``--time-unit``; empty if nobody said.
     torque : MeasuredTorque
@@ -52,6 +54,7 @@ class Conventions:
     joints: tuple[str, ...] = ()
     motors: tuple[str, ...] = ()
     columns: Renames = Renames()
+    scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     time_unit: str = ""
     torque: MeasuredTorque = MeasuredTorque()
     raw_torque: bool = False
@@ -75,6 +78,7 @@ class Conventions:
             joints=robot.joints,
             motors=motors,
             columns=robot.columns,
+            scales=robot.scales,
             time_unit=robot.time_unit,
             torque=robot.torque,
             degrees=degrees,

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, numbered
 from identifiability.foundation.options import Expected, FilePath, Names, check_option, checked
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.checks import CHANNELS, Clock, find_channels
-from identifiability.logs.containers import numbered, stack_arrays
+from identifiability.logs.containers import stack_arrays
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.naming import Naming, propose_locks
 from identifiability.logs.reading import Reading

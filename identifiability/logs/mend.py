@@ -221,8 +221,28 @@ def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
         raise LogError(
             f"{log.name}: {_span(log.joints[k], columns[k])}, which does not fit the joint's "
             f"limits {low:.4g} … {high:.4g} rad; it looks like degrees: say --angles deg (or "
-            'angles = "deg" in the sidecar), or --angles rad if they are rad.'
+            'angles = "deg" in the sidecar), or --angles rad if they are rad, or what ticks or '
+            f"normalised units are: {_SCALED.format(log.joints[k])}."
         )
+    far = [k for k in bounded if _beyond(columns[k], *robot.limits[k])]
+    if 2 * len(far) > len(bounded):
+        k, log = far[0], windows[0]
+        low, high = robot.limits[k]
+        raise LogError(
+            f"{log.name}: {_span(log.joints[k], columns[k])}, far beyond the joint's limits "
+            f"{low:.4g} … {high:.4g} rad; say what these ticks or normalised units are: "
+            f"{_SCALED.format(log.joints[k])}."
+        )
+
+
+#: What to write where positions are in a unit of their own.
+_SCALED = "[columns] {} = {{scale = …, offset = …}} in the sidecar (rad = scale × value + offset)"
+
+
+def _beyond(q: Array, low: float, high: float) -> bool:
+    """Return whether positions (N,) lie farther from limits than zeros of encoders may."""
+    far = max(high - low, 4 * np.pi)
+    return bool(np.mean((q < low - far) | (q > high + far)) > 0.5)
 
 
 def _span(joint: str, q: Array) -> str:

@@ -272,7 +272,8 @@ def find_entries(names: Mapping[str, str], known: Conventions) -> dict[str, Gues
         from_one = "0" not in keys and "1" in keys and all(k.isdecimal() for k in keys)
         if from_one:
             key = str(int(key) - 1)  # noqa: PLW2901
-        entry = known.entries.get(array, {}).get(key)
+        own = known.entries.get(f"{array}@{len(keys)}", known.entries.get(array, {}))
+        entry = own.get(key)
         joint, _, kind = entry.column.rpartition(".") if entry else ("", "", "")
         unit = split_unit(names[column])[1]
         out[column] = Guess(column, kind, joint, -1, unit, entry=entry) if entry else None
@@ -397,6 +398,7 @@ EXAMPLES |= {"current": "A"}
 
 #: A joint's name and a word for its channel.
 _CHANNEL_LAST = re.compile(r"(?P<joint>.+?)(?P<between>[._\- ]+)(?P<kind>[A-Za-z]+)")
+_CHANNELS_SAY = {*KINDS, *COMMANDED, "ff"}
 
 
 @frozen
@@ -728,7 +730,10 @@ def rename(name: str, known: Conventions) -> str:
     plain, _ = split_unit(name)
     parts = [known.columns.apply(part) for part in plain.split("/")]
     cut = _CHANNEL_LAST.fullmatch(parts[-1])
-    if cut and cut["kind"].casefold() in KINDS:
+    owner, _, end = parts[-1].rpartition(".")
+    if owner and _CHANNELS_SAY.issuperset(words_of(end)):
+        parts[-1] = f"{known.columns.apply(owner)}.{end}"
+    elif cut and cut["kind"].casefold() in _CHANNELS_SAY:
         parts[-1] = known.columns.apply(cut["joint"]) + cut["between"] + cut["kind"]
     return "/".join(parts) + name[len(plain) :]
 

@@ -20,6 +20,7 @@ from identifiability.logs.command_names import choose_commands
 from identifiability.logs.containers import CONTAINERS, check_suffix, check_text, read_container
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import LINE_END, PLAIN, Form, find_encoding, find_form, judge_end
+from identifiability.logs.lerobot import is_dataset, read_episode
 from identifiability.logs.naming import name_columns
 from identifiability.logs.reading import with_index
 from identifiability.logs.sizes import check_columns
@@ -198,7 +199,8 @@ def scan_file(
     Parameters
     ----------
     path : Path
-        A CSV or Parquet file, a container of arrays, or a bag (``bag:/topic``).
+        A CSV or Parquet file, a container of arrays, a bag (``bag:/topic``), or an episode of a
+        LeRobot dataset (``dataset:3``).
     each : callable(DataFrame, Form)
         Called with every piece, at least once, and how it was written.
     known : Conventions, optional
@@ -208,7 +210,7 @@ def scan_file(
     -------
     sha256 : str
     table : Table or None
-        None for a bag or a container of arrays, which are no files of rows.
+        None for a bag, an episode or a container of arrays, which are no files of rows.
 
     Raises
     ------
@@ -224,6 +226,11 @@ def scan_file(
         each(frame, form)
         return digest, None
     with parsing(path):
+        if is_dataset(path):
+            frame = read_episode(path)
+            each(frame, PLAIN)
+            content = ",".join(frame.columns).encode() + frame.to_numpy(float).tobytes()
+            return hashlib.sha256(content).hexdigest(), None
         if not path.is_file():
             raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")
         check_suffix(path)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-# Columns of angles that were said to be in degrees.
+# Columns of angles that were said to be in degrees, and of positions in a joint's own unit.
 
 
 #: Channels that are angles or their rates, and one degree [rad].
@@ -33,17 +33,28 @@ DEGREE = math.pi / 180
 
 
 def settle_angles(naming: Naming, known: Conventions) -> Naming:
-    """Return what a log takes from a table, angles in rad; columns that state a unit keep it."""
+    """Return what a log takes from a table, positions in rad or m.
+
+    Columns that state a unit keep it.
+    """
     columns = tuple(_settle(column, known) for column in naming.columns)
     locked = tuple(_settle(column, known) for column in naming.locked)
     if columns == naming.columns:
         return naming
-    notes = (*naming.notes, "angles were read as degrees")
+    own = [f"{j}: {s:.6g}, {o:.6g}" for j, (s, o) in known.scales.items() if j in naming.joints]
+    told = f"positions were scaled and shifted as the sidecar says ({listing(own, 4)})"
+    notes = (*naming.notes, told) if own else naming.notes
+    if any(joint in known.degrees and joint not in known.scales for joint in naming.joints):
+        notes = (*notes, "angles were read as degrees")
     return replace(naming, columns=columns, notes=notes, locked=locked)
 
 
 def _settle(column: Column, known: Conventions) -> Column:
     owner, _, kind = column.name.rpartition(".")
+    if owner in known.scales and kind in ANGULAR and column.factor == 1.0:
+        scale, offset = known.scales[owner]
+        shift = -offset / scale if kind in ("q", "q_ref") else 0.0
+        return replace(column, factor=scale, offset=shift)
     if owner in known.degrees and kind in ANGULAR and column.factor == 1.0:
         return replace(column, factor=DEGREE)
     return column

@@ -47,6 +47,7 @@ from identifiability.robot.sidecar import (
     LoopEntry,
     Owners,
     Sidecar,
+    renaming,
     spread_patterns,
 )
 
@@ -486,7 +487,8 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         ties=tuple(_ties(extra, stated)),
         shapes=extra.shapes,
         reference=extra.reference,
-        columns=Renames.of(extra.columns),
+        columns=Renames.of(renaming(extra.columns)),
+        scales=_scales(path, extra, stated),
         time_unit=extra.time.unit or "",
         torque=_measured_torque(extra, stated),
         known_torque=_known_torque(extra, stated),
@@ -643,6 +645,31 @@ def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:
     return MeasuredTorque(
         entry.side, **tables, compensated=tuple(some) if isinstance(some, list) else some
     )
+
+
+def _scales(path: Path, extra: Sidecar, stated: Stated) -> dict[str, tuple[float, float]]:
+    """Return scale and offset of the joints' positions in logs; a name goes before a pattern.
+
+    Raises
+    ------
+    RobotError
+        If one is of no joint.
+    """
+    lines = (*(d for j in stated.tree.joints for d in j.dofs), *stated.locked)
+    lines = (*lines, *(() if extra.transmission is None else extra.transmission.motors))
+    given = {
+        rule.name or key: rule for key, rule in extra.columns.items() if not isinstance(rule, str)
+    }
+    out: dict[str, tuple[float, float]] = {}
+    for text in sorted(given, key=is_pattern, reverse=True):
+        found = find_named(text, lines)
+        if not found:
+            raise RobotError(
+                f"The sidecar of {path}: [columns] scales '{text}', which is no joint"
+                f"{near_match(text, lines)} They are {listing(lines)}."
+            )
+        out |= dict.fromkeys(found, (given[text].scale, given[text].offset))
+    return out
 
 
 def _known_torque(extra: Sidecar, stated: Stated) -> tuple[KnownTorque, ...]:

@@ -386,7 +386,7 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         combinations=forces.combinations,
         cables=cables,
         outside=outside,
-        entries=read_entries(scene),
+        entries=read_entries(scene, compile_mjcf(path, root) if fixed else None),
         servos=find_servos(m, driven_joints(m)),
     )
 

@@ -152,6 +152,9 @@ class Description:
         Standard parameters by which loads are known, where they are not the nominal ones.
     columns : Renames
         From columns or joints of its logs to those of the robot.
+    scales : mapping
+        Joint or motor to scale and offset: its positions and commands in logs are scale × value +
+        offset [rad or m].
     time_unit : str
         Unit of the times in its logs; empty if nobody said.
     torque : MeasuredTorque
@@ -216,6 +219,7 @@ class Description:
     shapes: Mapping[str, float] = field(default_factory=dict)
     reference: Mapping[str, float] = field(default_factory=dict)
     columns: Renames = Renames()
+    scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     time_unit: str = ""
     torque: MeasuredTorque = MeasuredTorque()
     known_torque: tuple[KnownTorque, ...] = ()

@@ -383,7 +383,7 @@ def _tied(m: Any) -> Iterator[list[int]]:
         yield _along(m, t)
 
 
-def read_entries(m: Any) -> dict[str, dict[str, Entry]]:
+def read_entries(m: Any, floating: Any = None) -> dict[str, dict[str, Entry]]:
     """Return which entries of MuJoCo's arrays are about which joint, by array, then index or name.
 
     ``actuator_force`` is before the gear and ``qfrc_actuator`` behind it; ``ctrl`` is the force of
@@ -393,7 +393,14 @@ def read_entries(m: Any) -> dict[str, dict[str, Entry]]:
     ----------
     m : mujoco.MjModel
         The whole scene, whose indices they are.
+    floating : mujoco.MjModel, optional
+        The scene before its base was bolted down, whose indices they are, too; of arrays of both
+        the shorter ones have their length in their name.
     """
+    if floating is not None:
+        sizes = dict.fromkeys(("qvel", "qacc", "qfrc_actuator"), m.nv) | {"qpos": m.nq}
+        own = {f"{a}@{sizes[a]}": e for a, e in read_entries(m).items() if a in sizes}
+        return read_entries(floating) | own
     found: dict[str, dict[str, Entry]] = {}
 
     def add(word: str, keys: Collection[Any], entry: Entry) -> None:

@@ -272,7 +272,8 @@ class Robot(Description):
     def _again(self, other: Robot) -> Robot:
         """Return another robot whose logs are read as those of this one."""
         stated = {f.name: getattr(other, f.name) for f in fields(other)}
-        mine = {key: getattr(self, key) for key in ("columns", "angles", "time_unit")}
+        said = ("columns", "scales", "angles", "time_unit")
+        mine = {key: getattr(self, key) for key in said}
         return Robot(**{**stated, **mine})
 
     def __repr__(self) -> str:

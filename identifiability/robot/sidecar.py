@@ -13,7 +13,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    model_validator,
+)
 
 from identifiability.foundation.documents import described, read_document
 from identifiability.foundation.errors import RobotError, listing
@@ -42,11 +50,6 @@ def _rising(span: tuple[float, float]) -> tuple[float, float]:
     return span
 
 
-def _renaming(rules: dict[str, str]) -> dict[str, str]:
-    Renames.of(rules)
-    return rules
-
-
 def _not_zero(value: float) -> float:
     if not value:
         raise ValueError("zero would leave nothing; give another number")
@@ -63,6 +66,35 @@ Gain = Annotated[float, Field(ge=0)]
 Held = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 #: Coefficients of a polynomial.
 DEGREE = 50
+
+
+class ColumnEntry(_Strict):
+    """Positions and commands of a joint in the logs, in ticks, degrees or normalised units."""
+
+    name: str | None = described(
+        "The joint here, where the key is what logs call it.", "elbow", None
+    )
+    scale: Factor = described("What one is [rad or m].", 0.00153, 1.0)
+    offset: float = described(
+        "Position where the log holds zero [rad or m].", -3.14, 0.0, ge=-LARGEST, le=LARGEST
+    )
+
+
+_ColumnRule = Annotated[
+    Annotated[str, Tag("name")] | Annotated[ColumnEntry, Tag("table")],
+    Discriminator(lambda rule: "name" if isinstance(rule, str) else "table"),
+]
+
+
+def renaming(rules: Mapping[str, str | ColumnEntry]) -> dict[str, str]:
+    """Return the names of ``[columns]`` alone."""
+    named = {k: r if isinstance(r, str) else r.name for k, r in rules.items()}
+    return {key: name for key, name in named.items() if name is not None}
+
+
+def _checked(rules: dict[str, str | ColumnEntry]) -> dict[str, str | ColumnEntry]:
+    Renames.of(renaming(rules))
+    return rules
 
 
 class LoopEntry(_Strict):
@@ -354,10 +386,10 @@ class Sidecar(_Strict):
         dict,
     )
     limits: dict[str, LimitEntry] = {}
-    columns: Annotated[dict[str, str], AfterValidator(_renaming)] = described(
+    columns: Annotated[dict[str, _ColumnRule], AfterValidator(_checked)] = described(
         "Column or joint in the logs = column or joint here; or a regular expression for the "
-        "whole name.",
-        {"fer_joint(\\d)": "panda_joint\\1"},
+        "whole name. Or joint (or pattern) = scale and offset of its positions and commands.",
+        {"fer_joint(\\d)": "panda_joint\\1", "elbow": {"scale": 0.00153, "offset": -3.14}},
         dict,
     )
     time: _TimeEntry = _TimeEntry()

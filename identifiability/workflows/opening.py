@@ -24,6 +24,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.containers import frame_of
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.lerobot import is_dataset, list_episodes
 from identifiability.logs.logfile import LogFile, open_log
 from identifiability.logs.mend import drop_contradictions, mend_logs, unwrap_logs
 from identifiability.logs.prepare import Preparation, Samples
@@ -172,10 +173,20 @@ def list_logs(logs: Logs) -> list[LogLike]:
 def read_logs(logs: Logs, known: Conventions) -> list[Log | LogFile]:
     """Return logs, however they are given; long files stay files.
 
-    What is known of logs of the robot holds for those that are read here.
+    What is known of logs of the robot holds for those that are read here; each episode of a
+    dataset is a log.
     """
     out: list[Log | LogFile] = []
-    for k, item in enumerate(list_logs(logs)):
+    given = [
+        one
+        for item in list_logs(logs)
+        for one in (
+            list_episodes(item)
+            if isinstance(item, (str, Path)) and is_dataset(Path(item))
+            else [item]
+        )
+    ]
+    for k, item in enumerate(given):
         if isinstance(item, Mapping):
             item = frame_of(item, f"log {k + 1}")  # noqa: PLW2901 - the same in another form
         if isinstance(item, pd.DataFrame):

@@ -26,7 +26,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import check_commands
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.mend import mend_logs, unwrap_logs
+from identifiability.logs.mend import check_units, mend_logs, unwrap_logs
 from identifiability.logs.tables import write_table
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.changed import new_place
@@ -300,6 +300,7 @@ def _read(robot: Robot, logs: Logs) -> list[Log]:
                 f"told, '{robot.joints[0]}.cmd'."
             )
         check_commands(own)
+        check_units(robot, [own])
         out.append(own)
     if not out:
         raise LogError("No log was given; give at least one.")

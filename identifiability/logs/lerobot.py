@@ -1,0 +1,185 @@
+"""LeRobot dataset folders (v2.0, v2.1, v3.0): each episode is a log of positions and commands.
+
+``meta/info.json`` names the joints of ``observation.state`` (positions) and ``action`` (commands);
+``data`` holds Parquet with a row a sample, ``timestamp`` [s] and ``episode_index``. One episode is
+named behind a colon, ``dataset:3``, several ``dataset:0-4``. In which unit positions are nothing
+says: LeRobot writes degrees, shares of a joint's range or radians.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.names import numbered
+from identifiability.logs.sizes import check_columns, check_values
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Where a folder says that it is a dataset.
+INFO = Path("meta") / "info.json"
+
+#: Columns that are read, and the channel of a log that their values are unless names say otherwise.
+FEATURES = {
+    "observation.state": "q",
+    "observation.velocity": "dq",
+    "observation.effort": "tau",
+    "observation.current": "current",
+    "action": "cmd",
+}
+
+#: Ends of names that tell the channel.
+_ENDS = {
+    **{"pos": "q", "position": "q", "vel": "dq", "velocity": "dq"},
+    **{"effort": "tau", "torque": "tau", "current": "current"},
+}
+
+_COMMANDS = {"q": "cmd", "dq": "dq_cmd", "tau": "tau_cmd", "current": "current_cmd"}
+
+#: Numbers of episodes behind a colon.
+_EPISODES = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?")
+
+
+def is_dataset(path: Path) -> bool:
+    """Whether a folder, with episodes behind a colon or without, is a LeRobot dataset."""
+    try:
+        return (split_episodes(path)[0] / INFO).is_file()
+    except OSError:  # no name of a file
+        return False
+
+
+def split_episodes(path: str | Path) -> tuple[Path, str]:
+    """Return the folder, and what stands behind the colon in ``dataset:3``; empty if none does."""
+    folder, colon, text = str(path).rpartition(":")
+    if colon and _EPISODES.fullmatch(text):
+        return Path(folder), text
+    return Path(path), ""
+
+
+def list_episodes(path: str | Path) -> list[Path]:
+    """Return the episodes that a path names, ``dataset:0``, ``dataset:1`` …, all by default.
+
+    Raises
+    ------
+    LogError
+        If there is none, or the folder is of another version.
+    """
+    folder, text = split_episodes(path)
+    info = _read_info(folder)
+    try:
+        count = int(info.get("total_episodes", 0))
+    except (TypeError, ValueError):
+        count = 0
+    if count < 1:
+        raise LogError(f"{folder} holds no episode; record one.")
+    first, last = 0, count - 1
+    named = _EPISODES.fullmatch(text)
+    if named:
+        first = int(named[1])
+        last = first if named[2] is None else int(named[2])
+        if not first <= last < count:
+            raise LogError(
+                f"{folder} has the episodes 0 to {count - 1}, not {text}; name one as "
+                f"'{folder.name}:0', or several as '{folder.name}:0-{count - 1}'."
+            )
+    return [Path(f"{folder}:{k}") for k in range(first, last + 1)]
+
+
+def read_episode(path: str | Path) -> pd.DataFrame:
+    """Return the episode that a path names as a table with the columns of a log.
+
+    Returns
+    -------
+    DataFrame
+        ``t`` [s], ``<joint>.q`` and ``<joint>.cmd`` in the dataset's unit, and what else there is.
+
+    Raises
+    ------
+    LogError
+        If the path names several episodes, or the dataset lacks positions.
+    """
+    import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
+    import pyarrow.dataset as ds  # noqa: PLC0415
+
+    folder, _ = split_episodes(path)
+    episodes = list_episodes(path)
+    if len(episodes) > 1:
+        raise LogError(
+            f"{path} has {len(episodes)} episodes, and each is a log; name one as "
+            f"'{folder.name}:0'."
+        )
+    number = int(split_episodes(episodes[0])[1])
+    info = _read_info(folder)
+    data = ds.dataset(folder / "data", format="parquet")
+    wanted = [name for name in FEATURES if name in data.schema.names]
+    lacking = {"timestamp", "episode_index", "observation.state"} - {*data.schema.names}
+    if lacking:
+        raise LogError(
+            f"{folder} lacks {listing(sorted(lacking))} in its data; a log needs times and the "
+            "positions of the joints, observation.state."
+        )
+    rows = data.to_table(columns=["timestamp", *wanted], filter=ds.field("episode_index") == number)
+    if not rows.num_rows:
+        raise LogError(f"{folder} has no row of episode {number}; its files are not complete.")
+    columns: dict[str, Any] = {"t": _times(rows["timestamp"], info, folder)}
+    for feature in wanted:
+        values = np.array(rows[feature].to_pylist(), float)
+        values = values.reshape(rows.num_rows, -1)
+        check_values(path, values.size)
+        columns |= zip(_columns(feature, values.shape[1], info), values.T, strict=True)
+    check_columns(folder, len(columns))
+    return pd.DataFrame(columns)
+
+
+def _read_info(folder: Path) -> Mapping[str, Any]:
+    try:
+        info = json.loads((folder / INFO).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())[:200].rstrip(".")
+        raise LogError(f"{folder / INFO} cannot be read as JSON: {reason}.") from None
+    version = str(info.get("codebase_version", "")) if isinstance(info, dict) else ""
+    if not version.startswith(("v2.", "v3.")):
+        raise LogError(
+            f"{folder} is a LeRobot dataset of version '{version}', and v2.0 to v3 are read; "
+            "convert it with LeRobot's own script."
+        )
+    return dict(info)
+
+
+def _times(given: Any, info: Mapping[str, Any], folder: Path) -> np.ndarray:
+    """Return times [s]; those of single precision that count samples, to the last digit."""
+    t = np.array(given.to_pylist(), float).reshape(-1)
+    fps = info.get("fps")
+    if isinstance(fps, (int, float)) and fps > 0:
+        even = np.round(t * fps) / fps
+        if np.all(np.abs(t - even) <= np.spacing(np.abs(t).astype(np.float32))):
+            return even
+    if not np.isfinite(t).all():
+        raise LogError(f"{folder}: a timestamp is no number.")
+    return t
+
+
+def _columns(feature: str, count: int, info: Mapping[str, Any]) -> list[str]:
+    """Return what the values of a feature are called in a log."""
+    features = info.get("features")
+    stated = features.get(feature) if isinstance(features, dict) else None
+    names = stated.get("names") if isinstance(stated, dict) else None
+    if isinstance(names, dict):  # {"motors": [...]}
+        names = next((x for x in names.values() if isinstance(x, list)), None)
+    own = FEATURES[feature]
+    if not isinstance(names, list) or len(names) != count or len({*names}) < count:
+        return [f"{name}.{own}" for name in numbered(count)]
+    ends = _ENDS if own != "cmd" else {end: _COMMANDS[kind] for end, kind in _ENDS.items()}
+    found = []
+    for name in map(str, names):
+        joint, _, end = name.rpartition(".")
+        kind = ends.get(end, own) if own in ("q", "cmd") else own
+        found.append(f"{joint if joint and end in _ENDS else name}.{kind}")
+    return found

@@ -1,0 +1,343 @@
+"""Logs of commands in the forms in which others keep them: LeRobot, ROS 2, MuJoCo."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from identifiability import Log, Robot, rollout
+from identifiability.foundation.errors import LogError, RobotError
+from identifiability.logs.aliases import COMMANDED
+from identifiability.logs.conventions import Conventions
+from identifiability.workflows.opening import read_logs
+
+DATASETS = Path(__file__).parent / "lerobot"
+SHIPPED = Path(__file__).resolve().parents[2] / "models" / "hobby-arm"
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return Robot.load("hobby-arm")
+
+
+@pytest.fixture(scope="module")
+def frame():
+    return pd.read_csv(SHIPPED / "logs" / "run1.csv")[:300]
+
+
+def read(robot, given):
+    (log,) = read_logs(given, Conventions.of(robot))
+    return log.select(robot.joints)
+
+
+def refused(robot, given) -> str:
+    with pytest.raises(LogError) as error:
+        read(robot, given)
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+# LeRobot. The datasets were written by the package itself (`lerobot/write.py`).
+
+
+@pytest.mark.parametrize("version", ["v2.1", "v3.0"])
+def test_every_episode_of_a_dataset_is_the_log_that_was_recorded(version, arm):
+    logs = read_logs(DATASETS / version, Conventions.of(arm))
+    assert [log.name for log in logs] == [f"{version}:0", f"{version}:1"]
+    for k, log in enumerate(logs, start=1):
+        table = pd.read_csv(SHIPPED / "logs" / f"run{k}.csv")[:75]
+        own = log.select(arm.joints)
+        for kind, given in (("q", own.q), ("cmd", own.q_ref)):
+            wanted = table[[f"{j}.{kind}" for j in arm.joints]].to_numpy(np.float32)
+            np.testing.assert_array_equal(given, wanted)
+        np.testing.assert_allclose(log.t, np.arange(75) / 50, atol=1e-12)
+    (second,) = read_logs(f"{DATASETS / version}:1", Conventions.of(arm))
+    assert second.sha256 == logs[1].sha256 != logs[0].sha256
+    assert len(read_logs(f"{DATASETS / version}:0-1", Conventions.of(arm))) == 2
+    assert rollout(arm, f"{DATASETS / version}:1").totals[0] < 0.5
+
+
+def test_units_of_a_dataset_are_stated_by_joint(arm, tmp_path):
+    """Normalised units, ticks and degrees in one table; patterns, and names of its own."""
+    plain = read(arm, DATASETS / "v3.0:0")
+    folder = tmp_path / "robot"
+    shutil.copytree(SHIPPED, folder)
+    rules = """
+[columns]
+"*" = {scale = 0.02, offset = 0.1}
+jaw_joint = {scale = -0.0015339807878856412, offset = 3.14159}
+yaw = {name = "base_yaw", scale = 0.017453292519943295}
+"""
+    (folder / "robot.toml").write_text((SHIPPED / "robot.toml").read_text() + rules)
+    robot = Robot.load(folder / "robot.xml")
+
+    def own(joint, rad):
+        if joint == "jaw_joint":
+            return (3.14159 - rad) / 0.0015339807878856412
+        return np.degrees(rad) if joint == "base_yaw" else (rad - 0.1) / 0.02
+
+    table = pd.DataFrame({"t": plain.t})
+    for k, joint in enumerate(arm.joints):
+        name = {"base_yaw": "yaw"}.get(joint, joint)
+        table[f"{name}.q"], table[f"{name}.action"] = (
+            own(joint, x[:, k]) for x in (plain.q, plain.q_ref)
+        )
+    log = read(robot, table)
+    np.testing.assert_allclose(log.q, plain.q, atol=1e-12)
+    np.testing.assert_allclose(log.q_ref, plain.q_ref, atol=1e-12)
+    assert any("scaled and shifted as the sidecar says" in note for note in log.notes)
+    saved = robot.save(tmp_path / "again.xml")
+    np.testing.assert_allclose(read(Robot.load(saved), table).q, plain.q, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("rule", "said"),
+    [
+        ("elbo = {scale = 2.0}", "scales 'elbo', which is no joint, did you mean 'elbow'?"),
+        ("elbow = {scale = 0.0}", "zero would leave nothing"),
+        ("elbow = {gain = 2.0}", "gain"),
+    ],
+)
+def test_a_scale_of_nothing_is_refused(rule, said, tmp_path):
+    folder = tmp_path / "robot"
+    shutil.copytree(SHIPPED, folder)
+    (folder / "robot.toml").write_text(f"[columns]\n{rule}\n")
+    with pytest.raises(RobotError, match=said.replace("?", r"\?")):
+        Robot.load(folder / "robot.xml")
+
+
+@pytest.mark.parametrize(
+    ("scale", "said"),
+    [
+        (57.29578, "it looks like degrees: say --angles deg"),
+        (651.9, "far beyond the joint's limits"),
+    ],
+)
+def test_units_that_nobody_stated_are_refused_with_what_to_write(scale, said, arm, frame):
+    motion = frame.drop(columns="t")
+    table = (motion * scale + (0 if scale < 60 else 2048)).assign(t=frame["t"])
+    with pytest.raises(LogError, match=said) as error:
+        rollout(arm, table)
+    assert "= {scale = …, offset = …} in the sidecar" in str(error.value)
+
+
+def spoilt(tmp_path, **changed):
+    folder = tmp_path / "dataset"
+    shutil.copytree(DATASETS / "v2.1", folder)
+    info = json.loads((folder / "meta/info.json").read_text()) | changed
+    (folder / "meta/info.json").write_text(json.dumps(info))
+    return folder
+
+
+def test_datasets_that_cannot_be_read_are_refused_in_one_sentence(arm, tmp_path):
+    assert "has the episodes 0 to 1, not 7" in refused(arm, f"{DATASETS / 'v3.0'}:7")
+    assert "version 'v1.6'" in refused(arm, spoilt(tmp_path / "a", codebase_version="v1.6"))
+    assert "holds no episode" in refused(arm, spoilt(tmp_path / "b", total_episodes=0))
+    third = spoilt(tmp_path / "c", total_episodes=3)
+    assert "no row of episode 2" in refused(arm, f"{third}:2")
+    (third / "meta/info.json").write_text("{")
+    assert "cannot be read as JSON" in refused(arm, third)
+    with pytest.raises(LogError, match="has 2 episodes, and each is a log"):
+        Log.read(DATASETS / "v3.0")
+    bare = spoilt(tmp_path / "d", total_episodes=1)
+    for path in bare.glob("data/*/*.parquet"):
+        pq.write_table(pq.read_table(path).drop_columns(["observation.state"]), path)
+    assert "lacks observation.state" in refused(arm, bare)
+
+
+def test_names_tell_channels_and_a_dataset_without_names_has_the_robots_order(arm, tmp_path):
+    folder = spoilt(tmp_path, total_episodes=1)
+    info = json.loads((folder / "meta/info.json").read_text())
+    for feature in ("observation.state", "action"):
+        info["features"][feature]["names"] = None
+    (folder / "meta/info.json").write_text(json.dumps(info))
+    np.testing.assert_array_equal(read(arm, folder).q_ref, read(arm, DATASETS / "v2.1:0").q_ref)
+    names = [f"{j}.{kind}" for kind in ("pos", "vel") for j in arm.joints]
+    info["features"]["observation.state"] = {"names": {"motors": names}}
+    (folder / "meta/info.json").write_text(json.dumps(info))
+    path = folder / "data/chunk-000/episode_000000.parquet"
+    table = pq.read_table(path)
+    state = [[*row, *(2 * x for x in row)] for row in table["observation.state"].to_pylist()]
+    at = table.schema.get_field_index("observation.state")
+    pq.write_table(table.set_column(at, "observation.state", pa.array(state)), path)
+    log = read(arm, folder)
+    np.testing.assert_allclose(log.dq, 2 * log.q)
+
+
+# ROS 2.
+
+
+@pytest.fixture(scope="module")
+def ros():
+    """The types of ROS 2 with those of commands, and a function that writes a bag of messages."""
+    typesys = pytest.importorskip("rosbags.typesys", reason="needs the extra 'ros'")
+    from rosbags import rosbag2
+
+    store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+    point = "trajectory_msgs/JointTrajectoryPoint"
+    texts = {
+        "control_msgs/msg/MultiDOFCommand": "string[] dof_names\nfloat64[] values\n"
+        "float64[] values_dot\n",
+        "control_msgs/msg/JointTrajectoryControllerState": "std_msgs/Header header\n"
+        f"string[] joint_names\n{point} reference\n{point} feedback\n{point} error\n"
+        f"{point} output\n",
+    }
+    for name, text in texts.items():
+        store.register(typesys.get_types_from_msg(text, name))
+
+    def write(folder, messages, storage="MCAP"):
+        plugin = rosbag2.StoragePlugin[storage]
+        with rosbag2.Writer(folder, version=9, storage_plugin=plugin) as writer:
+            known = {}
+            for t, topic, message in sorted(messages, key=lambda m: m[0]):
+                kind = message.__msgtype__
+                if topic not in known:
+                    known[topic] = writer.add_connection(topic, kind, typestore=store)
+                nanoseconds = 1_700_000_000_000_000_000 + round(t * 1e9)
+                writer.write(known[topic], nanoseconds, store.serialize_cdr(message, kind))
+        return folder
+
+    return store.types, write
+
+
+def recorded(types, frame, joints, kind, *, effort=False):
+    """Yield joint states of every row, and commands whenever they change."""
+    stamp = types["builtin_interfaces/msg/Time"]
+    header = types["std_msgs/msg/Header"]
+    point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
+    duration = types["builtin_interfaces/msg/Duration"](0, 0)
+    empty = np.array([])
+    before = None
+    for _, row in frame.iterrows():
+        now = header(stamp(*divmod(1_700_000_000_000_000_000 + round(row["t"] * 1e9), 10**9)), "")
+        q, cmd = (np.array([row[f"{j}.{c}"] for j in joints]) for c in ("q", "cmd"))
+        torque = 2 * q if effort else empty
+        state = types["sensor_msgs/msg/JointState"](now, list(joints), q, empty, torque)
+        yield row["t"], "/joint_states", state
+        if before is not None and np.array_equal(cmd, before):
+            continue
+        before = cmd
+        if kind == "JointTrajectoryControllerState":
+            wanted = point(cmd, empty, empty, empty, duration)
+            none = point(empty, empty, empty, empty, duration)
+            made = types[f"control_msgs/msg/{kind}"](
+                now, list(joints)[::-1], point(cmd[::-1].copy(), empty, empty, empty, duration),
+                none, wanted, none,
+            )  # fmt: skip
+        elif kind == "MultiDOFCommand":
+            made = types[f"control_msgs/msg/{kind}"](list(joints), cmd, 0.0 * cmd)
+        else:
+            layout = types["std_msgs/msg/MultiArrayLayout"]([], 0)
+            made = types["std_msgs/msg/Float64MultiArray"](layout, cmd)
+        yield row["t"] - 1e-4, "/arm/commands", made
+
+
+KINDS = ("JointTrajectoryControllerState", "MultiDOFCommand", "Float64MultiArray")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bag_of_joint_states_and_commands_is_the_log(kind, ros, arm, frame, tmp_path):
+    types, write = ros
+    bag = write(tmp_path / "bag", recorded(types, frame, arm.joints, kind))
+    log, plain = read(arm, bag), read(arm, frame)
+    np.testing.assert_array_equal(log.q, plain.q)
+    np.testing.assert_array_equal(log.q_ref, plain.q_ref)
+    np.testing.assert_allclose(log.t, plain.t - plain.t[0], atol=1.1e-9)
+    assert log.commanded
+    assert (log.dq_ref is not None) == (kind == "MultiDOFCommand")
+
+
+def test_effort_goes_before_commands_and_a_bag_without_either_is_refused(ros, arm, frame, tmp_path):
+    types, write = ros
+    both = write(tmp_path / "a", recorded(types, frame, arm.joints, KINDS[1], effort=True))
+    log = read(arm, both)
+    assert not log.commanded
+    np.testing.assert_allclose(log.tau, 2 * log.q)
+    alone = [m for m in recorded(types, frame, arm.joints, KINDS[1]) if m[1] == "/joint_states"]
+    said = refused(arm, write(tmp_path / "b", alone))
+    assert "have no effort" in said
+    assert "or commands beside position" in said
+
+
+def test_of_several_topics_of_commands_one_is_named(ros, arm, frame, tmp_path):
+    types, write = ros
+    messages = list(recorded(types, frame, arm.joints, KINDS[2]))
+    other = [(t, "/other", m) for t, topic, m in messages if topic != "/joint_states"]
+    bag = write(tmp_path / "bag", [*messages, *other])
+    file = next(bag.glob("*.mcap"))
+    assert "commands" in refused(arm, bag)
+    log = read(arm, f"{file}:/joint_states,/other")
+    np.testing.assert_array_equal(log.q_ref, read(arm, frame).q_ref)
+    assert "no commands on the topic '/othr'" in refused(arm, f"{file}:/joint_states,/othr")
+
+
+# MuJoCo.
+
+
+def test_a_recording_of_mujoco_is_a_log_of_commands(arm, frame, tmp_path):
+    plain = read(arm, frame)
+    arrays = {"time": plain.t, "qpos": plain.q, "qvel": 0 * plain.q, "ctrl": plain.q_ref}
+    np.savez(tmp_path / "run.npz", **arrays)
+    flat = {"time": plain.t} | {
+        f"{name}[{k}]": arrays[name][:, k] for name in ("qpos", "qvel", "ctrl") for k in range(6)
+    }
+    pd.DataFrame(flat).to_csv(tmp_path / "run.csv", index=False)
+    pd.DataFrame(flat).to_parquet(tmp_path / "run.parquet", index=False)
+    for path in sorted(tmp_path.glob("run.*")):
+        log = read(arm, path)
+        np.testing.assert_allclose(log.q_ref, plain.q_ref, atol=1e-12)
+        assert log.commanded
+
+
+def test_a_recording_of_a_floating_quadruped_on_a_stand_is_read_by_its_addresses(tmp_path):
+    robot = Robot.load("quadruped")
+    plain = read(robot, SHIPPED.parent / "quadruped/logs/run1.csv")
+    base = np.tile([0, 0, 0.6, 1, 0, 0, 0], (len(plain), 1))
+    arrays = {"time": plain.t, "qpos": np.hstack([base, plain.q]), "ctrl": plain.q_ref}
+    np.savez(tmp_path / "run.npz", **arrays)
+    log = read(robot, tmp_path / "run.npz")
+    np.testing.assert_array_equal(log.q, plain.q)
+    np.testing.assert_array_equal(log.q_ref, plain.q_ref)
+
+
+# Words.
+
+
+WORDS = [
+    "target",
+    "des",
+    "desired",
+    "reference",
+    "action",
+    "command",
+    "ctrl",
+    "q_des",
+    "cmd",
+    "setpoint",
+    "goal",
+    "commanded",
+]
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_every_word_of_commands_is_understood(word, arm, frame):
+    assert word == "q_des" or word in COMMANDED
+    plain = read(arm, frame)
+    for call in (
+        "{joint}.{word}",
+        "{word}_{joint}",
+        "{joint}_{word}",
+        "/{word}/{joint}",
+        "{word}_{k}",
+    ):
+        names = {f"{j}.cmd": call.format(joint=j, word=word, k=k) for k, j in enumerate(arm.joints)}
+        np.testing.assert_array_equal(read(arm, frame.rename(columns=names)).q_ref, plain.q_ref)
+    names = {f"{j}.cmd": f"des_dof_pos_{k}" for k, j in enumerate(arm.joints)}
+    np.testing.assert_array_equal(read(arm, frame.rename(columns=names)).q_ref, plain.q_ref)
