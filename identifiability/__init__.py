@@ -160,6 +160,12 @@ def _notebook_piece(*given: Any) -> Any:
     return notebook_piece(*given)
 
 
+def _notebook_result(*given: Any) -> Any:
+    from identifiability.report.notebook import notebook_result  # noqa: PLC0415
+
+    return notebook_result(*given)
+
+
 def _write_page(*given: Any) -> Any:
     from identifiability.report.results import write_result  # noqa: PLC0415
 
@@ -173,7 +179,12 @@ def _save_robot(*given: Any) -> Any:
 
 
 # Lower rooms ask for these, which stand above them.
-hand_down(notebook_piece=_notebook_piece, write_page=_write_page, save_robot=_save_robot)
+hand_down(
+    notebook_piece=_notebook_piece,
+    notebook_result=_notebook_result,
+    write_page=_write_page,
+    save_robot=_save_robot,
+)
 
 
 def __dir__() -> list[str]:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from IPython.core.interactiveshell import InteractiveShell
 from traitlets.config import Config
 
 from identifiability import analyze
+from identifiability.report.results import answer_first
 from identifiability.workflows.calibrate.calibration import calibrate
 from identifiability.workflows.prune import prune
 
@@ -51,12 +53,16 @@ def results(simulated_session):
 
 
 @pytest.mark.parametrize("kind", ["analysis", "calibration", "ladder", "diagnosis"])
-def test_a_result_is_a_sentence_and_a_table(kind, results):
+def test_a_result_is_what_its_page_answers_first_and_a_table(kind, results):
     if kind not in results:
         pytest.skip(f"there is no {kind} yet")
-    tags = Tags(results[kind]._repr_html_())
-    assert {"p", "table"} <= tags.found
+    html = results[kind]._repr_html_()
+    tags = Tags(html)
+    assert {"dl", "table"} <= tags.found
     assert tags.open == []
+    first = answer_first(results[kind])
+    assert all(escape(answer.question) in html for answer in first.answers)
+    assert ("svg" in tags.found) == (first.sketch is not None)
 
 
 @pytest.mark.parametrize("kind", ["robot", "log", "fit", "base", "prediction"])

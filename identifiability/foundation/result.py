@@ -42,6 +42,10 @@ class Result(ABC):
     def to_dict(self) -> dict[str, Any]:
         """Return the answer in its documented JSON schema."""
 
+    def _first_frame(self) -> pd.DataFrame:
+        """Return the table that a notebook shows below the answers."""
+        return self.to_frame()
+
     def parameters_frame(self) -> pd.DataFrame:
         """Return one row a parameter, by name in the column ``name`` or ``parameter``."""
         return self.to_frame()
@@ -97,4 +101,5 @@ class Result(ABC):
         return text if len(text) <= SCREEN else f"{text[: SCREEN - 2]}…>"
 
     def _repr_html_(self) -> str:
-        return shown(self.statement, self.to_frame(), "to_frame()")
+        html: str = handed("notebook_result")(self)
+        return html

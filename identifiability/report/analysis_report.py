@@ -83,8 +83,9 @@ MOST_NAMES = 24
 FEW_ROWS = 10
 
 
-def answer_questions(analysis: Analysis, notes: Notes) -> Answers:
+def answer_analysis(analysis: Analysis) -> Answers:
     """Return what to use, how good it is, whether to trust it, what to do next."""
+    notes = answer_notes(analysis)
     chosen, found = analysis.chosen, analysis.chosen.count(Class.IDENTIFIABLE)
     doubt = f"Nothing is identifiable, because {analysis.nothing}." if analysis.nothing else ""
     each = analysis.held_out.joint_error()[:, analysis.selected]
@@ -413,7 +414,7 @@ def build_analysis_page(analysis: Analysis) -> Page:
         overline="Identifiability report",
         subtitle=subtitle,
         summary=(
-            answer_questions(analysis, notes),
+            answer_analysis(analysis),
             answer_terms(analysis),
             notes,
             Fold("The answer in one paragraph", (Prose((analysis.statement,)),)),

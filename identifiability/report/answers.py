@@ -185,7 +185,8 @@ def state_error(error: float, joints: Sequence[str], each: Array) -> tuple[float
     judged = float(np.sqrt(np.mean(each**2)))
     short = sentence("decision.grades", grade_of(judged), error=" to ".join(ends))
     told = state_joints(joints, each, error)
-    return judged, short, f"{told} {sentence('decision.together', error=error_text(error))}"
+    together = sentence("decision.together", error=error_text(error))
+    return judged, short, f"{told} {together}"
 
 
 def answer_trust(

@@ -73,15 +73,16 @@ def build_pruning_page(ladder: Ladder) -> Page:
             f"{format_count(ladder.information.samples, 'sample')}"
         ),
         summary=(
-            _answers(ladder, notes),
+            answer_pruning(ladder),
             Notes(notes),
             Fold("The answer in one paragraph", (Prose((ladder.statement,)),)),
         ),
     )
 
 
-def _answers(ladder: Ladder, notes: tuple[Note, ...]) -> Answers:
+def answer_pruning(ladder: Ladder) -> Answers:
     """Return what to use, how good it is, whether to trust it, what to do next."""
+    notes = tuple(_notes(ladder))
     chosen, full = ladder.chosen, ladder.full
     outside = np.isfinite(chosen.error_ra_validation)
     error = chosen.error_ra_validation if outside else chosen.error_ra_unseen

@@ -23,10 +23,15 @@ def build_rollout_page(result: RolledOut) -> Page:
         overline="Rollout",
         subtitle=f"{' · '.join(run.name for run in result.runs)} · {logs}",
         summary=(
-            Answers((_error(result), _delay(result))),
+            answer_rollout(result),
             Fold("The answer in one paragraph", (Prose((result.statement,)),)),
         ),
     )
+
+
+def answer_rollout(result: RolledOut) -> Answers:
+    """Return by how much positions err, and how late commands act."""
+    return Answers((_error(result), _delay(result)))
 
 
 def _error(result: RolledOut) -> Answer:

@@ -13,7 +13,7 @@ import pandas as pd
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.output import write_text
-from identifiability.foundation.result import Result, shown
+from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import LadderEntry, RungEntry, ladder_text
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
@@ -127,9 +127,10 @@ class Diagnosis(Result, Findings, Predicts):
         frame = pd.DataFrame(rows).drop(columns="explained")
         return frame.rename(columns={"reversals": "near reversals"})
 
-    def _repr_html_(self) -> str:
-        frame = self.to_frame()  # where nothing was named, what is wrong in every joint
-        return shown(self.statement, self.error_frame() if frame.empty else frame)
+    def _first_frame(self) -> pd.DataFrame:
+        """Return the effects; where nothing was named, what is wrong in every joint."""
+        frame = self.to_frame()
+        return self.error_frame() if frame.empty else frame
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
