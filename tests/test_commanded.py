@@ -13,9 +13,11 @@ import pytest
 from identifiability import Log, Robot, analyze
 from identifiability.estimation.rollouts import find_delay, fit_rollouts
 from identifiability.foundation.errors import LogError, RobotError
+from identifiability.logs.aliases import take_joint
 from identifiability.logs.commands import held_mean, servo_log
 from identifiability.logs.conventions import Conventions
-from identifiability.robot.servo import Servo
+from identifiability.report.analysis_report import answer_notes
+from identifiability.robot.servo import Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot
 from identifiability.workflows.rollout import rollout
 
@@ -125,10 +127,26 @@ def test_commands_are_found_by_many_names(arm, frames):
     names = ("t", "dof_pos_0", "dof_pos_1", "des_dof_pos_0", "des_dof_pos_1")
     log = read(arm, frames[1].set_axis(names, axis=1))
     np.testing.assert_array_equal(log.q_ref, plain.q_ref)
+    for names in (
+        ("time_ns", "shoulder", "elbow", "shoulder_target", "elbow_target"),
+        ("timestamp", "joint_0", "joint_1", "joint_0_target", "joint_1_target"),
+        ("t", "q_0", "q_1", "motor_0_q_des", "motor_1_q_des"),
+    ):
+        frame = frames[1].set_axis(names, axis=1)
+        frame = frame.assign(time_ns=1e9 * frame["time_ns"]) if "ns" in names[0] else frame
+        np.testing.assert_allclose(read(arm, frame).q_ref, plain.q_ref)
     degrees = frames[1].copy()
     degrees[["shoulder.cmd", "elbow.cmd"]] *= 180 / np.pi
     log = read(arm, degrees.rename(columns=lambda c: c.replace(".cmd", ".q_des [deg]")))
     np.testing.assert_allclose(log.q_ref, plain.q_ref, atol=1e-12)
+
+
+def test_a_word_that_says_nothing_may_lack_in_the_name_of_a_joint():
+    joints = ("FL_hip_joint", "FL_calf_joint", "joint_1", "arm_joint")
+    assert take_joint(["fl", "hip", "pos"], joints) == ("FL_hip_joint", ["pos"])
+    assert take_joint(["1", "pos"], joints) == ("", ["1", "pos"])
+    assert take_joint(["arm", "pos"], joints) == ("", ["arm", "pos"])
+    assert take_joint(["joint", "1", "pos"], joints) == ("joint_1", ["pos"])
 
 
 def test_commands_hold_until_the_next_comes(arm, frames):
@@ -199,6 +217,22 @@ def test_torque_is_the_servos_law_and_saturated_torque_no_data():
     np.testing.assert_array_equal(made.unmeasured, ~inside)
 
 
+def test_when_commands_act_is_said_from_the_row_that_holds_them():
+    names = ["a.csv", "b.csv", "c.csv"]
+    assert state_delay(np.array([0.0049]), names[:1]) == "commands act 4.9 ms after their rows"
+    both = state_delay(np.array([0.002, -0.003, 0.002]), names)
+    assert "2 ms after their rows of a.csv, c.csv and 3 ms before their rows of b.csv" in both
+    assert "positions are that much late" in both
+    assert "-" not in both
+
+
+def test_what_an_assumed_rate_does_to_damping_is_said(arm):
+    told = arm.servo.state_rate()
+    assert "1000 times a second" in told
+    assert "0.6 higher" in told  # 1200 N·m/rad, half a millisecond more
+    assert replace(arm.servo, assumed=False).state_rate() == ""
+
+
 # Rollouts.
 
 
@@ -252,7 +286,10 @@ def test_robots_with_loops_are_not_rolled_out(frames):
 
 def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, frames, tmp_path):
     result = analyze(arm, frames[0], frames[1], quick=True)
-    assert "hold commands and no torque" in result.statement or "commands" in result.hints[0]
+    assert "holds commands and no torque" in result.commands
+    assert result.commands in result.hints
+    told = {n.text: n.level for n in answer_notes(result).notes}
+    assert told[result.commands] == "note"  # it speaks against nothing
     table = result.to_frame().set_index("name")
     structure = result.structure
     phi = np.array([{**arm.nominal, **TRUTH}.get(n, 0.0) for n in structure.columns])

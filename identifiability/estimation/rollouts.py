@@ -7,7 +7,7 @@ the commands. Bodies are the file's.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -31,6 +31,9 @@ COARSE = 2.5 * STEP
 
 #: No delay that is looked for is longer [s].
 LATEST = 0.06
+
+#: Where a third of a log is so long, the search begins on that: steps there cost a third [s].
+ENOUGH = 2.0
 
 #: A step is taken again, more damped, so often; and the search ends where one gains less than this
 #: share of the error, or after so many.
@@ -98,9 +101,30 @@ def fit_rollouts(
         If the robot cannot be rolled out.
     """
     machine = CommandedRobot(robot, {})
+    x = _pack(start or machine.numbers(), np.full(len(logs), delay or 0.0))
     problem = _Problem(machine, tuple(logs), delay)
-    x = problem.pack(start or machine.numbers(), np.full(len(logs), delay or 0.0))
-    errors = before = problem.errors(problem.roll([x])[0])
+    before = problem.errors(problem.roll([x])[0])
+    thirds = tuple(_middle(log) for log in logs)
+    if all(t[-1] - t[0] > ENOUGH for t in (log.t for log in thirds)):
+        x, _, _ = _descend(_Problem(machine, thirds, delay), x, steps)
+    x, errors, taken = _descend(problem, x, steps)
+    numbers, late = problem.unpack(x)
+    return Rollouts(numbers, late, errors, before, taken)
+
+
+def _middle(log: Log) -> Log:
+    """Return the middle third of a log, as they often begin and end at rest."""
+    return log.rows(len(log) // 3, 2 * len(log) // 3)
+
+
+def _pack(numbers: Mapping[str, Array], delays: Array) -> Array:
+    """Return the vector of some numbers."""
+    return np.concatenate([*(numbers[k] for k in KINDS), delays])
+
+
+def _descend(problem: _Problem, x: Array, steps: int) -> tuple[Array, Array, int]:
+    """Return the vector after damped Gauss–Newton steps, errors (n,), and how many were taken."""
+    errors = problem.errors(problem.roll([x])[0])
     taken, damping = 0, 1e-3
     for _ in range(steps):
         weights = 1.0 / np.maximum(errors, 1e-9)
@@ -126,8 +150,7 @@ def fit_rollouts(
         taken, damping = taken + 1, max(damping / 10, 1e-8)
         if now > (1 - GAIN) * cost:
             break
-    numbers, late = problem.unpack(x)
-    return Rollouts(numbers, late, errors, before, taken)
+    return x, errors, taken
 
 
 def find_delay(machine: CommandedRobot, logs: Sequence[Log]) -> float:
@@ -142,20 +165,20 @@ def find_delay(machine: CommandedRobot, logs: Sequence[Log]) -> float:
     step = min(signals.sampling_step(log.t) for log in logs)
     width = np.concatenate([log.q for log in logs]).std(0) + 1e-6
 
-    def costs(delays: Array) -> Array:
+    def costs(delays: Array, finest: float) -> Array:
         own = [machine.numbers()] * len(delays)
         total = np.zeros(len(delays))
         for log in logs:
-            apart = (machine.roll(log, own, delays) - log.q) / width
+            apart = (machine.roll(log, own, delays, step=finest) - log.q) / width
             total += np.nan_to_num(apart**2, nan=1e12).sum((1, 2))
         return total
 
     # A command was given at any time since the row before.
     grid = np.linspace(-step, LATEST, 12)
-    best = int(np.argmin(costs(grid)))
+    best = int(np.argmin(costs(grid, COARSE)))
     wide = float(grid[1] - grid[0])
     near = np.linspace(max(grid[best] - wide, -step), grid[best] + wide, 7)
-    found = costs(near)
+    found = costs(near, STEP)
     best = int(np.clip(np.argmin(found), 1, len(near) - 2))
     a, b, c = found[best - 1 : best + 2]  # through which goes a parabola
     bend = a - 2 * b + c
@@ -182,10 +205,6 @@ class _Problem:
         place = np.array([int(np.sum(self.trees[:k] == t)) for k, t in enumerate(self.trees)])
         #: One joint of each tree, which are varied at once.
         self.groups = [np.flatnonzero(place == k) for k in range(int(place.max()) + 1)]
-
-    def pack(self, numbers: dict[str, Array], delays: Array) -> Array:
-        """Return the vector of some numbers."""
-        return np.concatenate([*(numbers[k] for k in KINDS), delays])
 
     def unpack(self, x: Array) -> tuple[dict[str, Array], Array]:
         """Return the numbers of a vector."""

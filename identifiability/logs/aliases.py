@@ -369,13 +369,17 @@ def _guess_time(source: str, words: list[str], unit: Unit | None) -> Guess | Non
 
 
 def take_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]:
-    """Return the joint whose name stands among some words, and the words without it."""
-    found = []
-    for joint in joints:
-        name = words_of(joint)
-        at = [k for k in range(len(words)) if words[k : k + len(name)] == name]
-        if at and name:
-            found.append((len(name), joint, at[0]))
+    """Return the joint whose name stands among some words, and the words without it.
+
+    Words that say nothing may be left out of a name, as in "FL_hip" for "FL_hip_joint", as long as
+    a word is left.
+    """
+    names = [words_of(joint) for joint in joints]
+    found = _standing(words, names, joints)
+    if not found:
+        brief = [[w for w in name if w not in SILENT] for name in names]
+        brief = [name if any(not w.isdecimal() for w in name) else [] for name in brief]
+        found = _standing(words, brief, joints)
     if not found:
         return "", list(words)
     size, joint, k = max(found, key=lambda f: f[0])
@@ -383,3 +387,15 @@ def take_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]
     if len(alike) > 1:  # two names that differ in case or signs only
         return "", ["?"]
     return joint, words[:k] + words[k + size :]
+
+
+def _standing(
+    words: list[str], names: Sequence[list[str]], joints: Sequence[str]
+) -> list[tuple[int, str, int]]:
+    """Return the joints whose names stand among some words: how long they are, which, and where."""
+    found = []
+    for name, joint in zip(names, joints, strict=True):
+        at = [k for k in range(len(words)) if words[k : k + len(name)] == name]
+        if at and name:
+            found.append((len(name), joint, at[0]))
+    return found

@@ -16,7 +16,7 @@ from identifiability.logs.aliases import COMMANDED, KINDS, SILENT, split_unit, t
 from identifiability.logs.checks import COMMANDS
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.naming import find_entries, rename
-from identifiability.logs.to_si import ANGULAR, DEGREE, missing_torque
+from identifiability.logs.to_si import ANGULAR, DEGREE, has_torque
 
 #: Endings that say it in one word.
 _SHORT = {
@@ -32,7 +32,7 @@ _OF = {"q": "q_ref", "": "q_ref", "dq": "dq_ref", "tau": "tau_ff"}
 
 #: Words of commands, and of their torques that stand for themselves.
 _WANTED = COMMANDED | {"action", "actions", "ff", "feedforward"}
-_IDLE = SILENT | {"policy", "controller", "servo", "output", "pd"}
+_IDLE = SILENT | {"policy", "controller", "servo", "motor", "motors", "output", "pd"}
 
 
 @frozen
@@ -82,7 +82,7 @@ def choose_commands(
         return {}, False
     found = find_commands(columns, source, known)
     whole = any(f.name.endswith((".q_ref", ".dq_ref")) for f in found.values())
-    torque = not missing_torque([c for c in columns if c not in found], known)
+    torque = has_torque([c for c in columns if c not in found], known)
     if whole and (known.commands or not torque):
         if not torque and known.servo is None:
             raise LogError(

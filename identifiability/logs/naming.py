@@ -23,11 +23,13 @@ from identifiability.logs.aliases import (
     COMMANDED,
     INDEX,
     KINDS,
+    SILENT,
     Guess,
     Unit,
     find_unit,
     guess_column,
     split_unit,
+    take_joint,
     unread_unit,
     words_of,
 )
@@ -102,10 +104,11 @@ def refuse_missing(
             )
         find_joints(own, source, known.joints)
     locks = propose_locks(missing, known.joints)
+    told = " or '<joint>.cmd'" if known.servo else ""
     raise LogError(
         f"{source} has no columns for the actuated joint{'s' if len(missing) > 1 else ''} "
         f"{listing(missing)}; every actuated joint needs '<joint>.q' and '<joint>.tau'"
-        f"{locks or f'. It has the columns {listing(list(names))}'}."
+        f"{told}{locks or f'. It has the columns {listing(list(names))}'}."
     )
 
 
@@ -570,6 +573,8 @@ def _name_otherwise(
         else:
             guess = guess_column(column, name, own)
             guesses += [guess] if guess else []
+    if not any(g.kind == "q" for g in guesses):
+        guesses += _bare(names, own)
     if not any(g.kind == "tau" for g in guesses):
         guesses = [
             replace(g, kind="tau", current=g.kind == "current") if g.kind == "current" else g
@@ -631,6 +636,19 @@ def _name_otherwise(
     ]
     naming = Naming(columns, tuple(wanted), (*notes, *_tell_left(left)), labels, tuple(locked))
     return _in_units(naming, stated, source)
+
+
+def _bare(names: Mapping[str, str], joints: Sequence[str]) -> list[Guess]:
+    """Return positions in columns that are called as a joint, or its number, and nothing else."""
+    found = []
+    for column, name in names.items():
+        plain, unit = split_unit(name)
+        joint, rest = take_joint(words_of(plain), joints)
+        numbers = [int(w) for w in rest if w.isdecimal()]
+        others = [w for w in rest if not w.isdecimal()]
+        if SILENT.issuperset(others) and len(numbers) + bool(joint) == 1 and (joint or others):
+            found.append(Guess(column, "q", joint, next(iter(numbers), -1), unit))
+    return found
 
 
 def _refuse_unread(columns: Sequence[Column], source: str, known: Conventions) -> None:

@@ -94,6 +94,12 @@ def _has_torque(owner: str, names: Sequence[str], known: Conventions) -> bool:
     return bool({f"{owner}.tau", f"{known.columns.apply(owner)}.tau"} & set(names))
 
 
+def has_torque(columns: Iterable[str], known: Conventions) -> bool:
+    """Whether any column of a table tells by its name that it is torque or current."""
+    every = ({*words_of(c), *words_of(rename(c.strip(), known))} for c in columns)
+    return any(words & _TORQUES for words in every)
+
+
 def missing_torque(columns: Iterable[str], known: Conventions) -> list[str]:
     """Return what torques of a table would be called that holds none, nor a current; else none.
 
@@ -101,9 +107,9 @@ def missing_torque(columns: Iterable[str], known: Conventions) -> list[str]:
     a rule renames positions alone, as they become. Torque is what a rule makes torque, too.
     """
     new = {name: rename(name.strip(), known) for name in columns}
-    said = {name: {*words_of(name), *words_of(becomes)} for name, becomes in new.items()}
-    if any(words & _TORQUES for words in said.values()):
+    if has_torque(new, known):
         return []
+    said = {name: {*words_of(name), *words_of(becomes)} for name, becomes in new.items()}
     called: list[str] = []
     for name in (name for name, words in said.items() if not words & COMMANDED):
         own, becomes = (_POSITION.sub(r"\1tau", n, count=1) for n in (name, new[name]))

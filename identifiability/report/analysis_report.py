@@ -139,7 +139,8 @@ def answer_terms(analysis: Analysis) -> Terms:
 
 def answer_notes(analysis: Analysis) -> Notes:
     """Return the caveats, gravest first."""
-    notes = [note("hint", hint=hint) for hint in analysis.hints]
+    own = analysis.commands
+    notes = [note("commands" if h == own else "hint", hint=h) for h in analysis.hints]
     if analysis.nothing:
         why = f"{analysis.nothing[0].upper()}{analysis.nothing[1:]}"
         notes.append(note("nothing", why=why))

@@ -6,11 +6,12 @@ import numpy as np
 
 from identifiability.report.blocks import Answer, Answers, Fold, Prose, Section, Trace, Traces
 from identifiability.report.drawing import peak_rows
-from identifiability.report.numbers import digits, format_count, join
+from identifiability.report.numbers import digits, format_count
 from identifiability.report.page import Page
 from identifiability.report.tables import Column, Table
 from identifiability.report.torque import LINE_POINTS
 from identifiability.report.words import section
+from identifiability.robot.servo import state_delay
 from identifiability.workflows.rollout import WINDOW, RolledOut
 
 
@@ -50,15 +51,15 @@ def _error(result: RolledOut) -> Answer:
 
 
 def _delay(result: RolledOut) -> Answer:
-    late = [join([f"{1e3 * d:.3g}" for d in run.delays], 3) for run in result.runs]
-    short = "; ".join(f"{run.name}: {x} ms" for run, x in zip(result.runs, late, strict=True))
+    names = [log.name for log in result.logs]
+    short = "; ".join(f"{r.name}: {state_delay(np.array(r.delays), names)}" for r in result.runs)
     found = any(run.found for run in result.runs)
     text = (
         "Found from these logs, as no file states it: it is that with which positions err least."
         if found
         else "As the files state it."
     )
-    return Answer("When do commands act after their row in the log?", short, text, "blue")
+    return Answer("When do commands act?", short, text, "blue")
 
 
 def section_positions(result: RolledOut) -> Section:

@@ -8,7 +8,7 @@ sidecar, whose table goes before them, in ``[servo]``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +57,8 @@ class Servo:
     rate : float [Hz]
         At which they measure; what was measured acts until the next time, so that it is half a
         period old in the mean.
+    assumed : bool
+        Whether nobody states that rate.
     """
 
     kp: Array
@@ -66,6 +68,7 @@ class Servo:
     delay: float | None = None
     source: str = ""
     rate: float = RATE
+    assumed: bool = True
 
     @property
     def age(self) -> float:
@@ -81,6 +84,41 @@ class Servo:
     def lead(self) -> Array:
         """What seems to be inertia of the joint, (n,): speeds that are late, and positions."""
         return -self.kv * self.age + 0.5 * self.kp * self.age**2
+
+    def state_rate(self) -> str:
+        """Return what an assumed rate does to damping, in one sentence; nothing if it is stated."""
+        if not self.assumed:
+            return ""
+        more = float(np.max(self.kp)) * self.age  # at half the rate it is twice as old
+        return (
+            f"Nobody states how often the servos measure: {self.rate:g} times a second is assumed, "
+            f"and at half of that damping (Fv) would be up to {more:.2g} higher; say it in the "
+            "sidecar ([servo] rate = …) where Fv itself matters, as rollouts hardly change."
+        )
+
+
+def state_delay(delays: Array, names: Sequence[str]) -> str:
+    """Return when commands act, of logs with some delays [s], as a clause.
+
+    Parameters
+    ----------
+    delays : (L,) [s]
+        Negative where a command acts before the row that holds it.
+    names : sequence of str
+        Of the logs.
+    """
+    late = 1e3 * np.asarray(delays)
+    parts = []
+    for side, those in (("after", late >= 0), ("before", late < 0)):
+        if those.any():
+            each = [f"{abs(x):.2g}" for x in late[those]]
+            own = [n for n, one in zip(names, those, strict=True) if one]
+            where = "" if len(own) == len(names) else f" of {listing(own, 4)}"
+            parts.append(f"{listing(list(dict.fromkeys(each)), 4)} ms {side} their rows{where}")
+    text = f"commands act {' and '.join(parts)}"
+    if (late < 0).any():
+        text += " (the log's positions are that much late, or a command was sent between two rows)"
+    return text
 
 
 def read_servo(
@@ -135,8 +173,9 @@ def read_servo(
     low, high = np.array(ends).T
     delay = None if entry is None or entry.delay == "auto" else float(entry.delay)
     own = entry is not None and entry.kp is not None
-    rate = RATE if entry is None else entry.rate
-    return Servo(kp, kv, low, high, delay, "the sidecar" if own else "the robot file", rate)
+    rate = None if entry is None else entry.rate
+    source = "the sidecar" if own else "the robot file"
+    return Servo(kp, kv, low, high, delay, source, rate or RATE, rate is None)
 
 
 def _by_joint(path: Path, key: str, entry: Any, joints: tuple[str, ...]) -> dict[str, float]:

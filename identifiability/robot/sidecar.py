@@ -29,7 +29,6 @@ from identifiability.foundation.names import INERTIAL_KINDS, Renames, find_named
 from identifiability.foundation.values import frozen
 from identifiability.robot.markup import LARGEST, LONGEST_NAME
 from identifiability.robot.measured_torque import Interpolation, Side
-from identifiability.robot.servo import RATE
 
 Triple = tuple[float, float, float]
 
@@ -268,7 +267,9 @@ class ServoEntry(_Strict):
     delay: Literal["auto"] | Annotated[float, Field(ge=0, le=1)] = described(
         "Of commands [s]; auto: logs tell it.", 0.004, "auto"
     )
-    rate: float = described("At which the servo measures and acts [Hz].", 500, RATE, gt=0)
+    rate: Length | None = described(
+        "At which the servo measures and acts [Hz]; 1000 where nobody says it.", 500, None
+    )
 
 
 class _SymmetryEntry(_Strict):

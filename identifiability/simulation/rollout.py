@@ -97,12 +97,10 @@ class CommandedRobot:
         own = self.model.dof_armature[self.dofs]
         return np.asarray(np.maximum(self.inertia(home) - own, 0.0))
 
-    @cached_property
-    def longest(self) -> float:
-        """Longest step of the integrator that takes little of any joint's inertia off [s]."""
-        home = self._forward.home()[self.at]
-        damping = self.model.dof_damping[self.dofs] + self.servo.kv
-        ratio = self.inertia(home) / np.maximum(damping, 1e-12)
+    def longest(self, numbers: Mapping[str, Array]) -> float:
+        """Return the longest step that takes little of any joint's inertia off [s]."""
+        damping = np.maximum(numbers["Fv"], 0.0) + self.servo.kv
+        ratio = (self.bare + numbers["Ia"]) / np.maximum(damping, 1e-12)
         return float(max(LEAST, LITTLE * ratio.min()))
 
     @property
@@ -152,7 +150,7 @@ class CommandedRobot:
         numbers = list(numbers) or [self.numbers()]
         delays = np.broadcast_to(np.asarray(delay, float), (len(numbers),))
         dt = signals.sampling_step(log.t)
-        longest = min(step or STEP, self.longest)
+        longest = min(step or STEP, *map(self.longest, numbers))
         inner = max(1, int(np.ceil(dt / longest - 1e-9)))
         h = dt / inner
         speed = starting_speeds(log)

@@ -26,7 +26,7 @@ from identifiability.logs.prepare.plan import noise_level, resolution
 from identifiability.logs.repeats import Recording
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.robot.servo import Servo
+from identifiability.robot.servo import Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot, forgotten
 
 #: Share of a joint's motion by which the best rollout errs where gains contradict it.
@@ -63,7 +63,7 @@ def follow_commands(
     held: Sequence[Recording],
     how: Preparation,
     rng: np.random.Generator,
-) -> tuple[tuple[Recording, ...], tuple[Recording, ...], tuple[str, ...]]:
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...], str]:
     """Return logs with calibrated torque where it comes from commands, and what to say of it.
 
     Parameters
@@ -78,7 +78,7 @@ def follow_commands(
     robot = structure.robot
     commanded = [x for x in fitted if isinstance(x, Log) and x.servo_delay is not None]
     if robot.servo is None or not commanded:
-        return tuple(fitted), tuple(held), ()
+        return tuple(fitted), tuple(held), ""
     try:
         found = fit_rollouts(
             robot, [log.select(robot.joints) for log in commanded], delay=robot.servo.delay
@@ -87,17 +87,22 @@ def follow_commands(
         said = f"{error} Torque of commands is taken as it is"
         if robot.servo.delay is None:
             said += ", without a delay: state it in the sidecar ([servo] delay = …)"
-        return tuple(fitted), tuple(held), (f"{said}.",)
+        return tuple(fitted), tuple(held), f"{said}."
     _check_found(robot, commanded, found)
     own = CommandedRobot(robot, found.parameters(robot))
+
+    known = dict(zip(map(id, commanded), found.delays, strict=True))
 
     def calibrated(log: Recording) -> Recording:
         if not isinstance(log, Log) or log.servo_delay is None:
             return log
-        return _calibrate(structure, log.select(robot.joints), own, found, how, rng)
+        chosen = log.select(robot.joints)
+        stated = known.get(id(log), robot.servo.delay)
+        delay = find_delay(own, [chosen]) if stated is None else float(stated)
+        return _calibrate(structure, chosen, own, found, delay, how, rng)
 
-    hints = (state_servos(robot, commanded, found),)
-    return tuple(map(calibrated, fitted)), tuple(map(calibrated, held)), hints
+    said = state_servos(robot, commanded, found)
+    return tuple(map(calibrated, fitted)), tuple(map(calibrated, held)), said
 
 
 def _check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> None:
@@ -126,13 +131,12 @@ def _calibrate(
     log: Log,
     machine: CommandedRobot,
     found: Rollouts,
+    delay: float,
     how: Preparation,
     rng: np.random.Generator,
 ) -> Log:
     """Return a log whose torque has no share of what recording a rollout of it leaves."""
     robot = structure.robot
-    stated = machine.servo.delay
-    delay = find_delay(machine, [log]) if stated is None else stated
     q = machine.roll(log, delay=delay)[0]
     given = servo_log(replace(log, unmeasured=None), machine.servo, delay)
     lost = np.zeros(q.shape, bool) if given.unmeasured is None else given.unmeasured.copy()
@@ -170,14 +174,14 @@ def _recorded(q: Array, log: Log, rng: np.random.Generator) -> Array:
 def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     """Return how torque was obtained, and what rollouts err by, in one sentence."""
     assert robot.servo is not None
-    known = "stated" if robot.servo.delay is not None else "found from rollouts"
+    known = "as is stated" if robot.servo.delay is not None else "found from rollouts"
     before, after = (1e3 * float(np.sqrt(np.mean(x**2))) for x in (found.before, found.errors))
-    late = listing([f"{1e3 * delay:.2g}" for delay in found.delays], 4)
+    late = state_delay(found.delays, [log.name for log in logs])
     names = listing([log.name for log in logs], 4)
     return (
         f"{names} {'holds' if len(logs) == 1 else 'hold'} commands and no torque: it is what the "
         f"servos of {robot.servo.source} make of them, kp (q_cmd − q) − kv dq, "
-        f"acting {late} ms after the rows of the commands ({known}), less what sampling "
-        "and encoders leave in it. Moved by these commands the file's robot errs by "
-        f"{before:.3g} mrad (rms), one with the joints' numbers that fit best by {after:.3g}."
-    )
+        f"less what sampling and encoders leave in it; {late}, {known}. Moved by these commands "
+        f"the file's robot errs by {before:.3g} mrad (rms), one with the joints' numbers that fit "
+        f"best by {after:.3g}. {robot.servo.state_rate()}"
+    ).rstrip()

@@ -68,12 +68,15 @@ class Recordings:
         On those that are read otherwise than literally, repeat others, or have wrong samples.
     read : tuple of (str, str)
         Logs that were read otherwise than literally, and how; the first hints say it.
+    commands : str
+        How torque was made of commands, a hint that speaks against nothing; empty if it was not.
     """
 
     fitted: tuple[Recording, ...]
     held: tuple[Recording, ...] = ()
     hints: tuple[str, ...] = ()
     read: tuple[tuple[str, str], ...] = ()
+    commands: str = ""
 
     @property
     def commanded(self) -> bool:
@@ -90,7 +93,9 @@ class Recordings:
 
         say("rolling out commands", 0.1)
         fitted, held, said = follow_commands(structure, self.fitted, self.held, how, rng)
-        return replace(self, fitted=fitted, held=held, hints=(*said, *self.hints))
+        rolled = any(isinstance(x, Log) and x.rollout is not None for x in fitted)
+        hints = (said, *self.hints)
+        return replace(self, fitted=fitted, held=held, hints=hints, commands=said if rolled else "")
 
 
 @frozen(kw_only=True)
@@ -109,6 +114,8 @@ class Opening(OfStructure):
         Whether the first of them explains whatever else contradicts.
     misread : str
         Why no verdict stands, if it says that columns are not what they are read as.
+    commands : str
+        Of the hints, that which says how torque was made of commands (`Recordings.commands`).
     """
 
     structure: Structure
@@ -117,6 +124,7 @@ class Opening(OfStructure):
     hints: tuple[str, ...]
     explained: bool = False
     misread: str = ""
+    commands: str = ""
 
     def under(self, structure: Structure, recordings: Sequence[Recording]) -> "Opening":
         """Return the opening under another structure, with what is odd about logs then."""
@@ -321,7 +329,13 @@ def open_logs(
     require_signal(held, "verified")
     split = (text for s in (*train, *held) for text in s.hints)
     hints = (*find_hints(structure.robot, train), *recordings.hints, *split)
-    opening = Opening(structure=structure, samples=train, validation=held, hints=hints)
+    opening = Opening(
+        structure=structure,
+        samples=train,
+        validation=held,
+        hints=hints,
+        commands=recordings.commands,
+    )
     if opening.silence:
         return replace(opening, validation=())
     structure = about_gravity(structure, train)

@@ -30,6 +30,7 @@ from identifiability.logs.mend import check_units, mend_logs, unwrap_logs
 from identifiability.logs.tables import write_table
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.changed import new_place
+from identifiability.robot.servo import state_delay
 from identifiability.simulation.rollout import NO_SERVO, CommandedRobot, forgotten
 from identifiability.workflows.opening import Logs, in_memory, list_logs, read_logs
 
@@ -144,12 +145,13 @@ class RolledOut(Result):
             for other, ratio in zip(told[1:], ratios, strict=True):
                 text += f"; {other}"
                 text += f", {ratio:.3g} times as much" if np.isfinite(ratio) else ""
+        own = [log.name for log in self.logs]
         late = [
-            f"{run.name} {listing([f'{1e3 * d:.3g}' for d in run.delays], 3)} ms"
-            + (" (found from these logs)" if run.found else "")
+            f"with {run.name} {state_delay(np.array(run.delays), own)}"
+            + (", found from these logs" if run.found else "")
             for run in self.runs
         ]
-        return f"{text}. Commands acted after their row in the log by: {', '.join(late)}."
+        return f"{text}. {late[0][0].upper()}{'; '.join(late)[1:]}."
 
     def _tell(self, k: int) -> str:
         run = self.runs[k]

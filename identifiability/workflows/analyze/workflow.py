@@ -234,6 +234,7 @@ def analyze(
             several=several,
             leaning=leaning,
             missing=missing,
+            commands=opening.commands,
         )
 
 

@@ -231,6 +231,7 @@ def prune(
                 *several,
                 *unused_ladder(robot, ladder),
             ),
+            commands=opening.commands,
             information=information,
             start=start,
             selected=selected,
