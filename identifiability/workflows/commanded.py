@@ -92,12 +92,13 @@ def follow_commands(
     own = CommandedRobot(robot, found.parameters(robot))
 
     known = dict(zip(map(id, commanded), found.delays, strict=True))
+    given = robot.servo.delay
 
     def calibrated(log: Recording) -> Recording:
         if not isinstance(log, Log) or log.servo_delay is None:
             return log
         chosen = log.select(robot.joints)
-        stated = known.get(id(log), robot.servo.delay)
+        stated = known.get(id(log), given)
         delay = find_delay(own, [chosen]) if stated is None else float(stated)
         return _calibrate(structure, chosen, own, found, delay, how, rng)
 
