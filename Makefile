@@ -73,6 +73,7 @@ MODULES = $(shell find identifiability -name '*.py' ! -name __main__.py | \
 docs: $(VENV)/dev
 	$(BIN)/python docs/written.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	$(BIN)/python docs/gallery.py reports/docs/pages
 	$(BIN)/python -W error::UserWarning -W 'ignore:The module specification' \
 	  -W 'ignore:Error parsing type annotation' -m pdoc \
 	  --docformat numpy --no-show-source --footer-text identifiability \

@@ -1,12 +1,13 @@
 """The pictures of README and docs; ``MUJOCO_GL=egl python studies/pictures.py`` makes them.
 
-The robot is drawn by MuJoCo (without ``MUJOCO_GL`` on a screen), the first screen of the report by
-Chromium, both of the sample logs of the six-axis arm.
+The arm is drawn by MuJoCo (without ``MUJOCO_GL`` on a screen), the first screens of the pages of
+``docs/gallery.py`` by Chromium.
 """
 
 from __future__ import annotations
 
 import argparse
+import runpy
 import shutil
 import subprocess
 import tempfile
@@ -14,11 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from identifiability import Robot, analyze
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.study import new_study
 
-IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+IMAGES = DOCS / "images"
 
 #: Visual geometry is kept, and links that do not move stay bodies of their own.
 _VISIBLE = '<mujoco><compiler discardvisual="false" fusestatic="false"/></mujoco>'
@@ -81,20 +81,21 @@ def photograph(page: Path, path: Path, width: int = 1280, height: int = 900) -> 
         subprocess.run(command, check=True, capture_output=True)
         image = Image.open(shot).convert("RGB")
         smaller = image.resize((width * 3 // 4, height * 3 // 4), Image.Resampling.LANCZOS)
-        smaller.quantize(64).save(path, optimize=True)
+        smaller.quantize(128).save(path, optimize=True)
 
 
 def main() -> None:
     """Make the pictures."""
     argparse.ArgumentParser(description=__doc__.split("\n")[0]).parse_args()
     IMAGES.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as place:
-        study = new_study(Path(place) / "study")
-        robot = Robot.load(study.folder / study.robot)
-        logs = [study.folder / f"run{k}.csv" for k in (1, 2, 3)]
-        result = analyze(robot, logs[:2], validate=logs[2])
-        photograph(result.write_report(Path(place) / "report.html"), IMAGES / "report.png")
-        draw_arm(result, IMAGES / "arm.png")
+    pages = runpy.run_path(str(DOCS / "gallery.py"))["PAGES"]
+    for name, make in pages.items():
+        with tempfile.TemporaryDirectory() as place:
+            result = make(Path(place))
+            page = result.write_report(Path(place) / f"{name}.html")
+            photograph(page, IMAGES / f"page-{name}.png")
+            if name == "arm":
+                draw_arm(result, IMAGES / "arm.png")
     for path in sorted(IMAGES.iterdir()):
         print(f"{path.relative_to(IMAGES.parents[1])}: {path.stat().st_size // 1024} kB")
 

@@ -299,7 +299,8 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     for name, row in sure.iterrows():
         assert abs(row["value"] - true[name]) < 0.12 * abs(true[name]) + 0.01
     path = result.to_json(tmp_path / "result.json")
-    found = rollout(arm, frames[1], against=path)
+    found = rollout(arm, frames[1], against=result)
+    np.testing.assert_allclose(found.errors, rollout(arm, frames[1], against=path).errors)
     assert found.totals[1] < 0.2 * found.totals[0]
     assert found.window_totals[1] < 0.2 * found.window_totals[0]
     assert list(found.to_frame()["joint"]) == list(arm.joints)

@@ -38,8 +38,10 @@ from identifiability.workflows.opening import Logs, in_memory, list_logs, read_l
 WINDOW = 1.0
 
 Other = Annotated[
-    Robot | str | Path,
-    Expected("a Robot, the path of a robot file, or of the JSON that analyze or prune wrote"),
+    Robot | Result | str | Path,
+    Expected(
+        "a Robot, a result of analyze or prune, or the path of a robot file or of a result's JSON"
+    ),
 ]
 
 
@@ -309,16 +311,20 @@ def _read(robot: Robot, logs: Logs) -> list[Log]:
     return out
 
 
-def _other(robot: Robot, against: Robot | str | Path) -> Robot:
+def _other(robot: Robot, against: Other) -> Robot:
     """Return the other robot; a result is written as a robot file first."""
     if isinstance(against, Robot):
         return against
-    if Path(against).suffix.lower() != ".json":
-        return Robot.load(against)
+    if isinstance(against, Result):
+        given = against.to_json(new_place("fitted", ".json"))
+    else:
+        given = Path(against)
+    if given.suffix.lower() != ".json":
+        return Robot.load(given)
     from identifiability.workflows.export import export  # noqa: PLC0415 - few rollouts are of results
 
-    path = new_place(Path(against).stem, robot.path.suffix)
-    export(robot, against, path, force=True)
+    path = new_place(given.stem, robot.path.suffix)
+    export(robot, given, path, force=True)
     return Robot.load(path)
 
 
