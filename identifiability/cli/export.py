@@ -11,15 +11,20 @@ from typer import Option
 from identifiability.cli import common, options
 from identifiability.cli.common import Writes
 
+ENDINGS = (".xml", ".urdf", ".json", ".py", ".c", ".csv", ".parquet", ".pq")
+
 
 @options.command
 def export(
     machine: options.Machine,
     result: options.JsonResult,
-    out: Annotated[Path, Option(), Writes(".xml", ".urdf", ".json", ".py", ".c")],
+    out: Annotated[Path, Option(), Writes(*ENDINGS)],
     form: Annotated[
-        Literal["mjcf", "urdf", "json", "python", "c"] | None, Option("--format")
+        Literal["mjcf", "urdf", "json", "python", "c", "isaaclab"] | None, Option("--format")
     ] = None,
+    draws: Annotated[int | None, Option(min=1)] = None,
+    share: Annotated[float | None, Option(min=0)] = None,
+    seed: options.Seed = 0,
     *,
     force: Annotated[bool, Option("--force")] = False,
 ) -> None:
@@ -39,6 +44,11 @@ def export(
         identifiability export arm.urdf result.json --out simulator.xml  # rotors and friction too
         identifiability export arm.urdf result.json --out values.json
         identifiability export arm.urdf result.json --out torque.c  # for a controller
+        identifiability export robot.xml result.json --format isaaclab --out servos.py
+        identifiability export robot.xml result.json --draws 200 --out draws.csv
+
+    With --draws robots are drawn that the logs leave possible, for randomising a simulator by what
+    is not known and by as much: a table with a row each, or a robot file each (fitted-001.xml …).
 
     Parameters
     ----------
@@ -47,19 +57,36 @@ def export(
     out
         File to write: .xml (MJCF) or .urdf, .json with the parameters alone, .py or .c with a
         function that computes the torques (extra codegen; closed chains in Python, which closes
-        their loops).
+        their loops); draws also as a table, .csv or .parquet.
     form
         What to write; default: what the ending says. From an MJCF comes a URDF as well, and
-        the other way round, without geometry.
+        the other way round, without geometry; isaaclab is a configuration of actuators for robots
+        with servos.
+    draws
+        How many robots to draw instead.
+    share
+        Share of their size by which bodies of draws may differ from the file's; default: .2 for
+        robots with servos, else as the sidecar says.
     force
         Write a robot file that alone errs by more than three times the error of all that was
         fitted.
     """
     with common.sentences():
+        from identifiability.foundation.options import OptionError  # noqa: PLC0415
         from identifiability.regression.reduction import unused_ladder  # noqa: PLC0415
         from identifiability.workflows.export import export as run  # noqa: PLC0415
 
         robot = machine.load()
+        if draws is not None:
+            from identifiability.workflows.export import draw_robots  # noqa: PLC0415
+
+            drawn = draw_robots(robot, result, draws, seed=seed, share=share)
+            written = drawn.write(out)
+            typer.echo(drawn.statement)
+            typer.echo(f"{written[0]}" + (f" … {written[-1].name}" if len(written) > 1 else ""))
+            return
+        if share is not None:
+            raise OptionError("--share is of bodies that are drawn; say how many: --draws 100.")
         exported = run(robot, result, out, form, force=force)
     for line in (exported.mass, exported.statement):
         if line:

@@ -229,7 +229,7 @@ def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
         k, log = far[0], windows[0]
         low, high = robot.limits[k]
         raise LogError(
-            f"{log.name}: {_span(log.joints[k], columns[k])}, far beyond the joint's limits "
+            f"{log.name}: {_span(log.joints[k], columns[k])}, more than twice the joint's limits "
             f"{low:.4g} … {high:.4g} rad; say what these ticks or normalised units are: "
             f"{_SCALED.format(log.joints[k])}."
         )
@@ -240,9 +240,8 @@ _SCALED = "[columns] {} = {{scale = …, offset = …}} in the sidecar (rad = sc
 
 
 def _beyond(q: Array, low: float, high: float) -> bool:
-    """Return whether positions (N,) lie farther from limits than zeros of encoders may."""
-    far = max(high - low, 4 * np.pi)
-    return bool(np.mean((q < low - far) | (q > high + far)) > 0.5)
+    """Return whether positions (N,) span more than limits and two turns do, wherever zero is."""
+    return float(np.ptp(q)) > max(2 * (high - low), 4 * np.pi)
 
 
 def _span(joint: str, q: Array) -> str:

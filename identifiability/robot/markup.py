@@ -17,6 +17,7 @@ import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.robot.servo import Servo
 
 # Refuse robots whose numbers no arithmetic holds, or of more joints than can be worked on.
 
@@ -501,6 +502,29 @@ def write_gravity(top: ET.Element, gravity: Array) -> None:
         return
     for element in options or top.findall("option")[:1] or [ET.SubElement(top, "option")]:
         element.set("gravity", numbers(gravity))
+
+
+def write_servos(top: ET.Element, joints: Sequence[str], servo: Servo) -> None:
+    """Write position servos of joints in place of what drives them.
+
+    A servo without kp becomes one of velocity.
+    """
+    actuators = top.findall("actuator")
+    names = dict(zip(joints, joints, strict=True))
+    for element in actuators:
+        for old in [e for e in element if e.get("joint") in joints]:
+            names[str(old.get("joint"))] = old.get("name", str(old.get("joint")))
+            element.remove(old)
+    place = actuators[0] if actuators else ET.SubElement(top, "actuator")
+    for k, joint in enumerate(joints):
+        gains = {"kp": servo.kp[k], "kv": servo.kv[k]} if servo.kp[k] else {"kv": servo.kv[k]}
+        kind = "position" if servo.kp[k] else "velocity"
+        new = ET.SubElement(place, kind, name=names[joint], joint=joint, gear="1")
+        new.attrib |= {word: f"{value:.17g}" for word, value in gains.items()}
+        limited = bool(np.isfinite([servo.low[k], servo.high[k]]).all())
+        new.set("forcelimited", "true" if limited else "false")
+        if limited:
+            new.set("forcerange", numbers(np.array([servo.low[k], servo.high[k]])))
 
 
 def write_cable(element: ET.Element, stated: Mapping[str, float], rest: float) -> None:

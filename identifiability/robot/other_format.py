@@ -220,6 +220,8 @@ def twin_sidecar(robot: Description, path: Path) -> dict[str, Any]:
     if not mjcf:
         new["actuated"] = list(robot.joints)
         new["massless"] = list(links_between(robot).values())
+        if robot.servo is not None:
+            given["servo"] = _servo(robot) | given.get("servo", {})
         if robot.home.any():
             places = {name: j.iq for name, j in robot.tree.single.items()}
             new["home"] = {name: float(robot.home[at]) for name, at in places.items()}
@@ -233,6 +235,18 @@ def twin_sidecar(robot: Description, path: Path) -> dict[str, Any]:
     if "bounds" in given:
         given["bounds"] = {**given["bounds"], "bodies": _bounds(robot)}
     return {**{k: v for k, v in new.items() if v}, **given}
+
+
+def _servo(robot: Description) -> dict[str, Any]:
+    """Return gains that a robot file states as a sidecar does."""
+    servo = robot.servo
+    assert servo is not None
+    every = {"kp": servo.kp, "kv": servo.kv, "limit": np.minimum(-servo.low, servo.high)}
+    told = {
+        key: {j: float(x) for j, x in zip(robot.joints, values, strict=True) if np.isfinite(x)}
+        for key, values in every.items()
+    }
+    return {key: table for key, table in told.items() if table}
 
 
 def _without(given: dict[str, Any], gone: Collection[str]) -> dict[str, Any]:

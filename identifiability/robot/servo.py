@@ -18,6 +18,9 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array, find_named, is_pattern
 from identifiability.foundation.values import frozen
 
+#: What states gains that a robot file does not.
+SIDECAR = "the sidecar"
+
 #: At which servos measure where nobody says it [Hz].
 RATE = 1000.0
 
@@ -174,7 +177,7 @@ def read_servo(
     delay = None if entry is None or entry.delay == "auto" else float(entry.delay)
     own = entry is not None and entry.kp is not None
     rate = None if entry is None else entry.rate
-    source = "the sidecar" if own else "the robot file"
+    source = SIDECAR if own else "the robot file"
     return Servo(kp, kv, low, high, delay, source, rate or RATE, rate is None)
 
 

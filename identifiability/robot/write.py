@@ -31,8 +31,10 @@ from identifiability.robot.markup import (
     write_cable,
     write_gravity,
     write_inertial,
+    write_servos,
 )
 from identifiability.robot.parts import Axis
+from identifiability.robot.servo import SIDECAR
 from identifiability.robot.sidecar import read_sidecar
 
 # Write what is along several joints into an MJCF, as fixed tendons.
@@ -109,6 +111,7 @@ def write_robot(
     bodies: Mapping[str, Array],
     joints: Mapping[str, Mapping[str, float]],
     tables: Mapping[str, Mapping[str, float]],
+    comment: str = "",
 ) -> Path | None:
     """Write a robot file with other numbers, and its sidecar: both or none.
 
@@ -125,6 +128,8 @@ def write_robot(
         as they are.
     tables : mapping
         Tables of numbers that replace those of the template's sidecar.
+    comment : str
+        What the file says of itself.
 
     Returns
     -------
@@ -160,12 +165,16 @@ def write_robot(
         clear_mjcf(top)
         write_axes(top, robot, joints)
         write_gravity(top, robot.gravity)
+        if robot.servo is not None and robot.servo.source == SIDECAR:
+            write_servos(top, robot.joints, robot.servo)
     else:
         _turn_base(top, robot)
     cables = {e.get("name"): e for e in top.iter("spatial")}
     for name in slides & set(joints):
         home = float(robot.dof_position(robot.home[None], name)[0])
         write_cable(cables[name], joints[name], robot.rest.get(name, home))
+    if comment:  # two hyphens end one
+        top.insert(0, ET.Comment(f" {comment.replace('--', '– ')} "))
     ET.indent(top)
     text = ET.tostring(top, encoding="unicode") + "\n"
     extra = _sidecar_text(robot, tables)

@@ -10,7 +10,7 @@ the motion, whose errors are not those of the log (calibrated instrumental varia
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +18,7 @@ import numpy as np
 from identifiability.estimation.rollouts import Rollouts, find_delay, fit_rollouts
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import check_commands, servo_log
 from identifiability.logs.logfile import LogFile
@@ -170,6 +171,99 @@ def _recorded(q: Array, log: Log, rng: np.random.Generator) -> Array:
     width = np.where(step > 0, step, 1.0)
     rounded = np.where(step > 0, (np.floor(q / width + at) + 0.5 - at) * width, q)
     return np.asarray(rounded + noise * rng.standard_normal(q.shape))
+
+
+@frozen
+class Moved:
+    """How far rollouts of a fitted robot are off, beside those of the file's.
+
+    Attributes
+    ----------
+    logs : tuple of str
+        Along whose commands.
+    unseen : bool
+        Whether none of them was fitted.
+    delays : tuple of float [s]
+        With which the fitted robot takes them.
+    error, error_file : float [rad or m]
+        Of positions (rms) of joints that turn, or if none does, slide; NaN where one diverged.
+    unit : str
+        Of a thousandth of it: mrad or mm.
+    """
+
+    logs: tuple[str, ...]
+    unseen: bool
+    delays: tuple[float, ...]
+    error: float
+    error_file: float
+    unit: str
+
+    @property
+    def statement(self) -> str:
+        """The errors in one sentence."""
+        own, file = (
+            f"errs by {1e3 * x:.3g} {self.unit} (rms)" if np.isfinite(x) else "diverges"
+            for x in (self.error, self.error_file)
+        )
+        of = "not fitted" if self.unseen else "fitted"
+        return (
+            f"Moved by the commands of {listing(self.logs, 3)} ({of}), the fitted robot {own}, "
+            f"the file's {file}."
+        )
+
+    def to_dict(self) -> dict[str, object]:
+        """Return it as JSON has it."""
+        errors = {"error": self.error, "error_file": self.error_file}
+        known = {k: x if np.isfinite(x) else None for k, x in errors.items()}
+        told = {"statement": self.statement, "logs": list(self.logs), "unseen": self.unseen}
+        return {**told, "delays": list(self.delays), **known}
+
+
+def measure_rollouts(
+    robot: Robot,
+    values: Mapping[str, float],
+    fitted: Sequence[Recording],
+    held: Sequence[Recording],
+) -> Moved | None:
+    """Return how far rollouts are off on unseen logs of commands, or else on fitted ones.
+
+    None where there is no such log, or the robot cannot be rolled out.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the file's values.
+    values : mapping
+        The fitted standard parameters by name.
+    fitted, held : sequence of Log or LogFile
+    """
+    commanded = [
+        [x.select(robot.joints) for x in logs if isinstance(x, Log) and x.servo_delay is not None]
+        for logs in (held, fitted)
+    ]
+    logs = commanded[0] or commanded[1]
+    if robot.servo is None or not logs or not values:
+        return None
+    try:
+        machines = CommandedRobot(robot, values), CommandedRobot(robot, {})
+    except RobotError:
+        return None
+    slides = np.array([robot.is_prismatic(int(k)) for k in robot.actuated], bool)
+    alike = slides if slides.all() else ~slides
+    errors, delays = list[float](), tuple[float, ...]()
+    for k, machine in enumerate(machines):
+        # The file's robot shall not be blamed for the other one's delay.
+        found = k and machine.servo.delay is None
+        late = [find_delay(machine, [x]) if found else x.servo_delay or 0.0 for x in logs]
+        apart = [
+            (machine.roll(x, delay=d)[0] - x.q)[forgotten(x) :, alike]
+            for x, d in zip(logs, late, strict=True)
+        ]
+        errors.append(float(np.sqrt(np.mean(np.concatenate(apart) ** 2))))
+        delays = delays or tuple(late)
+    names = tuple(x.name for x in logs)
+    unit = "mm" if slides.all() else "mrad"
+    return Moved(names, bool(commanded[0]), delays, errors[0], errors[1], unit)
 
 
 def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -37,6 +37,9 @@ from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.workflows.gravity import about_gravity
 from identifiability.workflows.oddities import MeasuredLogs, find_oddities
+
+if TYPE_CHECKING:
+    from identifiability.workflows.commanded import Moved
 
 #: Why no verdict stands on columns that are read as what they are not, for after "because".
 MISREAD = (
@@ -96,6 +99,14 @@ class Recordings:
         rolled = any(isinstance(x, Log) and x.rollout is not None for x in fitted)
         hints = (said, *self.hints)
         return replace(self, fitted=fitted, held=held, hints=hints, commands=said if rolled else "")
+
+    def measure_rollouts(self, robot: Robot, values: Mapping[str, float]) -> "Moved | None":
+        """Return how far rollouts of a fitted robot are off, where there are logs of commands."""
+        if not self.commanded:
+            return None
+        from identifiability.workflows.commanded import measure_rollouts  # noqa: PLC0415 - MuJoCo
+
+        return measure_rollouts(robot, values, self.fitted, self.held)
 
 
 @frozen(kw_only=True)

@@ -117,7 +117,7 @@ def test_a_scale_of_nothing_is_refused(rule, said, tmp_path):
     ("scale", "said"),
     [
         (57.29578, "it looks like degrees: say --angles deg"),
-        (651.9, "far beyond the joint's limits"),
+        (651.9, "more than twice the joint's limits"),
     ],
 )
 def test_units_that_nobody_stated_are_refused_with_what_to_write(scale, said, arm, frame):

@@ -48,6 +48,8 @@ from identifiability.workflows.provenance import state_provenance
 if TYPE_CHECKING:
     import pandas as pd
 
+    from identifiability.workflows.commanded import Moved
+
 
 # Assess the models of a ladder: uncertainty, verdicts, errors, feasibility; select one.
 
@@ -549,6 +551,8 @@ class Laddered(Result, Opening, Predicts):
         Why no verdict is believed, for after "because"; empty where they are.
     missing : Doubt
         Functions of a joint's motion or load that are missing beside the unpruned model.
+    moved : Moved or None
+        How far rollouts of the nearest real robot are off, of logs of commands.
     """
 
     information: Information
@@ -561,6 +565,7 @@ class Laddered(Result, Opening, Predicts):
     settings: Mapping[str, object]
     nothing: str = ""
     missing: Doubt = NO_DOUBT
+    moved: Moved | None = None
 
     @property
     @abstractmethod
@@ -665,7 +670,9 @@ class Laddered(Result, Opening, Predicts):
             each = state_joints(self.robot.joints, unseen.joint_error()[:, 0], together)
         tilt = self.robot.tilt
         about = "" if tilt is None else f"In this model gravity {tilt.text}."
-        return " ".join(filter(None, (self.mass_warning, answer, each, about, raw, *self.hints)))
+        moved = "" if self.moved is None else self.moved.statement
+        told = (self.mass_warning, answer, each, moved, about, raw, *self.hints)
+        return " ".join(filter(None, told))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
@@ -691,6 +698,7 @@ class Laddered(Result, Opening, Predicts):
                 "used": used.physical_used,
                 **self._real_robot,
             },
+            **({} if self.moved is None else {"rollout": self.moved.to_dict()}),
             "hints": list(self.hints),
             "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},
             "method": self.method,

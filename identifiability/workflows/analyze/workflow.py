@@ -235,6 +235,7 @@ def analyze(
             leaning=leaning,
             missing=missing,
             commands=opening.commands,
+            moved=recordings.measure_rollouts(robot, results[at].physical.parameters()),
         )
 
 

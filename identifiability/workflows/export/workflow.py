@@ -27,7 +27,12 @@ from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
 from identifiability.foundation.names import BASE, INERTIAL, INERTIAL_KINDS
 from identifiability.foundation.options import FilePath, checked
-from identifiability.foundation.output import check_ending, temporary_folder, write_json
+from identifiability.foundation.output import (
+    check_ending,
+    temporary_folder,
+    write_json,
+    write_text,
+)
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs.mend import REPLACED
@@ -37,6 +42,7 @@ from identifiability.physical.feasibility import ANOTHER, is_another
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.other_format import write_twin
+from identifiability.robot.servo import state_delay
 from identifiability.robot.write import write_robot
 from identifiability.workflows.export.code import write_code
 from identifiability.workflows.predict.fit import Entry, MissingEntry, RobotEntry, state_missing
@@ -70,6 +76,26 @@ class PhysicalEntry(Entry):
     reason: str = ""
 
 
+class VerdictEntry(Entry):
+    """What the logs say of a parameter of the unpruned model."""
+
+    name: str
+    verdict: str
+
+
+class RolloutEntry(Entry):
+    """How far rollouts of the robot are off."""
+
+    statement: str
+    logs: tuple[str, ...]
+    delays: tuple[float, ...]
+
+    @property
+    def delay(self) -> float:
+        """Time from a command's row in a log until it acts, in the middle of the logs [s]."""
+        return float(np.median(self.delays))
+
+
 class Result(Entry):
     """The part of a result that is exported."""
 
@@ -77,6 +103,8 @@ class Result(Entry):
     physical: PhysicalEntry
     nothing: str | None = None
     missing_functions: tuple[MissingEntry, ...] = ()
+    full_parameters: tuple[VerdictEntry, ...] = ()
+    rollout: RolloutEntry | None = None
     hints: tuple[str, ...] = ()
     preparation: Mapping[str, tuple[str, ...]] = Field(default_factory=dict)
 
@@ -206,6 +234,7 @@ def write_parameters(
     keep: bool = True,
     shapes: Mapping[str, float] | None = None,
     reference: Mapping[str, float] | None = None,
+    comment: str = "",
 ) -> Written:
     """Write a robot file with other parameters; what it cannot hold stands in its sidecar.
 
@@ -244,7 +273,13 @@ def write_parameters(
             reference = robot.reference if reference is None else reference
             whole = complete_values(robot, parameters, keep=keep)
             return write_parameters(
-                twin, whole, path, keep=False, shapes=shapes, reference=reference
+                twin,
+                whole,
+                path,
+                keep=False,
+                shapes=shapes,
+                reference=reference,
+                comment=comment,
             )
     motors = () if robot.transmission is None else robot.transmission.motors
     known = (*robot.bodies, *robot.dofs, *motors, *robot.combinations, BASE)
@@ -265,7 +300,8 @@ def write_parameters(
         "rest": {} if robot.mjcf else _rests(robot, values),
     }
     bodies = {b: np.array([values[f"{b}.{kind}"] for kind in INERTIAL_KINDS]) for b in robot.bodies}
-    sidecar = write_robot(robot, path, bodies, stated_numbers(robot, values), tables)
+    stated = stated_numbers(robot, values)
+    sidecar = write_robot(robot, path, bodies, stated, tables, comment)
     parts = robot.inertia_parts if robot.mjcf else ()
     summed = {f"{joint}.{part}" for joint in robot.tree.single for part in parts}
     lost = tuple(name for name in nominal if name not in summed)  # the file has a rotor's sum
@@ -282,13 +318,14 @@ def _rests(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
 
 
 #: What is written, and the ending of its file.
-Format = Literal["mjcf", "urdf", "json", "python", "c"]
+Format = Literal["mjcf", "urdf", "json", "python", "c", "isaaclab"]
 ENDINGS: dict[Format, str] = {
     "mjcf": ".xml",
     "urdf": ".urdf",
     "json": ".json",
     "python": ".py",
     "c": ".c",
+    "isaaclab": ".py",
 }
 
 
@@ -317,6 +354,8 @@ class Exported:
         Whether samples of the logs were replaced: the errors are of the logs after that.
     missing : tuple of str
         Functions of a joint's motion or load that the result says are missing.
+    commanded : str
+        How far rollouts are off, of logs of commands.
     """
 
     robot: Path
@@ -330,11 +369,12 @@ class Exported:
     gravity: str = ""
     mended: bool = False
     missing: tuple[str, ...] = ()
+    commanded: str = ""
 
     @property
     def statement(self) -> str:
         """What the files hold, in words."""
-        parts = []
+        parts = [self.commanded]
         if self.beside:
             held = [f"{effect} ({listing(n, 4)})" for effect, n in self.beside.items()]
             stand = "it stands" if len(held) == 1 else "they stand"
@@ -396,8 +436,8 @@ def export(
         ``.xml`` for MJCF, ``.urdf`` for URDF, from either kind of file; ``.json`` for the
         parameters alone; ``.py`` and ``.c`` for a function of position, velocity and acceleration
         that returns the torque, of a closed chain in Python (extra ``codegen``).
-    form : {"mjcf", "urdf", "json", "python", "c"}, optional
-        By default what the ending says.
+    form : {"mjcf", "urdf", "json", "python", "c", "isaaclab"}, optional
+        By default what the ending says; Isaac Lab's configuration of actuators is asked for.
     force : bool
         Whether a robot file is written that alone errs by more than three times the error of all
         that was fitted.
@@ -433,6 +473,8 @@ def export(
         path = write_parameters_json(robot, given, physical, Path(out))
     elif wanted in ("python", "c"):
         path = write_code(robot, given, shapes, Path(out), "c" if wanted == "c" else "python")
+    elif wanted == "isaaclab":
+        path = write_isaaclab(robot, given, content, Path(out))
     if path is not None:
         return Exported(
             robot=path,
@@ -444,12 +486,21 @@ def export(
             gravity="" if robot.tilt is None else robot.tilt.text,
             mended=content.mended,
             missing=missing,
+            commanded="" if content.rollout is None else content.rollout.statement,
         )
     assert wanted in ("mjcf", "urdf")
     alone = _error_of_file(robot, physical, wanted)
     if not force:
         _refuse_another(robot, Path(out), physical, alone, wanted)
-    written = write_parameters(robot, given, out, keep=False, shapes=shapes, reference=reference)
+    written = write_parameters(
+        robot,
+        given,
+        out,
+        keep=False,
+        shapes=shapes,
+        reference=reference,
+        comment=state_servos(robot, content),
+    )
     beside: dict[str, list[str]] = {}
     for name in written.beside:
         if name not in effect_of and name[:-1] in written.beside:
@@ -469,7 +520,95 @@ def export(
         mass=state_mass(robot, given, physical.cad_prior),
         mended=content.mended,
         missing=missing,
+        commanded="" if content.rollout is None else content.rollout.statement,
     )
+
+
+# What a simulator has to know of servos beside their gains.
+
+
+def undetermined(robot: Robot, content: Result) -> list[str]:
+    """Return the joints' numbers that the logs do not determine, which are near the file's."""
+    sure = {v.name for v in content.full_parameters if v.verdict == "identifiable"}
+    kinds = (robot.inertia_parts[0], "Fv", "Fc")
+    names = [f"{joint}.{kind}" for joint in robot.joints for kind in kinds]
+    return [name for name in names if name not in sure] if content.full_parameters else []
+
+
+def state_servos(robot: Robot, content: Result) -> str:
+    """Return what an exported robot file says of its servos; nothing where it has none."""
+    servo, moved = robot.servo, content.rollout
+    if servo is None or moved is None:
+        return ""
+    open_ = listing(undetermined(robot, content), 60) or "none"
+    return (
+        f"{moved.statement} C{state_delay(np.array(moved.delays), moved.logs)[1:]}. "
+        f"Rotors (armature), damping and friction are those of continuous time, of servos that "
+        f"measure at {servo.rate:g} Hz: positions that old take kp / {2 * servo.rate:g} off the "
+        "damping. A simulator's step of h seconds does the same, kp h / 2 where its servo is "
+        "explicit, and adds h / 2 of all damping to the armature where damping is implicit: keep "
+        f"the step at 1 ms or take that off. Not determined by itself, near the file's: {open_}."
+    )
+
+
+def write_isaaclab(robot: Robot, given: Mapping[str, float], content: Result, out: Path) -> Path:
+    """Write the servos as a configuration of actuators for Isaac Lab.
+
+    Raises
+    ------
+    RobotError
+        If the robot has no servos.
+    """
+    servo = robot.servo
+    if servo is None:
+        raise RobotError(
+            f"{robot.path} states no gains of servos, which a configuration of actuators is made "
+            "of; give them in the sidecar: [servo] kp = …, kv = …."
+        )
+    open_ = set(undetermined(robot, content))
+    delay = servo.delay if content.rollout is None else content.rollout.delay
+    kinds = {"armature": robot.inertia_parts[0], "friction": "Fc", "viscous_friction": "Fv"}
+    limits = np.minimum(-servo.low, servo.high)
+    rows = {
+        "stiffness": dict(zip(robot.joints, servo.kp, strict=True)),
+        "damping": dict(zip(robot.joints, servo.kv, strict=True)),
+        "effort_limit": {j: x for j, x in zip(robot.joints, limits, strict=True) if np.isfinite(x)},
+        **{
+            word: {j: given.get(f"{j}.{kind}", 0.0) for j in robot.joints}
+            for word, kind in kinds.items()
+        },
+    }
+    rows["dynamic_friction"] = rows["friction"]
+    lines = [
+        f'"""Servos of {robot.title or robot.name}, fitted: a configuration for Isaac Lab.',
+        "",
+        "Friction is torque [N·m], as Isaac Sim 5 and later take it; numbers are those of",
+        "continuous time. What the logs do not determine by itself is near the robot file's.",
+        '"""',
+        "",
+        "from isaaclab.actuators import DelayedPDActuatorCfg",
+        "",
+        "PHYSICS_DT = 0.001  # [s], that of your simulation: delays are whole steps of it",
+        f"DELAY = {max(delay or 0.0, 0.0):.6g}  # [s], from a command's row until it acts",
+        "",
+        "SERVOS = DelayedPDActuatorCfg(",
+        f"    joint_names_expr={list(robot.joints)!r},",
+    ]
+    for word, values in rows.items():
+        if not values:
+            continue
+        kind = kinds.get("friction" if word == "dynamic_friction" else word)
+        lines.append(f"    {word}={{")
+        for joint, value in values.items():
+            mark = "  # not determined by itself" if f"{joint}.{kind}" in open_ else ""
+            lines.append(f'        "{joint}": {value:.6g},{mark}')
+        lines.append("    },")
+    lines += [
+        "    min_delay=round(DELAY / PHYSICS_DT),",
+        "    max_delay=round(DELAY / PHYSICS_DT),",
+        ")",
+    ]
+    return write_text(out, "\n".join(lines) + "\n")
 
 
 def _find_format(out: Path, form: Format | None) -> Format:
@@ -482,7 +621,7 @@ def _find_format(out: Path, form: Format | None) -> Format:
     if form is not None:
         check_ending(out, ENDINGS[form])
         return form
-    check_ending(out, *ENDINGS.values())
+    check_ending(out, *dict.fromkeys(ENDINGS.values()))
     return next(name for name, ending in ENDINGS.items() if ending == out.suffix.lower())
 
 

@@ -433,6 +433,8 @@ def find_saturation(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque columns with flat tops, or none."""
     found: dict[str, tuple[float, float]] = {}
     for _, log in logs.windows():
+        if log.servo_delay is not None:  # a servo's own limit, and no data there
+            continue
         moves = np.append(np.abs(np.diff(log.q, axis=0)).max(1, initial=0.0) > 0, True)
         for k, joint in enumerate(log.joints):
             column = log.tau[moves, k]

@@ -253,6 +253,7 @@ def prune(
                 "cad_prior": cad_prior,
                 "preparation": preparation or Preparation(),
             },
+            moved=recordings.measure_rollouts(robot, result.physical.parameters()),
             **vars(measured),
         )
 

@@ -1,0 +1,200 @@
+"""`Draws`: robots that the logs leave possible, for randomising a simulator by what is not known.
+
+The estimate of the unpruned model is normal about the values to use, with the covariance that its
+result keeps; of what the motion never showed it says nothing. Bodies are the file's within a share
+of their size, no more is said of joints, and no draw is impossible: its bodies exist, its friction
+brakes. Draws are those of that normal on the physical set, by the sampler of posteriors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import pandas as pd
+import scipy
+
+from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.names import Array
+from identifiability.foundation.options import Expected, FilePath, checked
+from identifiability.foundation.output import check_ending
+from identifiability.foundation.values import frozen
+from identifiability.logs.tables import PARQUET, write_table
+from identifiability.physical.fitted_model import LeastSquares, physical_set
+from identifiability.physical.project import project
+from identifiability.posterior.ensemble import ENSEMBLES, sample_posterior
+from identifiability.posterior.target import Prior, Target
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot, RobotLike
+from identifiability.workflows.export.workflow import save_robot
+from identifiability.workflows.predict.fit import Fit, read_fit
+
+#: Share of their size by which bodies differ from the file's, where logs hold no torque.
+SHARE = 0.2
+
+#: Joints' numbers are as free as torque of so many times its size makes them.
+WIDE = 10.0
+
+#: A direction with less than this share of the largest variance is known.
+KNOWN = 1e-14
+
+#: Steps of the sampler: before the first draw, and from one that is kept to the next.
+WARMUP, APART, WALKERS = 12, 3, 16
+
+#: Margin inside the physical set at which it begins.
+MARGIN = 1e-3
+
+
+@frozen(kw_only=True)
+class Draws:
+    """Robots that the logs leave possible. Make them with `draw_robots`.
+
+    Attributes
+    ----------
+    structure : Structure
+    values : (N, p)
+        Standard parameters in the order of the structure's columns.
+    share : float
+        By which bodies may differ from the file's.
+    """
+
+    structure: Structure
+    values: Array
+    share: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the parameters."""
+        return self.structure.columns
+
+    @property
+    def base(self) -> Array:
+        """Base parameters of each draw, (N, b)."""
+        return np.asarray(self.values @ self.structure.G.T)
+
+    @property
+    def robots(self) -> Iterator[dict[str, float]]:
+        """Parameters by name, of each draw."""
+        for row in self.values:
+            yield dict(zip(self.names, row.tolist(), strict=True))
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a draw, one column a standard parameter [SI]."""
+        return pd.DataFrame(self.values, columns=list(self.names))
+
+    def write(self, path: str | Path) -> tuple[Path, ...]:
+        """Write a table (.csv, .parquet), or a robot file a draw, ``fitted-001.xml`` ….
+
+        Raises
+        ------
+        OutputError
+        """
+        path = Path(path)
+        check_ending(path, ".csv", *PARQUET, ".xml", ".urdf")
+        if path.suffix.lower() not in (".xml", ".urdf"):
+            return (write_table(path, self.to_frame()),)
+        digits = max(3, len(str(len(self.values))))
+        return tuple(
+            save_robot(
+                self.structure.robot,
+                values,
+                path.with_name(f"{path.stem}-{k:0{digits}d}{path.suffix}"),
+            )
+            for k, values in enumerate(self.robots, start=1)
+        )
+
+    @property
+    def statement(self) -> str:
+        """What they are, in words."""
+        return (
+            f"{len(self.values)} robots that the logs leave possible, bodies within "
+            f"{100 * self.share:.3g} % of the file's: randomise by them what the logs leave open, "
+            "by as much as they do."
+        )
+
+
+@checked
+def draw_robots(
+    robot: RobotLike,
+    result: FilePath | Fit,
+    count: Annotated[int, Expected("a positive whole number", lambda n: n > 0)] = 100,
+    *,
+    seed: int = 0,
+    share: float | None = None,
+) -> Draws:
+    """Draw robots from what the logs of a result leave possible.
+
+    Parameters
+    ----------
+    robot : Robot, path or shipped name
+        The robot that the result is about.
+    result : path or Fit
+        JSON of `analyze`, `prune` or `diagnose`, or its fit.
+    count : int
+    seed : int
+    share : float, optional
+        By which bodies may differ from the file's (a standard deviation); by default a fifth
+        where the robot has servos, else as the sidecar says (``prior_relative``).
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the file is no result or one of another robot, or the robot file's bodies cannot exist.
+    """
+    robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+    fit = result if isinstance(result, Fit) else read_fit(result, robot)
+    if share is None:
+        share = robot.prior_relative if robot.servo is None else SHARE
+    if not share > 0:
+        raise IdentifiabilityError(
+            f"Bodies within a share of {share:g} of the file's are the file's; give a positive one."
+        )
+    structure = fit.structure
+    data = _told(fit)
+    region = physical_set(structure)
+    try:
+        prior = _prior(structure, data, share)
+        start = np.array(project(data, region, margin=MARGIN, reference=structure.nominal).phi)
+        signed = region.signed
+        start[signed] = np.maximum(start[signed], 1e-4 * prior.sd[signed])
+        target = Target(data, prior, region, variance=1.0)
+        each = -(-count // (ENSEMBLES * WALKERS))
+        found = sample_posterior(
+            target,
+            start,
+            np.random.default_rng(seed),
+            draws=APART * each,
+            walkers=WALKERS,
+            warmup=WARMUP,
+        )
+    except ValueError as error:
+        raise IdentifiabilityError(f"No robot can be drawn: {error}") from None
+    kept = found.draws[:, :, APART - 1 :: APART].reshape(-1, len(structure.columns))
+    order = np.random.default_rng(seed).permutation(len(kept))[:count]
+    return Draws(structure=structure, values=kept[order], share=share)
+
+
+def _told(fit: Fit) -> LeastSquares:
+    """Return what a fit says of standard parameters, in units of its standard deviations."""
+    C = np.where(np.isfinite(fit.base_covariance), fit.base_covariance, 0.0)
+    scale = np.sqrt(np.diag(C))
+    scale = np.where(scale > 0, scale, 1.0)
+    hidden = scipy.linalg.orth(fit.base_unknown / scale[:, None])
+    shown = scipy.linalg.null_space(hidden.T) if hidden.size else np.eye(len(C))
+    variance, axes = np.linalg.eigh(shown.T @ (C / np.outer(scale, scale)) @ shown)
+    sd = np.sqrt(np.maximum(variance, KNOWN * max(variance.max(), 1.0)))
+    rows = ((shown @ axes) / sd).T / scale
+    return LeastSquares(rows @ fit.structure.G, rows @ fit.base, 1e-12, 1.0)
+
+
+def _prior(structure: Structure, data: LeastSquares, share: float) -> Prior:
+    """Return bodies within a share of the file's, and what is hardly a prior of all else."""
+    reach = np.linalg.norm(data.R, axis=0)
+    wide = WIDE * np.linalg.norm(data.z) / np.where(reach > 0, reach, np.inf)
+    wide = np.where(wide > 0, wide, 1.0)
+    prior = Prior.around(structure.nominal, structure.inertial, share, wide)
+    bodies = np.zeros(len(structure.columns), bool)
+    bodies[structure.inertial] = True
+    return Prior(prior.mean, np.where(bodies, prior.sd, np.maximum(prior.sd, wide)))

@@ -1,0 +1,205 @@
+"""What leaves of a commanded robot: servos, delay, rollout error; draws of what logs leave open."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from identifiability import Robot, analyze
+from identifiability.cli import app
+from identifiability.foundation.errors import IdentifiabilityError, RobotError
+from identifiability.physical.fitted_model import physical_set
+from identifiability.workflows.export import draw_robots, export
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "studies"))
+
+import servo_robots as servos  # noqa: E402
+
+SIDECAR = """
+[servo]
+kp = {shoulder = 1200, "elb*" = 300}
+kv = {shoulder = 50, "*" = 8}
+limit = 900
+"""
+TRUTH = {
+    **{"shoulder.Ia": 0.11, "shoulder.Fv": 2.0, "shoulder.Fc": 1.1, "shoulder.off": 0.8},
+    **{"elbow.Ia": 0.05, "elbow.Fv": 0.9, "elbow.Fc": 0.5, "elbow.off": -0.4},
+}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A two-link arm with servos, a log of commands and the JSON of its analysis."""
+    folder = tmp_path_factory.mktemp("arm")
+    text = (ROOT / "models/two-link/robot.xml").read_text()
+    (folder / "arm.xml").write_text(text)
+    (folder / "arm.toml").write_text(SIDECAR)
+    robot, rng = Robot.load(folder / "arm.xml"), np.random.default_rng(3)
+    how = servos.Recorder(rate=200.0, delay=0.007, bits=14)
+    frames = []
+    for seconds in (6.0, 3.0):
+        commands = servos.draw_commands(robot, seconds, how.command_rate, 0.5, rng)
+        frames.append(servos.record(robot, TRUTH, commands, seconds, how, rng))
+    result = analyze(robot, frames[0], frames[1], quick=True)
+    return robot, frames, result, result.to_json(folder / "result.json")
+
+
+def test_the_rollout_error_of_unseen_motion_is_stated(made):
+    robot, _, result, path = made
+    told = json.loads(path.read_text())["rollout"]
+    assert told["unseen"]
+    assert told["error"] < 0.2 * told["error_file"]
+    assert told["statement"] in result.statement
+    assert "(not fitted), the fitted robot errs by" in told["statement"]
+    assert (
+        told["statement"] in export(robot, path, path.with_name("stated.xml"), force=True).statement
+    )
+
+
+def test_an_mjcf_gets_the_servos_of_the_sidecar_and_says_delay_and_step(made):
+    robot, _, _, path = made
+    out = export(robot, path, path.with_name("fitted.xml"), force=True).robot
+    text = out.read_text()
+    assert re.search(r"Commands act [\d.]+ ms after their rows?", text)
+    assert "A simulator's step of h seconds" in text
+    model = mujoco.MjModel.from_xml_path(str(out))
+    assert model.nu == 2
+    np.testing.assert_allclose(model.actuator_gainprm[:, 0], [1200, 300])
+    np.testing.assert_allclose(model.actuator_biasprm[:, 1:3], [[-1200, -50], [-300, -8]])
+    np.testing.assert_allclose(model.actuator_forcerange, [[-900, 900]] * 2)
+    values = json.loads(path.read_text())["physical"]["parameters"]
+    for k, joint in enumerate(robot.joints):
+        assert model.dof_armature[k] == pytest.approx(values[f"{joint}.Ia"])
+        assert model.dof_damping[k] == pytest.approx(values[f"{joint}.Fv"])
+        assert model.dof_frictionloss[k] == pytest.approx(values[f"{joint}.Fc"])
+    again = Robot.load(out)
+    np.testing.assert_allclose(again.servo.kp, robot.servo.kp)
+
+
+def test_servos_of_an_mjcf_go_with_its_urdf(tmp_path):
+    robot = Robot.load("hobby-arm")
+    saved = Robot.load(robot.save(tmp_path / "arm.xml"))
+    assert saved.servo.source == "the robot file"
+    from identifiability.workflows.export import write_parameters
+
+    urdf = Robot.load(write_parameters(robot, robot.nominal, tmp_path / "arm.urdf").robot)
+    for name in ("kp", "kv", "low", "high"):
+        np.testing.assert_allclose(getattr(urdf.servo, name), getattr(robot.servo, name))
+    back = write_parameters(urdf, urdf.nominal, tmp_path / "again.xml").robot
+    model = mujoco.MjModel.from_xml_path(str(back))
+    np.testing.assert_allclose(model.actuator_gainprm[:, 0], robot.servo.kp)
+
+
+def test_a_configuration_for_isaac_lab_holds_what_was_fitted(made):
+    robot, _, _, path = made
+    out = export(robot, path, path.with_name("servos.py"), "isaaclab").robot
+    (call,) = [n for n in ast.walk(ast.parse(out.read_text())) if isinstance(n, ast.Call)
+               and getattr(n.func, "id", "") == "DelayedPDActuatorCfg"]  # fmt: skip
+    told = {k.arg: k.value for k in call.keywords}
+    assert ast.literal_eval(told["joint_names_expr"]) == list(robot.joints)
+    values = json.loads(path.read_text())["physical"]["parameters"]
+    for word, kind in (("armature", "Ia"), ("friction", "Fc"), ("viscous_friction", "Fv")):
+        assert ast.literal_eval(told[word]) == pytest.approx(
+            {j: values[f"{j}.{kind}"] for j in robot.joints}, rel=1e-5
+        )
+    assert ast.literal_eval(told["stiffness"]) == {"shoulder": 1200, "elbow": 300}
+    assert "# not determined by itself" in out.read_text()  # the shoulder's rotor beside its body
+    with pytest.raises(RobotError, match="states no gains of servos"):
+        export("two-link", path, path.with_name("none.py"), "isaaclab")
+
+
+# Draws.
+
+
+def test_every_draw_is_possible_and_loads_back(made):
+    robot, _, _, path = made
+    drawn = draw_robots(robot, path, 200)
+    assert drawn.values.shape == (200, len(drawn.names))
+    assert physical_set(drawn.structure).contains(drawn.values).all()
+    np.testing.assert_array_equal(drawn.values, draw_robots(robot, path, 200).values)
+    table = drawn.write(path.with_name("draws.csv"))[0]
+    assert len(table.read_text().splitlines()) == 201
+    files = draw_robots(robot, path, 2, seed=1).write(path.with_name("drawn.xml"))
+    assert [p.name for p in files] == ["drawn-001.xml", "drawn-002.xml"]
+    values = next(draw_robots(robot, path, 2, seed=1).robots)
+    loaded = Robot.load(files[0])
+    for name in ("shoulder.Fv", "elbow.Ia"):
+        assert loaded.nominal[name] == pytest.approx(values[name])
+
+
+def test_what_logs_determine_hardly_varies_and_what_they_leave_open_does(made):
+    robot, _, result, path = made
+    narrow, wide = (draw_robots(robot, path, 300, share=share).to_frame() for share in (0.1, 0.3))
+    sigma = result.to_frame("full model").set_index("name")["sigma"]["elbow.Fv"]
+    for table in (narrow, wide):
+        assert table["elbow.Fv"].std() == pytest.approx(sigma, rel=0.25)
+    idle = next(n for n in narrow if n.endswith(".m") and robot.nominal[n] > 0)
+    for table, share in ((narrow, 0.1), (wide, 0.3)):
+        assert table[idle].std() == pytest.approx(share * robot.nominal[idle], rel=0.3)
+
+
+def joint_share(fit, structure, count, rng, size=256):
+    """Return how often true base parameters are in the joint 95 % set of draws."""
+    region, nominal = physical_set(structure), structure.nominal
+    root = np.linalg.cholesky(fit.base_covariance)
+    bodies = structure.inertial
+    inside = 0
+    for k in range(count):
+        phi = nominal.copy()
+        for body in bodies:  # congruent to the file's, within a fifth
+            phi[body] *= rng.normal(1, 0.15)
+        signed = np.setdiff1d(np.arange(len(phi)), bodies)
+        phi[signed] = np.abs(phi[signed]) * rng.uniform(0.5, 2, len(signed)) + 0.1
+        assert region.contains(phi[None])[0]
+        base = structure.G @ phi + root @ rng.standard_normal(len(root))
+        own = replace(fit, values=np.linalg.pinv(fit.rung.M) @ (base - fit.rung.held))
+        drawn = draw_robots(structure.robot, own, size, seed=k, share=0.2).base
+        turn = np.linalg.inv(np.linalg.cholesky(np.cov(drawn.T)))
+        far = ((drawn - drawn.mean(0)) @ turn.T) ** 2
+        true = (turn @ (structure.G @ phi - drawn.mean(0))) ** 2
+        inside += true.sum() <= np.quantile(far.sum(1), 0.95)
+    return inside / count
+
+
+@pytest.mark.parametrize(
+    "count", [6, pytest.param(200, marks=pytest.mark.everything)], ids=["few", "many"]
+)
+def test_true_robots_lie_in_the_joint_set_of_the_draws(count, simulated):
+    rng = np.random.default_rng(5)
+    robot = Robot.load("two-link")
+    result = analyze(robot, simulated("two-link", "a", samples=2000), quick=True)
+    fit = replace(result.fit, rung=result.full.rung, values=result.full.estimate.value)
+    share = joint_share(fit, result.structure, count, rng)
+    assert share >= 0.93 - 1.7 * np.sqrt(0.93 * 0.07 / count)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--draws", "3", "--out", "x.json"], "does not end in .csv, .parquet, .pq, .xml or"),
+        (["--draws", "3", "--share", "0", "--out", "x.csv"], "give a positive one"),
+        (["--share", "0.3", "--out", "x.xml"], "say how many"),
+        (["--out", "x.csv"], "does not end in .xml, .urdf, .json, .py or .c"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(made, words, said, monkeypatch):
+    robot, _, _, path = made
+    monkeypatch.chdir(path.parent)
+    done = CliRunner().invoke(app, ["export", str(robot.path), str(path), *words])
+    assert done.exit_code == 2
+    assert said in " ".join(done.output.split())
+
+
+def test_a_result_of_another_robot_is_not_drawn_from(made):
+    with pytest.raises(IdentifiabilityError):
+        draw_robots("hobby-arm", made[3], 3)
