@@ -108,7 +108,9 @@ class Levels:
             ),
             (
                 "the values to use",
-                "those of the nearest real robot, unless the ones that were estimated are better",
+                "those of the nearest real robot, unless the ones that were estimated are better; "
+                "and where these differ from them over the robot's range by no more than twice "
+                "their own squared errors there",
             ),
         )
 
@@ -141,6 +143,13 @@ class Folds:
     def count(self) -> int:
         """Number of folds F."""
         return len(self.train)
+
+    @staticmethod
+    def short(information: Information, levels: Levels = LEVELS) -> Folds:
+        """Return folds of logs that are too short for a choice: what they err is stated only."""
+        test = choose_folds(information.log, levels.fewest)
+        train = test != np.arange(test.max() + 1)[:, None]
+        return Folds(test, train, 1.0 / max(test.max(), 1))
 
     @staticmethod
     def of(information: Information, memory: float = 0.0, levels: Levels = LEVELS) -> Folds:
@@ -185,6 +194,20 @@ class Folds:
             row[near & (log == log[own[0]])] = False
         tested = np.array([counts[test == f].sum() for f in range(len(train))])
         return Folds(test, train, float(np.mean(tested / np.maximum(train @ counts, 1))))
+
+
+def choose_folds(log: np.ndarray, most: int = LEVELS.fewest) -> np.ndarray:
+    """Return the fold of each block or sample: whole logs where there are several, else stretches.
+
+    Parameters
+    ----------
+    log : (B,) int
+        Which log it comes from.
+    most : int
+        Stretches.
+    """
+    count = len(log)
+    return log if log.max(initial=0) > 0 else (np.arange(count) * min(most, count)) // count
 
 
 def _divide(lengths: np.ndarray, memory: float, levels: Levels) -> np.ndarray:
@@ -369,7 +392,7 @@ class Held:
         covariance : (F, k, k) or (k, k)
             Errors of the values, with what the noise remembers.
         """
-        return self.score_roots(values, _root(covariance))
+        return self.score_roots(values, square_root(covariance))
 
     def score_roots(self, values: Array, roots: Array) -> Score:
         """Return what an account predicts whose errors are ``L Lᵀ``, of roots L (F, k, m)."""
@@ -451,7 +474,7 @@ def _sum_blocks(part: Any, members: np.ndarray) -> Array:
     return np.concatenate(sums)
 
 
-def _root(covariance: Array) -> Array:
+def square_root(covariance: Array) -> Array:
     """Return L with ``L Lᵀ`` the covariance, which may be singular."""
     scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 0.0))
     unit = np.where(scale > 0, scale, 1.0)

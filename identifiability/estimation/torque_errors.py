@@ -19,22 +19,12 @@ from identifiability.regression.regression import choose_windows
 
 # How logs are divided in time: what errors are added up over, what is left out, what is held.
 #
-# What to use when: `Layout` for the standard errors of errors; `divide_blocks` and `choose_folds`
-# for what is left out while the rest is fitted, and `Turns` for who predicts it then.
+# What to use when: `Layout` for the standard errors of errors; `evidence.Folds` for what is left
+# out while the rest is fitted, and `Turns` for who predicts it then.
 
 
 #: Stretches of time over which errors are added up, for their standard errors.
 STRETCHES = 20
-
-#: Least number of stretches of each log over which models are compared while one is chosen, and
-#: their number over all logs.
-FEWEST, CHOICE_STRETCHES = 4, 16
-
-#: From this many logs on a choice leaves out whole logs; of fewer, stretches.
-FEWEST_LOGS = 4
-
-#: Folds of the blocked cross-validation when there is one log.
-FOLDS = 5
 
 
 @frozen
@@ -119,43 +109,6 @@ class Layout:
         return before + int(np.searchsorted(self.windows[log][:, 0], start, "right")) - 1
 
 
-def choose_folds(log: np.ndarray) -> np.ndarray:
-    """Return the fold of each block or sample: whole logs where there are several, else stretches.
-
-    Parameters
-    ----------
-    log : (B,) int
-        Which log it comes from.
-    """
-    count = len(log)
-    return log if log.max(initial=0) > 0 else (np.arange(count) * min(FOLDS, count)) // count
-
-
-def divide_blocks(log: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the stretch (B,) of each block, and the fold (S,) of each stretch, for a choice.
-
-    Parameters
-    ----------
-    log : (B,) int
-        Which log a block comes from.
-    counts : (B,) int
-        Its samples.
-    """
-    logs = np.unique(log)
-    stretch = np.empty(len(counts), int)
-    fold: list[int] = []
-    for k, one in enumerate(logs):
-        rows = np.flatnonzero(log == one)
-        share = counts[rows].sum() / counts.sum()
-        wanted = max(FEWEST, round(CHOICE_STRETCHES * share))
-        pieces = min(wanted, len(rows))
-        stretch[rows] = len(fold) + np.arange(len(rows)) * pieces // len(rows)
-        # Two or three folds cannot contradict anything: then stretches of the logs are the folds.
-        whole = len(logs) >= FEWEST_LOGS
-        fold += [k] * pieces if whole else list(range(len(fold), len(fold) + pieces))
-    return stretch, np.array(fold)
-
-
 @frozen
 class Turns:
     """Which set of values predicts a sample: runs of consecutive samples take turns.
@@ -181,11 +134,6 @@ def take_turns(information: Information, folds: np.ndarray) -> Turns:
     return Turns(np.cumsum(information.counts), folds)
 
 
-def leave_out(information: Information, folds: np.ndarray, fold: int) -> Information:
-    """Return the information of all blocks but those of one fold."""
-    return information.take(folds != fold)
-
-
 # How far predicted torque is from the measured, and how well that is known: one definition.
 #
 # What to use when: models are chosen by the error over each joint's own scale
@@ -199,6 +147,7 @@ def leave_out(information: Information, folds: np.ndarray, fold: int) -> Informa
 #: Stretches whose errors give a standard error are each at least so many autocorrelation times
 #: of the error long, as long as `FEWEST` are left.
 MEMORIES = 5.0
+FEWEST = 4
 
 #: Stretches that are drawn again and again for an interval: more, as each weighs by itself.
 DRAWN_STRETCHES = 24

@@ -9,7 +9,8 @@ import numpy as np
 
 from identifiability.effects.vocabulary import file_kinds, held_by_file
 from identifiability.estimation.estimator import settle_signs
-from identifiability.estimation.evidence import LEVELS, Evidence, Held, Level, Score
+from identifiability.estimation.evidence import LEVELS, Evidence, Held, Level, Score, square_root
+from identifiability.estimation.uncertainty import remembering_covariance
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL, Array
@@ -20,6 +21,7 @@ from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import FittedModel, physical_set
 from identifiability.physical.project import FeasibleEstimate, Projection
 from identifiability.physical.pseudo_inertia import BodyCheck, check_body
+from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.functions import leave_to_terms
 from identifiability.regression.reduction import Rung
 from identifiability.regression.structure import Structure
@@ -64,6 +66,9 @@ class PhysicalResult:
     as_good : bool
         Whether the estimate does not surely predict stretches of the fitted logs that it has not
         seen better than the nearest real robot does.
+    elsewhere : bool
+        Whether the nearest real robot is to be expected to err no more over the robot's whole range
+        (`stands_elsewhere`); asked where it is not as good.
     """
 
     region: PhysicalSet
@@ -75,6 +80,7 @@ class PhysicalResult:
     sentence: str
     cad_weight: float
     as_good: bool = False
+    elsewhere: bool = False
 
     def with_certificate(self, certificate: Certificate | None, sentence: str) -> PhysicalResult:
         """Return the result with what is proved of the estimated parameters, in words before."""
@@ -243,6 +249,32 @@ def choose_prior(
     return PriorChoice(weights[at], values[at], scores[at], good)
 
 
+def stands_elsewhere(model: FittedModel, base: Array) -> bool:
+    """Return whether a real robot is to be expected to err no more than the fit that it is near to.
+
+    Over the robot's range, not along what was fitted: folds of a log cannot see where its motion
+    has not been. There the fit errs by what its stated errors make of it, ``tr Σ F``, and the real
+    robot by its bias, of which the square of the difference less the same is an unbiased estimate:
+    the focused information criterion [Claeskens & Hjort 2003].
+
+    Parameters
+    ----------
+    model : FittedModel
+    base : (b,)
+        Base parameters of the real robot.
+    """
+    structure, fit = model.structure, model.estimate
+    motion = random_motion(structure.robot, np.random.default_rng(0))
+    W = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
+    apart = W @ (model.rung.expand(fit.value) - base)
+    L = square_root(remembering_covariance(model.information, fit))
+    errs = W @ model.rung.M[:, list(fit.kept)] @ L
+    scale = model.whole.variation / model.whole.rows_each
+    share = np.where(scale > 0, 1.0, 0.0) / np.where(scale > 0, scale, 1.0)
+    bias, own = (float(share @ x) for x in ((apart**2).sum(0), (errs**2).sum((0, 2))))
+    return bias <= 2.0 * own
+
+
 def _within_reach(
     model: FittedModel, projection: Projection, weights: Sequence[float]
 ) -> Sequence[float]:
@@ -258,7 +290,7 @@ def _within_reach(
         if before - misfit <= len(model.estimate.kept):
             return weights[k - 1 :]
         before = misfit
-    return weights[-1:]
+    return weights  # the lightest that pays is not reached, and others only on the way to it
 
 
 def _projection(model: FittedModel, cad_weight: float) -> Projection:

@@ -305,6 +305,10 @@ class Information:
         the log's own noise is tried once more. It has blocks and logs of its own.
     weights : (n, B) or None
         By which the squares of each actuator's blocks were weighed; None where they were not.
+    within : (Information, (K + 1, k + 1)) or None
+        The information of the same blocks about more columns, and these among them: ``[W τ]`` is
+        that of more times this. A factor of all blocks is taken from there, as many reduced models
+        have it in common.
     """
 
     columns: tuple[str, ...]
@@ -315,6 +319,7 @@ class Information:
     instrumented: bool = False
     echo: Information | None = None
     weights: Array | None = None
+    within: tuple[Information, Array] | None = None
 
     @staticmethod
     def of_rows(
@@ -404,7 +409,7 @@ class Information:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return its fields: what follows from them is neither sent to workers nor part of keys."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+        return {f.name: getattr(self, f.name) for f in fields(self)} | {"within": None}
 
     @cached_property
     def joint(self) -> Information:
@@ -489,9 +494,9 @@ class Information:
         return found
 
     def _factor(self, weights: Array) -> Array:
-        if "_whole" in vars(self):
-            whole, own = vars(self)["_whole"]
-            R: Array = whole.factor(weights) @ own
+        if self.within is not None:
+            more, own = self.within
+            R: Array = more.factor(weights) @ own
             return triangular_factor(np.pad(R, ((0, max(0, R.shape[1] - len(R))), (0, 0))))
         pairs = zip(np.sqrt(weights), self.parts, strict=True)
         found: list[tuple[np.ndarray, Array]] = []
@@ -537,9 +542,7 @@ class Information:
         map_ = block_diag(M, own) if self.instrumented else own
         parts = tuple(part.reduce(map_) for part in self.parts)
         echo = None if self.echo is None else self.echo.reduce(M, columns)
-        reduced = replace(self, columns=tuple(columns), parts=parts, echo=echo)
-        vars(reduced)["_whole"] = self, own  # whose factor is that of these columns, too
-        return reduced
+        return replace(self, columns=tuple(columns), parts=parts, echo=echo, within=(self, own))
 
     def select(self, columns: Sequence[int]) -> Information:
         """Return the information about some columns, the others held at zero."""
@@ -553,7 +556,7 @@ class Information:
         parts = tuple(part.take(kept) for part in self.parts)
         weights = None if self.weights is None else self.weights[:, kept]
         what = {"counts": self.counts[kept], "data": self.data[kept], "log": self.log[kept]}
-        return replace(self, parts=parts, weights=weights, **what)
+        return replace(self, parts=parts, weights=weights, within=None, **what)
 
     def weigh(self, weights: Array) -> Information:
         """Return the blocks with weights of their squares; their samples count as before.
@@ -566,7 +569,7 @@ class Information:
         each = np.broadcast_to(weights, (self.actuators, len(self.counts)))
         parts = tuple(part.weigh(w) for part, w in zip(self.parts, each, strict=True))
         all_ = each if self.weights is None else self.weights * each
-        return replace(self, parts=parts, weights=all_)
+        return replace(self, parts=parts, weights=all_, within=None)
 
     @property
     def weighed_samples(self) -> Array:

@@ -174,7 +174,8 @@ class RungResult(JudgedModel):
         Whether a real robot has these parameters, and the nearest that has.
     physical_as_good : bool
         Whether the nearest real robot stands for the estimate: of stretches of the fitted logs it
-        does not surely predict worse, and validation logs do not object.
+        does not surely predict worse, or is to be expected to err no more over the robot's range;
+        and validation logs do not object.
     """
 
     uncertainty: Uncertainty
@@ -250,6 +251,8 @@ def assess_ladder(
     rng: np.random.Generator,
     replicates: int,
     doubt: Doubt = NO_DOUBT,
+    *,
+    veto: bool = True,
 ) -> tuple[RungResult, ...]:
     """Return the results of all m models.
 
@@ -267,6 +270,9 @@ def assess_ladder(
         Of the bootstrap.
     doubt : Doubt, optional
         Functions that are missing beside all base parameters.
+    veto : bool
+        Whether the others are logs that were held out; stretches of the fitted ones have been asked
+        already, where they could be.
     """
     m = len(models)
     error, held_error = fitted.relative_error(), held_out.relative_error()
@@ -308,7 +314,7 @@ def assess_ladder(
             error_ra_other=float(error[3 * m + k]),
             infeasible=forbidden_signs(told.rung, told.information, told.estimate),
             physical=real,
-            physical_as_good=stands_for(held_out, real, k, m + k),
+            physical_as_good=stands_for(held_out if veto else None, real, k, m + k),
         )
         results.append(result)
     return tuple(results)
@@ -349,17 +355,20 @@ def decide_told(
     )
 
 
-def stands_for(held_out: Prediction, real: PhysicalResult, one: int, other: int) -> bool:
+def stands_for(held_out: Prediction | None, real: PhysicalResult, one: int, other: int) -> bool:
     """Return whether the nearest real robot stands for the estimate, unless unseen motion objects.
 
     Folds of the fitted logs choose, and what is held out has a veto: where one of the two surely
     errs more there, over all joints or at any, and the other does not, that one is used.
     """
+    stands = real.as_good or real.elsewhere
+    if held_out is None:
+        return stands
     worse, better = (
         bool(held_out.joints_above(a)[:, b].any()) or _surely_above(held_out, a, b)
         for a, b in ((one, other), (other, one))
     )
-    return real.as_good if worse == better else better
+    return stands if worse == better else better
 
 
 def _surely_above(held_out: Prediction, against: int, model: int) -> bool:
@@ -393,26 +402,35 @@ def _aliases(information: Information, fit: Estimate, rung: Rung) -> tuple[str, 
     return tuple(out)
 
 
-def select_model(results: Sequence[RungResult]) -> int:
-    """Return the smallest model within one standard error of the best, and worse at no joint.
+def select_model(results: Sequence[RungResult], near: np.ndarray) -> int:
+    """Return the smallest of the models that may stand for the best, possible ones first.
 
-    Among those that predict as well as the best, models come last of which the data call something
-    identifiable that physics forbids, and models that a real robot can have first, then those
-    without forbidden signs.
+    Folds of the fitted logs choose (`evidence.near_best`); motion that is held out has a veto: a
+    model that surely errs more there than the best of them, over all joints or at any, is not used.
+
+    Of those that are left, models come last of which the data call something identifiable that
+    physics forbids, and models that a real robot can have first, then those without forbidden
+    signs.
+
+    Parameters
+    ----------
+    results : sequence of m RungResult
+    near : (m,) bool
     """
     error = np.array([r.error_joints_validation for r in results])
     if not np.isfinite(error).any():
         return len(results) - 1
     best = float(np.nanmin(error))
-    slack = [best + np.nan_to_num(r.error_joints_se) for r in results]
-    good = [k for k, r in enumerate(results) if error[k] <= slack[k] and not r.worse_at]
+    slack = [best + REACH * np.nan_to_num(r.error_joints_se) for r in results]
+    sound = [error[k] <= slack[k] and not r.worse_at for k, r in enumerate(results)]
+    good = np.flatnonzero(near & sound) if (near & sound).any() else np.flatnonzero(sound)
 
     def rank(k: int) -> tuple[bool, bool, bool, int, float]:
         r = results[k]
         impossible = bool(r.contradicted), not r.feasible, not r.signs_possible
         return *impossible, len(r.rung), float(error[k])
 
-    return min(good, key=rank)
+    return min(good.tolist(), key=rank)
 
 
 # Of one model what analyze and prune tell alike: its errors by joint and log.
@@ -696,6 +714,7 @@ class Laddered(Result, Opening, Predicts):
                 "infeasible": list(used.infeasible),
                 "error_ra_validation": used.error_ra_physical,
                 "used": used.physical_used,
+                "elsewhere": used.physical.elsewhere,
                 **self._real_robot,
             },
             **({} if self.moved is None else {"rollout": self.moved.to_dict()}),

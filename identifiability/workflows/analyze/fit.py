@@ -13,11 +13,11 @@ import numpy as np
 
 from identifiability.estimation.estimate import forget_noise, weigh_logs
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.evidence import Folds, Held
+from identifiability.estimation.evidence import Folds, Held, Score, near_best
 from identifiability.estimation.least_squares import Noise, leave_open
 from identifiability.estimation.outliers import Outliers, weigh_outliers
 from identifiability.estimation.prediction import Task
-from identifiability.estimation.torque_errors import choose_folds, take_turns
+from identifiability.estimation.torque_errors import take_turns
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
@@ -31,6 +31,7 @@ from identifiability.physical.feasibility import (
     choose_prior,
     find_nearest,
     leave_undecided,
+    stands_elsewhere,
 )
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.information import Information
@@ -120,6 +121,9 @@ class FittedLadder:
         rest.
     folds : Folds or None
         None where nothing was fitted.
+    near : (m,) bool
+        Which models may stand for the one that predicts the folds best; none where nothing was
+        fitted.
     short : str
         That predictions choose nothing, and why; empty where they do.
     """
@@ -128,6 +132,7 @@ class FittedLadder:
     robots: tuple[PhysicalResult, ...]
     crossed: Array
     folds: Folds | None
+    near: np.ndarray
     short: str = ""
 
     @property
@@ -171,21 +176,23 @@ def fit_ladder(
             for rung, part in zip(rungs, parts, strict=True)
         )
         undecided = tuple(leave_undecided(structure, rung, silence) for rung in rungs)
-        return FittedLadder(open_, undecided, np.empty((0, information.size, 0)), None)
+        none = np.empty((0, information.size, 0))
+        return FittedLadder(open_, undecided, none, None, np.zeros(len(rungs), bool))
     models = tuple(FittedModel.of(structure, rung, information, estimator) for rung in rungs)
     held, short = hold_folds(information, estimator)
-    found: list[tuple[PhysicalResult, Array]] = []
+    found: list[tuple[PhysicalResult, Score, Array]] = []
     for model in models:  # a smaller one asks for no heavier prior than the unpruned
         heaviest = found[0][0].cad_weight if found else np.inf
         found.append(settle_robot(model, held, cad_weight, heaviest, choose=not short))
     robots = tuple(
         robot.with_certificate(*certify_model(model))
-        for (robot, _), model in zip(found, models, strict=True)
+        for (robot, *_), model in zip(found, models, strict=True)
     )
-    crossed = np.concatenate([values for _, values in found], 2)
+    crossed = np.concatenate([values for *_, values in found], 2)
     m = len(models)
     order = [*range(0, 2 * m, 2), *range(1, 2 * m, 2)]
-    return FittedLadder(models, robots, crossed[:, :, order], held.folds, short)
+    near = near_best([score for _, score, _ in found])
+    return FittedLadder(models, robots, crossed[:, :, order], held.folds, near, short)
 
 
 def hold_folds(information: Information, estimator: Estimator) -> tuple[Held, str]:
@@ -195,13 +202,11 @@ def hold_folds(information: Information, estimator: Estimator) -> tuple[Held, st
     try:
         return Held.of(information, noise), ""
     except LogError as error:
-        test = choose_folds(information.log)
-        train = test != np.arange(test.max() + 1)[:, None]
         short = (
             "Whether values of a robot that can exist predict as well, and how strongly the robot "
             f"file's bodies pull, could not be asked: {error}"
         )
-        return Held.of(information, noise, Folds(test, train, 1.0 / max(test.max(), 1))), short
+        return Held.of(information, noise, Folds.short(information)), short
 
 
 def settle_robot(
@@ -211,8 +216,8 @@ def settle_robot(
     heaviest: float = np.inf,
     *,
     choose: bool = True,
-) -> tuple[PhysicalResult, Array]:
-    """Return the nearest real robot to use of a model, and values of both in turns, (F, b, 2).
+) -> tuple[PhysicalResult, Score, Array]:
+    """Return the nearest real robot of a model, what this predicts, and both in turns, (F, b, 2).
 
     Parameters
     ----------
@@ -235,5 +240,11 @@ def settle_robot(
     values = np.full(free.shape, np.nan) if chosen is None else chosen.values
     if weight is None:
         weight = WEAK if chosen is None else chosen.weight
-    good = chosen is not None and chosen.as_good and choose
-    return replace(find_nearest(model, weight), as_good=good), np.stack([free, values], 2)
+    nearest = find_nearest(model, weight)
+    if chosen is not None and choose:
+        good = chosen.as_good
+        elsewhere = (
+            not good and nearest.nearest is not None and stands_elsewhere(model, nearest.base)
+        )
+        nearest = replace(nearest, as_good=good, elsewhere=elsewhere)
+    return nearest, score, np.stack([free, values], 2)

@@ -277,6 +277,13 @@ def state_physics(chosen: RungResult) -> str:
             f"the nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %, not surely "
             "more than they do: its values are those to use, and predictions and exports have them."
         )
+        if chosen.physical.elsewhere:
+            near = (
+                f"the nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %. Along "
+                "such motion they err surely less, but over the robot's range their own errors "
+                "reach as far as the difference: its values are those to use, and predictions and "
+                "exports have them, unless a log of other motion that is held out objects."
+            )
     if chosen.infeasible:
         return (
             f"But {len(chosen.infeasible)} of its values have a sign that physics forbids "

@@ -172,8 +172,9 @@ def analyze(
             streams[1],
             draws,
             missing := find_missing(opening),
+            veto=bool(opening.validation),
         )
-        at = select_model(results)
+        at = select_model(results, ladder_.near)
         results, nothing = doubt(silence or opening.misread, results, at, out)
         leaning, leans = _seek_leaning(opening, recordings.fitted, nothing)
         several = compare_logs(robot.joints, opening.samples, information, results[at])

@@ -13,8 +13,9 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from identifiability.estimation.evidence import choose_folds
 from identifiability.estimation.noise import ARNoise
-from identifiability.estimation.torque_errors import DRAWN_STRETCHES, choose_folds, split_evenly
+from identifiability.estimation.torque_errors import DRAWN_STRETCHES, split_evenly
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen, remember

@@ -518,8 +518,9 @@ def measure_rungs(
     own_model = [question.recall(*fits[chosen])]
     missing = find_missing(opening)
     (result,) = assess_ladder(
-        own_model, [physical], own, own_held, Thresholds(), rng, replicates, missing
-    )
+        own_model, [physical], own, own_held, Thresholds(), rng, replicates, missing,
+        veto=bool(opening.validation),
+    )  # fmt: skip
     spread = result.uncertainty
     error, error_unseen = fitted.relative_error(), unseen.relative_error()
     joints, joints_unseen = fitted.error_over_joints(), unseen.error_over_joints()

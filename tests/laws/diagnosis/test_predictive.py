@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from identifiability.estimation.torque_errors import choose_folds
+from identifiability.estimation.evidence import choose_folds
 from identifiability.workflows.diagnose.predictive import Predictive
 
 #: Prior standard deviation that says nothing beside these rows, yet leaves a density its digits.

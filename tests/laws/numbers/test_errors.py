@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identifiability.estimation.evidence import choose_folds
 from identifiability.estimation.noise import autocorrelation_time
 from identifiability.estimation.prediction import (
     Prediction,
@@ -20,8 +21,6 @@ from identifiability.estimation.torque_errors import (
     ErrorSums,
     Layout,
     Turns,
-    choose_folds,
-    leave_out,
     standard_error,
     take_turns,
 )
@@ -228,7 +227,7 @@ def test_several_logs_are_left_out_one_by_one_and_one_in_five_stretches():
 
 def test_what_is_left_out_of_a_fold_is_the_fold_and_nothing_else():
     _, every = information(16, 24, 16)
-    rest = leave_out(every, choose_folds(every.log), 1)
+    rest = every.take(choose_folds(every.log) != 1)
     np.testing.assert_array_equal(rest.log, [0, 0, 2, 2])
     for part, all_ in zip(rest.parts, every.parts, strict=True):
         np.testing.assert_array_equal(part.blocks, all_.blocks[[0, 1, 5, 6]])

@@ -1,5 +1,6 @@
 """The prior around the robot file: Newton's way to the nearest robot, and which weight is taken."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,13 +9,17 @@ import pytest
 from identifiability import analyze
 from identifiability.estimation.evidence import Score
 from identifiability.estimation.prediction import Prediction
+from identifiability.estimation.uncertainty import remembering_covariance
+from identifiability.logs.prepare import prepare_samples
 from identifiability.physical import project
 from identifiability.physical.cad_prior import WEIGHTS, CadPrior
-from identifiability.physical.feasibility import choose_prior
+from identifiability.physical.feasibility import choose_prior, stands_elsewhere
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import FittedModel, Held, LeastSquares
 from identifiability.physical.project import Projection
 from identifiability.physical.pseudo_inertia import to_matrix
+from identifiability.regression.reduction import default_ladder, ladder_model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
 from identifiability.workflows.analyze.assessment import stands_for
@@ -168,16 +173,61 @@ def test_the_heaviest_prior_within_two_nats_is_taken_and_a_surely_better_fit_sta
         assert found.as_good is good
 
 
+def plant(robot, at, noise):
+    """A log of base parameters that no robot has, analyzed."""
+    log = logs_of(robot, (1,))[0]
+    structure = Structure.of(robot, ladder_model(default_ladder(robot)))
+    parts = structure.regression([prepare_samples(robot, log)]).parts()
+    rows = np.concatenate([chunk.W for part in parts for chunk in part.chunks()])
+    tau = rows @ at(structure) + noise * np.random.default_rng(3).normal(size=log.tau.shape)
+    return analyze(robot, replace(log, tau=tau), replicates=0).models[0]
+
+
+def impossible(structure):
+    at = structure.nominal_base.copy()
+    at[structure.base.names.index("link2.Iyy")] *= -1.0
+    return at
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.15])
+def test_values_that_hold_everywhere_stand_though_no_robot_has_them(noise):
+    told = plant(Robot.load("two-link"), impossible, noise)
+    assert not told.feasible
+    assert not told.physical.as_good
+    assert not told.physical.elsewhere
+    assert not told.physical_used
+
+
+def test_the_nearest_robot_stands_where_the_difference_is_within_the_errors(weighed):
+    """Over the robot's range: as the noise grows, as the square of the difference stays."""
+    found = weighed[0][0].models[0]
+    model = FittedModel.of(
+        weighed[0][0].structure, found.rung, weighed[0][0].information, found.estimate.estimator
+    )
+    own = found.rung.expand(found.estimate.value)
+    assert stands_elsewhere(model, own)
+    wide = np.sqrt(np.diag(remembering_covariance(model.information, found.estimate)))
+    step = np.zeros(len(found.rung))
+    for share, stands in ((0.1, True), (100.0, False)):
+        step[list(found.estimate.kept)] = share * wide
+        assert stands_elsewhere(model, own + found.rung.M @ step) is stands
+
+
 def test_motion_that_is_held_out_has_a_veto_and_no_more():
     rng = np.random.default_rng(5)
     tau = np.stack([np.sin(np.arange(400) / 9), np.cos(np.arange(400) / 7)], 1)
     wrong = [e * rng.normal(size=tau.shape) for e in (0.1, 0.1, 0.2)]
     told = np.stack([tau + w for w in wrong], 2)
     held_out = Prediction.of([np.arange(400.0)], tau, told, np.zeros(400, int))
-    good, bad = SimpleNamespace(as_good=True), SimpleNamespace(as_good=False)
+    good, bad = (SimpleNamespace(as_good=x, elsewhere=False) for x in (True, False))
+    apart = SimpleNamespace(as_good=False, elsewhere=True)
     assert stands_for(held_out, good, 0, 1)  # not told apart there: what the folds say
     assert not stands_for(held_out, bad, 0, 1)
+    assert stands_for(held_out, apart, 0, 1)
+    for real in (good, bad, apart):  # of stretches of the fitted logs the folds have spoken
+        assert stands_for(None, real, 0, 2) is (real is not bad)
     assert not stands_for(held_out, good, 0, 2)  # surely worse there
+    assert not stands_for(held_out, apart, 0, 2)
     assert stands_for(held_out, bad, 2, 0)
 
 
