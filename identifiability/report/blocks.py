@@ -160,6 +160,55 @@ class Traces:
     kind: ClassVar[str] = "traces"
 
 
+@frozen
+class Moving:
+    """Robots along a recording, one over the other, to play and to drag through.
+
+    Attributes
+    ----------
+    names : tuple of (name, tone)
+        Of the robots; the first is drawn broad, behind the others.
+    t : (F,) [s]
+    points : tuple of (F, P, 2) [px]
+        Places of each robot's joints and ends of bodies; NaN where there is none.
+    lines : tuple of (int, int)
+        Points between which bodies are.
+    joints : int
+        How many of the points, the first ones, are joints.
+    errors : tuple of F texts
+        What is said of each time, for each robot but the first.
+    size : (int, int) [px]
+    caption : str
+    """
+
+    names: tuple[tuple[str, str], ...]
+    t: Array
+    points: tuple[Array, ...]
+    lines: tuple[tuple[int, int], ...]
+    joints: int
+    errors: tuple[tuple[str, ...], ...]
+    size: tuple[int, int]
+    caption: str = ""
+    kind: ClassVar[str] = "moving"
+
+    @property
+    def frames(self) -> int:
+        """How many times there are."""
+        return len(self.t)
+
+    @property
+    def data(self) -> str:
+        """What the script draws, as JSON: places to a tenth of a pixel."""
+        robots = [
+            [None if np.isnan(frame).any() else frame.ravel().round(1).tolist() for frame in points]
+            for points in self.points
+        ]
+        told = {"t": np.round(self.t, 3).tolist(), "size": self.size, "lines": self.lines}
+        tones = [tone for _, tone in self.names]
+        more = {"robots": robots, "tones": tones, "joints": self.joints, "errors": self.errors}
+        return json.dumps({**told, **more}, separators=(",", ":"))
+
+
 #: A step of time this many times the usual one is a gap.
 GAP = 10.0
 
@@ -247,7 +296,7 @@ class Fold:
 
 
 Block: TypeAlias = (
-    Prose | Notes | Terms | Table | Picture | Gallery | Fold | Sketch | Traces | Answers
+    Prose | Notes | Terms | Table | Picture | Gallery | Fold | Sketch | Traces | Moving | Answers
 )
 
 

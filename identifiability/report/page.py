@@ -15,7 +15,7 @@ from markupsafe import Markup, escape
 
 from identifiability.foundation.output import write_text
 from identifiability.foundation.values import frozen
-from identifiability.report.blocks import Block, Fold, Section, Tile, Traces
+from identifiability.report.blocks import Block, Fold, Moving, Section, Tile, Traces
 from identifiability.report.drawing import TEMPLATES
 from identifiability.report.numbers import mark_of, superscript
 from identifiability.report.tables import Table
@@ -57,6 +57,11 @@ class Page:
         """Whether lines are drawn by the page's script."""
         return any(isinstance(b, Traces) for s in self.sections for b in s.blocks)
 
+    @property
+    def has_motion(self) -> bool:
+        """Whether robots are moved by the page's script."""
+        return any(isinstance(b, Moving) for s in self.sections for b in s.blocks)
+
 
 def _detailed(block: Block) -> bool:
     if isinstance(block, Table):
@@ -68,6 +73,7 @@ def render_page(page: Page, template: str = "page.html.j2") -> str:
     """Return a page as HTML that loads nothing and runs no script but its own."""
     environment = page_environment()
     names = ["page.js", *(("uplot/uPlot.js", "traces.js") if page.has_traces else ())]
+    names += ["moving.js"] if page.has_motion else []
     sheets = ["style.css", *(("uplot/uPlot.css",) if page.has_traces else ())]
     script, style = ("\n".join(map(_template_text, each)) for each in (names, sheets))
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()

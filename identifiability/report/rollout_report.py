@@ -8,6 +8,7 @@ from identifiability.report.blocks import Answer, Answers, Fold, Prose, Section,
 from identifiability.report.drawing import peak_rows
 from identifiability.report.numbers import digits, format_count
 from identifiability.report.page import Page
+from identifiability.report.skeleton import move_skeletons
 from identifiability.report.tables import Column, Table
 from identifiability.report.torque import LINE_POINTS
 from identifiability.report.words import section
@@ -20,7 +21,7 @@ def build_rollout_page(result: RolledOut) -> Page:
     logs = format_count(len(result.logs), "log")
     return Page(
         title=result.robot.title or result.robot.name,
-        sections=(section_positions(result), section_joints(result)),
+        sections=(*section_motion(result), section_positions(result), section_joints(result)),
         overline="Rollout",
         subtitle=f"{' · '.join(run.name for run in result.runs)} · {logs}",
         summary=(
@@ -60,6 +61,25 @@ def _delay(result: RolledOut) -> Answer:
         else "As the files state it."
     )
     return Answer("When do commands act?", short, text, "blue")
+
+
+#: Colours of the robots, in their order.
+TONES = ("vermilion", "blue", "purple")
+
+
+def section_motion(result: RolledOut) -> tuple[Section, ...]:
+    """Return the robots as they move along the first log, if they can be drawn."""
+    log = result.logs[0]
+    motions = {"recording": ("grey", log.q)}
+    tones = TONES if len(result.runs) > 1 else TONES[1:]
+    motions |= {run.name: (tones[k % 3], run.q[0]) for k, run in enumerate(result.runs)}
+    errors = [
+        1e3 * np.sqrt(np.mean((run.q[0] - log.q)[:, result.alike] ** 2, axis=1))
+        for run in result.runs
+    ]
+    caption = f"The robots along {log.name}, and how far their joints are from the recording (rms)."
+    moving = move_skeletons(result.robot, log.t, motions, errors, caption, result.unit)
+    return () if moving is None else (section("rollout.motion", moving, log=log.name),)
 
 
 def section_positions(result: RolledOut) -> Section:

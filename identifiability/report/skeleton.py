@@ -12,7 +12,7 @@ from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.report.blocks import Sketch
+from identifiability.report.blocks import Moving, Sketch
 from identifiability.report.numbers import join, mark_of
 from identifiability.report.words import sentence
 from identifiability.robot import Robot
@@ -114,21 +114,95 @@ def trace_limbs(robot: Robot, pose: Array) -> tuple[dict[str, Array], Array]:
     A body goes from its joint to those that hang on it, to the points at which loops close, and,
     where there are none, to its centre of mass and as far again.
     """
-    tree, q = robot.tree, pose[None]
-    frames = tree.frames(q, range(len(tree.joints)))
-    at = np.stack([frames.origin[k][:, 0] for k in range(len(tree.joints))])
+    limbs, at = _trace(robot, pose[None])
+    return {body: lines[:, 0] for body, lines in limbs.items()}, at[:, 0]
+
+
+def _trace(robot: Robot, poses: Array) -> tuple[dict[str, Array], Array]:
+    """Return the same for F poses (F, nq): (2 s, F, 3) each, and (j, F, 3)."""
+    tree = robot.tree
+    frames = tree.frames(poses, range(len(tree.joints)))
+
+    def each(points: Array) -> Array:  # (3, F), or (3, 1) of what stands
+        return np.broadcast_to(points.T, (len(poses), 3))
+
+    at = np.stack([each(frames.origin[k]) for k in range(len(tree.joints))])
     limbs: dict[str, Array] = {}
     for body, k in _carriers(robot).items():
         ends = [at[c] for c, j in enumerate(tree.joints) if j.parent == k]
         for loop in robot.loops:
-            ends += [tree.world_point(frames, p)[:, 0] for p in _points(loop, k)]
+            ends += [each(tree.world_point(frames, p)) for p in _points(loop, k)]
         if not ends:
             mass = robot.nominal.get(f"{body}.m", 0.0)
             first = np.array([robot.nominal.get(f"{body}.{x}", 0.0) for x in ("mx", "my", "mz")])
             if mass > 0:
-                ends = [tree.world_point(frames, Point(k, 1.6 * first / mass))[:, 0]]
+                ends = [each(tree.world_point(frames, Point(k, 1.6 * first / mass)))]
         limbs[body] = np.array([p for end in ends or [at[k]] for p in (at[k], end)])
     return limbs, at
+
+
+#: Poses that are drawn of a motion, at most, and how many a second.
+MOST_FRAMES, FRAMES_A_SECOND = 300, 25.0
+
+
+def move_skeletons(
+    robot: Robot,
+    t: Array,
+    motions: Mapping[str, tuple[str, Array]],
+    errors: Sequence[Array],
+    caption: str,
+    unit: str,
+) -> Moving | None:
+    """Return robots along a motion, one over the other; None where nothing can be drawn.
+
+    Parameters
+    ----------
+    robot : Robot
+        A tree.
+    t : (N,) [s]
+    motions : mapping
+        Name to tone and positions of the actuated joints, (N, n); NaN where there are none.
+    errors : sequence of (N,)
+        Of each motion but the first [thousandths].
+    caption, unit : str
+    """
+    span = float(t[-1] - t[0])
+    frames = int(np.clip(span * FRAMES_A_SECOND, 2, MOST_FRAMES))
+    rows = np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], frames)).clip(0, len(t) - 1))
+    places = [robot.tree.single[joint].iq for joint in robot.joints]
+    traced = []
+    for _, q in motions.values():
+        poses = np.tile(robot.home, (len(rows), 1))
+        poses[:, places] = q[rows]
+        limbs, at = _trace(robot, np.nan_to_num(poses))
+        ends = [lines[1::2] for lines in limbs.values()]
+        every = np.concatenate([at, *ends]).transpose(1, 0, 2)
+        traced.append(np.where(np.isnan(poses).any(1)[:, None, None], np.nan, every))
+    if not np.ptp(traced[0].reshape(-1, 3), axis=0).max() > 0:
+        return None
+    gravity = robot.gravity
+    vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else UP
+    place = _look(traced[0].reshape(-1, 3), vertical)
+    lines, start = [], len(robot.tree.joints)
+    carriers = _carriers(robot)
+    for body, own in limbs.items():
+        count = len(own) // 2
+        lines += [(carriers[body], start + i) for i in range(count)]
+        start += count
+    said = tuple(
+        tuple("diverged" if np.isnan(x) else f"{name} {x:.3g} {unit}" for x in error[rows])
+        for name, error in zip(list(motions)[1:], errors, strict=True)
+    )
+    return Moving(
+        names=tuple((name, tone) for name, (tone, _) in motions.items()),
+        t=t[rows] - t[0],
+        points=tuple(place(x.reshape(-1, 3)).reshape(*x.shape[:2], 2) for x in traced),
+        lines=tuple(lines),
+        joints=len(robot.tree.joints),
+        errors=said,
+        size=(WIDTH, HEIGHT),
+        caption=caption,
+    )
 
 
 def _carriers(robot: Robot) -> dict[str, int]:

@@ -119,22 +119,23 @@ class RolledOut(Result):
     @property
     def totals(self) -> Array:
         """Error of each run over all joints that turn, or if none does, slide (rms), (runs,)."""
-        return np.asarray(np.sqrt(np.mean(self.errors[:, self._alike] ** 2, axis=1)))
+        return np.asarray(np.sqrt(np.mean(self.errors[:, self.alike] ** 2, axis=1)))
 
     @property
     def window_totals(self) -> Array:
         """The same over windows of a second."""
-        return np.asarray(np.sqrt(np.mean(self.window_errors[:, self._alike] ** 2, axis=1)))
+        return np.asarray(np.sqrt(np.mean(self.window_errors[:, self.alike] ** 2, axis=1)))
 
     @property
-    def _alike(self) -> np.ndarray:
+    def alike(self) -> np.ndarray:
+        """Which joints turn, or if none does, slide, (n,) bool: what errors are told of."""
         slides = np.array([self.robot.is_prismatic(int(k)) for k in self.robot.actuated], bool)
         return slides if slides.all() else ~slides
 
     @property
     def unit(self) -> str:
         """Of `totals`, a thousandth: mrad, or mm where every joint slides."""
-        return "mm" if self.robot.is_prismatic(int(self.robot.actuated[self._alike][0])) else "mrad"
+        return "mm" if self.robot.is_prismatic(int(self.robot.actuated[self.alike][0])) else "mrad"
 
     @property
     def statement(self) -> str:
