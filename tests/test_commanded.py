@@ -13,9 +13,14 @@ import pytest
 from identifiability import Log, Robot, analyze
 from identifiability.estimation.rollouts import find_delay, fit_rollouts
 from identifiability.foundation.errors import LogError, RobotError
+from identifiability.foundation.options import OptionError
 from identifiability.logs.aliases import take_joint
 from identifiability.logs.commands import held_mean, servo_log
 from identifiability.logs.conventions import Conventions
+from identifiability.physical.cad_prior import combine_with_file, thick_inertia
+from identifiability.physical.pseudo_inertia import BASIS
+from identifiability.regression.reduction import find_ladder, ladder_model
+from identifiability.regression.structure import Structure
 from identifiability.report.analysis_report import answer_notes
 from identifiability.robot.servo import Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot
@@ -307,6 +312,65 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     told = json.loads(found.to_json(tmp_path / "rollout.json").read_text())
     assert told["schema"] == "identifiability/rollout/1"
     assert found.write_report(tmp_path / "rollout.html").stat().st_size > 10_000
+
+
+def test_bodies_are_within_a_share_of_the_file_where_there_is_no_torque(arm, frames):
+    result = analyze(arm, frames[1], quick=True)
+    assert result.settings["prior"] == 0.2
+    assert result.chosen.physical.cad_weight == pytest.approx(12.5)
+    assert analyze(arm, frames[1], quick=True, prior=0).settings["prior"] == 0.0
+    with pytest.raises(OptionError, match="say the same twice"):
+        analyze(arm, frames[1], prior=0.1, cad_prior=1.0)
+
+
+def _standard(robot):
+    entry = find_ladder(robot, None, beside=True).entry
+    return Structure.of(robot, ladder_model(entry), np.random.default_rng(0))
+
+
+def _bodies(structure, share, rng):
+    """Return parameters with bodies P (1 + E)(1 + E)ᵀ Pᵀ about the file's."""
+    phi = structure.nominal.copy()
+    for columns in structure.inertial:
+        P = np.linalg.cholesky(thick_inertia(phi[columns], ""))
+        E = np.eye(4) + np.triu(share * rng.standard_normal((4, 4)))
+        J = P @ E @ E.T @ P.T
+        phi[columns] = np.linalg.lstsq(BASIS.reshape(10, 16).T, J.ravel(), rcond=None)[0]
+    return phi
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.2])
+def test_intervals_with_the_file_hold_up_to_its_share_whatever_few_data_say(share):
+    structure, rng = _standard(Robot.load("six-dof-arm")), np.random.default_rng(1)
+    size = np.abs(structure.nominal[structure.inertial]).mean()
+    inside, told = [], 0
+    for _ in range(40):
+        phi = _bodies(structure, share, rng)
+        rows = rng.standard_normal((len(structure.base.names) // 2, len(structure.base.names)))
+        A = 30 / size * rows @ structure.G
+        found = combine_with_file(
+            structure, A, A @ phi + rng.standard_normal(len(A)), structure.G, 0.2
+        )
+        known = np.isfinite(found.sd)
+        apart = (found.mean - structure.G @ phi)[known] / found.sd[known]
+        inside += (np.abs(apart) < 1.96).tolist()
+        told += bool(found.hint)
+    assert len(inside) > 40 * 10
+    assert np.mean(inside) > 0.93
+    assert told <= 1
+
+
+def test_a_log_that_contradicts_the_files_bodies_says_so_and_names_the_farthest():
+    structure, rng = _standard(Robot.load("six-dof-arm")), np.random.default_rng(2)
+    phi = structure.nominal.copy()
+    columns = structure.inertial[2]
+    phi[columns] *= 6
+    rows = rng.standard_normal((60, len(structure.base.names)))
+    A = 300 / np.abs(phi[structure.inertial]).mean() * rows @ structure.G
+    found = combine_with_file(structure, A, A @ phi, structure.G, 0.2)
+    assert "contradicts that bodies are within 20 %" in found.hint
+    assert list(structure.bodies.values())[2] in found.hint
+    assert combine_with_file(structure, A, A @ phi, structure.G, 2.0).hint == ""
 
 
 def test_gains_that_contradict_the_motion_are_refused(arm, frames, tmp_path):

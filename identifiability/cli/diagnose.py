@@ -30,7 +30,7 @@ def diagnose(
     earlier: Annotated[Path | None, Option("--from"), Reads("result", "JSON")] = None,
     fixed: Annotated[bool, Option("--fixed")] = False,
     fixed_from: Annotated[Path | None, Option(), Reads("result", "JSON")] = None,
-    fixed_share: float | None = None,
+    fixed_share: Annotated[float | None, Option("--fixed-share", "--prior")] = None,
     replicates: options.Replicates = None,
     seed: options.Seed = 0,
     quick: bool = False,

@@ -359,11 +359,15 @@ class Fitting:
         Weight of a log-det prior around the robot file's bodies, which decides where the logs are
         silent; default: the heaviest that predicts stretches of the fitted logs as well as the
         best.
+    prior
+        The same said by the share within which the bodies are the file's, such as 0.2; verdicts
+        then say what it narrows. Default: 0.2 where logs hold commands and no torque, else 0: none.
     """
 
     method: Annotated[str, Option(metavar="NAME", autocompletion=estimators)] = "wls"
     estimator: Literal["auto", "ls", "iv"] = "auto"
     cad_prior: Annotated[float | None, Option(min=0)] = None
+    prior: Annotated[float | None, Option(min=0, metavar="SHARE")] = None
 
     def arguments(self) -> dict[str, Any]:
         """Return what the library calls them."""

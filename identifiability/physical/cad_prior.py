@@ -11,6 +11,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from scipy.special import chdtrc
 
 from identifiability.effects.gravity import settle_gravity
 from identifiability.effects.vocabulary import file_kinds, held_by_file
@@ -42,6 +43,9 @@ WEIGHTS = tuple(10.0**k for k in range(5, -3, -1))
 
 #: The one where nothing chooses.
 WEAK = 1.0
+
+#: Singular values below this share of the largest are none.
+RANK = 1e-9
 
 #: Least mean square of a nominal body's thickness, as a share of that of its size.
 THIN = 1e-3
@@ -149,6 +153,112 @@ def thick_inertia(theta: Array, name: str) -> Array:
         )
     J[:3, :3] += (axes * np.maximum(THIN * size - spread, 0.0)) @ axes.T
     return J
+
+
+# Bodies within a share of the file's, as a normal prior.
+#
+# With J0 = P Pᵀ, a body is P (1 + E)(1 + E)ᵀ Pᵀ, E upper triangular: entries of E of standard
+# deviation s make a body that is s heavier or lighter, and moves its mass by as much of its own
+# size. To first order S = P⁻¹ (J - J0) P⁻ᵀ = E + Eᵀ, of variance 4 s² on the diagonal and s² beside
+# it; the log-det divergence is ½ ‖S‖², so the weight 1 / (2 s²) is that prior on the diagonal and a
+# little wider beside it.
+
+
+#: Bodies of the file are within this share where a log has no torque and nobody says otherwise.
+SHARE = 0.2
+
+#: Level at which a log contradicts that share.
+CONTRADICTED = 1e-3
+
+
+def share_weight(share: float) -> float:
+    """Return the weight of the divergence that keeps bodies within a share of the file's [σ²]."""
+    return 1.0 / (2.0 * share**2)
+
+
+@frozen
+class WithFile:
+    """What log and file together say of the m parameters of a model.
+
+    Attributes
+    ----------
+    share : float
+        Within which the bodies are the file's.
+    mean, sd : (m,)
+        Infinite sd where neither says anything.
+    p_value : float
+        Of the log, if the bodies are.
+    farthest : str
+        The body that it moves most.
+    """
+
+    share: float
+    mean: Array
+    sd: Array
+    p_value: float
+    farthest: str
+
+    @property
+    def hint(self) -> str:
+        """That the log contradicts the share; nothing if it does not."""
+        if self.p_value >= CONTRADICTED:
+            return ""
+        chance = "< 1e-6" if self.p_value < 1e-6 else f"= {self.p_value:.1g}"
+        return (
+            f"The log contradicts that bodies are within {100 * self.share:g} % of the robot "
+            f"file's (p {chance}; farthest is {self.farthest}): they differ by more, or the model "
+            "lacks something that they stand for; give a larger --prior, or look with diagnose."
+        )
+
+
+def combine_with_file(
+    structure: Structure, A: Array, aim: Array, to_x: Array, share: float
+) -> WithFile:
+    """Return what a log says of a model's parameters together with the file's bodies.
+
+    Parameters
+    ----------
+    structure : Structure
+    A : (r, p), aim : (r,)
+        Rows about the standard parameters, in standard deviations of their noise.
+    to_x : (m, p)
+        The model's parameters.
+    share : float
+    """
+    nominal = draw_bodies(structure)
+    rows, ends = [], []
+    for stem, columns in zip(structure.bodies, structure.inertial, strict=True):
+        P = np.linalg.cholesky(thick_inertia(nominal.phi[columns], stem))
+        inverse = np.linalg.inv(P)
+        own = np.zeros((16, A.shape[1]))
+        own[:, columns] = np.einsum("ai,kij,bj->abk", inverse, BASIS, inverse).reshape(16, 10)
+        rows.append(np.sqrt(0.5 * share_weight(share)) * own)
+        ends.append(rows[-1] @ nominal.phi)
+    B, prior = np.vstack(rows), np.concatenate(ends)
+    size = np.maximum(np.linalg.norm(np.vstack([A, B]), axis=0), 1e-300)
+    U, s, Vt = np.linalg.svd(np.vstack([A, B]) / size, full_matrices=False)
+    known = s > RANK * s[0]
+    root = (Vt[known].T / s[known]) / size[:, None]
+    phi = root @ (U[:, known].T @ np.concatenate([aim, prior]))
+    sd = np.linalg.norm(to_x @ root, axis=1)
+    unknown = to_x * size @ (np.eye(len(size)) - Vt[known].T @ Vt[known])
+    lost = np.linalg.norm(unknown, axis=1) > np.sqrt(RANK) * np.linalg.norm(to_x * size, axis=1)
+    off = B @ phi - prior
+    squares = float(off @ off + np.sum((A @ phi - aim) ** 2))
+    free = np.ones(A.shape[1], bool)
+    free[structure.inertial.ravel()] = False
+    Q = np.linalg.svd(A[:, free] / size[free], full_matrices=False)
+    Q0 = Q[0][:, Q[1] > RANK * max(Q[1].max(initial=0.0), 1e-300)]
+    of_bodies = (A - Q0 @ (Q0.T @ A))[:, ~free] / size[~free]
+    dims = int(np.linalg.matrix_rank(of_bodies, tol=RANK))
+    each = (off.reshape(-1, 16) ** 2).sum(1)
+    return WithFile(
+        share,
+        to_x @ phi,
+        np.where(lost, np.inf, sd),
+        float(chdtrc(dims, squares)) if dims else 1.0,
+        list(structure.bodies.values())[int(np.argmax(each))],
+    )
 
 
 # Bodies to which a prior may draw: those of the robot file, and others where it states none.

@@ -34,9 +34,14 @@ from identifiability.foundation.numbers import REACH
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.physical.cad_prior import real_robot_dict, state_mass, state_masses
+from identifiability.physical.cad_prior import (
+    combine_with_file,
+    real_robot_dict,
+    state_mass,
+    state_masses,
+)
 from identifiability.physical.feasibility import PhysicalResult
-from identifiability.physical.fitted_model import FittedModel
+from identifiability.physical.fitted_model import FittedModel, LeastSquares
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource, Rung
 from identifiability.robot import Robot
@@ -353,6 +358,68 @@ def decide_told(
     return decide_rung(
         rung, part, fit, uncertainty, torque, aliases, thresholds, stated, left_out, own, models
     )
+
+
+def tell_with_file(
+    models: Sequence[FittedModel],
+    results: Sequence[RungResult],
+    share: float,
+    thresholds: Thresholds,
+) -> tuple[tuple[RungResult, ...], tuple[str, ...]]:
+    """Return models whose verdicts say what the file's bodies add, and what logs say of these.
+
+    What logs determine stays; what they leave open may be narrowed by bodies within a share of the
+    file's.
+
+    Parameters
+    ----------
+    models : sequence of FittedModel
+    results : sequence of RungResult
+        Of each model.
+    share : float
+        0 for none.
+    thresholds : Thresholds
+    """
+    if not share or not models[0].estimate.kept:
+        return tuple(results), ("",) * len(results)
+    both = [_add_file(m, r, share, thresholds) for m, r in zip(models, results, strict=True)]
+    told, hints = zip(*both, strict=True)
+    return told, hints
+
+
+def _add_file(
+    model: FittedModel, result: RungResult, share: float, thresholds: Thresholds
+) -> tuple[RungResult, str]:
+    told = model.told
+    fit = told.estimate
+    data = LeastSquares.likelihood(told.information, fit)
+    own = np.linalg.pinv(data.R)
+    variance = (own**2).sum(1) * data.variance
+    sure = fit.determined & (variance > 0)
+    wide = np.array([v.sigma_robust for v in result.verdicts]) ** 2
+    sure &= np.isfinite(wide)
+    wider = max(float(np.mean(wide[sure] / variance[sure])) if sure.any() else 1.0, 1.0)
+    data = data.through(told.to_x).beside(*told.left_out)
+    unit = np.sqrt(wider * data.variance)
+    try:
+        both = combine_with_file(told.structure, data.R / unit, data.z / unit, told.to_x, share)
+    except ValueError:  # bodies that no prior can be around are said elsewhere
+        return result, ""
+    verdicts = []
+    for v, mean, sd in zip(result.verdicts, both.mean, both.sd, strict=True):
+        open_ = v.verdict in (Class.WEAK, Class.NOT_IDENTIFIABLE)
+        if not open_ or not sd**2 < thresholds.constraint_variance * v.sigma_robust**2:
+            verdicts.append(v)
+            continue
+        low, high = float(mean - REACH * sd), float(mean + REACH * sd)
+        text = (
+            f"With bodies within {100 * share:g} % of the robot file's {low:.3g} … {high:.3g} "
+            "(95 %) is believed; the file narrows it, not the log."
+        )
+        verdicts.append(
+            replace(v, verdict=Class.PRIOR, reason=f"{v.reason} {text}", believed=(low, high))
+        )
+    return replace(result, verdicts=tuple(verdicts)), both.hint
 
 
 def stands_for(held_out: Prediction | None, real: PhysicalResult, one: int, other: int) -> bool:

@@ -21,10 +21,11 @@ from identifiability.estimation.torque_errors import take_turns
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
+from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.physical.cad_prior import WEAK, WEIGHTS
+from identifiability.physical.cad_prior import SHARE, WEAK, WEIGHTS, share_weight
 from identifiability.physical.feasibility import (
     PhysicalResult,
     certify_model,
@@ -106,6 +107,33 @@ def _times(samples: Prepared, first: int, last: int) -> Array:
 
 
 # Fit the models of a ladder, and find the real robots nearest to them; predict in turns.
+
+
+def settle_prior(
+    share: float | None, cad_weight: float | None, commanded: bool
+) -> tuple[float, float | None]:
+    """Return the share within which bodies are the file's, 0 for none, and its prior's weight.
+
+    Parameters
+    ----------
+    share, cad_weight : float or None
+        As asked for.
+    commanded : bool
+        Whether torque comes from commands: then there is a share where nobody says otherwise.
+
+    Raises
+    ------
+    OptionError
+        If both are asked for.
+    """
+    if share is not None and cad_weight is not None:
+        raise OptionError(
+            "--prior and --cad-prior say the same twice: a share of 0.2 is the weight "
+            f"{share_weight(0.2):g}; give one."
+        )
+    if share is None:
+        share = SHARE if commanded and cad_weight is None else 0.0
+    return share, share_weight(share) if share else cad_weight
 
 
 @frozen

@@ -32,10 +32,14 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.analyze.assessment import assess_ladder, select_model
+from identifiability.workflows.analyze.assessment import (
+    assess_ladder,
+    select_model,
+    tell_with_file,
+)
 from identifiability.workflows.analyze.belief import believe
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.fit import fit_ladder, weigh_rows
+from identifiability.workflows.analyze.fit import fit_ladder, settle_prior, weigh_rows
 from identifiability.workflows.analyze.result import Analysis
 from identifiability.workflows.analyze.words import compare_logs, doubt, state_weak
 from identifiability.workflows.band import settle_band
@@ -68,6 +72,7 @@ def analyze(
     replicates: Replicates | None = None,
     posterior: bool = False,
     cad_prior: NotNegative | None = None,
+    prior: NotNegative | None = None,
     seed: Seed = 0,
     progress: Progress | None = None,
     engine: Engine | None = None,
@@ -104,6 +109,10 @@ def analyze(
         Weight of a log-det prior around the bodies of the robot file when the nearest real robot
         is sought [σ²]; 0 for none. By default the heaviest that predicts stretches of the fitted
         logs as well as the best (`physical.feasibility.choose_prior`).
+    prior : float, optional
+        Share within which the bodies are those of the robot file, such as 0.2: it is a `cad_prior`
+        of 1 / (2 share²), and verdicts say what it narrows. By default 0.2 where logs hold commands
+        and no torque, and none where they hold torque; 0 for none.
     seed : int
         Of every random choice.
     progress : callable(str, float), optional
@@ -150,6 +159,7 @@ def analyze(
             if not silence:
                 information, burst = weigh_rows(robot.joints, opening.samples, information, chosen)
                 chosen = settle_noise(chosen, information)
+            share_, cad_prior = settle_prior(prior, cad_prior, recordings.commanded)
             ladder_ = fit_ladder(structure, rungs, information, chosen, cad_prior, silence)
             models, values = ladder_.models, ladder_.values
             tasks = [Task(values[None])]
@@ -175,6 +185,7 @@ def analyze(
             veto=bool(opening.validation),
         )
         at = select_model(results, ladder_.near)
+        results, contradicted = tell_with_file(models, results, share_, thresholds)
         results, nothing = doubt(silence or opening.misread, results, at, out)
         leaning, leans = _seek_leaning(opening, recordings.fitted, nothing)
         several = compare_logs(robot.joints, opening.samples, information, results[at])
@@ -183,12 +194,6 @@ def analyze(
             results, belief = believe(
                 structure, information, results, at, streams[2], say, silence or opening.misread
             )
-        settings = {
-            "estimator": estimator,
-            "replicates": draws,
-            "posterior": posterior,
-            "cad_prior": cad_prior,
-        }
         # Exchanged columns, a wrong unit or late torque explain whatever else is odd.
         after = (
             ()
@@ -206,6 +211,7 @@ def analyze(
                         *leans,
                         *opening.hints,
                         burst,
+                        contradicted[at],
                         ladder_.short,
                         # Torque that was calibrated at one cut-off is not that of another.
                         *(
@@ -229,7 +235,14 @@ def analyze(
             belief=belief,
             thresholds=thresholds,
             source=source,
-            settings={**settings, "preparation": preparation or Preparation()},
+            settings={
+                "estimator": estimator,
+                "replicates": draws,
+                "posterior": posterior,
+                "cad_prior": cad_prior,
+                "prior": share_,
+                "preparation": preparation or Preparation(),
+            },
             nothing=nothing,
             recordings=recordings.fitted,
             several=several,

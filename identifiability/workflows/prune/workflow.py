@@ -42,7 +42,7 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.fit import settle_robot, weigh_rows
+from identifiability.workflows.analyze.fit import settle_prior, settle_robot, weigh_rows
 from identifiability.workflows.analyze.words import compare_logs, state_weak
 from identifiability.workflows.band import settle_band
 from identifiability.workflows.instruments import add_instruments
@@ -104,6 +104,7 @@ def prune(
     estimator: Kind = "auto",
     replicates: Replicates | None = None,
     cad_prior: NotNegative | None = None,
+    prior: NotNegative | None = None,
     seed: Seed = 0,
     progress: Progress | None = None,
     engine: Engine | None = None,
@@ -141,6 +142,8 @@ def prune(
         Resampled logs on which the pruning is repeated; by default 200, or 20 if `quick`.
     cad_prior : float, optional
         As for `analyze`: keeps the nearest real robot near the robot file.
+    prior : float, optional
+        The same as the share within which the bodies are the file's, as for `analyze`.
     seed : int
         Of every random choice.
     progress : callable(str, float), optional
@@ -192,6 +195,7 @@ def prune(
             force=force,
             method=asked,
         )
+        prior, cad_prior = settle_prior(prior, cad_prior, recordings.commanded)
         selected, physical = _choose(question, search, criterion, cad_prior)
         measuring = share(say, "measuring errors", 0.5, 0.7)
         measured = measure_rungs(
@@ -251,6 +255,7 @@ def prune(
                 "reach": reach,
                 "replicates": draws,
                 "cad_prior": cad_prior,
+                "prior": prior,
                 "preparation": preparation or Preparation(),
             },
             moved=recordings.measure_rollouts(robot, result.physical.parameters()),
