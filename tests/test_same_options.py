@@ -44,7 +44,7 @@ def arguments_of(verb, monkeypatch, *words):
         raise StoppedError
 
     monkeypatch.setattr(options.Machine, "load", lambda *_: SimpleNamespace())
-    monkeypatch.setattr("identifiability.logs.bags.check_there", lambda _path: None)
+    monkeypatch.setattr("identifiability.logs.formats.reader.check_there", lambda _path: None)
     module, name = {
         "analyze": ("identifiability.workflows.analyze", "analyze"),
         "diagnose": ("identifiability.workflows.diagnose", "diagnose"),

@@ -356,7 +356,7 @@ def _several(value: Any) -> list[str]:
 
 def _look_at_logs(logs: list[str], machine: Any, recorded: Any, *, motion_alone: bool) -> None:
     """Refuse logs that are not there, and tables whose columns are none of the robot's."""
-    from identifiability.logs.bags import check_there  # noqa: PLC0415
+    from identifiability.logs.formats.reader import check_there  # noqa: PLC0415
 
     for path in logs:
         check_there(Path(path))

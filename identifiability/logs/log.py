@@ -22,8 +22,8 @@ from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.checks import CHANNELS, Clock, find_channels
-from identifiability.logs.containers import stack_arrays
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.formats.containers import stack_arrays
 from identifiability.logs.naming import Naming, propose_locks
 from identifiability.logs.reading import Reading
 from identifiability.logs.source import scan_file

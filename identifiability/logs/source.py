@@ -15,12 +15,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identifiability.foundation.errors import LogError
-from identifiability.logs.bags import MixedJointsError, hash_files, is_bag, read_bag, split_topic
 from identifiability.logs.command_names import choose_commands
-from identifiability.logs.containers import CONTAINERS, check_suffix, check_text, read_container
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import LINE_END, PLAIN, Form, find_encoding, find_form, judge_end
-from identifiability.logs.lerobot import is_dataset, read_episode
+from identifiability.logs.formats.bags import hash_files
+from identifiability.logs.formats.reader import MISSING, check_suffix, check_text, find_reader
 from identifiability.logs.naming import name_columns
 from identifiability.logs.reading import with_index
 from identifiability.logs.sizes import check_columns
@@ -217,43 +216,18 @@ def scan_file(
     LogError
         If the file is missing, is no table, or damaged.
     """
-    bag = split_topic(path)[0]
-    if is_bag(bag):
-        digest = hash_files(bag) if bag.exists() else ""
-        frame, form = _read_joints(path, known)
-        if hash_files(bag) != digest:
-            raise LogError(f"{bag} changed while it was read; wait until it is complete.")
-        each(frame, form)
-        return digest, None
+    found = find_reader(path)
     with parsing(path):
-        if is_dataset(path):
-            frame = read_episode(path)
-            each(frame, PLAIN)
-            content = ",".join(frame.columns).encode() + frame.to_numpy(float).tobytes()
-            return hashlib.sha256(content).hexdigest(), None
+        if found is not None:
+            if not found.place(path).exists():
+                raise LogError(found.missing.format(found.place(path)))
+            frame, form, digest = found.read(path, known or Conventions())
+            each(frame, form)
+            return digest, None
         if not path.is_file():
-            raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")
+            raise LogError(MISSING.format(path))
         check_suffix(path)
-        if path.suffix.lower() in CONTAINERS:
-            content = path.read_bytes()
-            each(*read_container(path, content))
-            return hashlib.sha256(content).hexdigest(), None
         return scan_table(path, each)
-
-
-def _read_joints(path: Path, known: Conventions | None) -> tuple[pd.DataFrame, Form]:
-    """Return the joint states of a bag; where messages differ, those of the robot's joints."""
-    known = known or Conventions()
-    try:
-        return read_bag(path), PLAIN
-    except MixedJointsError as mixed:
-        called = {known.columns.apply(name): name for name in sorted(mixed.joints)}
-        for joints in (known.motors, known.joints):
-            if joints and set(joints) <= set(called):
-                note = "messages that do not tell of the robot's joints were passed over"
-                frame = read_bag(path, joints=[called[j] for j in joints])
-                return frame, replace(PLAIN, notes=(note,))
-        raise
 
 
 def read_table(path: str | Path) -> pd.DataFrame:
@@ -287,8 +261,7 @@ def is_long(path: Path, limit: int | None = None) -> bool:
     """
     most = LONG if limit is None else limit
     with parsing(path):
-        kind = path.suffix.lower()
-        if kind in CONTAINERS or is_bag(split_topic(path)[0]) or not path.is_file():
+        if find_reader(path) is not None or not path.is_file():
             return False
         if is_parquet(path):
             table = open_parquet(path)

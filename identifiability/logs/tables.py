@@ -19,8 +19,8 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.output import check_ending, csv_text, write_bytes, write_text
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import to_floats
-from identifiability.logs.containers import CONTAINERS
 from identifiability.logs.form import PLAIN, Form
+from identifiability.logs.formats.reader import find_reader
 from identifiability.logs.sizes import check_columns
 
 if TYPE_CHECKING:
@@ -73,7 +73,8 @@ def parsing(path: Path) -> Iterator[None]:
     except LogError:
         raise
     except Exception as error:  # noqa: BLE001 - foreign parsers may raise anything
-        form = "Parquet" if is_parquet(path) else CONTAINERS.get(path.suffix.lower(), "CSV")
+        found = find_reader(path)
+        form = "Parquet" if is_parquet(path) else "CSV" if found is None else found.kind
         reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
         raise LogError(f"{path} cannot be read as {form}: {reason}.") from None
 

@@ -22,9 +22,9 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.containers import frame_of
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.lerobot import is_dataset, list_episodes
+from identifiability.logs.formats.containers import frame_of
+from identifiability.logs.formats.reader import find_parts
 from identifiability.logs.logfile import LogFile, open_log
 from identifiability.logs.mend import drop_contradictions, mend_logs, unwrap_logs
 from identifiability.logs.prepare import Preparation, Samples
@@ -199,11 +199,7 @@ def read_logs(logs: Logs, known: Conventions) -> list[Log | LogFile]:
     given = [
         one
         for item in list_logs(logs)
-        for one in (
-            list_episodes(item)
-            if isinstance(item, (str, Path)) and is_dataset(Path(item))
-            else [item]
-        )
+        for one in (find_parts(Path(item)) if isinstance(item, (str, Path)) else [item])
     ]
     for k, item in enumerate(given):
         if isinstance(item, Mapping):

@@ -12,6 +12,8 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.options import OptionError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.form import PLAIN
+from identifiability.logs.formats.reader import READERS, check_there, reader
 from identifiability.logs.logfile import open_log
 from identifiability.robot import Robot
 from identifiability.workflows.opening import read_recordings
@@ -146,3 +148,29 @@ def test_a_dictionary_of_arrays_is_a_log(arrays, known):
     recordings = read_recordings([fitted], held, known)
     assert [len(x) for x in (*recordings.fitted, *recordings.held)] == [120, 80]
     assert "(in the robot's order)" in recordings.hints[0]
+
+
+def test_a_format_of_ones_own_is_one_function(tmp_path):
+    """It is read, refused and missed like those of the library."""
+
+    @reader("lines of a logger", ".lines", missing="There is no logger at '{}'.")
+    def read_lines(path, known):
+        if known.joints != ("shoulder",):
+            raise ValueError(f"{known.joints} are not its joints")
+        t, q, tau = np.loadtxt(path).T
+        return pd.DataFrame({"t": t, "shoulder.q": q, "shoulder.tau": tau}), PLAIN, "5" * 64
+
+    known, path = Conventions(joints=("shoulder",)), tmp_path / "run.lines"
+    try:
+        rows = np.column_stack([np.arange(50) / 100, np.sin(np.arange(50)), np.arange(50.0)])
+        np.savetxt(path, rows)
+        log = Log.read(path, known)
+        np.testing.assert_allclose(np.column_stack([log.t, log.q, log.tau]), rows)
+        assert (log.joints, log.sha256) == (("shoulder",), "5" * 64)
+        with pytest.raises(LogError, match=r"cannot be read as lines of a logger: .* are not its"):
+            Log.read(path)
+        for look in (check_there, Log.read):
+            with pytest.raises(LogError, match=r"There is no logger at '.*other.lines'"):
+                look(tmp_path / "other.lines")
+    finally:
+        READERS.pop()

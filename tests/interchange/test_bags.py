@@ -13,8 +13,8 @@ from identifiability.cli import app
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Renames
 from identifiability.logs import Log
-from identifiability.logs.bags import hash_files, read_bag
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.formats.bags import hash_files, read_bag
 from identifiability.robot import Robot
 
 pytest.importorskip("rosbags", reason="needs the extra 'ros'")

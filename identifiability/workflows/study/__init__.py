@@ -17,7 +17,7 @@ from identifiability.foundation.options import Expected, FilePath, checked
 from identifiability.foundation.output import check_writable, write_text
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
-from identifiability.logs.bags import check_there
+from identifiability.logs.formats.reader import check_there
 from identifiability.robot import Robot
 from identifiability.robot.locate import find_sidecar, locate_robot, shipped_robots
 from identifiability.workflows.inspect.contents import template_frame

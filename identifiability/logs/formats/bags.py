@@ -20,6 +20,7 @@ import sqlite3
 import struct
 from collections.abc import Iterable, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +29,9 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array, numbered
-from identifiability.logs.lerobot import is_dataset, list_episodes
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.form import PLAIN, Form
+from identifiability.logs.formats.reader import Whole, reader
 from identifiability.logs.sizes import MOST_DESCRIBED, check_values
 
 if TYPE_CHECKING:
@@ -411,26 +414,37 @@ def _pick(values: Any, names: Sequence[str], order: Sequence[int]) -> Array | No
     return array[list(order)] if len(array) == len(names) else None
 
 
-# Who looks for a file waits for nothing else.
-def check_there(path: Path) -> None:
-    """Refuse a path at which there is no log.
+@reader(
+    "a bag",
+    *BAGS,
+    sniff=lambda path: is_bag(split_topic(path)[0]),
+    place=lambda path: split_topic(path)[0],
+    missing="There is no bag '{}'; give a .mcap, .db3 or .bag file or a folder.",
+)
+def read_joints(path: Path, known: Conventions) -> Whole:
+    """Return the joint states of a bag; where messages differ, those of the robot's joints.
 
     Raises
     ------
     LogError
+        If the bag cannot be read, or has no such topic or joints.
     """
     bag = split_topic(path)[0]
-    if is_dataset(path):
-        list_episodes(path)
-        return
+    digest = hash_files(bag) if bag.exists() else ""
+    frame, form = _read_asked(path, known)
+    if hash_files(bag) != digest:
+        raise LogError(f"{bag} changed while it was read; wait until it is complete.")
+    return frame, form, digest
+
+
+def _read_asked(path: Path, known: Conventions) -> tuple[pd.DataFrame, Form]:
     try:
-        there = bag.exists()
-        other = there and not bag.is_file() and not bag.is_dir()
-    except OSError:  # no name of a file; its reader says why
-        return
-    if not there and is_bag(bag):
-        raise LogError(f"There is no bag '{bag}'; give a .mcap, .db3 or .bag file or a folder.")
-    if other:  # a pipe would be waited for, a device has no end
-        raise LogError(f"'{path}' is no file; give a CSV or Parquet file.")
-    if not there:
-        raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")
+        return read_bag(path), PLAIN
+    except MixedJointsError as mixed:
+        called = {known.columns.apply(name): name for name in sorted(mixed.joints)}
+        for joints in (known.motors, known.joints):
+            if joints and set(joints) <= set(called):
+                note = "messages that do not tell of the robot's joints were passed over"
+                frame = read_bag(path, joints=[called[j] for j in joints])
+                return frame, replace(PLAIN, notes=(note,))
+        raise

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,9 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import numbered
 from identifiability.logs.aliases import guess_column
+from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form, find_form
+from identifiability.logs.formats.reader import Whole, reader
 from identifiability.logs.sizes import (
     MOST_SHEET_BYTES,
     check_archive,
@@ -30,30 +33,6 @@ from identifiability.logs.sizes import (
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Files that hold arrays or sheets, and what sentences call them.
-CONTAINERS = {".npz": "NumPy", ".mat": "MATLAB", ".xlsx": "Excel", ".xlsm": "Excel"}
-
-#: Files that are logs for others, and what to do with them.
-REFUSED = {
-    ".xls": "an old sheet of Excel; save it as .xlsx or CSV",
-    ".ods": "a sheet of LibreOffice; save it as .xlsx or CSV",
-    ".h5": "HDF5; write its arrays as .npz, CSV or Parquet",
-    ".hdf5": "HDF5; write its arrays as .npz, CSV or Parquet",
-    ".npy": "one array without names; write t, q and tau together as .npz",
-    ".json": "JSON; write its values as CSV or Parquet",
-    ".pkl": "a pickle, which can run any program when it is read; write CSV or Parquet",
-    ".pickle": "a pickle, which can run any program when it is read; write CSV or Parquet",
-    ".tdms": "TDMS; export it as CSV",
-    ".zip": "an archive; unpack it",
-    ".gz": "compressed; unpack it",
-}
-
-#: What can be read, for sentences.
-READ = (
-    "tables of text (.csv, .tsv, .txt …), Parquet, .npz, .mat, .xlsx and ROS bags (.mcap, .db3, "
-    ".bag) are read"
-)
-
 #: Names of an array of the names of joints.
 NAMES = ("joints", "joint_names", "names", "name")
 
@@ -61,61 +40,55 @@ NAMES = ("joints", "joint_names", "names", "name")
 _NEWER = b"MATLAB 7.3 MAT-file"
 
 
-def check_suffix(path: Path) -> None:
-    """Refuse a kind of file that is no log, by name.
-
-    Raises
-    ------
-    LogError
-    """
-    what = REFUSED.get(path.suffix.lower())
-    if what:
-        raise LogError(f"{path} is {what}.")
-
-
-def check_text(path: Path, start: bytes) -> None:
-    """Refuse a file that is no text, by its first bytes.
-
-    Raises
-    ------
-    LogError
-    """
-    if start.startswith(b"PAR1"):
-        raise LogError(f"{path} is Parquet by its content; name it so: {path.stem}.parquet.")
-    if b"\0" in start:
-        kind = f"a {path.suffix} file" if path.suffix else "a file without an ending"
-        raise LogError(
-            f"{path} is {kind} that holds no text, and is none that is known: {READ}; export it as "
-            "one of these."
-        )
-
-
-def read_container(path: Path, content: bytes) -> tuple[pd.DataFrame, Form]:
-    """Return the table in a file of arrays or sheets, and how it was written.
+@reader("NumPy", ".npz")
+def read_npz(path: Path, _: Conventions) -> Whole:
+    """Return the arrays of an archive of NumPy's.
 
     Raises
     ------
     LogError
         If it holds no table.
     """
-    suffix = path.suffix.lower()
-    if suffix == ".npz":
-        if not content.startswith(b"PK"):
-            raise LogError(f"{path} is no archive of arrays, as numpy.savez writes it.")
-        check_archive(path, content)
-        try:
-            with np.load(BytesIO(content), allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
-        except ValueError as error:
-            if "pickle" not in str(error):  # whose advice would be to load it all the same
-                raise
-            raise LogError(
-                f"{path} holds something else than arrays of numbers and text; leave it out."
-            ) from None
-        return frame_of(arrays, str(path)), PLAIN
-    if suffix == ".mat":
-        return frame_of(_read_mat(path, content), str(path)), PLAIN
-    return _read_sheet(path, content)
+    content = path.read_bytes()
+    if not content.startswith(b"PK"):
+        raise LogError(f"{path} is no archive of arrays, as numpy.savez writes it.")
+    check_archive(path, content)
+    try:
+        with np.load(BytesIO(content), allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+    except ValueError as error:
+        if "pickle" not in str(error):  # whose advice would be to load it all the same
+            raise
+        raise LogError(
+            f"{path} holds something else than arrays of numbers and text; leave it out."
+        ) from None
+    return frame_of(arrays, str(path)), PLAIN, sha256(content).hexdigest()
+
+
+@reader("MATLAB", ".mat")
+def read_mat(path: Path, _: Conventions) -> Whole:
+    """Return the variables of a MATLAB file.
+
+    Raises
+    ------
+    LogError
+        If it holds no table.
+    """
+    content = path.read_bytes()
+    return frame_of(_read_mat(path, content), str(path)), PLAIN, sha256(content).hexdigest()
+
+
+@reader("Excel", ".xlsx", ".xlsm")
+def read_sheet(path: Path, _: Conventions) -> Whole:
+    """Return the first sheet of a workbook that holds anything.
+
+    Raises
+    ------
+    LogError
+        If it holds no table.
+    """
+    content = path.read_bytes()
+    return *_read_sheet(path, content), sha256(content).hexdigest()
 
 
 def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:

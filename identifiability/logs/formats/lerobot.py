@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,9 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import numbered
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.form import PLAIN
+from identifiability.logs.formats.reader import Whole, reader
 from identifiability.logs.sizes import check_columns, check_values
 
 if TYPE_CHECKING:
@@ -183,3 +187,22 @@ def _columns(feature: str, count: int, info: Mapping[str, Any]) -> list[str]:
         kind = ends.get(end, own) if own in ("q", "cmd") else own
         found.append(f"{joint if joint and end in _ENDS else name}.{kind}")
     return found
+
+
+@reader(
+    "a LeRobot dataset",
+    sniff=is_dataset,
+    place=lambda path: split_episodes(path)[0],
+    parts=list_episodes,
+)
+def read_dataset(path: Path, _: Conventions) -> Whole:
+    """Return the episode that a path names; its hash is that of the values.
+
+    Raises
+    ------
+    LogError
+        If the path names several episodes, or the dataset lacks positions.
+    """
+    frame = read_episode(path)
+    content = ",".join(frame.columns).encode() + frame.to_numpy(float).tobytes()
+    return frame, PLAIN, sha256(content).hexdigest()

@@ -1,0 +1,168 @@
+"""The one list of formats: who reads what lies at a path, by its suffix or by what is there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.values import frozen
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.form import Form
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: What is read: a table, how it was written, and the SHA-256 of what was read.
+Whole: TypeAlias = "tuple[pd.DataFrame, Form, str]"
+
+Read: TypeAlias = Callable[[Path, Conventions], Whole]
+
+#: What is said where nothing lies.
+MISSING = "There is no log file '{}'; give a CSV or Parquet file."
+
+#: Files that are logs for others, and what to do with them.
+REFUSED = {
+    ".xls": "an old sheet of Excel; save it as .xlsx or CSV",
+    ".ods": "a sheet of LibreOffice; save it as .xlsx or CSV",
+    ".h5": "HDF5; write its arrays as .npz, CSV or Parquet",
+    ".hdf5": "HDF5; write its arrays as .npz, CSV or Parquet",
+    ".npy": "one array without names; write t, q and tau together as .npz",
+    ".json": "JSON; write its values as CSV or Parquet",
+    ".pkl": "a pickle, which can run any program when it is read; write CSV or Parquet",
+    ".pickle": "a pickle, which can run any program when it is read; write CSV or Parquet",
+    ".tdms": "TDMS; export it as CSV",
+    ".zip": "an archive; unpack it",
+    ".gz": "compressed; unpack it",
+}
+
+#: What can be read, for sentences.
+READ = (
+    "tables of text (.csv, .tsv, .txt …), Parquet, .npz, .mat, .xlsx, ROS bags (.mcap, .db3, .bag) "
+    "and folders of LeRobot are read"
+)
+
+
+@frozen
+class Reader:
+    """A format.
+
+    Attributes
+    ----------
+    kind : str
+        What sentences call it.
+    suffixes : tuple of str
+        Of its files.
+    read : callable(Path, Conventions) -> (DataFrame, Form, str)
+        Returns the table, how it was written, and the hash of what was read.
+    sniff : callable(Path) -> bool
+        Whether something without such a suffix is of this format.
+    place : callable(Path) -> Path
+        The file or folder of a path that names a part of it behind a colon.
+    parts : callable(Path) -> list of Path
+        The logs that a path names.
+    missing : str
+        What is said where nothing lies, with ``{}`` for the place.
+    """
+
+    kind: str
+    suffixes: tuple[str, ...]
+    read: Read
+    sniff: Callable[[Path], bool]
+    place: Callable[[Path], Path]
+    parts: Callable[[Path], list[Path]]
+    missing: str
+
+
+#: All formats, in the order in which they are asked.
+READERS: list[Reader] = []
+
+
+def reader(
+    kind: str,
+    *suffixes: str,
+    sniff: Callable[[Path], bool] = lambda _: False,
+    place: Callable[[Path], Path] = Path,
+    parts: Callable[[Path], list[Path]] = lambda path: [path],
+    missing: str = MISSING,
+) -> Callable[[Read], Read]:
+    """Register who reads a format; parameters as in `Reader`.
+
+    Example
+    -------
+    ::
+
+        @reader("HDF5", ".h5", ".hdf5")
+        def read_hdf5(path, known):
+            content = path.read_bytes()
+            return frame_of(arrays_of(content), str(path)), PLAIN, sha256(content).hexdigest()
+    """
+
+    def decorate(read: Read) -> Read:
+        READERS.append(Reader(kind, suffixes, read, sniff, place, parts, missing))
+        return read
+
+    return decorate
+
+
+def find_reader(path: Path) -> Reader | None:
+    """Return who reads what lies at a path; None for tables of text and Parquet."""
+    suffix = path.suffix.lower()
+    return next((r for r in READERS if suffix in r.suffixes or r.sniff(path)), None)
+
+
+def find_parts(path: Path) -> list[Path]:
+    """Return the logs that a path names: the episodes of a dataset, else one."""
+    found = find_reader(path)
+    return [path] if found is None else found.parts(path)
+
+
+def check_there(path: Path) -> None:
+    """Refuse a path at which there is no log; nothing is read.
+
+    Raises
+    ------
+    LogError
+    """
+    found = find_reader(path)
+    place = path if found is None else found.place(path)
+    try:
+        there = place.exists()
+        other = there and not place.is_file() and not place.is_dir()
+    except OSError:  # no name of a file; its reader says why
+        return
+    if not there:
+        raise LogError((MISSING if found is None else found.missing).format(place))
+    if other:  # a pipe would be waited for, a device has no end
+        raise LogError(f"'{path}' is no file; give a CSV or Parquet file.")
+    find_parts(path)
+
+
+def check_suffix(path: Path) -> None:
+    """Refuse a kind of file that is no log, by name.
+
+    Raises
+    ------
+    LogError
+    """
+    what = REFUSED.get(path.suffix.lower())
+    if what:
+        raise LogError(f"{path} is {what}.")
+
+
+def check_text(path: Path, start: bytes) -> None:
+    """Refuse a file that is no text, by its first bytes.
+
+    Raises
+    ------
+    LogError
+    """
+    if start.startswith(b"PAR1"):
+        raise LogError(f"{path} is Parquet by its content; name it so: {path.stem}.parquet.")
+    if b"\0" in start:
+        kind = f"a {path.suffix} file" if path.suffix else "a file without an ending"
+        raise LogError(
+            f"{path} is {kind} that holds no text, and is none that is known: {READ}; export it as "
+            "one of these."
+        )
