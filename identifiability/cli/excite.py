@@ -21,10 +21,12 @@ def excite(
     recorded: options.Recorded,
     derived: options.Derived,
     place: options.Place,
-    out: Annotated[Path, Option(), Writes(".json", ".csv", ".mcap")],
+    out: Annotated[Path, Option(), Writes(".json", ".csv", ".mcap", ".npz")],
     harmonics: Annotated[int, Option(min=1, max=50)] = 5,
     at_rest: Annotated[bool, Option("--at-rest")] = False,
-    duration: float = 7.5,
+    commands: Annotated[bool, Option("--commands")] = False,
+    scale: Annotated[float, Option(min=0.001, max=1)] = 1.0,
+    duration: float | None = None,
     samples: Annotated[int, Option(min=5)] = 750,
     limits: options.Limits = None,
     criterion: Literal["condition", "information", "separate"] | None = None,
@@ -32,7 +34,7 @@ def excite(
     parameter: list[str] | None = None,
     separate: list[str] | None = None,
     model: options.Model = None,
-    rate: Annotated[float, Option(min=1, max=100_000)] = 500.0,
+    rate: Annotated[float | None, Option(min=1, max=100_000)] = None,
     periods: Annotated[int, Option(min=1, max=10_000)] = 1,
     evaluations: Annotated[int, Option(min=1)] = 15_000,
     time_limit: float | None = None,
@@ -50,8 +52,14 @@ def excite(
         identifiability excite 3-rps --out motion.json --report motion.html
         identifiability excite arm.urdf --limits limits.toml --out motion.csv --rate 250 --periods 3
 
+        identifiability excite quadruped --commands --out commands.csv
+
     The first file is for *simulate*, the second is what a controller plays, from rest to rest;
     .mcap is the same as a bag. **Then** record it, and *analyze* the log.
+
+    A robot without torque sensors gets the **commands** of its position servos instead
+    (multi-sine, chirp, steps; rest to rest), such that in a simulation of its file position, speed
+    and servo torque stay within limits. Begin with less, *--scale 0.3*: the file may be wrong.
 
     By default all parameters shall be told well by one log (condition number). Ask for more with
 
@@ -66,13 +74,18 @@ def excite(
     out
         File to write: .json (coefficients; 'simulate ROBOT FILE.json' follows one period), or what
         a controller plays from rest to rest: .csv (t, JOINT.q, JOINT.dq, JOINT.ddq) or .mcap (a bag
-        with a JointTrajectory; extra ros).
+        with a JointTrajectory; extra ros). Commands: .csv (t, JOINT.cmd), .npz or .mcap (a
+        Float64MultiArray each).
     harmonics
         Harmonics of the Fourier series.
     at_rest
         Begin and end without speed and acceleration.
+    commands
+        Find commands of position servos.
+    scale
+        Share of what the limits allow, of commands.
     duration
-        Period of the motion [s].
+        Period of the motion [s]; default: 7.5, of commands 15 in all.
     samples
         Samples a period, all checked.
     limits
@@ -88,7 +101,7 @@ def excite(
     separate
         Effect to tell from another, as NAME or NAME@JOINT; give it twice.
     rate
-        Samples a second of .csv and .mcap [Hz].
+        Samples a second of .csv and .mcap [Hz]; default: 500, of commands 50.
     periods
         Whole periods in them, between the lead-in from rest and the way back.
     evaluations
@@ -99,13 +112,29 @@ def excite(
         Write an HTML report here.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
+        from identifiability.foundation.output import check_ending  # noqa: PLC0415
         from identifiability.workflows.excite import excite as run  # noqa: PLC0415
+        from identifiability.workflows.excite import excite_commands  # noqa: PLC0415
 
+        if commands:
+            say("finding commands", 0.1)
+            found = excite_commands(
+                machine.load(recorded),
+                duration=duration or 15.0,
+                rate=rate or 50.0,
+                limits=limits,
+                scale=scale,
+                seed=seed,
+            )
+            common.print_end([found.statement], [found.write(out)])
+            return
+        check_ending(out, ".json", ".csv", ".mcap")
+        rate = rate or 500.0
         result = run(
             machine.load(recorded),
             harmonics=harmonics,
             at_rest=at_rest,
-            duration=duration,
+            duration=duration or 7.5,
             samples=samples,
             limits=limits,
             criterion=criterion,

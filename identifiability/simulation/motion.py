@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -282,6 +282,9 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
 
 TOPIC = "/joint_trajectory"
 
+#: Topic of commands.
+COMMANDS = "/commands"
+
 
 def write_trajectory_bag(path: str | Path, joints: Sequence[str], motion: PrescribedMotion) -> Path:
     """Write a motion as an MCAP file with one ``trajectory_msgs/msg/JointTrajectory``.
@@ -298,16 +301,7 @@ def write_trajectory_bag(path: str | Path, joints: Sequence[str], motion: Prescr
         If the extra ``ros`` is missing.
     OutputError
     """
-    path = check_writable(Path(path))
-    try:
-        from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: PLC0415 - an extra
-        from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
-    except ImportError:
-        raise LogError(
-            f"'{path}' would be a bag, which needs the extra 'ros': "
-            "pip install 'robot-identifiability[ros]'."
-        ) from None
-    store = get_typestore(Stores.ROS2_HUMBLE)
+    path, store = _bag(path)
     make = store.types
     points = []
     for t, q, dq, ddq in zip(motion.t, motion.q, motion.dq, motion.ddq, strict=True):
@@ -319,10 +313,64 @@ def write_trajectory_bag(path: str | Path, joints: Sequence[str], motion: Prescr
     header = make["std_msgs/msg/Header"](stamp, "")
     kind = "trajectory_msgs/msg/JointTrajectory"
     message = make[kind](header, list(joints), points)
+    return _write_mcap(path, store, [(0, TOPIC, message)])
+
+
+def write_command_bag(path: str | Path, t: Array, targets: Array) -> Path:
+    """Write commands as an MCAP file with a ``std_msgs/msg/Float64MultiArray`` each.
+
+    Parameters
+    ----------
+    path : path
+    t : (N,) [s]
+    targets : (N, n) [rad or m]
+
+    Raises
+    ------
+    LogError
+        If the extra ``ros`` is missing.
+    OutputError
+    """
+    path, store = _bag(path)
+    make = store.types
+    layout = make["std_msgs/msg/MultiArrayLayout"]([], 0)
+    messages = [
+        (round(float(at) * 1e9), COMMANDS, make["std_msgs/msg/Float64MultiArray"](layout, row))
+        for at, row in zip(t, np.ascontiguousarray(targets), strict=True)
+    ]
+    return _write_mcap(path, store, messages)
+
+
+def _bag(path: str | Path) -> tuple[Path, Any]:
+    """Return where a bag can be written, and the types of its messages.
+
+    Raises
+    ------
+    LogError
+        If the extra ``ros`` is missing.
+    """
+    path = check_writable(Path(path))
+    try:
+        from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415 - an extra
+    except ImportError:
+        raise LogError(
+            f"'{path}' would be a bag, which needs the extra 'ros': "
+            "pip install 'robot-identifiability[ros]'."
+        ) from None
+    return path, get_typestore(Stores.ROS2_HUMBLE)
+
+
+def _write_mcap(path: Path, store: Any, messages: Sequence[tuple[int, str, Any]]) -> Path:
+    """Write messages with their times [ns] and topics, all of one topic, whole or not at all."""
+    from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: PLC0415 - an extra
+
     with temporary_folder() as folder:
         bag = Path(folder) / "bag"
         with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-            connection = writer.add_connection(TOPIC, kind, typestore=store)
-            writer.write(connection, 0, store.serialize_cdr(message, kind))
+            _, topic, first = messages[0]
+            kind = first.__msgtype__
+            connection = writer.add_connection(topic, kind, typestore=store)
+            for at, _, message in messages:
+                writer.write(connection, at, store.serialize_cdr(message, kind))
         (file,) = bag.glob("*.mcap")
         return write_bytes(path, file.read_bytes())

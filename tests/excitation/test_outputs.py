@@ -143,7 +143,7 @@ def test_the_command_separates_and_starts_from_a_log(simulated, tmp_path):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["two-link", "--out", "m.txt"], "does not end in .json, .csv or .mcap"),
+        (["two-link", "--out", "m.txt"], "does not end in .json, .csv, .mcap or .npz"),
         (["two-link", "--out", "no/m.json"], "does not exist"),
         (["two-link", "--out", "m.json", "--limits", "none.toml"], "no limits file 'none.toml'"),
         (["two-lnk", "--out", "m.json"], "two-lnk"),

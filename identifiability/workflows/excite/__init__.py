@@ -4,6 +4,7 @@ What to use when:
 
 - `excite` finds the motion: for a first log (condition number), for what to measure next about
   some parameters (information), or to tell two effects apart;
+- `excite_commands` finds commands of position servos, for robots without torque sensors;
 - `find_limits` reads limits; `Objective` is the cost of any candidate motions, many at a time.
 
 The method, in the order of the files: what must be kept (`limits`), what is asked (`criteria`,
@@ -11,8 +12,16 @@ The method, in the order of the files: what must be kept (`limits`), what is ask
 (`search`), and the answer (`result`).
 """
 
+from identifiability.workflows.excite.commands import Commands, excite_commands
 from identifiability.workflows.excite.limits import Limits, find_limits
 from identifiability.workflows.excite.result import Excitation
 from identifiability.workflows.excite.workflow import excite
 
-__all__ = ["Excitation", "Limits", "excite", "find_limits"]
+__all__ = [
+    "Commands",
+    "Excitation",
+    "Limits",
+    "excite",
+    "excite_commands",
+    "find_limits",
+]
