@@ -269,6 +269,7 @@ def test_joints_and_delay_are_found_from_rollouts_of_another_physics(arm, frames
         true = np.array([TRUTH[f"{j}.{kind}"] for j in arm.joints])
         np.testing.assert_allclose(found.numbers[kind], true, atol=near * np.abs(true).max())
     assert np.all(found.errors < 0.05 * found.before)
+    assert fit_rollouts(arm, logs[:1], delay=0.007, steps=1).delay_errors == 0
     unseen = CommandedRobot(arm, found.parameters(arm)).roll(
         logs[1], delay=find_delay(CommandedRobot(arm, found.parameters(arm)), logs[1:])
     )[0][50:]
@@ -319,6 +320,11 @@ def test_bodies_are_within_a_share_of_the_file_where_there_is_no_torque(arm, fra
     assert result.settings["prior"] == 0.2
     assert result.chosen.physical.cad_weight == pytest.approx(12.5)
     assert analyze(arm, frames[1], quick=True, prior=0).settings["prior"] == 0.0
+    # A delay that is known to some microseconds leaves damping open by kp times as much.
+    late = dict(zip(result.full.rung.columns, result.full.uncertainty.late, strict=True))
+    unsure = fit_rollouts(arm, [read(arm, frames[1])]).delay_errors[0]
+    assert 1e-6 < unsure < 2e-4
+    np.testing.assert_allclose(late["shoulder.Fv"], 1200 * unsure, rtol=0.5)
     with pytest.raises(OptionError, match="say the same twice"):
         analyze(arm, frames[1], prior=0.1, cad_prior=1.0)
 

@@ -35,6 +35,9 @@ LATEST = 0.06
 #: Where a third of a log is so long, the search begins on that: steps there cost a third [s].
 ENOUGH = 2.0
 
+#: Length of blocks of time whose errors are taken to be independent [s].
+TOGETHER = 1.0
+
 #: A step is taken again, more damped, so often; and the search ends where one gains less than this
 #: share of the error, or after so many.
 TRIED, GAIN, STEPS = 6, 5e-3, 8
@@ -56,6 +59,8 @@ class Rollouts:
         The same at the start.
     steps : int
         How many were taken.
+    delay_errors : (L,) [s]
+        Standard deviations of the delays; zero where they are known.
     """
 
     numbers: dict[str, Array]
@@ -63,6 +68,7 @@ class Rollouts:
     errors: Array
     before: Array
     steps: int
+    delay_errors: Array
 
     def parameters(self, robot: Robot) -> dict[str, float]:
         """Return standard parameters by name."""
@@ -106,10 +112,11 @@ def fit_rollouts(
     before = problem.errors(problem.roll([x])[0])
     thirds = tuple(_middle(log) for log in logs)
     if all(t[-1] - t[0] > ENOUGH for t in (log.t for log in thirds)):
-        x, _, _ = _descend(_Problem(machine, thirds, delay), x, steps)
-    x, errors, taken = _descend(problem, x, steps)
+        x = _descend(_Problem(machine, thirds, delay), x, steps)[0]
+    x, errors, taken, J, r = _descend(problem, x, steps)
     numbers, late = problem.unpack(x)
-    return Rollouts(numbers, late, errors, before, taken)
+    sure = np.zeros(len(logs)) if delay is not None else problem.delay_errors(J, r)
+    return Rollouts(numbers, late, errors, before, taken, sure)
 
 
 def _middle(log: Log) -> Log:
@@ -122,10 +129,14 @@ def _pack(numbers: Mapping[str, Array], delays: Array) -> Array:
     return np.concatenate([*(numbers[k] for k in KINDS), delays])
 
 
-def _descend(problem: _Problem, x: Array, steps: int) -> tuple[Array, Array, int]:
-    """Return the vector after damped Gauss–Newton steps, errors (n,), and how many were taken."""
+def _descend(problem: _Problem, x: Array, steps: int) -> tuple[Array, Array, int, Array, Array]:
+    """Return the vector after damped Gauss–Newton steps, errors (n,), and how many were taken.
+
+    Then the last derivative of the residual (r, p), and the residual there (r,).
+    """
     errors = problem.errors(problem.roll([x])[0])
     taken, damping = 0, 1e-3
+    J, r = np.zeros((0, len(x))), np.zeros(0)
     for _ in range(steps):
         weights = 1.0 / np.maximum(errors, 1e-9)
         J, r = problem.linearise(x, weights)
@@ -150,7 +161,7 @@ def _descend(problem: _Problem, x: Array, steps: int) -> tuple[Array, Array, int
         taken, damping = taken + 1, max(damping / 10, 1e-8)
         if now > (1 - GAIN) * cost:
             break
-    return x, errors, taken
+    return x, errors, taken, J, r
 
 
 def find_delay(machine: CommandedRobot, logs: Sequence[Log]) -> float:
@@ -221,6 +232,17 @@ class _Problem:
         if self.known is not None:
             low[late], high[late] = -1e-12, 1e-12
         return np.minimum(low, -1e-12), high
+
+    def delay_errors(self, J: Array, r: Array) -> Array:
+        """Return standard deviations of the delays, (L,) [s]: a sandwich of blocks of time."""
+        if not len(r):
+            return np.zeros(len(self.logs))
+        a = np.linalg.pinv(J)[4 * self.n :]
+        scores = (a * r).reshape(len(a), -1, self.n).sum(2)
+        rows = max(1, round(TOGETHER / self.dt))
+        starts = np.arange(0, scores.shape[1], rows)
+        out: Array = np.sqrt((np.add.reduceat(scores, starts, axis=1) ** 2).sum(1))
+        return out
 
     def roll(self, xs: Sequence[Array], step: float = STEP) -> list[list[Array]]:
         """Return positions along every log, for several vectors."""

@@ -359,6 +359,8 @@ class Uncertainty:
         Why something is missing, if it is.
     motions : Motions or None
         What logs by themselves say of each other; None of one log, or of too short ones.
+    late : (k,) or None
+        Standard deviations that the delays of commands add, which all samples of a log share.
     """
 
     white: Array
@@ -368,6 +370,7 @@ class Uncertainty:
     block: float
     note: str = ""
     motions: Motions | None = None
+    late: Array | None = None
 
     @property
     def robust(self) -> Array:
@@ -381,6 +384,8 @@ class Uncertainty:
         roads += [] if self.scores is None else [self.scores.widened]
         largest = np.max(roads, axis=0) if roads else np.inf
         largest = np.where(np.isfinite(self.white), largest, np.inf)
+        if self.late is not None:
+            largest = np.hypot(largest, self.late)
         return largest if self.motions is None else np.hypot(largest, self.motions.between)
 
     def why_unjudged(self, rules: Thresholds) -> tuple[str, ...]:

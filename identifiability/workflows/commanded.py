@@ -64,8 +64,11 @@ def follow_commands(
     held: Sequence[Recording],
     how: Preparation,
     rng: np.random.Generator,
-) -> tuple[tuple[Recording, ...], tuple[Recording, ...], str]:
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...], str, dict[int, Log]]:
     """Return logs with calibrated torque where it comes from commands, and what to say of it.
+
+    Then, by their place among the fitted ones, logs as they were if commands acted one standard
+    deviation of the delay later.
 
     Parameters
     ----------
@@ -79,7 +82,7 @@ def follow_commands(
     robot = structure.robot
     commanded = [x for x in fitted if isinstance(x, Log) and x.servo_delay is not None]
     if robot.servo is None or not commanded:
-        return tuple(fitted), tuple(held), ""
+        return tuple(fitted), tuple(held), "", {}
     try:
         found = fit_rollouts(
             robot, [log.select(robot.joints) for log in commanded], delay=robot.servo.delay
@@ -88,7 +91,7 @@ def follow_commands(
         said = f"{error} Torque of commands is taken as it is"
         if robot.servo.delay is None:
             said += ", without a delay: state it in the sidecar ([servo] delay = …)"
-        return tuple(fitted), tuple(held), f"{said}."
+        return tuple(fitted), tuple(held), f"{said}.", {}
     _check_found(robot, commanded, found)
     own = CommandedRobot(robot, found.parameters(robot))
 
@@ -104,7 +107,21 @@ def follow_commands(
         return _calibrate(structure, chosen, own, found, delay, how, rng)
 
     said = state_servos(robot, commanded, found)
-    return tuple(map(calibrated, fitted)), tuple(map(calibrated, held)), said
+    own_fitted = tuple(map(calibrated, fitted))
+    errors = dict(zip(map(id, commanded), found.delay_errors, strict=True))
+    later = {
+        k: delayed(log, robot.servo, float(errors[id(given_)]))
+        for k, (given_, log) in enumerate(zip(fitted, own_fitted, strict=True))
+        if errors.get(id(given_)) and isinstance(log, Log)
+    }
+    return own_fitted, tuple(map(calibrated, held)), said, later
+
+
+def delayed(log: Log, servo: Servo, more: float) -> Log:
+    """Return a log as it is if its commands act later by a few microseconds [s]."""
+    assert log.servo_delay is not None
+    ends = [servo_log(log, servo, log.servo_delay + d).tau for d in (0.0, more)]
+    return replace(log, tau=log.tau + ends[1] - ends[0])
 
 
 def _check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> None:

@@ -7,7 +7,7 @@ it is.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -73,6 +73,9 @@ class Recordings:
         Logs that were read otherwise than literally, and how; the first hints say it.
     commands : str
         How torque was made of commands, a hint that speaks against nothing; empty if it was not.
+    later : mapping
+        Fitted logs, by their place, as they are if commands act one standard deviation of the
+        delay later than found.
     """
 
     fitted: tuple[Recording, ...]
@@ -80,6 +83,7 @@ class Recordings:
     hints: tuple[str, ...] = ()
     read: tuple[tuple[str, str], ...] = ()
     commands: str = ""
+    later: Mapping[int, Log] = field(default_factory=dict)
 
     @property
     def commanded(self) -> bool:
@@ -95,10 +99,16 @@ class Recordings:
         from identifiability.workflows.commanded import follow_commands  # noqa: PLC0415 - MuJoCo
 
         say("rolling out commands", 0.1)
-        fitted, held, said = follow_commands(structure, self.fitted, self.held, how, rng)
+        fitted, held, said, later = follow_commands(structure, self.fitted, self.held, how, rng)
         rolled = any(isinstance(x, Log) and x.rollout is not None for x in fitted)
-        hints = (said, *self.hints)
-        return replace(self, fitted=fitted, held=held, hints=hints, commands=said if rolled else "")
+        return replace(
+            self,
+            fitted=fitted,
+            held=held,
+            hints=(said, *self.hints),
+            commands=said if rolled else "",
+            later=later,
+        )
 
     def measure_rollouts(self, robot: Robot, values: Mapping[str, float]) -> "Moved | None":
         """Return how far rollouts of a fitted robot are off, where there are logs of commands."""

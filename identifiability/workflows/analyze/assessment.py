@@ -258,6 +258,7 @@ def assess_ladder(
     doubt: Doubt = NO_DOUBT,
     *,
     veto: bool = True,
+    late: Sequence[Array] = (),
 ) -> tuple[RungResult, ...]:
     """Return the results of all m models.
 
@@ -296,6 +297,8 @@ def assess_ladder(
         rung, reduced, fit = model.rung, model.information, model.estimate
         residual = fitted.residual[:, :, k]
         uncertainty = assess_uncertainty(reduced, fit, residual, fitted.series, rng, replicates)
+        if len(late) and late[k].any():
+            uncertainty = replace(uncertainty, late=late[k])
         told, spread_told = model.told, uncertainty
         if told is not model:
             spread_told = assess_uncertainty(

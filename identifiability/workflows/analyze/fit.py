@@ -23,7 +23,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare import Preparation, Samples, prepare_samples
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.physical.cad_prior import SHARE, WEAK, WEIGHTS, share_weight
 from identifiability.physical.feasibility import (
@@ -35,9 +35,11 @@ from identifiability.physical.feasibility import (
     stands_elsewhere,
 )
 from identifiability.physical.fitted_model import FittedModel
+from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.structure import Structure
+from identifiability.workflows.opening import Opening, Recordings
 
 # What rows count: by their noise, and outlying stretches less.
 
@@ -134,6 +136,42 @@ def settle_prior(
     if share is None:
         share = SHARE if commanded and cad_weight is None else 0.0
     return share, share_weight(share) if share else cad_weight
+
+
+def move_by_delay(
+    opening: Opening,
+    recordings: Recordings,
+    rungs: Sequence[Rung],
+    information: Information,
+    estimator: Estimator,
+    how: Preparation,
+) -> list[Array]:
+    """Return by how much the delays of commands leave the values of each model open, (k,) each.
+
+    Parameters
+    ----------
+    opening : Opening
+        With the samples that are fitted.
+    recordings : Recordings
+    rungs : sequence of Rung
+    information : Information
+        About all columns, before rows were weighed.
+    estimator : Estimator
+    how : Preparation
+    """
+    total = [np.zeros(len(rung)) for rung in rungs]
+    robot = opening.structure.robot
+    for k, later in recordings.later.items():
+        samples = list(opening.samples)
+        own, moved = samples[k], prepare_samples(robot, later, how)
+        if not isinstance(own, Samples) or moved.tau.shape != own.tau.shape:
+            continue
+        samples[k] = replace(own, tau=moved.tau)
+        other = gather_information(opening.structure.regression(samples))
+        for at, rung in enumerate(rungs):
+            a, b = (estimator.fit(rung.reduce(x)).value for x in (other, information))
+            total[at] += (a - b) ** 2
+    return [np.sqrt(squares) for squares in total]
 
 
 @frozen

@@ -11,6 +11,7 @@ from identifiability.estimation.estimate import Kind, Method, find_estimator, se
 from identifiability.estimation.prediction import Task, predict, predict_all
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.engines.mapping import Engine, one_thread
+from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
     NotNegative,
     Replicates,
@@ -39,7 +40,12 @@ from identifiability.workflows.analyze.assessment import (
 )
 from identifiability.workflows.analyze.belief import believe
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.fit import fit_ladder, settle_prior, weigh_rows
+from identifiability.workflows.analyze.fit import (
+    fit_ladder,
+    move_by_delay,
+    settle_prior,
+    weigh_rows,
+)
 from identifiability.workflows.analyze.result import Analysis
 from identifiability.workflows.analyze.words import compare_logs, doubt, state_weak
 from identifiability.workflows.band import settle_band
@@ -151,12 +157,16 @@ def analyze(
             opening, chosen = add_instruments(opening, recordings.fitted, base, estimator)
             structure = opening.structure
             rungs = build_comparison(source.entry, structure)
-            building = share(say, "building the regression", 0.3, 0.6)
             regression, silence = opening.regression, opening.silence
-            information = gather_information(regression, engine=runner, progress=building)
+            information = gather_information(
+                regression,
+                engine=runner,
+                progress=share(say, "building the regression", 0.3, 0.6),
+            )
             say("fitting models", 0.6)
-            burst = ""
+            burst, late = "", list[Array]()
             if not silence:
+                late = move_by_delay(opening, recordings, rungs, information, chosen, how)
                 information, burst = weigh_rows(robot.joints, opening.samples, information, chosen)
                 chosen = settle_noise(chosen, information)
             share_, cad_prior = settle_prior(prior, cad_prior, recordings.commanded)
@@ -183,6 +193,7 @@ def analyze(
             draws,
             missing := find_missing(opening),
             veto=bool(opening.validation),
+            late=late,
         )
         at = select_model(results, ladder_.near)
         results, contradicted = tell_with_file(models, results, share_, thresholds)
