@@ -301,7 +301,7 @@ def every_axis(robot: Robot) -> tuple[str, ...]:
 
 def actuated_joints(robot: Robot) -> tuple[str, ...]:
     """Return every actuated joint."""
-    return robot.joints
+    return robot.motor_joints
 
 
 def in_motor(robot: Robot, place: str) -> str:

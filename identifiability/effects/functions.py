@@ -382,8 +382,10 @@ class FunctionOfOtherVelocity(FromJoint):
         width = PIECES + DEGREE
         for k, axis in enumerate(self.axes(robot)):
             other = self.origin(robot, axis)
-            largest = largest_speed(robot, robot.axes[other])
-            columns = splines(fine_at_rest(motion.actuated_v[:, other], largest))
+            source = next(a for a in robot.axes if a.name == robot.joints[other])
+            columns = splines(
+                fine_at_rest(motion.actuated_v[:, other], largest_speed(robot, source))
+            )
             at = robot.joints.index(axis.name)
             out[:, at, k * width : (k + 1) * width] = columns
 

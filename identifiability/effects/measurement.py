@@ -56,7 +56,7 @@ class TorqueOffset(AlongAxes):
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
         """Return those of joints, without the motors that mix them."""
-        return robot.axes[: len(robot.actuated)]
+        return robot.axes[: len(robot.motor_joints)]
 
     def curves(self, at: Along) -> list[Array]:
         """Return one everywhere."""
@@ -144,7 +144,7 @@ class TimeDelay(Effect):
         """Return that of every actuated joint."""
         return tuple(
             Parameter(a.name, self.kind, "s", self.name, a.symbol, nonnegative=True)
-            for a in robot.axes[: len(robot.actuated)]
+            for a in robot.axes[: len(robot.motor_joints)]
         )
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
@@ -212,7 +212,7 @@ class TorqueScale(Effect):
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return one share for every actuated joint."""
-        axes = robot.axes[: len(robot.actuated)]
+        axes = robot.axes[: len(robot.motor_joints)]
         return tuple(Parameter(a.name, "scale", "1", self.name, a.symbol) for a in axes)
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
@@ -229,13 +229,15 @@ class TorqueScale(Effect):
 
 def other_joints(span: Span) -> tuple[float, ...]:
     """Return the numbers of all joints but this one, from one on."""
-    joints = span.robot.joints if span.robot is not None else ()
-    return tuple(float(k) for k, name in enumerate(joints, 1) if name != span.joint)
+    if span.robot is None:
+        return ()
+    every, driven = span.robot.joints, {*span.robot.motor_joints} - {span.joint}
+    return tuple(float(k) for k, name in enumerate(every, 1) if name in driven)
 
 
 def is_alone(robot: Robot, _place: str) -> str:
     """Return that there is no other joint, if so."""
-    return "" if len(robot.joints) > 1 else "there is no other joint"
+    return "" if len(robot.motor_joints) > 1 else "there is no other joint"
 
 
 def _refuse(robot: Robot, place: str) -> str:
@@ -250,7 +252,7 @@ class FromJoint(Shaped):
 
     def axes(self, robot: Robot) -> list[Axis]:
         """Return those of joints, without the motors that mix them."""
-        joints = robot.axes[: len(robot.actuated)] if len(robot.joints) > 1 else ()
+        joints = robot.axes[: len(robot.motor_joints)] if len(robot.motor_joints) > 1 else ()
         asked = {a.name for a in super().axes(robot)}
         return [a for a in joints if a.name in asked]
 
@@ -262,8 +264,8 @@ class FromJoint(Shaped):
         """Return one for every joint, in the unit between the two."""
         crossed = {}
         for axis in self.axes(robot):
-            other = robot.axes[self.origin(robot, axis)]
-            if axis.prismatic != other.prismatic:
+            other = int(robot.actuated[self.origin(robot, axis)])
+            if axis.prismatic != robot.is_prismatic(other):
                 crossed[axis.name] = self.crossed[axis.prismatic]
         every = super().parameters(robot)
         return tuple(replace(p, unit=crossed.get(p.owner, p.unit)) for p in every)

@@ -263,7 +263,7 @@ def gear_ratio(robot: Robot, place: str) -> float:
     if gears is not None:
         for name, row, ratio in zip(gears.motors, gears.coupling, gears.ratio, strict=True):
             (used,) = np.nonzero(row)
-            alone = robot.joints[used[0]] == place if len(used) == 1 else False
+            alone = robot.motor_joints[used[0]] == place if len(used) == 1 else False
             if (name == place or alone) and abs(ratio) != 1:
                 return float(abs(ratio) * (abs(row[used[0]]) if alone else 1.0))
     if robot.torque.has_ratio(place):

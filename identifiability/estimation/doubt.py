@@ -134,7 +134,9 @@ class Ranges:
         q, v = (np.concatenate([getattr(m, f"actuated_{k}") for m in motions]) for k in "qv")
         load = np.concatenate([_carried(robot, m) for m in motions])
         ends = [np.stack([x.min(0), x.max(0)]) for x in (q, load)]
-        return Ranges(np.abs(v).max(0), *ends)
+        speed = np.abs(v).max(0)
+        speed[: len(robot.joints) - len(robot.motor_joints)] = 0.0  # nothing rubs at a base
+        return Ranges(speed, *ends)
 
     def columns(self, robot: Robot, motion: Motion) -> Array:
         """Return the torque of each joint by its own functions of unit size, (N, n, `WIDTH`)."""
@@ -168,8 +170,12 @@ def _carried(robot: Robot, motion: Motion) -> Array:
     """Return what each joint carries by the file's masses, (N, n) [N·m or N]."""
     if not has_masses(robot):
         return np.zeros_like(motion.actuated_q)
-    load, joints = rigid_torque(robot, motion), robot.axes[: len(robot.actuated)]
-    return np.stack([carried_load(load, Along(robot, motion, axis)) for axis in joints], axis=1)
+    load, joints = rigid_torque(robot, motion), robot.axes[: len(robot.motor_joints)]
+    out = np.zeros_like(motion.actuated_q)
+    for axis in joints:
+        at = robot.joints.index(axis.name)
+        out[:, at] = carried_load(load, Along(robot, motion, axis))
+    return out
 
 
 @frozen

@@ -12,6 +12,7 @@ from dataclasses import field
 from identifiability.foundation.names import Renames
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
+from identifiability.robot.floating import Base
 from identifiability.robot.measured_torque import MeasuredTorque
 from identifiability.robot.parts import Entry
 from identifiability.robot.servo import Servo
@@ -49,6 +50,8 @@ class Conventions:
         What makes torque of commands, where logs hold no torque.
     commands : bool
         Whether commands are read beside torque, too.
+    base : Base or None
+        What floats, of whose motion logs have columns.
     """
 
     joints: tuple[str, ...] = ()
@@ -64,18 +67,18 @@ class Conventions:
     locked: Mapping[str, float] = field(default_factory=dict)
     servo: Servo | None = None
     commands: bool = False
+    base: Base | None = None
 
     @staticmethod
     def of(robot: Robot) -> Conventions:
         """Return what a robot's sidecar, and what was said when it was loaded, tell of its logs."""
         gear = robot.transmission
         motors = gear.motors if gear else ()
-        pairs = zip(robot.joints, robot.actuated, strict=True)
-        turns = [j for j, k in pairs if not robot.is_prismatic(int(k))]
+        turns = [j for j in robot.motor_joints if not robot.is_prismatic(robot.dof_index(j))]
         # Of a locked joint nothing says whether it turns, as nearly all do.
         degrees = (*turns, *motors, *robot.locked) if robot.angles == "deg" else ()
         return Conventions(
-            joints=robot.joints,
+            joints=robot.motor_joints,
             motors=motors,
             columns=robot.columns,
             scales=robot.scales,
@@ -85,4 +88,5 @@ class Conventions:
             entries=robot.entries,
             locked=robot.locked,
             servo=robot.servo,
+            base=robot.base,
         )

@@ -21,6 +21,7 @@ from identifiability.foundation.options import Expected, FilePath, Names, check_
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
+from identifiability.logs.base import read_base
 from identifiability.logs.checks import CHANNELS, Clock, find_channels
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import stack_arrays
@@ -67,6 +68,9 @@ class Log:
         Positions to which the commands take a simulated robot: a record without sensors.
     start : float or None [s]
         What its times count from, on a clock that other logs share, such as seconds since 1970.
+    base : (N, k) or None
+        How a base that floats moved and what touches it, as `identifiability.logs.base.read_base`
+        has it.
     """
 
     name: str
@@ -86,6 +90,7 @@ class Log:
     tau_ff: Array | None = None
     servo_delay: float | None = None
     rollout: Array | None = None
+    base: Array | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -109,7 +114,7 @@ class Log:
         reading = Reading(str(path), conventions or Conventions())
         digest, _ = scan_file(Path(path), reading.add, reading.known)
         values = reading.finish()
-        log = build_log(Path(path).name, reading.naming, values, digest)
+        log = _with_base(build_log(Path(path).name, reading.naming, values, digest), reading)
         return replace(log, motion_alone=bool(reading.made), start=reading.start)
 
     @staticmethod
@@ -132,6 +137,7 @@ class Log:
         reading.add(frame)
         columns = reading.finish()
         log = replace(build_log(name, reading.naming, columns, ""), start=reading.start)
+        log = _with_base(log, reading)
         values = log.to_frame()
         digest = hashlib.sha256(",".join(values.columns).encode())
         digest.update(np.ascontiguousarray(values.to_numpy(float)).tobytes())
@@ -185,8 +191,9 @@ class Log:
     def each(self, change: Callable[[Array], Array], **others: Any) -> Log:
         """Return the log with all its channels changed alike, and other fields as given."""
         others |= {channel: change(getattr(self, channel)) for channel in self.channels}
-        if self.rollout is not None:
-            others["rollout"] = change(self.rollout)
+        for name in ("rollout", "base"):
+            if getattr(self, name) is not None:
+                others[name] = change(getattr(self, name))
         if self.unmeasured is not None:
             others["unmeasured"] = change(self.unmeasured.astype(float)) > 0
         return replace(self, **others)
@@ -310,15 +317,23 @@ class Log:
         if tuple(wanted) == self.joints:
             return self
         order = [self.joints.index(j) for j in wanted]
-        return self.each(lambda x: x[:, order], joints=tuple(wanted))
+        return replace(self.each(lambda x: x[:, order], joints=tuple(wanted)), base=self.base)
 
 
 def join_logs(logs: Sequence[Log]) -> Log:
     """Return stretches of one log as a log with gaps."""
     kinds = ("t", *logs[0].channels)
-    kinds += ("unmeasured",) if logs[0].unmeasured is not None else ()
+    kinds += tuple(k for k in ("unmeasured", "base") if getattr(logs[0], k) is not None)
     joined: dict[str, Any] = {k: np.concatenate([getattr(x, k) for x in logs]) for k in kinds}
     return replace(logs[0], **joined)
+
+
+def _with_base(log: Log, reading: Reading) -> Log:
+    """Return a log with how the base of its robot moved, if that floats."""
+    if reading.beside is None or reading.known.base is None:
+        return log
+    record, notes = read_base(reading.known.base, reading.beside, reading.source)
+    return replace(log, base=record, notes=(*log.notes, *notes))
 
 
 def build_log(name: str, naming: Naming, values: Mapping[str, Array], digest: str) -> Log:

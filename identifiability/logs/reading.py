@@ -14,6 +14,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
+from identifiability.logs.base import BaseColumns, RawBase, put_on_clock
 from identifiability.logs.aliases import INDEX, guess_column
 from identifiability.logs.checks import FEWEST, Clock, Numbers, to_floats
 from identifiability.logs.command_names import Command, choose_commands
@@ -241,6 +242,8 @@ class Reading:
         Columns of torque that a table lacks, of joints whose motion it has.
     commands : tuple of str
         Columns of commands, of a table that holds no torque.
+    beside : RawBase or None
+        In the end, what the table says of a base that floats.
     start : float or None [s]
         As of a `Log`: what the times count from, by themselves or as the table says (``attrs``).
     """
@@ -259,6 +262,9 @@ class Reading:
         self.commands: tuple[str, ...] = ()
         self._commands: dict[str, Command] | None = None
         self._last: pd.DataFrame | None = None
+        self._base: BaseColumns | None = None
+        self._beside: dict[str, list[Array]] = {}
+        self.beside: RawBase | None = None
 
     def add(self, frame: pd.DataFrame, form: Form = PLAIN) -> None:
         """Check the next rows.
@@ -277,7 +283,12 @@ class Reading:
         start = frame.attrs.get("start")
         frame = with_index(frame.set_axis([str(c) for c in frame.columns], axis=1))
         self._form = form
-        frame = self._make_torque(self._name_commands(frame))
+        whole = frame
+        frame = self._make_torque(self._name_commands(self._without_base(frame)))
+        if self._base is not None:
+            for key, column in self._base.named.items():
+                given = to_floats(whole.loc[frame.index, column])
+                self._beside.setdefault(key, []).append(given)
         if not self._naming.columns:
             self._begin(frame)
             found = start_of(self._naming)
@@ -304,6 +315,24 @@ class Reading:
                     self.turns[column].add(values)
         for column in self.absent if self.keep else ():
             self._kept[column].append(np.full(len(frame), np.nan))
+
+    def _without_base(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """Return a table without the columns about a base that floats, which are read apart.
+
+        Raises
+        ------
+        LogError
+        """
+        if self.known.base is None:
+            return frame
+        if not self.keep:
+            raise LogError(
+                f"{self.source} is about a base that floats and too long to be held in memory, "
+                "which such logs must be: give a stretch of it."
+            )
+        if self._base is None:
+            self._base = BaseColumns.find(list(frame.columns), self.known.base, self.known.columns)
+        return frame.drop(columns=self._base.sources)
 
     def _name_commands(self, frame: pd.DataFrame) -> pd.DataFrame:
         """Return a table with its commands called as they are here, held until the next comes.
@@ -425,6 +454,7 @@ class Reading:
             If a value cannot be, or the times are too few or do not increase.
         """
         self._check_locked()
+        times = np.concatenate(self._kept["t"]) if self._beside else np.empty(0)
         if self.keep:
             self._unify()
         elif self._is_mixed():
@@ -454,7 +484,13 @@ class Reading:
             if column not in lost:
                 numbers.finish()
         self.clock.finish()
-        return {c: np.concatenate(kept) for c, kept in self._kept.items() if kept}
+        values = {c: np.concatenate(kept) for c, kept in self._kept.items() if kept}
+        if self.known.base is not None:
+            columns = {key: np.concatenate(x) for key, x in self._beside.items()}
+            flags = [c.flag for c in self.known.base.contacts]
+            found = put_on_clock(values["t"], times, columns, flags)
+            self.beside = RawBase(values["t"], found)
+        return values
 
     def _is_mixed(self) -> bool:
         """Whether cells are empty, or values come again, as between messages of other rates."""

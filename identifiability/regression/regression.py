@@ -145,6 +145,8 @@ class Model:
             own = W[first:, :, start : start + width]
             own[:] = 0.0
             effect.fill(robot, motion[first:] if first else motion, own)
+            if motion.free is not None:
+                own[:] = motion.freed(own, first)
             start += width
         return W
 

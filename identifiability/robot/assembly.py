@@ -27,6 +27,7 @@ from identifiability.robot import closure
 from identifiability.robot.cables import stretch_home
 from identifiability.robot.closure import ACCEPTED, LEAP, find_assemblies, loop_jacobian, newton
 from identifiability.robot.description import Bound, Description, Ellipsoid
+from identifiability.robot.floating import BASE_JOINTS, Base, Contact, Imu, Wrench
 from identifiability.robot.kinematics import Point, body_names
 from identifiability.robot.markup import check_nominal
 from identifiability.robot.measured_torque import KnownTorque, MeasuredTorque
@@ -43,6 +44,7 @@ from identifiability.robot.sidecar import (
     AxisEntry,
     BodyBoundsEntry,
     BoundsEntry,
+    ImuEntry,
     LimitEntry,
     LoopEntry,
     Owners,
@@ -209,7 +211,9 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     RobotError
     """
     names = extra.actuated if extra.actuated is not None else stated.actuated
-    if names is stated.actuated and stated.undriven:
+    if names is not None and stated.floating is not None:
+        names = [*BASE_JOINTS, *(n for n in names if n not in BASE_JOINTS)]
+    if extra.actuated is None and stated.undriven:
         raise RobotError(
             f"{robot.path}: the actuator '{stated.undriven}' drives no single joint; name the "
             'joints whose torque is measured in the sidecar: actuated = ["joint1", …].'
@@ -500,6 +504,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         outside=stated.outside,
         entries=stated.entries,
         bolted=extra.base == "fixed",
+        base=_read_base(path, extra, stated, bodies),
     )
     robot = choose_joints(robot, extra, stated)
     for key in ("gain", "ratio", "sign"):
@@ -598,6 +603,60 @@ def _find_body(path: Path, body: str, stated: Stated) -> tuple[int, Array, Array
     return stated.last[frames[0].parentJoint], np.array(place.rotation), np.array(place.translation)
 
 
+def _read_base(
+    path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ...]
+) -> Base | None:
+    """Return the base of a robot that floats, with what touches it and measures it."""
+    if stated.floating is None:
+        given = [k for k in ("imu", "contacts", "wrench") if getattr(extra, k)]
+        if given and extra.base != "fixed":
+            raise RobotError(
+                f"The sidecar of {path}: [{given[0]}] is about a base that moves, and this robot "
+                'stands; take it out, or say base = "floating" if nothing holds its root link.'
+            )
+        return None
+    assert stated.gravity is not None
+    imu = extra.imu or ImuEntry()
+    contacts = []
+    for entry in extra.contacts:
+        point, _ = _find_frame(path, "contacts", entry.frame, entry.point, stated)
+        radius = stated.radii.get(entry.frame, 0.0) if entry.radius is None else entry.radius
+        schedule = None if entry.schedule is None else tuple(entry.schedule)
+        contacts.append(
+            Contact(entry.frame, point, entry.kind, radius, entry.flag, entry.threshold, schedule,
+                    entry.margin)
+        )  # fmt: skip
+    names = [c.name for c in contacts]
+    if len(set(names)) < len(names):
+        raise RobotError(f"The sidecar of {path}: [[contacts]] are {listing(names)}; each once.")
+    wrenches = [
+        Wrench(entry.frame, *_find_frame(path, "wrench", entry.frame, (0, 0, 0), stated),
+               tuple(entry.columns))
+        for entry in extra.wrench
+    ]  # fmt: skip
+    R = pin.rpy.rpyToMatrix(np.array(imu.rotation, float)).T
+    mount = Imu(R, *(np.array(x, float) for x in (imu.place, imu.acc_bias, imu.gyro_bias)))
+    what = bodies[0], stated.floating, stated.gravity, tuple(contacts), tuple(wrenches), mount
+    return Base(*what, stated.at, stated.which)
+
+
+def _find_frame(
+    path: Path, key: str, name: str, at: Sequence[float], stated: Stated
+) -> tuple[Point, Array]:
+    """Return a point in a frame as a point of the tree, and the frame's axes in its joint's."""
+    kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+    frames = [f for kind in kinds for f in stated.model.frames if f.name == name and f.type == kind]
+    if not frames:
+        known = [f.name for f in stated.model.frames if f.type in kinds]
+        raise RobotError(
+            f"The sidecar of {path}: [[{key}]] names the frame '{name}', which the robot does not "
+            f"have{near_match(name, known)} Known: {listing(known)}."
+        )
+    place = frames[0].placement
+    where = place.act(np.array(at, float))
+    return Point(stated.last[frames[0].parentJoint], where), np.array(place.rotation)
+
+
 def _nominal(
     robot: Description, extra: Sidecar, stated: Stated, axes: Mapping[str, Combination]
 ) -> dict[str, float]:
@@ -684,7 +743,7 @@ def _known_torque(extra: Sidecar, stated: Stated) -> tuple[KnownTorque, ...]:
 
 
 def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:
-    entry, n = extra.transmission, len(robot.actuated)
+    entry, n = extra.transmission, len(robot.motor_joints)
     if entry is None:
         return None
     m = len(entry.motors)
@@ -693,7 +752,7 @@ def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:
     if m < n or not np.linalg.cond(coupling) < 1e9 or not coupling.any(axis=1).all():
         raise RobotError(
             f"The sidecar of {robot.path}: [transmission] needs at least {n} motors that move all "
-            f"the actuated joints {listing(robot.joints)}: a row of {n} numbers in 'coupling' for "
+            f"the actuated joints {listing(robot.motor_joints)}: a row of {n} numbers in 'coupling' for "
             f"each motor, and together of rank {n}, such as an invertible {n}×{n} coupling."
         )
     ratio = np.ones(m) if entry.ratio is None else np.array(entry.ratio, float)

@@ -17,6 +17,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot.cables import cable_bias, cable_equation, cable_joints, cable_points
 from identifiability.robot.description import Description
+from identifiability.robot.floating import eliminate
 from identifiability.robot.kinematics import WORLD, Frames, Point, Tree, cross
 from identifiability.robot.parts import Coupling, Loop, LoopFrame, Term
 
@@ -538,6 +539,13 @@ class Motion:
     smooth_v : (N, 2, n) or None
         Velocity of the actuated joints, smoothed, and its standard deviation: what signs of speed
         are taken of. None where `v` has no noise to speak of.
+    free : (N, n, n) or None
+        Combinations of rows that no unmeasured force at a contact enters: torque and columns of the
+        regressor are ``freeᵀ τ``. None where nothing touches the robot.
+    silent : (N, n) bool or None
+        Rows of which contacts leave nothing, or nothing that is known.
+    touch : (N, 3 + c) or None
+        Away from the ground, along the axes of a base that floats, and which contacts are closed.
     """
 
     t: Array
@@ -554,12 +562,16 @@ class Motion:
     near_singular: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     start: float | None = None
     smooth_v: Array | None = None
+    free: Array | None = None
+    silent: np.ndarray | None = None
+    touch: Array | None = None
 
     @property
     def each(self) -> dict[str, Array]:
         """What it has a row of for every sample, by name."""
         names = ("t", "q", "v", "a", "actuated_q", "actuated_v", "actuated_a", "kept", "X")
-        found = {name: getattr(self, name) for name in (*names, "smooth_v")}
+        names += ("smooth_v", "free", "silent", "touch")
+        found = {name: getattr(self, name) for name in names}
         return {name: rows for name, rows in found.items() if rows is not None}
 
     def expected_sign(self, speed: Array, row: Array) -> Array:
@@ -585,6 +597,13 @@ class Motion:
         sign: Array = scipy.special.erf(share)
         return sign
 
+    def freed(self, rows: Array, start: int = 0) -> Array:
+        """Return rows (N − start, n, …) from a sample on, free of what presses at contacts."""
+        if self.free is None:
+            return rows
+        N = self.free[start:].swapaxes(1, 2)
+        return N @ rows if rows.ndim == N.ndim else (N @ rows[..., None])[..., 0]
+
     @property
     def singular(self) -> int:
         """Number of samples near a singular configuration."""
@@ -600,7 +619,9 @@ class Motion:
         return replace(self, **parts)
 
 
-def complete_motion(robot: Description, t: Array, q: Array, dq: Array, ddq: Array) -> Motion:
+def complete_motion(
+    robot: Description, t: Array, q: Array, dq: Array, ddq: Array, touch: Array | None = None
+) -> Motion:
     """Return the motion of every joint from that of the actuated ones.
 
     Parameters
@@ -609,6 +630,8 @@ def complete_motion(robot: Description, t: Array, q: Array, dq: Array, ddq: Arra
     t : (N,) [s]
     q, dq, ddq : (N, n) [rad or m, and per s, per s²]
         Motion of the actuated joints, in the robot's order.
+    touch : (N, 3 + c), optional
+        As of a `Motion`; by default only those contacts are closed that never open.
 
     Raises
     ------
@@ -621,7 +644,7 @@ def complete_motion(robot: Description, t: Array, q: Array, dq: Array, ddq: Arra
         v[:, robot.actuated], a[:, robot.actuated] = dq, ddq
         full = robot.configuration(q)
         none = np.empty(0, int)
-        return Motion(t, full, v, a, q, dq, ddq, None, np.arange(n), none)
+        return _free(robot, Motion(t, full, v, a, q, dq, ddq, None, np.arange(n), none), touch)
 
     closed = close_loops(robot, q)
     good = np.flatnonzero(closed.error < ACCEPTED)
@@ -650,7 +673,7 @@ def complete_motion(robot: Description, t: Array, q: Array, dq: Array, ddq: Arra
     a[:, robot.dependent] = np.einsum("nij,nj->ni", inverse, b) - np.einsum("nij,nj->ni", X, ddq)
     near = condition > SINGULAR
     near[1:] |= passes_singular(A[:, :, robot.dependent])
-    return Motion(
+    motion = Motion(
         t=t[rows],
         q=full,
         v=v,
@@ -664,6 +687,23 @@ def complete_motion(robot: Description, t: Array, q: Array, dq: Array, ddq: Arra
         condition=float(condition.max()),
         near_singular=rows[near],
     )
+    return _free(robot, motion, None if touch is None else touch[rows])
+
+
+def _free(robot: Description, motion: Motion, touch: Array | None) -> Motion:
+    """Return a motion with the rows that no unmeasured force at a contact enters."""
+    if robot.base is None or not robot.base.contacts:
+        return motion
+    contacts = robot.base.contacts
+    if touch is None:
+        closed, up = np.tile([c.always for c in contacts], (len(motion), 1)), None
+    else:
+        closed, up = touch[:, 3:] > 0.5, touch[:, :3]  # noqa: PLR2004 - flags that were filtered
+    if not closed.any():
+        return replace(motion, touch=touch)
+    driven = robot.actuated, robot.dependent, motion.X
+    free, silent = eliminate(robot.tree, robot.base, motion.q, closed, up, driven)
+    return replace(motion, free=free, silent=silent, touch=touch)
 
 
 def loop_error(robot: Description, q: Array) -> Array:

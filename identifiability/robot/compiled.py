@@ -24,6 +24,7 @@ from identifiability.robot.mjcf import (
     compile_mjcf,
     driven_joints,
     find_arms,
+    find_floating,
     find_outside,
     read_entries,
     read_tendon_coupling,
@@ -343,8 +344,14 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     fixed = extra.base == "fixed"
     scene = m = compile_mjcf(path, root, fixed=fixed)
     outside = find_outside(scene, extra)
-    if outside:
-        m = compile_mjcf(path, root, outside, fixed=fixed)
+    which = None if fixed else find_floating(path, scene, outside, extra)
+    if which is None and extra.base == "floating":
+        raise RobotError(
+            f'{path} has no free joint, and its sidecar says base = "floating"; give the body that '
+            "floats a <freejoint/>."
+        )
+    if outside or which is not None:
+        m = compile_mjcf(path, root, outside, fixed=fixed, floating=which)
     off, home = int(m.opt.disableflags), _home(m)
     joints = [m.joint(j) for j in np.flatnonzero(np.isin(m.jnt_type, [HINGE, SLIDE]))]
     at_home = {j.name: extra.home.get(j.name, float(home[j.qposadr[0]])) for j in joints}
@@ -355,7 +362,9 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     tree, last = read_tree(path, model, names)
     bits = mujoco.mjtDisableBit
     still = off & int(bits.mjDSBL_GRAVITY)
-    model.gravity.linear = np.zeros(3) if still else np.array(m.opt.gravity)
+    gravity = np.zeros(3) if still else np.array(m.opt.gravity)
+    # Of a base that floats the proper acceleration is known, of which gravity is a part.
+    model.gravity.linear = gravity if which is None else np.zeros(3)
     free = np.array([m.joint(int(j)).name not in locked for j in m.dof_jntid], bool)
     forces = read_forces(path, m, locked)
     dofs = [d for j in tree.joints for d in j.dofs]
@@ -388,7 +397,36 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         outside=outside,
         entries=read_entries(scene, compile_mjcf(path, root) if fixed else None),
         servos=find_servos(m, driven_joints(m)),
+        **_floating(scene, which, gravity),
+        radii=_name_frames(model, m, places),
     )
+
+
+def _floating(scene: Any, which: int | None, gravity: Array) -> dict[str, Any]:
+    """Return what is stated of a robot that floats on one of the free joints of a scene."""
+    if which is None:
+        return {}
+    j = int(np.flatnonzero(scene.jnt_type == FREE)[which])
+    at = int(scene.jnt_qposadr[j]), int(scene.jnt_dofadr[j])
+    return {"floating": scene.joint(j).name, "gravity": gravity, "at": at, "which": which}
+
+
+def _name_frames(model: Any, m: Any, places: list[Place]) -> dict[str, float]:
+    """Give the model a frame for every site and geom with a name; return radii of spheres."""
+    radii = {}
+    each = [("site", m.site_bodyid, m.site_pos, m.site_quat, m.nsite)]
+    each += [("geom", m.geom_bodyid, m.geom_pos, m.geom_quat, m.ngeom)]
+    for kind, bodies, pos, quat, count in each:
+        for k in range(count):
+            name = getattr(m, kind)(k).name
+            if not name:
+                continue
+            joint, at = places[int(bodies[k])]
+            place = at * pin.SE3(_rotation(quat[k]), np.array(pos[k]))
+            model.addFrame(pin.Frame(name, joint, 0, place, pin.FrameType.OP_FRAME))
+            if kind == "geom" and int(m.geom_type[k]) == int(mujoco.mjtGeom.mjGEOM_SPHERE):
+                radii[name] = float(m.geom_size[k, 0])
+    return radii
 
 
 def _equalities(m: Any) -> np.ndarray:

@@ -18,6 +18,7 @@ import numpy as np
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import INERTIAL, Array, Renames
 from identifiability.foundation.values import frozen
+from identifiability.robot.floating import SIX, Base
 from identifiability.robot.kinematics import Tree, shortest_turn
 from identifiability.robot.markup import included_files
 from identifiability.robot.measured_torque import KnownTorque, MeasuredTorque
@@ -189,6 +190,8 @@ class Description:
         Position servos of the actuated joints, where the files state some.
     bolted : bool
         Whether what floats by the robot file is said to stand.
+    base : Base or None
+        Of a robot that floats: the first six of its joints stand for it.
     """
 
     name: str
@@ -238,6 +241,7 @@ class Description:
     upright: Array | None = None
     servo: Servo | None = None
     bolted: bool = False
+    base: Base | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: the fields, without what was derived from them meanwhile."""
@@ -331,6 +335,11 @@ class Description:
         return tuple(self.dofs[k] for k in self.actuated)
 
     @property
+    def motor_joints(self) -> tuple[str, ...]:
+        """Names of the joints that motors drive: all actuated ones but those of a floating base."""
+        return self.joints if self.base is None else self.joints[SIX:]
+
+    @property
     def torque_units(self) -> tuple[str, ...]:
         """N or N·m for each actuated joint."""
         return tuple("N" if self.is_prismatic(int(k)) else "N·m" for k in self.actuated)
@@ -399,9 +408,11 @@ class Description:
     def axes(self) -> tuple[Axis, ...]:
         """Every actuated joint, every motor whose coordinate mixes joints, every stated axis."""
         rows = list(zip(self.joints, np.eye(len(self.actuated)), strict=True))
+        rows = rows[len(self.joints) - len(self.motor_joints) :]
         if self.transmission is not None:
             motors = zip(self.transmission.motors, self.transmission.coupling, strict=True)
-            rows += [(motor, row) for motor, row in motors if np.count_nonzero(row) > 1]
+            before = np.zeros(len(self.joints) - len(self.motor_joints))
+            rows += [(m, np.append(before, row)) for m, row in motors if np.count_nonzero(row) > 1]
         slides = np.array([self.is_prismatic(dof) for dof in self.actuated], bool)
         own = tuple(
             Axis(name, self.joint_symbols.get(name, name), row, -1, bool(slides[row != 0].all()))

@@ -23,6 +23,7 @@ import pinocchio as pin
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.robot.assembly import assemble
 from identifiability.robot.description import Description
+from identifiability.robot.floating import BASE_JOINTS
 from identifiability.robot.kinematics import body_names, read_tree
 from identifiability.robot.locate import find_sidecar, locate_robot
 from identifiability.robot.locking import (
@@ -155,10 +156,12 @@ def read_robot(
 
 def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     """Return what a URDF states; mimic joints become couplings, and what is locked is welded."""
+    root, top = release_root(root, extra.base)
     reason = ""
     with _printed_errors() as printed:
         try:
-            model = pin.buildModelFromXML(plain_urdf(root, path.stem))
+            text = plain_urdf(root, path.stem)
+            model = pin.buildModelFromXML(*(text, _six_joints()) if top else (text,))
         except Exception as error:  # noqa: BLE001 - a foreign parser may raise anything
             reason = _one_line(error)
     if reason or printed:  # a link whose inertia is misspelt is read without any, but told of
@@ -171,7 +174,7 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
             f"{path}: the links {listing(lost)} were lost in reading; connect them to the root "
             "link by joints."
         )
-    if extra.base is None and not extra.loops:
+    if extra.base is None and not top and not extra.loops:
         _ask_for_base(path, root)
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     fixed = {name for name, joint in joints.items() if joint.get("type") == "fixed"}
@@ -199,6 +202,9 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     locked, couplings = settle_locks(path, wanted, home, couplings)
     model, welded = weld(model, locked)
     model, names = merge_axes(path, model, extra.massless)
+    gravity = np.array(model.gravity.linear)
+    if top:  # of a base that floats the proper acceleration is known, of which gravity is a part
+        names[1], model.gravity.linear = BASE_JOINTS, np.zeros(3)
     coupled = {c.joint for c in couplings}
     tree, last = read_tree(path, model, names)
     return Stated(
@@ -210,7 +216,49 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         actuated=[name for name in tree.single if name not in coupled],
         locked=locked,
         welded=welded,
+        floating=top or None,
+        gravity=gravity,
     )
+
+
+def release_root(root: ET.Element, base: str | None) -> tuple[ET.Element, str]:
+    """Return a URDF that begins with the link that floats, if one does, and what it floats on.
+
+    That is the joint of type ``floating`` on which the rest hangs, or the root link itself where
+    it is said to float. One that is said to be fixed is.
+
+    Parameters
+    ----------
+    root : Element
+    base : {"fixed", "floating"} or None
+    """
+    ends = {j: {e.tag: e.get("link") for e in j} for j in root.findall("joint")}
+    below = {end.get("child") for end in ends.values()}
+    free = [j for j in ends if j.get("type") == "floating" and ends[j].get("parent") not in below]
+    others = [j for j in ends if free and j is not free[0] and
+              ends[j].get("parent") == ends[free[0]].get("parent")]  # fmt: skip
+    if len(free) != 1 or others:
+        tops = [x.get("name", "") for x in root.findall("link") if x.get("name") not in below]
+        return root, (tops or [""])[0] if base == "floating" else ""
+    root = copy.deepcopy(root)
+    name = free[0].get("name", "")
+    (joint,) = [j for j in root.findall("joint") if j.get("name") == name]
+    if base == "fixed":
+        joint.set("type", "fixed")
+        return root, ""
+    for link in root.findall("link"):
+        if link.get("name") == ends[free[0]].get("parent"):
+            root.remove(link)
+    root.remove(joint)
+    return root, name
+
+
+def _six_joints() -> Any:
+    """Return a joint of three slides and three hinges for a root that floats."""
+    joint = pin.JointModelComposite()
+    for part in "PX PY PZ RX RY RZ".split():
+        joint.addJoint(getattr(pin, f"JointModel{part}")())
+    return joint
 
 
 #: What links and joints of legs are called, and a root link that is the ground.
@@ -252,8 +300,8 @@ def _ask_for_base(path: Path, root: ET.Element) -> None:
     raise RobotError(
         f"{path}: its root link '{base}' hangs on nothing and carries the legs {listing(legs, 4)}, "
         "so it may walk; if it was bolted down or hung up while it was measured, write "
-        f'base = "fixed" into {path.with_suffix(".toml").name} beside it (a base that moves is not '
-        "supported)."
+        f'base = "fixed" into {path.with_suffix(".toml").name} beside it, and base = "floating" if '
+        "it stood on its own feet."
     )
 
 

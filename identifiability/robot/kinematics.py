@@ -293,6 +293,17 @@ class Tree:
                 if j.kind == "free":
                     out[:, j.iv + c] += sign * R[c]
 
+    def add_turn_jacobian(self, frames: Frames, joint: int, out: Array) -> None:
+        """Add how joints turn what is behind one to `out` (3, nv, N), world axes."""
+        for k in self.chain(joint):
+            j, R = self.joints[k], frames.axes[k]
+            if j.kind == "revolute":
+                out[:, j.iv] += R[2]
+            elif j.kind in ("ball", "free"):
+                turn = j.iv + (3 if j.kind == "free" else 0)
+                for c in range(3):
+                    out[:, turn + c] += R[c]
+
     def bias_accelerations(self, frames: Frames, v: Array, points: list[Point]) -> list[Array]:
         """Return the accelerations of points at zero joint acceleration, J̇ v, each (3, N).
 

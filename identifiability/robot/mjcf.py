@@ -18,7 +18,8 @@ import mujoco
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from identifiability.foundation.errors import RobotError, near_match
+from identifiability.foundation.errors import RobotError, listing, near_match
+from identifiability.robot.floating import BASE_JOINTS, SIX
 from identifiability.robot.markup import check_regular, check_weight, file_text, read_markup
 from identifiability.robot.parts import Coupling, Entry, Term, couple
 from identifiability.robot.sidecar import Sidecar
@@ -29,12 +30,20 @@ from identifiability.robot.sidecar import Sidecar
 # inertia) is taken out first, so that its files need not be there.
 
 
+#: Directions of slides and hinges.
+AXES = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+
 _GEOM, _FROM = mujoco.mjtGeom, mujoco.mjtInertiaFromGeom
 _FILED = (int(_GEOM.mjGEOM_MESH), int(_GEOM.mjGEOM_HFIELD), int(_GEOM.mjGEOM_SDF))
 
 
 def compile_mjcf(
-    path: Path, root: ET.Element, outside: Collection[str] = (), *, fixed: bool = False
+    path: Path,
+    root: ET.Element,
+    outside: Collection[str] = (),
+    *,
+    fixed: bool = False,
+    floating: int | None = None,
 ) -> Any:
     """Return the compiled model (mujoco.MjModel) of an MJCF; what has no name is given one.
 
@@ -47,6 +56,8 @@ def compile_mjcf(
         Bodies to leave out, with all that hangs on them and refers to them.
     fixed : bool
         Whether what floats by its file stands where that draws it.
+    floating : int, optional
+        Which of its free joints six joints stand for.
 
     Raises
     ------
@@ -54,26 +65,98 @@ def compile_mjcf(
         With MuJoCo's reason, and the near match of a name that is not there.
     """
     with _refused(path, root):
-        spec = _parse(path, root, fixed=fixed)
+        if floating is not None:
+            root = float_on_joints(root, floating)
+        spec = _parse(path, root, fixed=fixed, changed=floating is not None)
         leave_out(spec, outside)
         return spec.compile()
 
 
-def bolt_down(root: ET.Element) -> ET.Element:
-    """Return an MJCF without free joints, and keyframes without their coordinates."""
-    root = copy.deepcopy(root)
-    free, before, start = [], 0, None
+def _free_joints(root: ET.Element) -> list[tuple[ET.Element, ET.Element, int]]:
+    """Return body and element of every free joint, and the coordinates before it without theirs."""
+    found, before = [], 0
     for parent in list(root.iter()):
         if parent.tag not in ("body", "worldbody"):
             continue
         for child in list(parent):
             kind = child.get("type", "hinge") if child.tag == "joint" else child.tag
             if kind in ("free", "freejoint"):
-                parent.remove(child)
-                free.append(child)
-                start = before if start is None else start
+                found.append((parent, child, before))
             elif child.tag == "joint":
                 before += 4 if kind == "ball" else 1
+    return found
+
+
+def float_on_joints(root: ET.Element, which: int) -> ET.Element:
+    """Return an MJCF with three slides and three hinges at zero for one of its free joints.
+
+    The base is where the world is, and keyframes say so.
+    """
+    root = copy.deepcopy(root)
+    body, free, before = _free_joints(root)[which]
+    at = list(body).index(free)
+    body.remove(free)
+    still = dict.fromkeys(("damping", "armature", "frictionloss", "stiffness", "ref"), "0")
+    still |= {"limited": "false", "pos": "0 0 0", "actuatorfrclimited": "false"}
+    for k, name in enumerate(BASE_JOINTS):
+        kind, axis = "slide" if k < SIX // 2 else "hinge", " ".join(map(str, AXES[k % 3]))
+        body.insert(at + k, ET.Element("joint", still, name=name, type=kind, axis=axis))
+    for key in ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"):
+        body.attrib.pop(key, None)
+    start = before + 7 * which
+    for key in root.iter("key"):
+        numbers = key.get("qpos", "").split()
+        if numbers:
+            key.set("qpos", " ".join([*numbers[:start], *["0"] * SIX, *numbers[start + 7 :]]))
+    return root
+
+
+def find_floating(path: Path, m: Any, outside: Collection[str], extra: Sidecar) -> int | None:
+    """Return which free joint of a compiled scene the robot floats on, if it does.
+
+    A free body that equalities tie to what is beside it is part of a closed chain.
+
+    Raises
+    ------
+    RobotError
+        If there are several.
+    """
+    top = np.zeros(m.nbody, int)
+    for b in range(1, m.nbody):
+        top[b] = top[m.body_parentid[b]] or (b if m.body_jntnum[b] else 0)
+    ties = [{int(top[b]) for b in bodies} for bodies in _tied(m)]
+    of_body = {m.body(b).name: int(top[b]) for b in range(m.nbody)}
+    ties += [{of_body.get(b, 0) for b in (x.body1, x.body2)} for x in extra.loops or ()]
+    free = np.flatnonzero(m.jnt_type == mujoco.mjtJoint.mjJNT_FREE).tolist()
+    found = []
+    for k, j in enumerate(free):
+        own = int(top[m.jnt_bodyid[j]])
+        tied = any(own in tie and len(tie) > 1 for tie in ties)
+        if m.body(own).name not in outside and not tied:
+            found.append(k)
+    if len(found) > 1:
+        names = [m.body(int(m.jnt_bodyid[free[k]])).name for k in found]
+        raise RobotError(
+            f"{path}: {listing(names)} float, each with joints that are driven; one robot is read "
+            "at a time: give a file with one of them, or say base = \"fixed\" in the sidecar."
+        )
+    driven = m.actuator_trnid[np.isin(m.actuator_trntype, _ON_JOINT), 0]
+    if found and free[found[0]] in driven:
+        raise RobotError(
+            f"{path}: the free joint '{m.joint(free[found[0]]).name}' cannot be actuated; only "
+            "joints with one axis can, and what pushes a base is a measured wrench of the sidecar."
+        )
+    return found[0] if found else None
+
+
+def bolt_down(root: ET.Element) -> ET.Element:
+    """Return an MJCF without free joints, and keyframes without their coordinates."""
+    root = copy.deepcopy(root)
+    free, start = [], None
+    for body, joint, before in _free_joints(root):
+        body.remove(joint)
+        free.append(joint)
+        start = before if start is None else start
     for key in root.iter("key"):
         for name, width in (("qpos", 7), ("qvel", 6)):
             numbers = key.get(name, "").split()
@@ -109,8 +192,9 @@ def _mesh_files(path: Path, spec: Any) -> tuple[Path, ...]:
     return tuple(folder / mesh.file for mesh in spec.meshes if mesh.file)
 
 
-def _parse(path: Path, root: ET.Element, *, fixed: bool = False) -> Any:
-    text = ET.tostring(bolt_down(root), "unicode") if fixed else file_text(path, root)
+def _parse(path: Path, root: ET.Element, *, fixed: bool = False, changed: bool = False) -> Any:
+    root = bolt_down(root) if fixed else root
+    text = ET.tostring(root, "unicode") if fixed or changed else file_text(path, root)
     spec = mujoco.MjSpec.from_string(text)
     spec.modelfiledir = str(path.parent)
     _take_out_idle(spec)

@@ -272,6 +272,17 @@ class Stated:
         Of arrays that MuJoCo keeps, by array, then index or name.
     servos : mapping
         Of joints, by name.
+    floating : str or None
+        What the file calls the joint on which the robot floats, of which six joints stand first
+        in the tree; None where it stands.
+    gravity : (3,) or None [m/s²]
+        Of a robot that floats: its model has none.
+    at : (int, int) or None
+        Where MuJoCo keeps pose and twist of the base.
+    which : int or None
+        Of the free joints of an MJCF the one on which the robot floats.
+    radii : mapping
+        Of spheres, by the name of the geom [m].
     """
 
     model: Any
@@ -291,6 +302,11 @@ class Stated:
     outside: tuple[str, ...] = ()
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
     servos: Mapping[str, JointServo] = field(default_factory=dict)
+    floating: str | None = None
+    gravity: Array | None = None
+    at: tuple[int, int] | None = None
+    which: int | None = None
+    radii: Mapping[str, float] = field(default_factory=dict)
 
 
 def name_numbers(

@@ -272,6 +272,67 @@ class ServoEntry(_Strict):
     )
 
 
+class ImuEntry(_Strict):
+    """How an inertial sensor is mounted on a base that floats.
+
+    It reads a = R (a₀ + dω/dt × r + ω × (ω × r)) + b where the base's origin accelerates by a₀.
+    """
+
+    rotation: Triple = described(
+        "Roll, pitch and yaw of the sensor on the base [rad].", [0, 0, 1.57], (0.0, 0.0, 0.0)
+    )
+    place: Triple = described("Where it is on the base [m].", [0, 0, 0.05], (0.0, 0.0, 0.0))
+    acc_bias: Triple = described(
+        "What the accelerometer reads too much [m/s²].", [0.1, 0, -0.05], (0.0, 0.0, 0.0)
+    )
+    gyro_bias: Triple = described(
+        "What the gyroscope reads too much [rad/s].", [0.002, 0, 0], (0.0, 0.0, 0.0)
+    )
+
+
+class ContactEntry(_Strict):
+    """Where the ground presses on a robot that floats, with a force that nobody measures.
+
+    Without flag and schedule the contact never opens.
+    """
+
+    frame: str = described("A body, or a site or geom of an MJCF.", "FL_foot")
+    kind: Literal["point", "surface"] = described(
+        "Whether it transmits a force alone, or a moment, too.", "point", "point"
+    )
+    point: Triple = described("Its middle in that frame [m].", [0, 0, -0.2], (0.0, 0.0, 0.0))
+    radius: Gain | None = described(
+        "Of a round foot [m]; without it that of a sphere of the file is its own.", 0.02, None
+    )
+    flag: str = described("Column of logs that says when it is closed.", "FL_contact", "")
+    threshold: float = described("Of that column, above which it is.", 10, 0.5)
+    schedule: list[Span] | None = described(
+        "Or between which times it is closed [s].", [[0, 1.5], [2, 4]], None
+    )
+    margin: Gain = described("How much longer on both sides it may be [s].", 0.02, 0.02)
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> ContactEntry:
+        if self.flag and self.schedule is not None:
+            raise ValueError("give either the column of a flag or a schedule")
+        return self
+
+
+class WrenchEntry(_Strict):
+    """A force, and a moment, on a robot that floats which is measured."""
+
+    frame: str = described("A body, site or geom, along whose axes it is.", "FL_foot")
+    columns: Names = described(
+        "Columns of logs: three [N], or six [N, N·m].", ["FL_fx", "FL_fy", "FL_fz"]
+    )
+
+    @model_validator(mode="after")
+    def _three_or_six(self) -> WrenchEntry:
+        if len(self.columns) not in (3, 6):
+            raise ValueError("give three columns, of a force, or six, of a force and a moment")
+        return self
+
+
 class _SymmetryEntry(_Strict):
     """Columns that equal parts let us add."""
 
@@ -323,8 +384,9 @@ class Sidecar(_Strict):
     description: str = described(
         "A sentence on it.", "Three legs carry a platform.", "", max_length=20 * LONGEST_NAME
     )
-    base: Literal["fixed"] | None = described(
-        "The root of a legged robot, or of one that floats in its file, was bolted down.",
+    base: Literal["fixed", "floating"] | None = described(
+        "Whether the root of a legged robot, or of one that floats in its file, was bolted down "
+        "(`fixed`), or nothing held it (`floating`).",
         "fixed",
         None,
     )
@@ -397,6 +459,9 @@ class Sidecar(_Strict):
     torque: _TorqueEntry = _TorqueEntry()
     servo: ServoEntry | None = None
     known_torque: list[_KnownTorqueEntry] = []
+    imu: ImuEntry | None = None
+    contacts: list[ContactEntry] = []
+    wrench: list[WrenchEntry] = []
     symmetry: list[_SymmetryEntry] = []
     prior_relative: float = described(
         "Width of the priors that [prior] does not state, as a share of their size.",

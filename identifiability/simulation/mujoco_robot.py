@@ -15,8 +15,10 @@ from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
+from identifiability.robot.files import release_root
+from identifiability.robot.floating import BASE_JOINTS
 from identifiability.robot.markup import drop_repeated, read_markup
-from identifiability.robot.mjcf import compile_mjcf, quiet
+from identifiability.robot.mjcf import AXES, compile_mjcf, quiet
 from identifiability.robot.parts import Loop
 
 # A robot file as MuJoCo compiles it, and its loops and couplings in MuJoCo's terms.
@@ -27,16 +29,30 @@ def load_file(robot: Robot) -> Any:
     try:
         root = ET.parse(robot.path).getroot()
         if robot.path.suffix.lower() == ".urdf" or root.tag == "robot":
-            model = mujoco.MjModel.from_xml_string(bare_urdf(root, balance="false"))
+            model = _load_urdf(robot, root)
         else:
-            model = compile_mjcf(
-                robot.path, read_markup(robot.path), robot.outside, fixed=robot.bolted
-            )
+            root = read_markup(robot.path)
+            which = None if robot.base is None else robot.base.which
+            how: dict[str, Any] = {"fixed": robot.bolted, "floating": which}
+            model = compile_mjcf(robot.path, root, robot.outside, **how)
     except (ValueError, OSError) as error:
         raise RobotError(f"MuJoCo cannot load {robot.path}: {reason_of(error)}.") from None
-    if robot.upright is not None:
+    if robot.upright is not None or robot.base is not None:
         model.opt.gravity[:] = robot.gravity
     return model
+
+
+def _load_urdf(robot: Robot, root: ET.Element) -> Any:
+    """Load a URDF; what floats hangs on six joints."""
+    if robot.base is None:
+        said = "fixed" if robot.bolted else None
+        return mujoco.MjModel.from_xml_string(bare_urdf(release_root(root, said)[0], "false"))
+    spec = mujoco.MjSpec.from_string(bare_urdf(release_root(root, "floating")[0], "false"))
+    top = spec.worldbody.bodies[0]
+    for k, name in enumerate(BASE_JOINTS):
+        kind = mujoco.mjtJoint.mjJNT_SLIDE if k < len(AXES) else mujoco.mjtJoint.mjJNT_HINGE
+        top.add_joint(name=name, type=kind, axis=AXES[k % len(AXES)])
+    return spec.compile()
 
 
 def bare_urdf(root: ET.Element, balance: str) -> str:

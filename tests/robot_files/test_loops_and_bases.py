@@ -5,6 +5,7 @@ import pytest
 from made_robots import CLOSURES, LINKS, MOTORS, arm, parallelogram
 
 from identifiability.foundation.errors import RobotError
+from identifiability.robot.floating import BASE_JOINTS
 
 
 @pytest.mark.parametrize("case", CLOSURES)
@@ -65,10 +66,11 @@ BALL = arm(worldbody=LINKS.replace('<joint name="elbow" axis="0 -1 0" {elbow}/>'
                                    '<joint name="elbow" type="ball"/>'))  # fmt: skip
 
 
-def test_a_floating_base_is_told_and_the_advice_helps(load_text):
-    with pytest.raises(RobotError, match=r"free joint 'root', .* not supported.*remove that joint"):
-        load_text(FLOATING)
-    assert load_text(FLOATING.replace('<freejoint name="root"/>', "")).nv == 2
+def test_a_base_on_a_free_joint_floats_on_six_that_stand_for_it(load_text):
+    robot = load_text(FLOATING)
+    assert robot.joints == (*BASE_JOINTS, *robot.motor_joints)
+    assert robot.base.title == "root"
+    assert load_text(FLOATING.replace('<freejoint name="root"/>', "")).joints == robot.motor_joints
     with pytest.raises(RobotError, match="the free joint 'root' cannot be actuated"):
         load_text(FLOATING.replace("</actuator>", '<motor joint="root"/></actuator>'))
 
@@ -78,8 +80,9 @@ def test_a_floating_robot_with_loops_of_its_own_floats_and_a_free_platform_lacks
 ):
     legged = parallelogram(CLOSURES["site on the root"], home="0 0 1 1 0 0 0 0.7 -0.7")
     legged = legged.replace("<site name", '<freejoint name="root"/><geom size="1"/><site name', 1)
-    with pytest.raises(RobotError, match=r"floats on the free joint 'root'"):
-        load_text(legged)
+    robot = load_text(legged)
+    assert robot.joints == (*BASE_JOINTS, "drive")
+    assert robot.passive == ("knee", "heel")
     plate = '<body name="plate"><freejoint name="f"/><geom size="1"/><site name="p"/></body>'
     tie = '<connect body1="plate" body2="crank" anchor="0 0 0"/>'
     text = parallelogram(CLOSURES["site on the root"] + tie, home="0 0 0 1 0 0 0 0.7 -0.7").replace(

@@ -6,6 +6,7 @@ import pytest
 from identifiability.foundation.errors import RobotError
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
+from identifiability.robot.floating import BASE_JOINTS
 from identifiability.simulation import PrescribedMotion, simulate
 from identifiability.workflows.export import write_parameters
 
@@ -76,11 +77,10 @@ def test_mimicking_a_fixed_joint_is_standing_still_and_a_fixed_joint_cannot_mimi
     assert robot.locked == {"j3": 0.5}
 
 
-def test_a_floating_link_is_told_and_fixing_it_helps(load_text):
-    with pytest.raises(
-        RobotError, match=r"floats on the free joint 'j1', .*make that joint 'fixed'"
-    ):
-        load_text(chain("floating"), "urdf")
+def test_a_link_that_floats_is_a_base_that_does(load_text):
+    robot = load_text(chain("floating"), "urdf")
+    assert robot.joints == (*BASE_JOINTS, "j2")
+    assert robot.base.title == "j1"
     assert load_text(chain("fixed"), "urdf").joints == ("j2",)
 
 

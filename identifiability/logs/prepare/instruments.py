@@ -54,7 +54,8 @@ def complete_along(
         What stands for it where a loop stays open; by default the measured motion.
     """
     try:
-        found = complete_motion(robot, measured.t, *(x[measured.kept] for x in other))
+        rows = (x[measured.kept] for x in other)
+        found = complete_motion(robot, measured.t, *rows, touch=measured.touch)
     except ClosureError:
         return None
     if len(found) < (1.0 - OPEN) * len(measured):

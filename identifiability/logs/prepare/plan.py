@@ -16,10 +16,12 @@ from scipy.special import binom
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier, signals
+from identifiability.logs.base import ACC, GYRO
 from identifiability.logs.gaps import Grid, StaleRule, fill
 from identifiability.logs.log import join_logs
 from identifiability.logs.spectrum import Spectrum
 from identifiability.robot import Robot
+from identifiability.robot.floating import SIX, base_acceleration
 
 # White noise, gaps and steps of measured signals, told from differences between their samples.
 #
@@ -420,6 +422,8 @@ class Plan:
         origin : int
             Row of its first sample in the whole log.
         """
+        if log.base is not None:
+            return self._derive_floating(log, origin)
         if self.cutoff is None and self.series is None:
             assert log.dq is not None
             assert log.ddq is not None
@@ -432,6 +436,23 @@ class Plan:
             q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
         moves = ~signals.never_moves(log.q.min(0), log.q.max(0))
         return q, np.where(moves, dq, 0.0), np.where(moves, ddq, 0.0)
+
+    def _derive_floating(self, log: Log, origin: int) -> tuple[Array, Array, Array]:
+        """Return the motion of joints, those first that stand for the base."""
+        assert log.base is not None
+        q, dq, ddq = (np.array(x) for x in self.derive(replace(log, base=None), origin))
+        stretches = self.stretches(len(log), origin)
+        for a, b in stretches:
+            at = np.arange(b - a) if self.grid is None else self.grid.places(origin + a, origin + b)
+            if self.grid is not None and b - a < self.grid.least:
+                continue
+            record = fill(log.base[a:b, :6], at)
+            if self.cutoff is not None:
+                record = signals.lowpass(record, self.step, self.cutoff)
+            alpha = signals.differentiate(record[:, GYRO], self.step)[at]
+            dq[a:b, 3:6] = record[at, GYRO]
+            ddq[a:b, :SIX] = base_acceleration(record[at, ACC], record[at, GYRO], alpha)
+        return q, dq, ddq
 
     def smooth_speed(self, log: Log, origin: int = 0) -> Array | None:
         """Return smoothed velocities and their standard deviation, (N, 2, n); None if not needed.
@@ -497,22 +518,44 @@ def joint_log(robot: Robot, log: Log) -> Log:
     LogError
         If the log has other joints than the robot.
     """
+    if log.joints == robot.joints:
+        return log
     gear = robot.transmission
     motors = has_motors(robot, log)
-    log = log.select(robot.joints, gear.motors if gear else ())
+    log = log.select(robot.motor_joints, gear.motors if gear else ())
     if gear is None or not motors:
-        return log
+        return _on_base(robot, log)
     q, tau = gear.joint_side(log.q, log.tau)
 
     def rate(x: Array | None) -> Array | None:
         return None if x is None else gear.joint_rate(x)
 
     q_ref = None if log.q_ref is None else gear.joint_side(log.q_ref, log.tau)[0]
-    log = replace(log, joints=robot.joints, tau=tau, q_ref=q_ref)
+    log = replace(log, joints=robot.motor_joints, tau=tau, q_ref=q_ref)
     if log.unmeasured is not None:  # torque of a joint is what all its motors give
         log = replace(log, unmeasured=log.unmeasured @ (gear.coupling != 0))
     log = replace(log, dq_ref=rate(log.dq_ref), tau_ff=None)
-    return replace(log, q=q, dq=rate(log.dq), ddq=rate(log.ddq))
+    return _on_base(robot, replace(log, q=q, dq=rate(log.dq), ddq=rate(log.ddq)))
+
+
+def _on_base(robot: Robot, log: Log) -> Log:
+    """Return a log with the joints that stand for a base that floats, which nothing drives.
+
+    Raises
+    ------
+    LogError
+        If the log was read as that of a robot that stands.
+    """
+    if robot.base is None:
+        return log
+    if log.base is None:
+        raise LogError(
+            f"{log.name} was read without what it says of the base, which floats: read it with "
+            "Conventions.of(robot), or give its file."
+        )
+    before = np.zeros((len(log), SIX))
+    found = log.each(lambda x: np.hstack([before, x]), joints=robot.joints)
+    return replace(found, base=log.base)
 
 
 def has_motors(robot: Robot, log: Log) -> bool:

@@ -17,11 +17,13 @@ from identifiability.foundation.errors import ClosureError, LogError, RobotError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
+from identifiability.logs.base import AFTER, UP
 from identifiability.logs.checks import FEWEST
 from identifiability.logs.prepare.plan import Plan, joint_log
 from identifiability.logs.signals import is_constant, never_moves
 from identifiability.robot import Motion, Robot, complete_motion
-from identifiability.robot.along import known_torque
+from identifiability.robot.along import known_torque, project
+from identifiability.robot.floating import SIX, closed_contacts, wrench_torque
 
 # `Survey`: what there is to know of a prepared log as a whole; parts of a log add up.
 #
@@ -464,7 +466,9 @@ def prepare_rows(
     reach = plan.reach - plan.filter_reach
     part = slice(max(0, own[0] - reach - origin), min(len(log), own[1] + reach - origin))
     try:
-        motion = complete_motion(robot, log.t[part], q[part], dq[part], ddq[part])
+        touch = _touch(robot, log)
+        rows = (x[part] for x in (log.t, q, dq, ddq))
+        motion = complete_motion(robot, *rows, touch=None if touch is None else touch[part])
     except ClosureError:
         if anywhere:
             raise
@@ -473,7 +477,11 @@ def prepare_rows(
     if smooth is not None:
         motion = replace(motion, smooth_v=smooth[part][motion.kept])
     tau = log.tau[part][motion.kept] - _known_torque(robot, log.name, motion)
+    if robot.base is not None and log.base is not None:
+        tau = motion.freed(tau + _pushed(robot, motion, log.base[part][motion.kept]))
     dwells = None if plan.dwells is None else plan.dwells.find(log, dq)[part][motion.kept]
+    if robot.base is not None:
+        dwells = _silent(motion, dwells)
     if log.unmeasured is not None:
         lacking = plan.lacking(log.unmeasured)[part][motion.kept]
         dwells = lacking if dwells is None else dwells | lacking
@@ -491,6 +499,37 @@ def prepare_rows(
     motion = replace(motion, **moved, start=log.start)
     samples = Samples(log.name, motion, tau, plan.decimation, (), log.sha256, own, plan.cutoff)
     return replace(samples, lost=lost, breaks=breaks, hints=plan.hints, dwells=dwells)
+
+
+def _touch(robot: Robot, log: Log) -> Array | None:
+    """Return where up is and which contacts may press, (N, 3 + c); None of robots that stand."""
+    if robot.base is None or log.base is None:
+        return None
+    contacts = robot.base.contacts
+    flags = log.base[:, AFTER : AFTER + len(contacts)]
+    closed = closed_contacts(contacts, log.t, flags)
+    return np.hstack([log.base[:, UP], closed])
+
+
+def _pushed(robot: Robot, motion: Motion, record: Array) -> Array:
+    """Return the torque of the actuated joints that measured wrenches make, (N, n)."""
+    assert robot.base is not None
+    at, tree = AFTER + len(robot.base.contacts), np.zeros((len(motion), robot.nv))
+    for k, wrench in enumerate(robot.base.wrenches):
+        values = record[:, at + 6 * k : at + 6 * (k + 1)]
+        tree += wrench_torque(robot.tree, motion.q, wrench, values)
+    return project(robot, motion, tree)
+
+
+def _silent(motion: Motion, dwells: np.ndarray | None) -> np.ndarray:
+    """Return where rows are no data, (N, n) bool: the base never stands, and contacts hide some.
+
+    What a joint at rest supplies is nobody's data, also where the base's rows are made of it.
+    """
+    n = motion.actuated_q.shape[1]
+    found = np.zeros((len(motion), n), bool) if dwells is None else np.array(dwells)
+    found[:, :SIX] = False
+    return found if motion.silent is None else found | motion.silent
 
 
 def _known_torque(robot: Robot, name: str, motion: Motion) -> Array:

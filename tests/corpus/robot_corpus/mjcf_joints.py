@@ -136,16 +136,6 @@ JOINT = (
         unreadable=True,
         refusal="free",
     ),
-    Entry(
-        "joint floating base",
-        arm().replace(
-            '<body name="upper"',
-            '<joint name="float" type="free"/><inertial pos="0 0 0" mass="9" diaginertia="1 1 1"/>'
-            '<body name="upper"',
-        ),
-        unreadable=True,
-        refusal="free",
-    ),
 )
 
 ALL = (*JOINT,)

@@ -92,12 +92,6 @@ ALL = (
     _kind("planar joint", "planar", "0 0 1", "planar"),
     _kind("fixed joint", "fixed", "0 0 1"),
     Entry(
-        "URDF floating base",
-        arm(kinds=("floating", "revolute", "prismatic")),
-        unreadable=True,
-        refusal="floating",
-    ),
-    Entry(
         "URDF continuous everywhere",
         arm(kinds=("continuous",) * 3, axes=("0 0 -1", "0 -1 0", "-1 0 0")),
     ),

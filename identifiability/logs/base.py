@@ -1,0 +1,364 @@
+"""How a base that floats moved, from whatever a log has of it: what an ideal sensor there reads.
+
+An inertial sensor (`base.acc.x` … `base.gyro.z`), or pose and twist (`base.x`, `base.qw` …,
+MuJoCo's ``qpos[0:7]`` and ``qvel[0:6]``, odometry) become one record: proper acceleration and
+angular velocity along the axes of the base, where up is, which contacts are closed, and what
+pushes on the robot as far as it was measured.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import NoReturn
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from identifiability.foundation.errors import LogError, listing, near_match
+from identifiability.foundation.names import Array, Renames
+from identifiability.foundation.values import frozen
+from identifiability.logs import signals
+from identifiability.robot.floating import Base
+
+#: What comes first in the name of a column about the base.
+OWNERS = ("base", "imu", "odom", "odometry", "pose", "twist", "trunk", "floating_base", "torso")
+
+#: Words for what is measured of it, and letters that stand for it before an axis.
+WORDS = {
+    "acc": ("acc", "accel", "accelerometer", "acceleration", "linear_acceleration", "a"),
+    "gyro": ("gyro", "gyroscope", "angular_velocity", "angular", "w", "omega", "ang_vel"),
+    "pos": ("pos", "position", "p", ""),
+    "vel": ("vel", "velocity", "linear", "linear_velocity", "lin_vel", "v"),
+    "quat": ("quat", "quaternion", "orientation", "q"),
+}
+_KINDS = {word: kind for kind, words in WORDS.items() for word in words}
+_NUMBERED = {"0": 0, "1": 1, "2": 2, "3": 3}
+_AXES = {"x": 0, "y": 1, "z": 2, "w": 3}
+
+#: A quaternion whose norm is further from one than this is none.
+UNIT = 0.01
+
+#: Of two readings the one that errs by less than this share of the other's error is meant.
+BETTER = 0.5
+
+#: Slower than this the measured acceleration is gravity's [Hz].
+SLOW = 0.2
+
+#: Where parts of a record are: proper acceleration, angular velocity, up; contacts follow.
+ACC, GYRO, UP, AFTER = slice(0, 3), slice(3, 6), slice(6, 9), 9
+
+
+@frozen
+class BaseColumns:
+    """Which columns of a table are about the base, by kind, axis by axis.
+
+    Attributes
+    ----------
+    named : mapping
+        From ``acc.0`` … to the column; quaternions are ``quat.x`` …, or ``quat.#0`` where nothing
+        says which of four numbers is which. Flags and wrenches are by the names that the sidecar
+        has.
+    """
+
+    named: Mapping[str, str]
+
+    @staticmethod
+    def find(columns: Sequence[str], base: Base, renames: Renames) -> BaseColumns:
+        """Return what is found among the columns of a table."""
+        named: dict[str, str] = {}
+        wanted = [c.flag for c in base.contacts if c.flag]
+        wanted += [column for w in base.wrenches for column in w.columns]
+        for column in columns:
+            name = renames.apply(column.strip())
+            if name in wanted or column.strip() in wanted:
+                named[name if name in wanted else column.strip()] = column
+                continue
+            key = _key(name, base)
+            if key:
+                named.setdefault(key, column)
+        return BaseColumns(named)
+
+    @property
+    def sources(self) -> list[str]:
+        """The columns."""
+        return list(dict.fromkeys(self.named.values()))
+
+
+def _key(name: str, base: Base) -> str:
+    """Return what a column says of the base, as `BaseColumns` has it; empty if nothing."""
+    entry = re.fullmatch(r"(?:.*[./_ ])?(qpos|qvel)[\[(_. ]*(\d+)[\])]*", name)
+    if entry and base.at is not None:
+        k = int(entry[2]) - base.at[entry[1] == "qvel"]
+        names = (*(f"pos.{i}" for i in range(3)), *(f"quat.{a}" for a in "wxyz"))
+        if entry[1] == "qvel":
+            names = (*(f"vel.{i}" for i in range(3)), *(f"gyro.{i}" for i in range(3)))
+        return names[k] if 0 <= k < len(names) else ""
+    text = re.sub(r"[\[\]()]", ".", name).strip(". ")
+    parts = [p for p in re.split(r"[./ ]+", text) if p]
+    owners = {*OWNERS, base.body.lower(), base.title.lower()}
+    at = [k for k, p in enumerate(parts) if p.lower() in owners]
+    if not at:
+        return ""
+    rest = "_".join(parts[at[-1] + 1 :]).lower().replace("__", "_")
+    word, axis = _cut(rest)
+    if word not in _KINDS or axis is None:
+        return ""
+    kind = _KINDS[word]
+    if kind == "quat":
+        return f"quat.{axis}" if axis in _AXES else f"quat.#{axis}"
+    number = _AXES.get(axis, _NUMBERED.get(axis, 9))
+    return f"{kind}.{number}" if number < 3 else ""  # noqa: PLR2004
+
+
+def _cut(rest: str) -> tuple[str, str | None]:
+    """Return word and axis of ``acc_x``, ``ax``, ``qw`` or ``x``."""
+    found = re.fullmatch(r"(.*?)_?([xyzw]|\d)", rest)
+    return (found[1], found[2]) if found else (rest, None)
+
+
+@frozen
+class RawBase:
+    """Columns about the base as a table has them, on the clock of a log.
+
+    Attributes
+    ----------
+    t : (N,) [s]
+    values : mapping of str to (N,)
+        By the keys of `BaseColumns`.
+    """
+
+    t: Array
+    values: Mapping[str, Array]
+
+    def get(self, kind: str, axes: Sequence[str] = ("0", "1", "2")) -> Array | None:
+        """Return columns of a kind (N, k); None if one is missing."""
+        keys = [f"{kind}.{a}" for a in axes]
+        if any(k not in self.values for k in keys):
+            return None
+        return np.stack([self.values[k] for k in keys], 1)
+
+
+def put_on_clock(
+    t: Array, raw_t: Array, columns: Mapping[str, Array], discrete: Sequence[str]
+) -> dict[str, Array]:
+    """Return columns at times t (N,), where they have values of their own at others.
+
+    Flags are held until they change; all else is on straight lines.
+    """
+    out = {}
+    for key, x in columns.items():
+        known = np.isfinite(x) & np.isfinite(raw_t)
+        if not known.any():
+            continue
+        if key in discrete:
+            last = np.searchsorted(raw_t[known], t, side="right") - 1
+            out[key] = x[known][last.clip(0)]
+        else:
+            out[key] = np.interp(t, raw_t[known], x[known])
+    return out
+
+
+def read_base(base: Base, raw: RawBase, source: str) -> tuple[Array, tuple[str, ...]]:
+    """Return the record of a base, (N, 9 + c + 6 w), and how it was read, half a sentence each.
+
+    Proper acceleration [m/s²] and angular velocity [rad/s] of its origin along its own axes, where
+    up is, whether each contact is closed, and every measured wrench [N, N·m].
+
+    Raises
+    ------
+    LogError
+        If the log does not say how the base moved, or lacks a column that the sidecar names.
+    """
+    notes: list[str] = []
+    acc, gyro = raw.get("acc"), raw.get("gyro")
+    turn = _orientation(base, raw, acc, gyro, source, notes)
+    if acc is not None and gyro is not None:
+        imu = base.imu
+        omega = (gyro - imu.gyro_bias) @ imu.rotation
+        step = signals.sampling_step(raw.t)
+        alpha = signals.differentiate(omega, step) if imu.place.any() else np.zeros_like(omega)
+        lever = np.cross(alpha, imu.place) + np.cross(omega, np.cross(omega, imu.place))
+        acc = (acc - imu.acc_bias) @ imu.rotation - lever
+        notes.append("the base's motion is what its inertial sensor says")
+    elif turn is not None and (raw.get("pos") is not None or raw.get("vel") is not None):
+        acc, omega = _from_pose(base, raw, turn, notes)
+    else:
+        _refuse(raw, source)
+    up = _level(acc, omega, raw.t) if turn is None else turn.inv().apply(-_unit(base.gravity))
+    closed = [_closed(base, k, raw, source) for k in range(len(base.contacts))]
+    pushed = [_wrench(columns, raw, source) for columns in (w.columns for w in base.wrenches)]
+    return np.column_stack([acc, omega, up, *closed, *pushed]), tuple(notes)
+
+
+def _unit(x: Array) -> Array:
+    size = float(np.linalg.norm(x))
+    return x / size if size else np.array([0.0, 0.0, -1.0])
+
+
+def _refuse(raw: RawBase, source: str) -> NoReturn:
+    has = sorted({key.partition(".")[0] for key in raw.values} & {*WORDS})
+    words = {
+        "acc": "acceleration", "gyro": "angular velocity", "pos": "position",
+        "vel": "velocity", "quat": "part of an orientation",
+    }  # fmt: skip
+    found = f" (it has {listing([words[k] for k in has])})" if has else ""
+    raise LogError(
+        f"{source} does not say how the base moved{found}: give what its inertial sensor read, "
+        "'base.acc.x' … 'base.gyro.z', or its pose, 'base.x' … 'base.z' and 'base.qw' … 'base.qz'; "
+        'if the robot hung on a stand, say base = "fixed" in its sidecar.'
+    )
+
+
+def _orientation(
+    base: Base, raw: RawBase, acc: Array | None, gyro: Array | None, source: str, notes: list[str]
+) -> Rotation | None:
+    """Return how the base is turned in the world, where a log says it.
+
+    Raises
+    ------
+    LogError
+        If it is no unit quaternion, or nothing tells the order of its numbers.
+    """
+    stated, loose = raw.get("quat", "xyzw"), raw.get("quat", ("#0", "#1", "#2", "#3"))
+    quat = loose if stated is None else stated
+    if quat is None:
+        return None
+    size = np.linalg.norm(quat, axis=1)
+    worst = int(np.argmax(np.abs(size - 1)))
+    if not abs(size[worst] - 1) < UNIT:
+        raise LogError(
+            f"{source}: the quaternion of the base has norm {size[worst]:.3g} in data row "
+            f"{worst + 1}, and an orientation has 1; check its columns, or leave them out where an "
+            "inertial sensor says how the base moved."
+        )
+    if stated is not None:
+        return Rotation.from_quat(stated)
+    orders = {"w first": quat[:, [1, 2, 3, 0]], "w last": quat}
+    errors = {k: _disagrees(Rotation.from_quat(q), base, raw, acc, gyro) for k, q in orders.items()}
+    best, other = sorted(errors, key=lambda k: errors[k])
+    if not errors[best] < BETTER * errors[other]:
+        raise LogError(
+            f"{source}: nothing says which of the four numbers of the base's quaternion is which; "
+            "call its columns 'base.qw', 'base.qx', 'base.qy' and 'base.qz', as with --map."
+        )
+    notes.append(f"the quaternion of the base has its {best}, as the angular velocity tells")
+    return Rotation.from_quat(orders[best])
+
+
+def _disagrees(
+    turn: Rotation, base: Base, raw: RawBase, acc: Array | None, gyro: Array | None
+) -> float:
+    """Return by how much an orientation contradicts what sensors read (rms)."""
+    if gyro is not None:
+        return float(np.sqrt(np.mean((_spin(turn, raw.t) - gyro @ base.imu.rotation) ** 2)))
+    if acc is not None:
+        level = turn.apply(acc @ base.imu.rotation).mean(0)
+        return float(np.linalg.norm(_unit(level) + _unit(base.gravity)))
+    return 1.0
+
+
+def _spin(turn: Rotation, t: Array) -> Array:
+    """Return the angular velocity of an orientation along its own axes, (N, 3)."""
+    quat = turn.as_quat()
+    flips = np.cumsum(np.concatenate([[0], (quat[1:] * quat[:-1]).sum(1) < 0]))
+    quat = quat * np.where(flips % 2, -1.0, 1.0)[:, None]
+    rate = signals.differentiate(quat, signals.sampling_step(t))
+    x, y, z, w = quat.T
+    dx, dy, dz, dw = rate.T
+    return 2.0 * np.stack(
+        [
+            w * dx - x * dw - y * dz + z * dy,
+            w * dy + x * dz - y * dw - z * dx,
+            w * dz - x * dy + y * dx - z * dw,
+        ],
+        1,
+    )
+
+
+def _from_pose(
+    base: Base, raw: RawBase, turn: Rotation, notes: list[str]
+) -> tuple[Array, Array]:
+    """Return proper acceleration and angular velocity from pose, and from twist where it is."""
+    step = signals.sampling_step(raw.t)
+    omega = _spin(turn, raw.t)
+    given = raw.get("gyro")
+    if given is not None:  # along the axes of the base, or of the world
+        omega = _nearer(omega, {"its own": given, "the world's": turn.inv().apply(given)},
+                        "angular velocity", notes)  # fmt: skip
+    place, given = raw.get("pos"), raw.get("vel")
+    if place is None:
+        assert given is not None
+        velocity = given
+    else:
+        velocity = signals.differentiate(place, step)
+    if given is not None:
+        velocity = _nearer(velocity, {"the world's": given, "its own": turn.apply(given)},
+                           "velocity", notes)  # fmt: skip
+    acc = turn.inv().apply(signals.differentiate(velocity, step) - base.gravity)
+    notes.append("the base's motion was differentiated from its pose")
+    return acc, omega
+
+
+def _nearer(known: Array, tried: Mapping[str, Array], what: str, notes: list[str]) -> Array:
+    """Return the one of two readings that is nearer to what is known."""
+    axes = min(tried, key=lambda k: float(np.mean((tried[k] - known) ** 2)))
+    notes.append(f"{what} of the base is along {axes} axes, as its pose tells")
+    return tried[axes]
+
+
+def _level(acc: Array, omega: Array, t: Array) -> Array:
+    """Return where up is along the axes of the base, (N, 3), from an inertial sensor.
+
+    In axes that turn with the gyroscope back to where they began, gravity stands still and what
+    moves the base to and fro goes away slowly filtered.
+    """
+    step = signals.sampling_step(t)
+    quat = np.empty((len(t), 4))
+    quat[0] = 0.0, 0.0, 0.0, 1.0
+    moves = Rotation.from_rotvec(0.5 * (omega[1:] + omega[:-1]) * step).as_quat()
+    for k, (x, y, z, w) in enumerate(moves.tolist()):
+        a, b, c, d = quat[k]
+        quat[k + 1] = (
+            d * x + a * w + b * z - c * y,
+            d * y - a * z + b * w + c * x,
+            d * z + a * y - b * x + c * w,
+            d * w - a * x - b * y - c * z,
+        )
+    turn = Rotation.from_quat(quat)
+    still = turn.apply(acc)
+    slow = max(SLOW, 1.0 / (step * len(t)))
+    slow = signals.lowpass(still, step, slow) if slow * step < 0.5 else still  # noqa: PLR2004
+    size = np.linalg.norm(slow, axis=1, keepdims=True)
+    return turn.inv().apply(slow / np.where(size > 0, size, 1.0))
+
+
+def _closed(base: Base, k: int, raw: RawBase, source: str) -> Array:
+    """Return whether a contact is said to be closed, (N,)."""
+    contact = base.contacts[k]
+    if contact.flag:
+        if contact.flag not in raw.values:
+            raise LogError(
+                f"{source} lacks the column '{contact.flag}', which says when the contact "
+                f"'{contact.name}' is closed{near_match(contact.flag, raw.values)} Give it, or a "
+                "schedule in the sidecar."
+            )
+        return (raw.values[contact.flag] > contact.threshold).astype(float)
+    if contact.schedule is not None:
+        inside = [(raw.t >= a) & (raw.t <= b) for a, b in contact.schedule]
+        return np.any(inside, axis=0).astype(float) if inside else np.zeros(len(raw.t))
+    return np.ones(len(raw.t))
+
+
+def _wrench(columns: Sequence[str], raw: RawBase, source: str) -> Array:
+    """Return a measured wrench, (N, 6)."""
+    missing = [c for c in columns if c not in raw.values]
+    if missing:
+        raise LogError(
+            f"{source} lacks the column{'s' if len(missing) > 1 else ''} {listing(missing)} of a "
+            f"measured wrench{near_match(missing[0], raw.values)} Give it, or take the [[wrench]] "
+            "out of the sidecar."
+        )
+    out = np.zeros((len(raw.t), 6))
+    out[:, : len(columns)] = np.stack([raw.values[c] for c in columns], 1)
+    return out

@@ -1,0 +1,294 @@
+"""A base that nothing drives: how it is measured, and the contacts that press on the robot.
+
+Six joints stand for a base that floats, three slides and three hinges at zero position: the
+equations of a robot hold in the axes of its base, and need nothing of the base but its *proper*
+acceleration (what an accelerometer reads), angular velocity and angular acceleration. Gravity is
+part of the first, so the model has none. The torque of these six joints is known to be zero, but
+for forces from outside: measured ones are known, others are eliminated (`eliminate`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import field
+from typing import Literal
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.robot.kinematics import Frames, Point, Tree
+
+#: The joints of a base that floats, slides first: rows of its force and of its moment about its
+#: origin, along its own axes.
+BASE_JOINTS = ("base.x", "base.y", "base.z", "base.rx", "base.ry", "base.rz")
+SIX = len(BASE_JOINTS)
+
+#: Singular values of a contact's Jacobian below this share of the largest are none: there a leg is
+#: stretched so far that forces of its joints tell nothing of the force at its foot.
+STRETCHED = 1e-2
+
+#: What is left of a row below this share is nothing.
+NOTHING = 1e-6
+
+
+@frozen
+class Contact:
+    """Where the ground may press on the robot with a force that nobody measures.
+
+    Attributes
+    ----------
+    name : str
+    point : Point
+        The middle of the foot.
+    kind : {"point", "surface"}
+        Whether a force is all that it transmits, or a moment, too.
+    radius : float [m]
+        Of the foot: the ground is so far below its middle.
+    flag : str
+        Column of logs that says when it is closed; empty where none does.
+    threshold : float
+        Of that column, above which it is.
+    schedule : tuple of (float, float) or None [s]
+        When it is closed; without flag and schedule it always is.
+    margin : float [s]
+        Around the times at which it is said to be closed it may be, too.
+    """
+
+    name: str
+    point: Point
+    kind: Literal["point", "surface"]
+    radius: float = 0.0
+    flag: str = ""
+    threshold: float = 0.5
+    schedule: tuple[tuple[float, float], ...] | None = None
+    margin: float = 0.02
+
+    @property
+    def always(self) -> bool:
+        """Whether it never opens."""
+        return not self.flag and self.schedule is None
+
+
+@frozen
+class Wrench:
+    """A force and a moment from outside that are measured, along the axes of a frame.
+
+    Attributes
+    ----------
+    name : str
+    point : Point
+    rotation : (3, 3)
+        The frame in that of the joint that it is behind.
+    columns : tuple of str
+        Of logs: a force [N], or a force and a moment about the frame's origin [N·m].
+    """
+
+    name: str
+    point: Point
+    rotation: Array
+    columns: tuple[str, ...]
+
+
+@frozen
+class Imu:
+    """How an inertial sensor is mounted on the base: ``a = R (a₀ + ω̇ × r + ω × (ω × r)) + b``.
+
+    Attributes
+    ----------
+    rotation : (3, 3)
+        From the axes of the base to those of the sensor.
+    place : (3,) [m]
+        Of the sensor on the base.
+    acc_bias, gyro_bias : (3,) [m/s², rad/s]
+        What it reads too much.
+    """
+
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+    place: Array = field(default_factory=lambda: np.zeros(3))
+    acc_bias: Array = field(default_factory=lambda: np.zeros(3))
+    gyro_bias: Array = field(default_factory=lambda: np.zeros(3))
+
+
+@frozen
+class Base:
+    """A base that floats.
+
+    Attributes
+    ----------
+    body : str
+    title : str
+        What the robot file calls its joint; empty where it has none.
+    gravity : (3,) [m/s²]
+        In the world, of which logs may hold the pose of the base.
+    contacts : tuple of Contact
+    wrenches : tuple of Wrench
+    imu : Imu
+    at : (int, int) or None
+        Where MuJoCo keeps its pose and twist, in ``qpos`` and ``qvel``.
+    which : int or None
+        Of the free joints of an MJCF the one on which it floats.
+    """
+
+    body: str
+    title: str
+    gravity: Array
+    contacts: tuple[Contact, ...] = ()
+    wrenches: tuple[Wrench, ...] = ()
+    imu: Imu = Imu()
+    at: tuple[int, int] | None = None
+    which: int | None = None
+
+
+def base_acceleration(acc: Array, omega: Array, alpha: Array) -> Array:
+    """Return the accelerations of the six joints that stand for a base, (N, 6).
+
+    Hinges that turn one after the other about x, y and z add to the angular acceleration what the
+    first ones turn the axes of the others.
+
+    Parameters
+    ----------
+    acc : (N, 3) [m/s²]
+        Proper acceleration of its origin.
+    omega, alpha : (N, 3) [rad/s, rad/s²]
+        Angular velocity and acceleration. All along its own axes.
+    """
+    x, y, z = omega.T
+    return np.hstack([acc, alpha - np.stack([y * z, -x * z, x * y], 1)])
+
+
+def contact_jacobian(
+    tree: Tree, frames: Frames, contact: Contact, up: Array | None, samples: int
+) -> Array:
+    """Return how joints move a contact, (3 or 6, nv, N): its point, and how its body turns."""
+    size = 6 if contact.kind == "surface" else 3
+    J = np.zeros((size, tree.nv, samples))
+    at = tree.world_point(frames, contact.point)
+    if contact.radius and up is not None:
+        at = at - contact.radius * up.T
+    tree.add_jacobian_at(frames, contact.point.joint, at, 1.0, J[:3])
+    if size == SIX:
+        tree.add_turn_jacobian(frames, contact.point.joint, J[3:])
+    return J
+
+
+def wrench_torque(tree: Tree, q: Array, wrench: Wrench, values: Array) -> Array:
+    """Return the torque of all joints that a measured wrench (N, 6) makes, (N, nv)."""
+    frames = tree.frames(q, [wrench.point.joint])
+    like = Contact(wrench.name, wrench.point, "surface")
+    J = contact_jacobian(tree, frames, like, None, len(q))
+    axes = tree.world_axes(frames, wrench.point.joint, wrench.rotation)
+    axes = np.broadcast_to(axes, (3, 3, len(q)))
+    turned = [np.einsum("ixn,ni->xn", axes, part) for part in (values[:, :3], values[:, 3:])]
+    tau: Array = np.einsum("xvn,xn->nv", J, np.concatenate(turned))
+    return tau
+
+
+def eliminate(
+    tree: Tree,
+    base: Base,
+    q: Array,
+    closed: np.ndarray,
+    up: Array | None,
+    driven: tuple[np.ndarray, np.ndarray, Array | None],
+) -> tuple[Array, np.ndarray]:
+    """Return the combinations of rows that no force of closed contacts enters.
+
+    With the Jacobian of the closed contacts J = [J_b, J_j], of the base and of the other joints,
+    ``N = [[P, 0], [−J_j⁺ J_b P, I − J_j⁺ J_j]]`` has J N = 0, and its columns are smooth along a
+    motion. P is the identity where the legs can yield to every motion of the base, and else
+    projects on those to which they can (`design.md`).
+
+    Parameters
+    ----------
+    tree : Tree
+    base : Base
+    q : (N, nq)
+    closed : (N, c) bool
+        Contacts that may press.
+    up : (N, 3) or None
+        Away from the ground, along the axes of the base.
+    driven : (n,) int, (e,) int, (N, e, n) or None
+        Degrees of freedom that are actuated (the base's first), dependent ones, and X.
+
+    Returns
+    -------
+    N : (N, n, n)
+        Torque and columns are ``Nᵀ τ``.
+    silent : (N, n) bool
+        Rows of which nothing is left, or nothing that is known.
+    """
+    actuated, dependent, X = driven
+    n = len(actuated)
+    N = np.broadcast_to(np.eye(n), (len(q), n, n)).copy()
+    silent = np.zeros((len(q), n), bool)
+    patterns, which = np.unique(closed, axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    for k, pattern in enumerate(patterns):
+        touching = [c for c, on in zip(base.contacts, pattern, strict=True) if on]
+        if not touching:
+            continue
+        for rows in _batches(np.flatnonzero(which == k)):
+            frames = tree.frames(q[rows], [c.point.joint for c in touching])
+            above = None if up is None else up[rows]
+            parts = [contact_jacobian(tree, frames, c, above, len(rows)) for c in touching]
+            J = np.moveaxis(np.concatenate(parts), -1, 0)
+            own = J[:, :, actuated]
+            if X is not None:
+                own = own - J[:, :, dependent] @ X[rows]
+            N[rows], silent[rows] = _null_space(own)
+    return N, silent
+
+
+def _batches(rows: np.ndarray, size: int = 2048) -> list[np.ndarray]:
+    return [rows[k : k + size] for k in range(0, len(rows), size)]
+
+
+def _null_space(J: Array) -> tuple[Array, np.ndarray]:
+    """Return N of Jacobians (N, m, n), and the rows of which nothing is left."""
+    n = J.shape[2]
+    Jb, Jj = J[:, :, :SIX], J[:, :, SIX:]
+    inverse, weak = _pinv(Jj)
+    held = Jb - Jj @ (inverse @ Jb)  # motions of the base to which the legs cannot yield
+    large = np.abs(held).max(initial=0.0) > NOTHING
+    P = np.broadcast_to(np.eye(SIX), (len(J), SIX, SIX))
+    if large:
+        P = P - _pinv(held, NOTHING)[0] @ held
+    N = np.zeros((len(J), n, n))
+    N[:, :SIX, :SIX] = P
+    N[:, SIX:, :SIX] = -inverse @ Jb @ P
+    N[:, SIX:, SIX:] = np.eye(n - SIX) - inverse @ Jj
+    left = np.sqrt((N**2).sum(1))
+    N *= (left > NOTHING)[:, None, :]
+    silent = left <= NOTHING
+    silent[:, :SIX] |= weak[:, None]
+    return N, silent
+
+
+def _pinv(A: Array, smallest: float = STRETCHED) -> tuple[Array, np.ndarray]:
+    """Return pseudo-inverses of matrices (N, m, n), and where a singular value is near none.
+
+    A singular value that is none at all is no direction; one between it and `smallest` of the
+    largest is a direction that is nearly lost.
+    """
+    U, s, V = np.linalg.svd(A, full_matrices=False)
+    top = s.max(1, keepdims=True, initial=0.0)
+    real = s > NOTHING * np.maximum(top, 1e-3)
+    weak = (real & (s < smallest * top)).any(1)
+    inverse = np.where(real, 1.0 / np.where(real, s, 1.0), 0.0)
+    return (V.swapaxes(1, 2) * inverse[:, None, :]) @ U.swapaxes(1, 2), weak
+
+
+def dilated(on: np.ndarray, reach: int) -> np.ndarray:
+    """Return flags (N,) bool that are also true some samples before and after."""
+    found: np.ndarray = maximum_filter1d(on.astype(np.uint8), 2 * reach + 1) > 0
+    return found
+
+
+def closed_contacts(contacts: Sequence[Contact], t: Array, flags: Array) -> np.ndarray:
+    """Return when contacts may press, (N, c) bool, from when they are said to (N, c)."""
+    step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    reaches = [0 if c.always else int(np.ceil(c.margin / step)) for c in contacts]
+    each = [dilated(flags[:, k] > 0.5, reach) for k, reach in enumerate(reaches)]  # noqa: PLR2004
+    return np.stack(each, 1) if each else np.empty((len(t), 0), bool)
