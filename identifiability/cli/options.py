@@ -234,6 +234,9 @@ class Machine:
     lock
         Joint that does not move, such as a gripper's, at home or at a position [rad or m]; may be
         given several times.
+    base
+        Whether the root stood still while logs were measured, as on a stand (fixed), or not
+        (floating).
     plugin
         Python file that registers effects of your own; may be given several times.
     """
@@ -241,6 +244,7 @@ class Machine:
     robot: Annotated[str, Argument(autocompletion=_robots)]
     sidecar: str | None = None
     lock: Annotated[list[str] | None, Option(metavar="NAME[=VALUE]")] = None
+    base: Annotated[str | None, Option(metavar="fixed|floating")] = None
     plugin: Annotated[list[Path] | None, Option(callback=_load_plugins, is_eager=True)] = None
 
     def load(self, recorded: Recorded | None = None) -> Robot:
@@ -249,7 +253,8 @@ class Machine:
 
         said = recorded or Recorded()
         columns, unit, angles = said.columns, said.time_unit, said.angles
-        return Robot.load(self.robot, self.sidecar, columns, self.lock, unit, angles)
+        base: Any = self.base
+        return Robot.load(self.robot, self.sidecar, columns, self.lock, unit, angles, base)
 
 
 @dataclass(frozen=True)

@@ -42,8 +42,8 @@ UNIT = 0.01
 #: Of two readings the one that errs by less than this share of the other's error is meant.
 BETTER = 0.5
 
-#: Slower than this the measured acceleration is gravity's [Hz].
-SLOW = 0.2
+#: So long a gyroscope is trusted, after which gravity corrects it [s].
+TRUSTED = 10.0
 
 #: Where parts of a record are: proper acceleration, angular velocity, up; contacts follow.
 ACC, GYRO, UP, AFTER = slice(0, 3), slice(3, 6), slice(6, 9), 9
@@ -108,7 +108,7 @@ def _key(name: str, base: Base) -> str:
     if kind == "quat":
         return f"quat.{axis}" if axis in _AXES else f"quat.#{axis}"
     number = _AXES.get(axis, _NUMBERED.get(axis, 9))
-    return f"{kind}.{number}" if number < 3 else ""  # noqa: PLR2004
+    return f"{kind}.{number}" if number < 3 else ""
 
 
 def _cut(rest: str) -> tuple[str, str | None]:
@@ -266,7 +266,7 @@ def _spin(turn: Rotation, t: Array) -> Array:
     rate = signals.differentiate(quat, signals.sampling_step(t))
     x, y, z, w = quat.T
     dx, dy, dz, dw = rate.T
-    return 2.0 * np.stack(
+    spin: Array = 2.0 * np.stack(
         [
             w * dx - x * dw - y * dz + z * dy,
             w * dy + x * dz - y * dw - z * dx,
@@ -274,11 +274,10 @@ def _spin(turn: Rotation, t: Array) -> Array:
         ],
         1,
     )
+    return spin
 
 
-def _from_pose(
-    base: Base, raw: RawBase, turn: Rotation, notes: list[str]
-) -> tuple[Array, Array]:
+def _from_pose(base: Base, raw: RawBase, turn: Rotation, notes: list[str]) -> tuple[Array, Array]:
     """Return proper acceleration and angular velocity from pose, and from twist where it is."""
     step = signals.sampling_step(raw.t)
     omega = _spin(turn, raw.t)
@@ -310,8 +309,8 @@ def _nearer(known: Array, tried: Mapping[str, Array], what: str, notes: list[str
 def _level(acc: Array, omega: Array, t: Array) -> Array:
     """Return where up is along the axes of the base, (N, 3), from an inertial sensor.
 
-    In axes that turn with the gyroscope back to where they began, gravity stands still and what
-    moves the base to and fro goes away slowly filtered.
+    In axes that turn back with the gyroscope gravity stands still, but for its drift, and what
+    moves the base to and fro has no mean.
     """
     step = signals.sampling_step(t)
     quat = np.empty((len(t), 4))
@@ -327,10 +326,13 @@ def _level(acc: Array, omega: Array, t: Array) -> Array:
         )
     turn = Rotation.from_quat(quat)
     still = turn.apply(acc)
-    slow = max(SLOW, 1.0 / (step * len(t)))
-    slow = signals.lowpass(still, step, slow) if slow * step < 0.5 else still  # noqa: PLR2004
+    spans = np.polynomial.chebyshev.chebvander(
+        np.linspace(-1, 1, len(t)), int(step * len(t) / TRUSTED)
+    )
+    slow = spans @ np.linalg.lstsq(spans, still, rcond=None)[0]
     size = np.linalg.norm(slow, axis=1, keepdims=True)
-    return turn.inv().apply(slow / np.where(size > 0, size, 1.0))
+    up: Array = turn.inv().apply(slow / np.where(size > 0, size, 1.0))
+    return up
 
 
 def _closed(base: Base, k: int, raw: RawBase, source: str) -> Array:

@@ -78,7 +78,7 @@ class Conventions:
         # Of a locked joint nothing says whether it turns, as nearly all do.
         degrees = (*turns, *motors, *robot.locked) if robot.angles == "deg" else ()
         return Conventions(
-            joints=robot.motor_joints,
+            joints=robot.motor_joints or robot.joints[:1],  # of a body alone no column is about it
             motors=motors,
             columns=robot.columns,
             scales=robot.scales,

@@ -14,8 +14,8 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
-from identifiability.logs.base import BaseColumns, RawBase, put_on_clock
 from identifiability.logs.aliases import INDEX, guess_column
+from identifiability.logs.base import BaseColumns, RawBase, put_on_clock
 from identifiability.logs.checks import FEWEST, Clock, Numbers, to_floats
 from identifiability.logs.command_names import Command, choose_commands
 from identifiability.logs.conventions import Conventions
@@ -31,6 +31,7 @@ from identifiability.logs.to_si import (
     settle_torque,
     start_of,
 )
+from identifiability.robot.floating import BASE_JOINTS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -283,12 +284,7 @@ class Reading:
         start = frame.attrs.get("start")
         frame = with_index(frame.set_axis([str(c) for c in frame.columns], axis=1))
         self._form = form
-        whole = frame
-        frame = self._make_torque(self._name_commands(self._without_base(frame)))
-        if self._base is not None:
-            for key, column in self._base.named.items():
-                given = to_floats(whole.loc[frame.index, column])
-                self._beside.setdefault(key, []).append(given)
+        frame = self._take_base(frame)
         if not self._naming.columns:
             self._begin(frame)
             found = start_of(self._naming)
@@ -316,6 +312,14 @@ class Reading:
         for column in self.absent if self.keep else ():
             self._kept[column].append(np.full(len(frame), np.nan))
 
+    def _take_base(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """Return a table with the columns that were asked for; keep those about a base."""
+        whole = frame
+        frame = self._make_torque(self._name_commands(self._without_base(frame)))
+        for key, column in (self._base.named if self._base is not None else {}).items():
+            self._beside.setdefault(key, []).append(to_floats(whole.loc[frame.index, column]))
+        return frame
+
     def _without_base(self, frame: pd.DataFrame) -> pd.DataFrame:
         """Return a table without the columns about a base that floats, which are read apart.
 
@@ -332,7 +336,10 @@ class Reading:
             )
         if self._base is None:
             self._base = BaseColumns.find(list(frame.columns), self.known.base, self.known.columns)
-        return frame.drop(columns=self._base.sources)
+        frame = frame.drop(columns=self._base.sources)
+        if self.known.joints == BASE_JOINTS[:1]:
+            frame = frame.assign(**{f"{BASE_JOINTS[0]}.{kind}": 0.0 for kind in ("q", "tau")})
+        return frame
 
     def _name_commands(self, frame: pd.DataFrame) -> pd.DataFrame:
         """Return a table with its commands called as they are here, held until the next comes.
@@ -486,9 +493,9 @@ class Reading:
         self.clock.finish()
         values = {c: np.concatenate(kept) for c, kept in self._kept.items() if kept}
         if self.known.base is not None:
-            columns = {key: np.concatenate(x) for key, x in self._beside.items()}
+            raw = {key: np.concatenate(x) for key, x in self._beside.items()}
             flags = [c.flag for c in self.known.base.contacts]
-            found = put_on_clock(values["t"], times, columns, flags)
+            found = put_on_clock(values["t"], times, raw, flags)
             self.beside = RawBase(values["t"], found)
         return values
 

@@ -221,8 +221,11 @@ def _toml(value: str | float | list[str]) -> str:
 def default_ladder(robot: Robot) -> LadderEntry:
     """Return the ladder for a robot that has none: with torque offsets, then without.
 
-    Springs are part of it where the robot file states some.
+    Springs are part of it where the robot file states some. A body alone has no joints to rub.
     """
+    if not robot.motor_joints:
+        alone = RungEntry(name="full model", description="the body", effects=["rigid_body"])
+        return LadderEntry(models=[alone])
     return LadderEntry(
         models=[
             RungEntry(

@@ -603,9 +603,7 @@ def _find_body(path: Path, body: str, stated: Stated) -> tuple[int, Array, Array
     return stated.last[frames[0].parentJoint], np.array(place.rotation), np.array(place.translation)
 
 
-def _read_base(
-    path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ...]
-) -> Base | None:
+def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ...]) -> Base | None:
     """Return the base of a robot that floats, with what touches it and measures it."""
     if stated.floating is None:
         given = [k for k in ("imu", "contacts", "wrench") if getattr(extra, k)]
@@ -752,8 +750,9 @@ def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:
     if m < n or not np.linalg.cond(coupling) < 1e9 or not coupling.any(axis=1).all():
         raise RobotError(
             f"The sidecar of {robot.path}: [transmission] needs at least {n} motors that move all "
-            f"the actuated joints {listing(robot.motor_joints)}: a row of {n} numbers in 'coupling' for "
-            f"each motor, and together of rank {n}, such as an invertible {n}×{n} coupling."
+            f"the actuated joints {listing(robot.motor_joints)}: a row of {n} numbers in "
+            f"'coupling' for each motor, and together of rank {n}, such as an invertible {n}×{n} "
+            "coupling."
         )
     ratio = np.ones(m) if entry.ratio is None else np.array(entry.ratio, float)
     offset = np.zeros(n) if entry.offset is None else np.array(entry.offset, float)

@@ -569,7 +569,8 @@ class Motion:
     @property
     def each(self) -> dict[str, Array]:
         """What it has a row of for every sample, by name."""
-        names = ("t", "q", "v", "a", "actuated_q", "actuated_v", "actuated_a", "kept", "X")
+        names: tuple[str, ...] = ("t", "q", "v", "a", "kept", "X")
+        names += ("actuated_q", "actuated_v", "actuated_a")
         names += ("smooth_v", "free", "silent", "touch")
         found = {name: getattr(self, name) for name in names}
         return {name: rows for name, rows in found.items() if rows is not None}
@@ -698,7 +699,7 @@ def _free(robot: Description, motion: Motion, touch: Array | None) -> Motion:
     if touch is None:
         closed, up = np.tile([c.always for c in contacts], (len(motion), 1)), None
     else:
-        closed, up = touch[:, 3:] > 0.5, touch[:, :3]  # noqa: PLR2004 - flags that were filtered
+        closed, up = touch[:, 3:] > 0.5, touch[:, :3]
     if not closed.any():
         return replace(motion, touch=touch)
     driven = robot.actuated, robot.dependent, motion.X

@@ -192,6 +192,8 @@ class Description:
         Whether what floats by the robot file is said to stand.
     base : Base or None
         Of a robot that floats: the first six of its joints stand for it.
+    base_option : {"fixed", "floating"} or None
+        What was said of the base when the robot was loaded, of which its files say nothing.
     """
 
     name: str
@@ -242,6 +244,7 @@ class Description:
     servo: Servo | None = None
     bolted: bool = False
     base: Base | None = None
+    base_option: str | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: the fields, without what was derived from them meanwhile."""
@@ -260,6 +263,8 @@ class Description:
             digest.update(file.read_bytes())
         if self.locked:  # an option may have locked them
             digest.update(repr(sorted(self.locked.items())).encode())
+        if self.base_option is not None:
+            digest.update(self.base_option.encode())
         return digest.hexdigest()
 
     @cached_property
@@ -338,6 +343,24 @@ class Description:
     def motor_joints(self) -> tuple[str, ...]:
         """Names of the joints that motors drive: all actuated ones but those of a floating base."""
         return self.joints if self.base is None else self.joints[SIX:]
+
+    def check_stands(self, what: str) -> None:
+        """Refuse a robot that floats where that is not supported.
+
+        Parameters
+        ----------
+        what : str
+            What is asked for, in the gerund.
+
+        Raises
+        ------
+        RobotError
+        """
+        if self.base is not None:
+            raise RobotError(
+                f"{self.path} floats, and {what} of robots that float is not supported yet: put it "
+                'on a stand (--base fixed, or base = "fixed" in its sidecar).'
+            )
 
     @property
     def torque_units(self) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -134,13 +134,17 @@ def _copy_frames(model: Any, out: Any, index: dict[int, int]) -> None:
 
 
 def read_robot(
-    source: str | Path, sidecar: str | Path | None = None, lock: LockOption | None = None
+    source: str | Path,
+    sidecar: str | Path | None = None,
+    lock: LockOption | None = None,
+    base: Literal["fixed", "floating"] | None = None,
 ) -> Description:
     """Read a robot; see `Robot.load`."""
     path = locate_robot(source)
     chosen = Path(sidecar) if sidecar is not None else find_sidecar(path)
     extra = read_sidecar(chosen)
     extra = extra.model_copy(update={"locked": read_locks(extra.locked) | read_locks(lock)})
+    extra = extra if base is None else extra.model_copy(update={"base": base})
     root = read_markup(path)
     if root.tag == "mujoco":  # who has a URDF does not wait for MuJoCo
         from identifiability.robot.compiled import state_robot  # noqa: PLC0415
@@ -151,7 +155,8 @@ def read_robot(
     if stated.model.njoints < 2:
         raise RobotError(f"{path} has no joint that moves; there is nothing to identify.")
     check_magnitudes(path, stated.model)
-    return replace(assemble(path, chosen, extra, stated), lock_option=tuple(read_locks(lock)))
+    robot = assemble(path, chosen, extra, stated)
+    return replace(robot, lock_option=tuple(read_locks(lock)), base_option=base)
 
 
 def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
@@ -256,7 +261,7 @@ def release_root(root: ET.Element, base: str | None) -> tuple[ET.Element, str]:
 def _six_joints() -> Any:
     """Return a joint of three slides and three hinges for a root that floats."""
     joint = pin.JointModelComposite()
-    for part in "PX PY PZ RX RY RZ".split():
+    for part in ["PX", "PY", "PZ", "RX", "RY", "RZ"]:
         joint.addJoint(getattr(pin, f"JointModel{part}")())
     return joint
 

@@ -101,8 +101,8 @@ def float_on_joints(root: ET.Element, which: int) -> ET.Element:
     for k, name in enumerate(BASE_JOINTS):
         kind, axis = "slide" if k < SIX // 2 else "hinge", " ".join(map(str, AXES[k % 3]))
         body.insert(at + k, ET.Element("joint", still, name=name, type=kind, axis=axis))
-    for key in ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"):
-        body.attrib.pop(key, None)
+    for word in ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"):
+        body.attrib.pop(word, None)
     start = before + 7 * which
     for key in root.iter("key"):
         numbers = key.get("qpos", "").split()
@@ -138,7 +138,7 @@ def find_floating(path: Path, m: Any, outside: Collection[str], extra: Sidecar) 
         names = [m.body(int(m.jnt_bodyid[free[k]])).name for k in found]
         raise RobotError(
             f"{path}: {listing(names)} float, each with joints that are driven; one robot is read "
-            "at a time: give a file with one of them, or say base = \"fixed\" in the sidecar."
+            'at a time: give a file with one of them, or say base = "fixed" in the sidecar.'
         )
     driven = m.actuator_trnid[np.isin(m.actuator_trntype, _ON_JOINT), 0]
     if found and free[found[0]] in driven:

@@ -374,6 +374,7 @@ def write_twin(robot: Description, path: Path) -> None:
         If the format cannot hold it, or nothing here can write it.
     """
     _check(robot, path)
+    robot.check_stands("conversion to another format")
     top = twin_mjcf(robot) if path.suffix == ".xml" else twin_urdf(robot)
     ET.indent(top)
     write_text(path, ET.tostring(top, encoding="unicode") + "\n")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Renames
@@ -53,6 +53,7 @@ class Robot(Description):
         lock: LockOption | None = None,
         time_unit: Literal["s", "ms", "us", "ns"] | None = None,
         angles: AnglesOption | None = None,
+        base: Literal["fixed", "floating"] | None = None,
     ) -> Robot:
         r"""Read a robot from an MJCF or URDF file, or by the name of a shipped one.
 
@@ -76,6 +77,9 @@ class Robot(Description):
         angles : {"rad", "deg"}, optional
             Unit of the angles (and their rates) in its logs, before the sidecar's ``angles``.
             Where neither says it, it is rad, and what looks like degrees is refused.
+        base : {"fixed", "floating"}, optional
+            Whether the root stood still while logs were measured, as on a stand, before what the
+            sidecar says. By default a root with a free joint floats.
 
         Raises
         ------
@@ -87,7 +91,7 @@ class Robot(Description):
             given = Renames.of(columns or {})
         except ValueError as error:
             raise RobotError(f"{error}.") from None
-        known = read_robot(source, sidecar, lock)
+        known = read_robot(source, sidecar, lock, base)
         stated = {f.name: getattr(known, f.name) for f in fields(known)}
         own = {"columns": given.before(known.columns), "angles": angles or known.angles}
         return Robot(**{**stated, **own, "time_unit": time_unit or known.time_unit})
@@ -243,7 +247,8 @@ class Robot(Description):
             If there is no such joint, or it cannot be locked.
         """
         held = {**self.locked, **read_locks(lock)} if self.lock_option else read_locks(lock)
-        return self._again(Robot.load(self.path, self.sidecar, lock=held))
+        base = cast('Literal["fixed", "floating"] | None', self.base_option)
+        return self._again(Robot.load(self.path, self.sidecar, lock=held, base=base))
 
     @checked
     def save(self, path: FilePath) -> Path:

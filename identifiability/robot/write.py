@@ -18,6 +18,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_together
 from identifiability.robot.along import rest_along
 from identifiability.robot.description import Description
+from identifiability.robot.floating import BASE_JOINTS
 from identifiability.robot.kinematics import shortest_turn
 from identifiability.robot.locate import own_sidecar, place_sidecar
 from identifiability.robot.locking import share_out
@@ -159,7 +160,7 @@ def write_robot(
     degrees = robot.mjcf and not in_radians(top)
     slides = {cable.name for cable in robot.cables}
     for name, stated in joints.items():
-        if name not in robot.tendon_axes and name not in slides:
+        if name not in robot.tendon_axes and name not in (*slides, *BASE_JOINTS):
             _write_joint(elements[name], robot, name, stated, degrees=degrees)
     if robot.mjcf:
         clear_mjcf(top)
@@ -202,7 +203,7 @@ def _template(robot: Description) -> ET.Element:
     named = {e.get("name") for e in top.iter() if e.tag in ("joint", "freejoint", "spatial")}
     bodies = {e.get("name") for e in top.iter() if e.tag in ("body", "link")}
     for what, missing in (
-        ("joint", set(robot.tree.single) - named),
+        ("joint", set(robot.tree.single) - named - set(BASE_JOINTS)),
         ("body", set(robot.bodies) - bodies),
     ):
         if missing:
@@ -347,11 +348,14 @@ def _sidecar_text(robot: Description, tables: Mapping[str, Mapping[str, float]])
     """
     if robot.lock_option:
         tables = {**tables, "locked": robot.locked}
-    if robot.sidecar is None and not any(tables.values()):
+    if robot.sidecar is None and not any(tables.values()) and robot.base_option is None:
         return None
     given = robot.sidecar.read_text(encoding="utf-8-sig") if robot.sidecar is not None else ""
     if robot.lock_option:  # which adds to a list that may stand there
         given = re.sub(r"^locked\s*=\s*\[[^\]]*\].*\n", "", given, flags=re.MULTILINE)
+    if robot.base_option is not None:
+        given = re.sub(r"^base\s*=.*\n", "", given, flags=re.MULTILINE)
+        given = f'base = "{robot.base_option}"\n{given}'
     heads = {f"[{key}]" for key in tables}
     lines, skipping = [], False
     for line in given.splitlines():

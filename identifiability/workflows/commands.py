@@ -31,6 +31,7 @@ def source_name(robot: Robot) -> str:
     name = robot.path.parent.name if shipped else quote(robot.path.name)
     other = robot.sidecar is not None and robot.sidecar != find_sidecar(robot.path)
     sidecar = [f"--sidecar {quote(robot.sidecar.name)}"] if other and robot.sidecar else []
+    sidecar += [] if robot.base_option is None else [f"--base {robot.base_option}"]
     locks = (f"{joint}={robot.locked[joint]:g}" for joint in robot.lock_option)
     return " ".join([name, *sidecar, *(f"--lock {quote(lock)}" for lock in locks)])
 

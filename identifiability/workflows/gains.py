@@ -333,6 +333,7 @@ def identify_gains(
     """
     with threadpool_limits(1):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        robot.check_stands("identifying gains")
         if robot.known_torque:  # in N·m, and what the columns are in is what is asked
             raise OptionError(
                 "Gains are identified without [[known_torque]]: take it out of the sidecar."

@@ -253,6 +253,7 @@ def rollout(
     """
     with one_thread("blas"):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        robot.check_stands("rolling out commands")
         if robot.servo is None:
             raise RobotError(f"{robot.path} {NO_SERVO}")
         read = _read(robot, logs)

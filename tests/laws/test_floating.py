@@ -45,10 +45,13 @@ QUADRUPED = "".join(
     limb(f"leg{k}", f"{x} {y} 0", (HIP, KNEE, KNEE))
     for k, (x, y) in enumerate([(0.2, 0.1), (0.2, -0.1), (-0.2, 0.1), (-0.2, -0.1)])
 )
-HUMANOID = "".join(
+ARMS = "".join(
+    limb(f"arm{k}", f"0 {y} .4", (KNEE, HIP, KNEE), mass=0.8) for k, y in enumerate((0.2, -0.2))
+)
+HUMANOID = ARMS + "".join(
     limb(f"leg{k}", f"0 {y} -.1", (YAW, HIP, KNEE, KNEE, KNEE, HIP), mass=3.0)
     for k, y in enumerate((0.1, -0.1))
-) + "".join(limb(f"arm{k}", f"0 {y} .4", (KNEE, HIP, KNEE), mass=0.8) for k, y in enumerate((0.2, -0.2)))  # fmt: skip
+)
 ARM = limb("arm", "0 0 .1", (YAW, KNEE, KNEE))
 ROBOTS = {"quadruped": QUADRUPED, "humanoid": HUMANOID, "arm on a cart": ARM, "free body": ""}
 
@@ -63,7 +66,7 @@ def load(tmp_path, text, extra=""):
 def states(m, rng, count=25):
     """Random states of a free body and its joints: as MuJoCo has them, and as they are here."""
     n = m.nv - 6
-    q = np.hstack([rng.normal(size=(count, 3)), rng.normal(size=(count, 4)), rng.uniform(-1, 1, (count, n))])  # fmt: skip
+    q = np.hstack([rng.normal(size=(count, 7)), rng.uniform(-1, 1, (count, n))])
     q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
     v, a = rng.normal(size=(2, count, m.nv))
     turn = Rotation.from_quat(q[:, [4, 5, 6, 3]]).inv()
@@ -147,7 +150,7 @@ def test_no_force_at_a_contact_enters_the_projected_rows_and_no_other_row_is_los
     robot, m = load(tmp_path, text, extra), bare(text)
     data = mujoco.MjData(m)
     rng = np.random.default_rng(2)
-    (q, v, a), ours, turn = states(m, rng)
+    (q, v, _), ours, turn = states(m, rng)
     contacts = robot.base.contacts
     touch = np.hstack([turn.apply([0, 0, 1.0]), np.ones((25, len(contacts)))])
     motion = complete_motion(robot, np.arange(25.0), *ours, touch=touch)

@@ -54,8 +54,8 @@ def complete_along(
         What stands for it where a loop stays open; by default the measured motion.
     """
     try:
-        rows = (x[measured.kept] for x in other)
-        found = complete_motion(robot, measured.t, *rows, touch=measured.touch)
+        q, dq, ddq = (x[measured.kept] for x in other)
+        found = complete_motion(robot, measured.t, q, dq, ddq, measured.touch)
     except ClosureError:
         return None
     if len(found) < (1.0 - OPEN) * len(measured):

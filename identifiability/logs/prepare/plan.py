@@ -13,6 +13,7 @@ import scipy
 from scipy.ndimage import binary_propagation, maximum_filter1d
 from scipy.special import binom
 
+from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier, signals
@@ -21,7 +22,7 @@ from identifiability.logs.gaps import Grid, StaleRule, fill
 from identifiability.logs.log import join_logs
 from identifiability.logs.spectrum import Spectrum
 from identifiability.robot import Robot
-from identifiability.robot.floating import SIX, base_acceleration
+from identifiability.robot.floating import BASE_JOINTS, SIX, base_acceleration
 
 # White noise, gaps and steps of measured signals, told from differences between their samples.
 #
@@ -522,7 +523,7 @@ def joint_log(robot: Robot, log: Log) -> Log:
         return log
     gear = robot.transmission
     motors = has_motors(robot, log)
-    log = log.select(robot.motor_joints, gear.motors if gear else ())
+    log = log.select(robot.motor_joints or BASE_JOINTS[:1], gear.motors if gear else ())
     if gear is None or not motors:
         return _on_base(robot, log)
     q, tau = gear.joint_side(log.q, log.tau)
@@ -553,8 +554,8 @@ def _on_base(robot: Robot, log: Log) -> Log:
             f"{log.name} was read without what it says of the base, which floats: read it with "
             "Conventions.of(robot), or give its file."
         )
-    before = np.zeros((len(log), SIX))
-    found = log.each(lambda x: np.hstack([before, x]), joints=robot.joints)
+    before, own = np.zeros((len(log), SIX)), len(robot.motor_joints)
+    found = log.each(lambda x: np.hstack([before, x[:, :own]]), joints=robot.joints)
     return replace(found, base=log.base)
 
 

@@ -270,7 +270,7 @@ def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
     if has_motors(robot, raw.logs[0]):
         notes.append("motor positions and torques were converted to the joint side")
     check_units(robot, windows)
-    if not (log.torque or log.motion_alone):
+    if not (log.torque or log.motion_alone or robot.base is not None):
         raise LogError(
             f"{log.name}: all torques are zero; nothing was measured, check the columns."
         )

@@ -164,9 +164,12 @@ class Survey:
 
 def stands_still(surveys: Sequence[Survey]) -> np.ndarray:
     """Return which actuated joints are at one place in these logs, (n,) bool."""
-    low = np.min([s.low[0] for s in surveys], axis=0)
-    high = np.max([s.high[0] for s in surveys], axis=0)
-    return never_moves(low, high)
+    low = np.min([s.low for s in surveys], axis=0)
+    high = np.max([s.high for s in surveys], axis=0)
+    # The joints that stand for a base are at zero wherever it goes.
+    based = (low[0] == 0.0) & (high[0] == 0.0) & ~never_moves(low[2], high[2])
+    still: np.ndarray = never_moves(low[0], high[0]) & ~based
+    return still
 
 
 def robot_moves(surveys: Sequence[Survey]) -> bool:
@@ -467,8 +470,8 @@ def prepare_rows(
     part = slice(max(0, own[0] - reach - origin), min(len(log), own[1] + reach - origin))
     try:
         touch = _touch(robot, log)
-        rows = (x[part] for x in (log.t, q, dq, ddq))
-        motion = complete_motion(robot, *rows, touch=None if touch is None else touch[part])
+        touch = None if touch is None else touch[part]
+        motion = complete_motion(robot, log.t[part], q[part], dq[part], ddq[part], touch)
     except ClosureError:
         if anywhere:
             raise

@@ -514,6 +514,7 @@ def calibrate(
     LogError
         If the logs do not fit in memory, or have nothing to explain.
     """
+    analysis.robot.check_stands("calibration")
     trials = settle_count(replicates, 60, 8, quick=quick)
     sbc = settle_count(sbc, 1000, 200, quick=quick)
     names = settle_count(names, 40, 4, quick=quick)

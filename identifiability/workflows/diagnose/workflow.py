@@ -152,6 +152,7 @@ def diagnose(
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)]
     with one_thread():
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        robot.check_stands("diagnosis")
         say("reading logs", 0.0)
         before = None if earlier is None else read_earlier(earlier)
         if before is not None:

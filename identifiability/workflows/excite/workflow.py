@@ -147,6 +147,7 @@ def excite(
         raise OptionError("To begin and end at rest takes at least 2 harmonics; give more.")
     with one_thread("blas"):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        robot.check_stands("designing motion")
         rule = criterion or _suggested(parameters, start_from, separate)
         say("reading logs", 0.0)
         bounds = find_limits(robot, limits)

@@ -472,6 +472,7 @@ def export(
     if wanted == "json":
         path = write_parameters_json(robot, given, physical, Path(out))
     elif wanted in ("python", "c"):
+        robot.check_stands("code")
         path = write_code(robot, given, shapes, Path(out), "c" if wanted == "c" else "python")
     elif wanted == "isaaclab":
         path = write_isaaclab(robot, given, content, Path(out))

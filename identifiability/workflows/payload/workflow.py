@@ -285,6 +285,7 @@ def payload(
     """
     with one_thread("blas"):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        robot.check_stands("weighing payloads")
         fit = find_fit(result, robot)
         place, columns = choose_body(fit.structure, body)
         sides = read_sides(logs, without, Conventions.of(robot), fit.preparation, alone=True)

@@ -1,0 +1,166 @@
+"""What logs say of a base that floats: every road ends in what an ideal sensor there reads."""
+
+import mujoco
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.spatial.transform import Rotation
+
+from identifiability.foundation.errors import LogError
+from identifiability.logs import Log
+from identifiability.logs.conventions import Conventions
+from identifiability.robot import Robot
+from identifiability.workflows.analyze import analyze
+
+BODY = """<mujoco model="body"><option timestep="0.001" integrator="RK4"/><worldbody>
+<body name="body" pos="0 0 1"><freejoint name="free"/>
+<inertial pos=".03 -.02 .05" mass="2.5" fullinertia=".03 .04 .02 .002 -.001 .003"/>
+<site name="grip" pos=".1 .05 -.1" euler="20 30 40"/></body></worldbody></mujoco>"""
+WRENCH = '[[wrench]]\nframe = "grip"\ncolumns = ["fx", "fy", "fz", "mx", "my", "mz"]\n'
+PLACE, TILT = np.array([0.04, -0.1, 0.2]), (0.3, -0.2, 0.5)
+IMU = f"[imu]\nplace = {PLACE.tolist()}\nrotation = {list(TILT)}\nacc_bias = [0.1, 0, -0.2]\n"
+
+
+@pytest.fixture(scope="module")
+def thrown():
+    """A body that a hand moves to and fro at its grip, as MuJoCo simulates it."""
+    m = mujoco.MjModel.from_xml_string(BODY)
+    d, rng, rows = mujoco.MjData(m), np.random.default_rng(4), []
+    f, phase = rng.uniform(0.3, 1.5, (2, 6, 3))
+    for k in range(6000):
+        mujoco.mj_kinematics(m, d)
+        mujoco.mj_comPos(m, d)
+        here = d.site_xmat[0].reshape(3, 3)
+        wave = np.sin(2 * np.pi * (f * d.time + phase)).sum(1)
+        wrench = wave * [5, 5, 5, 1, 1, 1]
+        turn = d.xmat[1].reshape(3, 3)
+        wrench[:3] += here.T @ (-8 * d.qvel[:3] - 40 * (d.qpos[:3] - [0, 0, 1]) + [0, 0, 24.5])
+        upright = Rotation.from_matrix(turn).as_rotvec()
+        wrench[3:] += here.T @ (turn @ (-0.5 * d.qvel[3:]) - 6 * upright)
+        d.qfrc_applied[:] = 0
+        force, moment = here @ wrench[:3], here @ wrench[3:]
+        mujoco.mj_applyFT(m, d, force, moment, d.site_xpos[0], 1, d.qfrc_applied)
+        mujoco.mj_forward(m, d)
+        if k % 4 == 0:
+            acc = turn.T @ (d.qacc[:3] - m.opt.gravity)
+            rows.append(np.concatenate([[d.time], d.qpos, d.qvel, acc, d.qacc[3:], wrench]))
+        d.qvel += m.opt.timestep * d.qacc  # what is held over a step is what is logged
+        mujoco.mj_integratePos(m, d.qpos, d.qvel, m.opt.timestep)
+        d.time += m.opt.timestep
+    x = np.array(rows)
+    parts = {"t": 1, "pos": 3, "quat": 4, "vel": 3, "gyro": 3, "acc": 3, "alpha": 3, "wrench": 6}
+    ends = np.cumsum(list(parts.values()))
+    return {k: x[:, e - w : e] for (k, w), e in zip(parts.items(), ends, strict=True)}
+
+
+@pytest.fixture
+def body(tmp_path):
+    path = tmp_path / "body.xml"
+    path.write_text(BODY)
+    path.with_suffix(".toml").write_text(WRENCH)
+    return Robot.load(path)
+
+
+def table(s, **more):
+    """A table of the wrench and of what else is given, (N, k) each, by names of its columns."""
+    columns = {"t": s["t"][:, 0]}
+    columns |= dict(zip(("fx", "fy", "fz", "mx", "my", "mz"), s["wrench"].T, strict=True))
+    for names, x in more.values():
+        columns |= dict(zip(names, x.T, strict=True))
+    return pd.DataFrame(columns)
+
+
+def axes(stem, letters="xyz"):
+    return [f"{stem}{a}" for a in letters]
+
+
+def sensor(s):
+    return {"a": (axes("base.acc."), s["acc"]), "g": (axes("imu.angular_velocity."), s["gyro"])}
+
+
+def read(robot, frame):
+    return Log.from_frame(frame, "run", Conventions.of(robot))
+
+
+def roads(s):
+    """Ways in which a log may say how the base moved."""
+    R = Rotation.from_quat(s["quat"][:, [1, 2, 3, 0]])
+    yield "sensor", sensor(s)
+    yield "pose", {"p": (axes("base."), s["pos"]), "q": (axes("base.q", "wxyz"), s["quat"])}
+    both = np.hstack([s["pos"], s["quat"]]), np.hstack([s["vel"], s["gyro"]])
+    yield "MuJoCo", {"p": ([f"qpos[{k}]" for k in range(7)], both[0]),
+                     "v": ([f"qvel[{k}]" for k in range(6)], both[1])}  # fmt: skip
+    odometry = {
+        "p": (axes("odom.pose.position."), s["pos"]),
+        "q": (axes("odom.pose.orientation.", "wxyz"), s["quat"]),
+        "v": (axes("odom.twist.linear."), R.inv().apply(s["vel"])),
+        "w": (axes("odom.twist.angular."), s["gyro"]),
+    }
+    yield "odometry", odometry
+    world = {**odometry, "v": (axes("base.v"), s["vel"]), "w": (axes("base.w"), R.apply(s["gyro"]))}
+    yield "motion capture", world
+
+
+@pytest.mark.parametrize("which", range(5))
+def test_every_road_ends_in_what_an_ideal_sensor_reads(which, thrown, body):
+    _, columns = list(roads(thrown))[which]
+    log = read(body, table(thrown, **columns))
+    inner = slice(20, -20)
+    np.testing.assert_allclose(log.base[inner, :3], thrown["acc"][inner], atol=0.1)
+    np.testing.assert_allclose(log.base[inner, 3:6], thrown["gyro"][inner], atol=0.05)
+    up = Rotation.from_quat(thrown["quat"][:, [1, 2, 3, 0]]).inv().apply([0, 0, 1.0])
+    np.testing.assert_allclose(log.base[:, 6:9], up, atol=1e-9 if which else 0.1)
+
+
+def test_a_body_that_is_moved_by_a_hand_tells_its_ten_parameters(thrown, body):
+    found = analyze(body, [table(thrown, **sensor(thrown))], replicates=50)
+    told = found.to_frame()
+    assert len(told) == 10
+    assert set(told["verdict"]) == {"identifiable"}
+    for name, value in zip(told["name"], told["value"], strict=True):
+        assert value == pytest.approx(body.nominal[name], rel=0.01, abs=2e-4)
+
+
+def test_a_sensor_that_is_mounted_elsewhere_says_the_same(thrown, body):
+    turn = Rotation.from_euler("xyz", TILT).inv().as_matrix()
+    lever = np.cross(thrown["alpha"], PLACE)
+    lever += np.cross(thrown["gyro"], np.cross(thrown["gyro"], PLACE))
+    acc = (thrown["acc"] + lever) @ turn.T + [0.1, 0, -0.2]
+    spin = (axes("base.gyro."), thrown["gyro"] @ turn.T)
+    frame = table(thrown, a=(axes("base.acc."), acc), g=spin)
+    body.path.with_suffix(".toml").write_text(WRENCH + IMU)
+    log = read(Robot.load(body.path), frame)
+    np.testing.assert_allclose(log.base[20:-20, :3], thrown["acc"][20:-20], atol=0.05)
+
+
+def test_the_order_of_a_quaternion_is_told_by_the_gyroscope_or_asked_for(thrown, body):
+    for order in ((0, 1, 2, 3), (1, 2, 3, 0)):
+        quat = {"q": ([f"base.quat[{k}]" for k in range(4)], thrown["quat"][:, order])}
+        log = read(body, table(thrown, **sensor(thrown), **quat))
+        assert any("its w " in note for note in log.notes)
+        up = Rotation.from_quat(thrown["quat"][:, [1, 2, 3, 0]]).inv().apply([0, 0, 1.0])
+        np.testing.assert_allclose(log.base[:, 6:9], up, atol=1e-9)
+    with pytest.raises(LogError, match=r"which of the four numbers .* call its columns 'base.qw'"):
+        read(body, table(thrown, **quat, p=(axes("base."), thrown["pos"])))
+
+
+def test_a_sensor_at_a_rate_of_its_own_is_put_on_the_clock_of_the_log(thrown, body):
+    frame = table(thrown, **sensor(thrown))
+    frame.loc[frame.index % 3 != 0, axes("base.acc.")] = np.nan
+    log = read(body, frame)
+    np.testing.assert_allclose(log.base[:-5, :3], thrown["acc"][:-5], atol=0.2)
+
+
+def test_what_is_missing_or_no_orientation_is_said_in_one_sentence(thrown, body):
+    with pytest.raises(LogError, match=r"does not say how the base moved.*'base.acc.x'.*fixed"):
+        read(body, table(thrown))
+    with pytest.raises(LogError, match="it has angular velocity"):
+        read(body, table(thrown, g=(axes("base.gyro."), thrown["gyro"])))
+    with pytest.raises(LogError, match="lacks the column fz of a measured wrench"):
+        read(body, table(thrown, **sensor(thrown)).drop(columns="fz"))
+    bad = {"p": (axes("base."), thrown["pos"]), "q": (axes("base.q", "wxyz"), 1.1 * thrown["quat"])}
+    with pytest.raises(LogError, match=r"quaternion of the base has norm 1\.1 in data row"):
+        read(body, table(thrown, **bad))
+    body.path.with_suffix(".toml").write_text('[[contacts]]\nframe = "grip"\nflag = "touch"')
+    with pytest.raises(LogError, match="lacks the column 'touch', which says when the contact"):
+        read(Robot.load(body.path), table(thrown, **sensor(thrown)))
