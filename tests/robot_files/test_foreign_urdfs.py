@@ -89,9 +89,10 @@ def test_a_joint_may_follow_what_the_sidecar_says_where_the_file_names_none(load
     assert load("</robot>", hand, 'locked = ["wrist"]\n').passive == ()
 
 
-def test_a_body_that_floats_alone_is_named(load):
-    with pytest.raises(RobotError, match="no joint that turns or slides by itself"):
-        load("revolute", "floating")
+def test_a_body_that_floats_alone_has_six_joints_and_no_motor(load):
+    robot = load("revolute", "floating")
+    assert len(robot.joints) == 6
+    assert robot.motor_joints == ()
 
 
 #: Public files that are refused, and what the sentence says.
