@@ -19,7 +19,7 @@ from identifiability.report.pruning_report import section_survivors
 from identifiability.robot import Motion, Robot
 from identifiability.simulation import Noise
 from identifiability.workflows.analyze import analyze
-from identifiability.workflows.opening import find_hints
+from identifiability.workflows.oddities import MeasuredLogs, find_always
 from identifiability.workflows.prune import prune
 
 SEEDS, PERIODS = 6, 10
@@ -111,7 +111,8 @@ def test_it_is_said_where_noise_turns_signs_of_velocity(simulated_session, noise
     robot = Robot.load("two-link")
     log = simulated_session("two-link", "a", noise=noise)
     samples = prepare_samples(robot, log)
-    hints = [h for h in find_hints(robot, [samples]) if "Noise turns the sign" in h]
+    logs = MeasuredLogs(Structure.of(robot, Model.of("rigid_body")), (log,), (samples,))
+    hints = [h for h in find_always(logs) if "Noise turns the sign" in h]
     assert bool(hints) == said
     if not said:
         return

@@ -29,14 +29,13 @@ from identifiability.logs.logfile import LogFile, open_log
 from identifiability.logs.mend import drop_contradictions, mend_logs, unwrap_logs
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.longsamples import LongSamples, Prepared
-from identifiability.logs.prepare.samples import explain_silence, stands_still, torque_varies
+from identifiability.logs.prepare.samples import explain_silence
 from identifiability.logs.repeats import Recording, check_held_out, drop_repeats, share_clock
-from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.workflows.gravity import about_gravity
-from identifiability.workflows.oddities import MeasuredLogs, find_oddities
+from identifiability.workflows.oddities import MeasuredLogs, find_always, find_oddities
 
 if TYPE_CHECKING:
     from identifiability.workflows.commanded import Moved
@@ -46,9 +45,6 @@ MISREAD = (
     "a column seems to have the wrong sign, unit or joint, as the first remark says: mend that, "
     "and run again"
 )
-
-#: Share of the samples at which noise turns the sign of a velocity that is said.
-TURNED = 0.01
 
 LogLike = Log | LogFile | str | Path | pd.DataFrame | Mapping[str, Any]
 Logs = Annotated[
@@ -345,7 +341,8 @@ def open_logs(
         require_signal(train, done)
     require_signal(held, "verified")
     split = (text for s in (*train, *held) for text in s.hints)
-    hints = (*find_hints(structure.robot, train), *recordings.hints, *split)
+    own = MeasuredLogs(structure, recordings.fitted, train)
+    hints = (*find_always(own), *recordings.hints, *split)
     opening = Opening(
         structure=structure,
         samples=train,
@@ -382,54 +379,3 @@ def require_signal(samples: Sequence[Prepared], done: str) -> None:
             f"Nothing can be {done}, because {why} ({names}); give logs in which the robot moves "
             "and its torque changes."
         )
-
-
-def _find_turned_signs(robot: Robot, samples: Sequence[Prepared]) -> str:
-    """Return where measured and smoothed velocity disagree in sign; nothing if noise is small."""
-    turned = np.zeros(len(robot.joints))
-    for s in samples:
-        motion = s.motion if isinstance(s, Samples) else s.sketch.motion
-        if motion.smooth_v is not None:
-            apart = np.sign(motion.actuated_v) != np.sign(motion.smooth_v[:, 0])
-            turned = np.maximum(turned, apart.mean(0))
-    at = [f"'{j}.dq'" for j, x in zip(robot.joints, turned, strict=True) if x > TURNED]
-    if not at:
-        return ""
-    return (
-        f"Noise turns the sign of the velocity in {listing(at, 4)} at up to "
-        f"{100 * turned.max():.2g} % of the samples: the direction of friction is taken of the "
-        "smoothed velocity; one that is measured with less noise tells more of it."
-    )
-
-
-def find_hints(robot: Robot, samples: Sequence[Prepared]) -> tuple[str, ...]:
-    """Return what seems to be wrong with robot file and torque columns, a sentence each."""
-    surveys = [s.survey for s in samples]
-    varies = torque_varies(surveys)
-    rows = np.sum([s.rows for s in surveys], axis=0)
-    dead = [j for j, v, r in zip(robot.joints, varies, rows, strict=True) if r and not v]
-    idle = stands_still(surveys)
-    still = [j for j, r, s in zip(robot.joints, rows, idle, strict=True) if not r and s]
-    found = [
-        find_impossible_bodies(robot),
-        robot.describe_assembly(),
-        _find_turned_signs(robot, samples),
-    ]
-    if robot.outside:
-        found.append(
-            f"Of {robot.path.name}, {listing(robot.outside, 6)} and what hangs there was left out: "
-            "no actuated joint reaches it."
-        )
-    if dead and varies.any():
-        columns = listing([f"'{j}.tau'" for j in dead], 6)
-        found.append(
-            f"The torque in {columns} never changes: if it was not measured, every number and "
-            "verdict here is wrong; check the column."
-        )
-    if still and any(s.outputs for s in surveys):
-        found.append(
-            f"{listing(still, 6)} never moves in these logs, so its torque is no data: dry "
-            "friction makes it anything. Log motion of it, or keep it "
-            "(Preparation(keep_rest=True)) if it has no dry friction."
-        )
-    return tuple(text for text in found if text)

@@ -19,32 +19,11 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.oddities import MeasuredLogs
-from identifiability.workflows.oddities.positions import find_beyond_limits, find_hung
-from identifiability.workflows.oddities.timing import find_late, find_time_scale, find_wrong_rates
-from identifiability.workflows.oddities.torque import (
-    find_exchanged,
-    find_gravity,
-    find_saturation,
-    find_torque_scale,
-    find_turned_torque,
-    find_weightless,
-)
+from identifiability.workflows.oddities.check import CHECKS
 
 SAMPLES, SEED = 800, 3
 
-FINDERS = {
-    "derivative of another motion": find_wrong_rates,
-    "exchanged joints, degrees": find_exchanged,
-    "exchanged or turned torque": find_turned_torque,
-    "time in another unit": find_time_scale,
-    "torque in another unit": find_torque_scale,
-    "another share of the weight": find_gravity,
-    "no force": find_weightless,
-    "late": find_late,
-    "beyond limits": find_beyond_limits,
-    "hung": find_hung,
-    "at a limit": find_saturation,
-}
+FINDERS = {one.title: one.find for one in CHECKS if not one.always}
 
 
 def good_logs(seeds: int, data: Path | None) -> Iterator[tuple[str, Structure, Log]]:

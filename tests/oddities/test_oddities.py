@@ -14,6 +14,7 @@ from identifiability.logs.prepare import prepare_samples
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
 from identifiability.workflows.oddities import MeasuredLogs, find_oddities
+from identifiability.workflows.oddities.check import CHECKS, Does, check
 from identifiability.workflows.oddities.timing import Shift, measure_position, measure_shift
 from identifiability.workflows.oddities.torque import measure_carried
 
@@ -61,6 +62,31 @@ def test_a_tool_that_the_file_does_not_state_is_no_gain(six_axis):
     found = find_oddities(MeasuredLogs(structure, (log,), (prepare_samples(robot, log),)))
     assert "state what the robot carries" in found.hints[0]
     assert not found.misread
+
+
+def test_a_check_of_ones_own_is_one_function(six_axis):
+    """What it says goes before what it explains; of columns that are misread it withholds more."""
+    structure, log = six_axis
+    turned = replace(log, tau=-log.tau)
+    logs = MeasuredLogs(structure, (turned,), (prepare_samples(structure.robot, turned),))
+    before = find_oddities(logs)
+    assert before.misread
+    for does, rank, hints in (
+        (Does.EXPLAINS, 0, ("Mine.",)),
+        (Does.MISREADS, 0, ("Mine.",)),
+        (Does.HINTS, 0, (*before.hints, "Mine.")),
+        (Does.EXPLAINS, 99, before.hints),
+    ):
+        check("mine", does, rank)(lambda _: ("Mine.",))
+        own = next(c for c in CHECKS if c.title == "mine")
+        try:
+            found = find_oddities(logs)
+        finally:
+            CHECKS.remove(own)
+        assert found.hints == hints
+        assert found.misread == (does is not Does.EXPLAINS or rank > 0)
+        assert found.explains
+    assert len({c.title for c in CHECKS}) == len({c.rank for c in CHECKS}) == len(CHECKS)
 
 
 def test_weight_is_not_told_by_masses_that_are_not_what_is_moved(six_axis):

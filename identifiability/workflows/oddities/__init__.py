@@ -1,27 +1,24 @@
 """What is odd: where robot file, limits and physics contradict a log, each in one sentence.
 
-One file a family of oddity; each gives sentences that name the column and the remedy, and none for
-good logs (`studies/foreign_logs.py` counts). What can be mended is mended when logs are read, and
-said there: wrong samples (`logs.mend`), wrapped angles (`logs.wraps`), repeated rows.
+One file a family of checks, which are found by themselves (`check.check`); each gives sentences
+that name the column and the remedy, and none for good logs (`studies/foreign_logs.py` counts). What
+can be mended is mended when logs are read, and said there: wrong samples (`logs.mend`), wrapped
+angles (`logs.spikes`), repeated rows (`logs.repeats`).
 """
 
 from __future__ import annotations
 
-from identifiability.foundation.values import frozen
-from identifiability.workflows.oddities.measured_logs import MeasuredLogs
-from identifiability.workflows.oddities.positions import find_beyond_limits, find_hung
-from identifiability.workflows.oddities.timing import find_late, find_time_scale, find_wrong_rates
-from identifiability.workflows.oddities.torque import (
-    find_exchanged,
-    find_gravity,
-    find_other_masses,
-    find_saturation,
-    find_torque_scale,
-    find_turned_torque,
-    find_weightless,
-)
+from importlib import import_module
+from pkgutil import iter_modules
 
-__all__ = ["MeasuredLogs", "Oddities", "find_oddities"]
+from identifiability.foundation.values import frozen
+from identifiability.workflows.oddities.check import CHECKS, Does
+from identifiability.workflows.oddities.measured_logs import MeasuredLogs
+
+for _module in iter_modules(__path__):
+    import_module(f"{__name__}.{_module.name}")
+
+__all__ = ["MeasuredLogs", "Oddities", "find_always", "find_oddities"]
 
 
 @frozen
@@ -43,24 +40,20 @@ class Oddities:
     misread: bool = False
 
 
-#: Columns that are read as what they are not, in the order in which one explains the others, and
-#: what else contradicts physics.
-MISREAD = (
-    find_wrong_rates,
-    find_exchanged,
-    find_turned_torque,
-    find_time_scale,
-    find_gravity,
-    find_torque_scale,
-)
-EXPLAIN = (*MISREAD, find_other_masses, find_weightless, find_late)
-
-
 def find_oddities(logs: MeasuredLogs) -> Oddities:
     """Return what is odd about logs, a sentence each; one explanation is enough."""
-    raw = (*find_beyond_limits(logs), *find_hung(logs), *find_saturation(logs))
+    beside = [
+        text for c in CHECKS if c.does is Does.HINTS and not c.always for text in c.find(logs)
+    ]
     # Torque that servos made of commands has no column that could be another one.
     commanded = any(getattr(log, "servo_delay", None) is not None for log in logs.recordings)
-    found = ((find, find(logs)) for find in (() if commanded else EXPLAIN))
+    asked = [] if commanded else [c for c in CHECKS if c.does is not Does.HINTS]
+    found = ((c, c.find(logs)) for c in asked)
     which, first = next((pair for pair in found if pair[1]), (None, ()))
-    return Oddities((*first, *raw), bool(first), which in MISREAD)
+    misread = which is not None and which.does is Does.MISREADS
+    return Oddities((*first, *beside), bool(first), misread)
+
+
+def find_always(logs: MeasuredLogs) -> tuple[str, ...]:
+    """Return what is odd about the robot file, and about all logs together, also of silent ones."""
+    return tuple(text for c in CHECKS if c.always for text in c.find(logs))

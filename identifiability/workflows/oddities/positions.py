@@ -11,6 +11,7 @@ from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.gaps import LONGEST, NAMES, smallest_change
 from identifiability.logs.mend import looks_like_degrees
+from identifiability.workflows.oddities.check import Does, check
 from identifiability.workflows.oddities.measured_logs import MeasuredLogs
 
 # Positions beyond the limits of the robot file: another unit, zero, sign or joint.
@@ -22,6 +23,7 @@ OUTSIDE, MARGIN = 0.2, 0.05
 TURN = 2 * np.pi
 
 
+@check("beyond limits", Does.HINTS, 21)
 def find_beyond_limits(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on positions beyond the limits that no whole turn explains, or none."""
     robot, said = logs.robot, []
@@ -68,6 +70,7 @@ CHANGES = 12.0
 JUMPS = 6.0
 
 
+@check("hung", Does.HINTS, 22)
 def find_hung(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on stretches in which columns hang, or none."""
     said = [

@@ -17,6 +17,7 @@ from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.prepare.plan import joint_log
 from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.regression.structure import Structure
+from identifiability.workflows.oddities.check import Does, check
 from identifiability.workflows.oddities.measured_logs import MeasuredLogs, without
 
 # Torque that is late, or early, beside its motion, and positions beside their velocities.
@@ -53,6 +54,7 @@ LONG, STRETCHES, BYTES, EACH = 4096, 24, 3e7, 2
 SLOW = (0.05, 0.2)
 
 
+@check("late", Does.EXPLAINS, 9)
 def find_late(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque or positions that are late or early, or none."""
     said, parts = [], []
@@ -390,6 +392,7 @@ FOLLOWS = 0.6
 SLOW_CLOCK = 0.5
 
 
+@check("time in another unit", Does.MISREADS, 4)
 def find_time_scale(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on time in another unit, or none."""
     why = _by_limits(logs) or _by_inertia(logs) or _by_rate(logs)
@@ -460,6 +463,7 @@ def _by_rate(logs: MeasuredLogs) -> str:
 # Velocities or accelerations that contradict what they are derived from.
 
 
+@check("derivative of another motion", Does.MISREADS, 1)
 def find_wrong_rates(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on given derivatives of another motion, or none."""
     found = [f"in {s.name} {note}" for s in logs.samples for note in s.notes if CONTRADICTS in note]

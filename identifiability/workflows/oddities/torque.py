@@ -14,6 +14,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.gaps import smallest_change
 from identifiability.regression.mix_up import find_mix_up
 from identifiability.robot import complete_motion
+from identifiability.workflows.oddities.check import Does, check
 from identifiability.workflows.oddities.measured_logs import MeasuredLogs, unexplained, without
 
 # An "effort" that is no force: it does not carry the weight that the robot file puts on it.
@@ -26,6 +27,7 @@ CARRIED = 0.1
 FELT = 0.05
 
 
+@check("no force", Does.EXPLAINS, 8)
 def find_weightless(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on joints whose torque does not carry the file's weight, or none."""
     if not logs.weighs:
@@ -160,6 +162,7 @@ def regress(X: Array, y: Array) -> tuple[Array, Array]:
     return out, halves
 
 
+@check("another share of the weight", Does.MISREADS, 5)
 def find_gravity(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque that does not carry the file's weight as it should, or none.
 
@@ -279,6 +282,7 @@ ROUNDS = 3
 UNITS = {"mN·m (or mN)": 1e3, "N·cm": 1e2, "N·mm": 1e3, "kN·m (or kN)": 1e-3}
 
 
+@check("torque in another unit", Does.MISREADS, 6)
 def find_torque_scale(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque whose size contradicts the file's masses, or none.
 
@@ -320,6 +324,7 @@ def find_torque_scale(logs: MeasuredLogs) -> tuple[str, ...]:
     )
 
 
+@check("other masses", Does.EXPLAINS, 7)
 def find_other_masses(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on joints that carry bodies of quite other masses than the file's."""
     if not logs.weighs:
@@ -429,6 +434,7 @@ CROWDED = 6.0
 BAND = 0.01
 
 
+@check("at a limit", Does.HINTS, 23)
 def find_saturation(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque columns with flat tops, or none."""
     found: dict[str, tuple[float, float]] = {}
@@ -505,6 +511,7 @@ class _Change:
     says: str = ""
 
 
+@check("exchanged joints, degrees", Does.MISREADS, 2)
 def find_exchanged(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on joints that are exchanged, turned, or in degrees, or none."""
     robot, n = logs.robot, len(logs.joints)
@@ -583,6 +590,7 @@ def _error(logs: MeasuredLogs, change: _Change) -> float:
 # Torque columns that are exchanged or have the wrong sign (`regression.mix_up`).
 
 
+@check("exchanged or turned torque", Does.MISREADS, 3)
 def find_turned_torque(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque columns that are mixed up, or none."""
     structure = logs.structure

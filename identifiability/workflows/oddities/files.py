@@ -1,0 +1,88 @@
+"""What is odd about the robot file, and about joints that say nothing: asked of any logs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identifiability.foundation.errors import listing
+from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare.samples import stands_still, torque_varies
+from identifiability.physical.feasibility import find_impossible_bodies
+from identifiability.workflows.oddities.check import Does, check
+from identifiability.workflows.oddities.measured_logs import MeasuredLogs
+
+#: Share of the samples at which noise turns the sign of a velocity that is said.
+TURNED = 0.01
+
+
+@check("bodies that cannot exist", Does.HINTS, 51, always=True)
+def find_bodies(logs: MeasuredLogs) -> tuple[str, ...]:
+    """Return one sentence on bodies of the file that cannot exist, or none."""
+    return tuple(filter(None, [find_impossible_bodies(logs.robot)]))
+
+
+@check("a closing position that was computed", Does.HINTS, 52, always=True)
+def find_assembly(logs: MeasuredLogs) -> tuple[str, ...]:
+    """Return one sentence on how loops were closed that the file leaves open, or none."""
+    return tuple(filter(None, [logs.robot.describe_assembly()]))
+
+
+@check("noise that turns velocities", Does.HINTS, 53, always=True)
+def find_turned_signs(logs: MeasuredLogs) -> tuple[str, ...]:
+    """Return where measured and smoothed velocity disagree in sign; nothing if noise is small."""
+    turned = np.zeros(len(logs.joints))
+    for s in logs.samples:
+        motion = s.motion if isinstance(s, Samples) else s.sketch.motion
+        if motion.smooth_v is not None:
+            apart = np.sign(motion.actuated_v) != np.sign(motion.smooth_v[:, 0])
+            turned = np.maximum(turned, apart.mean(0))
+    at = [f"'{j}.dq'" for j, x in zip(logs.joints, turned, strict=True) if x > TURNED]
+    if not at:
+        return ()
+    return (
+        f"Noise turns the sign of the velocity in {listing(at, 4)} at up to "
+        f"{100 * turned.max():.2g} % of the samples: the direction of friction is taken of the "
+        "smoothed velocity; one that is measured with less noise tells more of it.",
+    )
+
+
+@check("bodies that no joint reaches", Does.HINTS, 54, always=True)
+def find_outside(logs: MeasuredLogs) -> tuple[str, ...]:
+    """Return one sentence on bodies that were left out, or none."""
+    robot = logs.robot
+    if not robot.outside:
+        return ()
+    return (
+        f"Of {robot.path.name}, {listing(robot.outside, 6)} and what hangs there was left out: "
+        "no actuated joint reaches it.",
+    )
+
+
+@check("torque that never changes", Does.HINTS, 55, always=True)
+def find_dead(logs: MeasuredLogs) -> tuple[str, ...]:
+    """Return one sentence on torque columns of one value, or none."""
+    surveys = [s.survey for s in logs.samples]
+    varies, rows = torque_varies(surveys), np.sum([s.rows for s in surveys], axis=0)
+    dead = [j for j, v, r in zip(logs.joints, varies, rows, strict=True) if r and not v]
+    if not (dead and varies.any()):
+        return ()
+    columns = listing([f"'{j}.tau'" for j in dead], 6)
+    return (
+        f"The torque in {columns} never changes: if it was not measured, every number and "
+        "verdict here is wrong; check the column.",
+    )
+
+
+@check("joints that never move", Does.HINTS, 56, always=True)
+def find_still(logs: MeasuredLogs) -> tuple[str, ...]:
+    """Return one sentence on joints that stand still, or none."""
+    surveys = [s.survey for s in logs.samples]
+    idle, rows = stands_still(surveys), np.sum([s.rows for s in surveys], axis=0)
+    still = [j for j, r, s in zip(logs.joints, rows, idle, strict=True) if not r and s]
+    if not (still and any(s.outputs for s in surveys)):
+        return ()
+    return (
+        f"{listing(still, 6)} never moves in these logs, so its torque is no data: dry "
+        "friction makes it anything. Log motion of it, or keep it "
+        "(Preparation(keep_rest=True)) if it has no dry friction.",
+    )
