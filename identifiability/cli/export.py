@@ -23,7 +23,7 @@ def export(
         Literal["mjcf", "urdf", "json", "python", "c", "isaaclab"] | None, Option("--format")
     ] = None,
     draws: Annotated[int | None, Option(min=1)] = None,
-    share: Annotated[float | None, Option(min=0)] = None,
+    prior: Annotated[float | None, Option(min=0)] = None,
     seed: options.Seed = 0,
     *,
     force: Annotated[bool, Option("--force")] = False,
@@ -64,7 +64,7 @@ def export(
         with servos.
     draws
         How many robots to draw instead.
-    share
+    prior
         Share of their size by which bodies of draws may differ from the file's; default: .2 for
         robots with servos, else as the sidecar says.
     force
@@ -80,13 +80,13 @@ def export(
         if draws is not None:
             from identifiability.workflows.export import draw_robots  # noqa: PLC0415
 
-            drawn = draw_robots(robot, result, draws, seed=seed, share=share)
+            drawn = draw_robots(robot, result, draws, seed=seed, prior=prior)
             written = drawn.write(out)
             typer.echo(drawn.statement)
             typer.echo(f"{written[0]}" + (f" … {written[-1].name}" if len(written) > 1 else ""))
             return
-        if share is not None:
-            raise OptionError("--share is of bodies that are drawn; say how many: --draws 100.")
+        if prior is not None:
+            raise OptionError("--prior is of bodies that are drawn; say how many: --draws 100.")
         exported = run(robot, result, out, form, force=force)
     for line in (exported.mass, exported.statement):
         if line:

@@ -139,7 +139,7 @@ def test_every_draw_is_possible_and_loads_back(made):
 
 def test_what_logs_determine_hardly_varies_and_what_they_leave_open_does(made):
     robot, _, result, path = made
-    narrow, wide = (draw_robots(robot, path, 300, share=share).to_frame() for share in (0.1, 0.3))
+    narrow, wide = (draw_robots(robot, path, 300, prior=share).to_frame() for share in (0.1, 0.3))
     sigma = result.to_frame("full model").set_index("name")["sigma"]["elbow.Fv"]
     for table in (narrow, wide):
         assert table["elbow.Fv"].std() == pytest.approx(sigma, rel=0.25)
@@ -163,7 +163,7 @@ def joint_share(fit, structure, count, rng, size=256):
         assert region.contains(phi[None])[0]
         base = structure.G @ phi + root @ rng.standard_normal(len(root))
         own = replace(fit, values=np.linalg.pinv(fit.rung.M) @ (base - fit.rung.held))
-        drawn = draw_robots(structure.robot, own, size, seed=k, share=0.2).base
+        drawn = draw_robots(structure.robot, own, size, seed=k, prior=0.2).base
         turn = np.linalg.inv(np.linalg.cholesky(np.cov(drawn.T)))
         far = ((drawn - drawn.mean(0)) @ turn.T) ** 2
         true = (turn @ (structure.G @ phi - drawn.mean(0))) ** 2
@@ -187,8 +187,8 @@ def test_true_robots_lie_in_the_joint_set_of_the_draws(count, simulated):
     ("words", "said"),
     [
         (["--draws", "3", "--out", "x.json"], "does not end in .csv, .parquet, .pq, .xml or"),
-        (["--draws", "3", "--share", "0", "--out", "x.csv"], "give a positive one"),
-        (["--share", "0.3", "--out", "x.xml"], "say how many"),
+        (["--draws", "3", "--prior", "0", "--out", "x.csv"], "give a positive one"),
+        (["--prior", "0.3", "--out", "x.xml"], "say how many"),
         (["--out", "x.csv"], "does not end in .xml, .urdf, .json, .py or .c"),
     ],
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -24,6 +24,10 @@ from identifiability.workflows.diagnose.words import state
 from identifiability.workflows.diagnose.words_of_rest import state_remainder
 from identifiability.workflows.predict import Fit, Predicts
 
+if TYPE_CHECKING:
+    from identifiability.workflows.commanded import Moved
+    from identifiability.workflows.opening import Recordings
+
 #: Similarity from which on another effect is told in JSON.
 SIMILAR = 0.5
 #: What the table says of an effect at a place, and of each parameter there.
@@ -36,6 +40,9 @@ class Diagnosis(Result, Findings, Predicts):
 
     schema: ClassVar[str] = "identifiability/diagnosis/1"
 
+    #: How far rollouts of the nearest real robot are off, of logs of commands.
+    moved: Moved | None = None
+
     @cached_property
     def physical(self) -> dict[str, Any]:
         """The real robot nearest to the data with the named effects, as `export` reads it."""
@@ -47,6 +54,14 @@ class Diagnosis(Result, Findings, Predicts):
         """The model with the named effects: values, covariance, and how torque scatters."""
         with one_thread("blas"):
             return keep_completed(self)
+
+    def moved_by(self, logs: Recordings) -> Diagnosis:
+        """Return the diagnosis with how far rollouts are off, where logs are of commands."""
+        if not logs.commanded:
+            return self
+        moved = logs.measure_rollouts(self.robot, self.physical["parameters"])
+        said = () if moved is None else (moved.statement,)
+        return replace(self, moved=moved, hints=(*said, *self.hints))
 
     def write_model(self, path: str | Path) -> Path:
         """Write the model with the named effects as a model file, for every other verb."""
@@ -160,6 +175,7 @@ class Diagnosis(Result, Findings, Predicts):
             "real_robot": pick(self, error_ra_before="real_before", error_ra_after="real_after"),
             "forward": None if self.forward is None else _forward_row(self.forward),
             "fit": self.fit.to_dict(),
+            **({} if self.moved is None else {"rollout": self.moved.to_dict()}),
             "unexplained": {
                 "statement": self.unexplained,
                 "rms": dict(zip(joints, left.rms.tolist(), strict=True)),

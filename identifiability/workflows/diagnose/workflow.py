@@ -241,7 +241,7 @@ def diagnose(
                 *unused_ladder(robot, model),
             ),
             provenance=state_provenance(robot, [*fit, *held], seed, None, options),
-        )
+        ).moved_by(given)
         if not (forward and found.effects):
             return found
         say("simulating forward", 0.95)

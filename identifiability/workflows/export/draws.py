@@ -122,7 +122,7 @@ def draw_robots(
     count: Annotated[int, Expected("a positive whole number", lambda n: n > 0)] = 100,
     *,
     seed: int = 0,
-    share: float | None = None,
+    prior: float | None = None,
 ) -> Draws:
     """Draw robots from what the logs of a result leave possible.
 
@@ -134,8 +134,8 @@ def draw_robots(
         JSON of `analyze`, `prune` or `diagnose`, or its fit.
     count : int
     seed : int
-    share : float, optional
-        By which bodies may differ from the file's (a standard deviation); by default a fifth
+    prior : float, optional
+        Share by which bodies may differ from the file's (a standard deviation); by default a fifth
         where the robot has servos, else as the sidecar says (``prior_relative``).
 
     Raises
@@ -145,6 +145,7 @@ def draw_robots(
     """
     robot = robot if isinstance(robot, Robot) else Robot.load(robot)
     fit = result if isinstance(result, Fit) else read_fit(result, robot)
+    share = prior
     if share is None:
         share = robot.prior_relative if robot.servo is None else SHARE
     if not share > 0:
@@ -155,11 +156,11 @@ def draw_robots(
     data = _told(fit)
     region = physical_set(structure)
     try:
-        prior = _prior(structure, data, share)
+        around = _prior(structure, data, share)
         start = np.array(project(data, region, margin=MARGIN, reference=structure.nominal).phi)
         signed = region.signed
-        start[signed] = np.maximum(start[signed], 1e-4 * prior.sd[signed])
-        target = Target(data, prior, region, variance=1.0)
+        start[signed] = np.maximum(start[signed], 1e-4 * around.sd[signed])
+        target = Target(data, around, region, variance=1.0)
         each = -(-count // (ENSEMBLES * WALKERS))
         found = sample_posterior(
             target,
