@@ -109,8 +109,8 @@ class Levels:
             (
                 "the values to use",
                 "those of the nearest real robot, unless the ones that were estimated are better; "
-                "and where these differ from them over the robot's range by no more than twice "
-                "their own squared errors there",
+                "and where these differ from them over the range of the robot by no more "
+                "than twice their own squared errors there",
             ),
         )
 
