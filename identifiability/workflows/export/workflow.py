@@ -44,7 +44,6 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.robot.other_format import write_twin
 from identifiability.robot.servo import state_delay
 from identifiability.robot.write import write_robot
-from identifiability.workflows.export.code import write_code
 from identifiability.workflows.predict.fit import Entry, MissingEntry, RobotEntry, state_missing
 
 # What is exported of a result: its JSON, checked against the robot.
@@ -473,6 +472,8 @@ def export(
         path = write_parameters_json(robot, given, physical, Path(out))
     elif wanted in ("python", "c"):
         robot.check_stands("code")
+        from identifiability.workflows.export.code import write_code  # noqa: PLC0415 - an extra
+
         path = write_code(robot, given, shapes, Path(out), "c" if wanted == "c" else "python")
     elif wanted == "isaaclab":
         path = write_isaaclab(robot, given, content, Path(out))
