@@ -9,9 +9,11 @@ Coulomb's law on the velocities behind it (Gauss–Seidel, as in `hidden_physics
 from __future__ import annotations
 
 import argparse
+import itertools
+import shutil
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +32,9 @@ from identifiability.simulation.rollout import CommandedRobot, forgotten
 
 #: Step of the simulation [s], and rounds in which it is settled which joints stand.
 STEP, ROUNDS = 5e-4, 6
+
+#: Who draws a machine.
+Draw = Callable[[Robot, float, np.random.Generator], dict[str, float]]
 
 #: What a servo's joint has beside its body.
 KINDS = ("Ia", "Fv", "Fc", "off")
@@ -196,16 +201,59 @@ SAMPLES = {
 }
 
 
-def judge(robot: Robot, wrong: float, how: Recorder, seed: int) -> dict[str, float]:
+def draw_planar_arm(robot: Robot, wrong: float, rng: np.random.Generator) -> dict[str, float]:
+    """Return a machine of two strong servos, and bodies that differ from the file's."""
+    assert robot.servo is not None
+    truth: dict[str, float] = {}
+    for k, joint in enumerate(robot.joints):
+        truth[f"{joint}.Ia"] = (0.12, 0.05)[k] * rng.uniform(0.8, 1.2)
+        truth[f"{joint}.Fv"] = (2.0, 0.9)[k] * rng.uniform(0.7, 1.3)
+        truth[f"{joint}.Fc"] = (1.1, 0.5)[k] * rng.uniform(0.7, 1.3)
+        truth[f"{joint}.off"] = rng.uniform(-1e-3, 1e-3) * robot.servo.kp[k]
+    for body in robot.bodies:
+        share = 1 + wrong * rng.uniform(-1, 1)
+        truth |= {f"{body}.{k}": share * robot.nominal[f"{body}.{k}"] for k in INERTIAL_KINDS}
+    return truth
+
+
+#: Servos of the planar arm, whose file has motors.
+SIDECAR = """
+[servo]
+kp = {shoulder = 1200, elbow = 300}
+kv = {shoulder = 50, elbow = 8}
+limit = 900
+"""
+
+#: Robots that are judged: who draws the machine, at which rate commands come [Hz].
+JUDGED = {
+    "quadruped": (draw_quadruped, 50.0),
+    "hobby-arm": (draw_hobby_arm, 25.0),
+    "two-link": (draw_planar_arm, 50.0),
+}
+
+
+def load(name: str, folder: Path) -> Robot:
+    """Return a robot with servos; one whose file has motors gets them in a sidecar."""
+    robot = Robot.load(name)
+    if robot.servo is None:
+        path = Path(shutil.copy(robot.path, folder))
+        path.with_suffix(".toml").write_text(SIDECAR)
+        robot = Robot.load(path)
+    return robot
+
+
+def judge(
+    robot: Robot, draw: Draw, wrong: float, how: Recorder, seed: int, prior: float | None
+) -> dict[str, float]:
     """Return shares of intervals that hold, by kind, and errors of rollouts of a sealed log."""
     rng = np.random.default_rng(seed)
-    truth = draw_quadruped(robot, wrong, rng)
+    truth = draw(robot, wrong, rng)
     frames = []
     for seconds in (15.0, 8.0):
         commands = draw_commands(robot, seconds, how.command_rate, 0.35, rng)
         frames.append(record(robot, truth, commands, seconds, how, rng))
     began = time.process_time()
-    found = analyze(robot, frames[0], quick=True)
+    found = analyze(robot, frames[0], quick=True, prior=prior)
     out = {"cpu": time.process_time() - began}
     table, structure = found.to_frame().set_index("name"), found.structure
     phi = np.array([{**robot.nominal, **truth}.get(n, 0.0) for n in structure.columns])
@@ -214,9 +262,15 @@ def judge(robot: Robot, wrong: float, how: Recorder, seed: int) -> dict[str, flo
     sure = table["verdict"] == "identifiable"
     for kind in ("Fv", "Fc", "off", "Ia"):
         names = [n for n in table.index if n.endswith(f".{kind}")]
-        out[kind] = float(np.mean([inside[n] for n in names]))
-    out["sure"] = float(np.mean([inside[n] for n in table.index[sure]]))
-    out["count"] = float(sure.sum())
+        out[kind] = float(np.mean([inside[n] for n in names])) if names else np.nan
+    of_joints = table.index.str.endswith((".Fv", ".Fc", ".Ia"))
+    out["called"] = float(sure[of_joints].mean())
+    for word, those in (("sure", sure), ("prior", table["verdict"] == "prior-dominated")):
+        out[word] = (
+            float(np.mean([inside[n] for n in table.index[those]])) if any(those) else np.nan
+        )
+        out[f"{word}s"] = float(those.sum())
+    out["contradicted"] = float(any("contradicts that bodies" in hint for hint in found.hints))
     log = Log.from_frame(frames[1], conventions=Conventions.of(robot)).select(robot.joints)
     oracle = CommandedRobot(robot, truth)
     apart = oracle.roll(log, delay=find_delay(oracle, [log]))[0] - log.q
@@ -242,27 +296,31 @@ def write_samples(name: str) -> None:
 
 
 def main() -> None:
-    """Print how well numbers, delays and rollouts of drawn quadrupeds are found."""
+    """Print how well numbers, delays and rollouts of drawn robots are found."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument(
         "--logs", action="store_true", help="write the sample logs and nothing else"
     )
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--robot", nargs="+", default=list(JUDGED), choices=list(JUDGED))
+    parser.add_argument("--wrong", nargs="+", type=float, default=[0.0, 0.2])
+    parser.add_argument("--prior", type=float, help="share of the file's bodies; as analyze has it")
     given = parser.parse_args()
-    robot = Robot.load("quadruped")
     if given.logs:
         for name in SAMPLES:
             write_samples(name)
         return
-    for rate, bits in ((200.0, 14), (50.0, 12)):
-        for wrong in (0.0, 0.2):
+    cells = itertools.product(given.robot, ((200.0, 14), (50.0, 12)), given.wrong)
+    with tempfile.TemporaryDirectory() as folder:
+        for name, (rate, bits), wrong in cells:
+            robot, (draw, commands) = load(name, Path(folder)), JUDGED[name]
             rows = []
             for seed in range(given.first, given.first + given.seeds):
-                how = Recorder(rate=rate, bits=bits, delay=0.002 + 0.004 * (seed % 4))
-                rows.append(judge(robot, wrong, how, seed))
+                how = Recorder(rate, commands, 0.002 + 0.004 * (seed % 4), bits)
+                rows.append(judge(robot, draw, wrong, how, seed, given.prior))
             mean = pd.DataFrame(rows).mean()
-            print(f"{rate:g} Hz, {bits} bits, bodies ± {100 * wrong:g} %:", flush=True)
+            print(f"{name}, {rate:g} Hz, {bits} bits, bodies ± {100 * wrong:g} %:", flush=True)
             print("  " + ", ".join(f"{k} {x:.3g}" for k, x in mean.items()), flush=True)
 
 
