@@ -317,6 +317,7 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
 def test_bodies_are_within_a_share_of_the_file_where_there_is_no_torque(arm, frames):
     result = analyze(arm, frames[1], quick=True)
     assert result.settings["prior"] == 0.2
+    assert [m.name for m in result.models] == ["full model"]  # offsets are never left out
     assert result.chosen.physical.cad_weight == pytest.approx(12.5)
     assert analyze(arm, frames[1], quick=True, prior=0).settings["prior"] == 0.0
     # A delay that is known to some microseconds leaves damping open by kp times as much.

@@ -123,6 +123,15 @@ class LadderSource:
     origin: str
     sha256: str
 
+    def settle(self, *, commanded: bool) -> LadderEntry:
+        """Return the models to compare: of commanded robots a default one has torque offsets.
+
+        Zeros of commands and encoders differ by milliradians, and a servo makes torque of that; a
+        model without offsets predicts torque as well and puts them into masses and rotors.
+        """
+        default = self.origin == "default" and commanded
+        return LadderEntry(models=self.entry.models[:1]) if default else self.entry
+
 
 def find_ladder(
     robot: Robot, ladder: LadderEntry | HasLadder | str | Path | None, *, beside: bool

@@ -95,7 +95,8 @@ def analyze(
         Held out; without them errors come from blocked cross-validation.
     ladder : path, LadderEntry or result of `prune`, optional
         Models to compare, each also with the unpruned one; by default the ladder beside the robot
-        file, else the default one, with torque offsets and without.
+        file, else the default one, with torque offsets and without (of logs that hold commands and
+        no torque with them).
     preparation : Preparation, optional
         How derivatives are made.
     method : str or Estimator
@@ -156,7 +157,7 @@ def analyze(
             )
             opening, chosen = add_instruments(opening, recordings.fitted, base, estimator)
             structure = opening.structure
-            rungs = build_comparison(source.entry, structure)
+            rungs = build_comparison(source.settle(commanded=recordings.commanded), structure)
             regression, silence = opening.regression, opening.silence
             information = gather_information(
                 regression,
