@@ -19,11 +19,10 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, Noise, random_trajectory
 from identifiability.simulation.forces import hideable
-from identifiability.workflows.diagnose import Diagnosis, Setting, diagnose, gather
-from identifiability.workflows.diagnose.evidence import Bench
+from identifiability.workflows.diagnose import Diagnosis, Problem, Setting, diagnose
+from identifiability.workflows.diagnose.evidence import Products, View, explain, factor_of
 from identifiability.workflows.diagnose.motion import prepare_rows
-from identifiability.workflows.diagnose.spans import orthonormal, project_out
-from identifiability.workflows.diagnose.table import build_rows
+from identifiability.workflows.diagnose.rows import Table
 from identifiability.workflows.diagnose.workflow import usual_effects
 
 ROBOTS = (
@@ -176,22 +175,41 @@ def find_similar(case: Case) -> dict[str, float]:
     structure = Structure.of(robot, Model.of(*usual_effects(robot)))
     known = [f.name for f in FAMILIES.values() if not f.unnamed]
     setting = Setting(structure, prepared(NOISE, hidden))
-    m = gather(setting, (), np.random.default_rng(0), known, draws=2)
     with_it, without = (
-        build_rows(structure, (), prepared(Noise(), torque)).tau for torque in (hidden, 0 * hidden)
+        Table.of(structure, prepared(Noise(), torque)).bare.tau for torque in (hidden, 0 * hidden)
     )
-    only = Bench(replace(m.train, tau=with_it - without), m.noise, m.bench.simulated).whiten()
-    Q = orthonormal(only.X)
-    h = project_out(Q, only.y)
     out: dict[str, float] = {}
-    for c in m.candidates:
-        U = orthonormal(project_out(Q, only.D[:, list(c.columns)]))
-        z = U.T @ h
-        if c.positive and len(z) == 1 and (U.T @ only.D[:, list(c.columns)]) * z < 0:
-            continue
-        own = float(np.linalg.norm(z) / np.linalg.norm(h))
-        out[c.family.name] = max(out.get(c.family.name, 0.0), own)
+    for (family, _), own in resemble(Problem(setting, known), with_it - without)[0].items():
+        out[family] = max(out.get(family, 0.0), own)
     return out
+
+
+def resemble(p: Problem, torque: Array) -> tuple[dict[tuple[str, str], float], float]:
+    """Return how much of a torque (N, n) each family and place could be, beside the base model.
+
+    Returns
+    -------
+    similar : mapping of (family, place) to float
+        The cosine between them, in units of the noise.
+    size : float
+        Of the torque beside the base model, in standard errors.
+    """
+    joints = p.rows.joints
+    products = Products(replace(p.rows, tau=torque), p.noise)
+    view = View(products, np.zeros(joints, int), np.ones(joints), p.sizes)
+    evidence, G = view.evidence, view.total(())
+    whole = float(G[0, 0] - np.sum((factor_of(G[1:, 1:]) @ G[1:, 0]) ** 2))
+    out: dict[tuple[str, str], float] = {}
+    for c in p.candidates:
+        at = list(c.columns)
+        z = evidence.z[at]
+        if c.positive and len(at) == 1 and z[0] < 0:
+            continue
+        P = evidence.among(np.array([at]))[0]
+        square, _ = explain(P, z, evidence.own[at], ALIASED)
+        cosine = float(np.sqrt(min(square / max(whole, 1e-300), 1.0)))
+        out[c.group] = max(out.get(c.group, 0.0), cosine)
+    return out, float(np.sqrt(max(whole, 0.0)))
 
 
 def run_case(case: Case, size: float, *, outside: bool = False) -> dict[str, Any]:

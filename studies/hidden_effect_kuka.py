@@ -12,14 +12,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import kuka_lwr4
-import numpy as np
 from real_data.study import read_arguments
 
 from identifiability.effects import FAMILIES
 from identifiability.foundation.output import write_json
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.workflows.diagnose import Diagnosis, HeldOut, Setting, diagnose, gather
+from identifiability.workflows.diagnose import Diagnosis, Problem, Setting, diagnose
+from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.motion import prepare_rows
 
 #: Runs to name from and runs that are held out.
@@ -44,16 +44,15 @@ def run(data: Any, train: Sequence[int], test: Sequence[int], **options: Any) ->
 def errors_together(data: Any, train: int, test: int) -> dict[str, float]:
     """Return the held-out error with whole families added to every joint, without any test."""
     robot = kuka_lwr4.load_robot(data)
-    rows = [[prepare_rows(robot, kuka_lwr4.load_log(data, robot, k), None)] for k in (train, test)]
-    setting = Setting(Structure.of(robot, Model.of("rigid_body")), tuple(rows[0]))
-    m = gather(setting, rows[1], np.random.default_rng(0), draws=2)
-    held = HeldOut(m.train, m.held.choosing)
+    rows = [(prepare_rows(robot, kuka_lwr4.load_log(data, robot, k), None),) for k in (train, test)]
+    p = Problem(Setting(Structure.of(robot, Model.of("rigid_body")), *rows))
     sets = [(), *JOINTLY, *((*JOINTLY[-1], name) for name in BESIDE)]
     out = {}
     for names in sets:
-        chosen = [c for c in m.candidates if c.family.name in names]
+        chosen = [k for k, c in enumerate(p.candidates) if c.family.name in names]
+        left = p.residual(p.unseen.rows, chosen, p.settled(chosen))
         label = " + ".join(FAMILIES[n].title for n in names) or "rigid body"
-        out[label] = float(held.gap([chosen]).relative_error()[0])
+        out[label] = float(Gap(p.unseen.rows, left[:, :, None]).relative_error()[0])
     return out
 
 

@@ -18,10 +18,9 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, Noise, random_trajectory, shipped_trajectory
-from identifiability.workflows.diagnose import BASE_EFFECTS, Diagnosis, diagnose
-from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose import BASE_EFFECTS, Diagnosis, Problem, Setting, diagnose
+from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.motion import prepare_rows
-from identifiability.workflows.diagnose.table import build_rows
 
 #: Noise of the torque as a share of its rms, its correlation at 100 Hz, and encoders [m or rad].
 LEVEL, RHO = 0.012, 0.9
@@ -102,7 +101,6 @@ class Trial:
     outcome: str
     named: str
     joints_right: bool
-    fragile: bool
     confirmed: bool
     before: float
     after: float
@@ -211,10 +209,11 @@ def true_error(name: str, seed: int) -> float:
     """Return the held-out error of the true model: of the same noise with nothing hidden."""
     robot = campaign(name).robot
     logs = simulated(name, np.zeros_like(campaign(name).torque), seed)
-    samples = [prepare_rows(robot, log, None) for log in logs]
+    samples = tuple(prepare_rows(robot, log, None) for log in logs)
     structure = Structure.of(robot, Model.of(*BASE_EFFECTS))
-    rows = [build_rows(structure, (), part) for part in (samples[:4], samples[4:])]
-    return float(HeldOut(rows[0], None, rows[1]).gap([()]).relative_error()[0])
+    p = Problem(Setting(structure, samples[:4], samples[4:]), ())
+    left = p.residual(p.unseen.rows, (), p.settled(()))
+    return float(Gap(p.unseen.rows, left[:, :, None]).relative_error()[0])
 
 
 def run(job: Job) -> Trial | None:
@@ -285,6 +284,6 @@ def _trial(
         job.key, job.study, job.robot, "+".join(job.hidden), job.size, job.rho, job.motion,
         job.seed, "+".join(places), *seen, outcome,
         "; ".join(f"{e.names} in {'+'.join(e.joints)}" for e in effects), bool(right),
-        any(p.fragile for e in effects for p in e.placements), all(e.confirmed for e in effects),
+        all(e.confirmed for e in effects),
         np.nan if d is None else d.held_before, np.nan if d is None else d.held_after, truth,
     )  # fmt: skip

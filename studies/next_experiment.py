@@ -31,6 +31,7 @@ from typing import Any
 
 import numpy as np
 from hidden_effect import read_rows
+from hidden_effect_cases import resemble
 from scipy import stats
 
 from identifiability.foundation.errors import IdentifiabilityError
@@ -47,11 +48,9 @@ from identifiability.simulation import (
     Trajectory,
     random_trajectory,
 )
-from identifiability.workflows.diagnose import Diagnosis, Setting, diagnose, find_next, gather
-from identifiability.workflows.diagnose.evidence import Bench
+from identifiability.workflows.diagnose import Diagnosis, Problem, Setting, diagnose, find_next
 from identifiability.workflows.diagnose.motion import prepare_rows
-from identifiability.workflows.diagnose.spans import orthonormal, project_out
-from identifiability.workflows.diagnose.table import build_rows
+from identifiability.workflows.diagnose.rows import Table
 from identifiability.workflows.diagnose.workflow import usual_effects
 
 ROBOTS = ("two-link", "five-bar", "six-dof-arm", "3-rps")
@@ -146,31 +145,21 @@ class World:
         structure = Structure.of(self.robot, Model.of(*usual_effects(self.robot)))
         logs = self.logs()[:FITTED]
         samples = tuple(prepare_rows(self.robot, log, None) for log in logs)
-        m = gather(Setting(structure, samples), (), np.random.default_rng(0), names, draws=2)
-        own = (self.family, self.joint)
-        if any((a.family, a.place) == own and a.structural for a in m.aliases):
+        p = Problem(Setting(structure, samples), names)
+        own_group = (self.family, self.joint)
+        if any((a.family, a.place) == own_group and a.structural for a in p.aliases):
             return "", 1.0, np.nan
         bare, self.torque = self.torque, 0 * self.torque
         without = self.logs()[:FITTED]
         self.torque = bare
         taus = [
-            build_rows(structure, (), tuple(prepare_rows(self.robot, x, None) for x in part)).tau
+            Table.of(structure, [prepare_rows(self.robot, x, None) for x in part]).bare.tau
             for part in (logs, without)
         ]
-        only = Bench(replace(m.train, tau=taus[0] - taus[1]), m.noise, m.bench.simulated).whiten()
-        Q = orthonormal(only.X)
-        h = project_out(Q, only.y)
-        best = ("none", 0.0)
-        for c in m.candidates:
-            if c.group == own:
-                continue
-            U = orthonormal(project_out(Q, only.D[:, list(c.columns)]))
-            z = U.T @ h
-            if c.positive and len(z) == 1 and (U.T @ only.D[:, list(c.columns)]) * z < 0:
-                continue
-            best = max(best, (c.family.name, float(np.linalg.norm(z) / np.linalg.norm(h))),
-                       key=lambda x: x[1])  # fmt: skip
-        return *best, float(np.linalg.norm(h))
+        similar, size = resemble(p, taus[0] - taus[1])
+        others = {group: own for group, own in similar.items() if group != own_group}
+        (name, _), most = max(others.items(), key=lambda x: x[1], default=(("none", ""), 0.0))
+        return name, most, size
 
 
 def repeat_last(robot: Robot, motions: Sequence[Trajectory], periods: int) -> Campaign:

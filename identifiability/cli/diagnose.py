@@ -88,6 +88,7 @@ def diagnose(
         from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415
         from identifiability.workflows.diagnose import find_next  # noqa: PLC0415
         from identifiability.workflows.diagnose.next_steps import next_commands  # noqa: PLC0415
+        from identifiability.workflows.diagnose.words import weight_text  # noqa: PLC0415
 
         held = validate or ()
         ways = [w for w in (fixed_from, fixed_share, fixed or None) if w is not None]
@@ -120,12 +121,13 @@ def diagnose(
             if not found.same:
                 written.append(found.to_json(motion))
     if result.effects:
-        headings = ("effect", "where", "p", "unseen error before", "after")
+        headings = ("effect", "where", "weight", "p", "unseen error before", "after")
         rows = [
             (
                 " or ".join([e.name, *e.alternatives]),
                 ", ".join(e.joints),
-                f"{e.p_value:.2g}",
+                weight_text(e.sure),
+                f"≤ {e.p_value:.2g}",
                 common.percent(e.before),
                 common.percent(e.after),
             )

@@ -675,9 +675,11 @@ def _span(blocks: Sequence[Array], most: int) -> Array:
         left -= basis @ (basis.T @ left)
         if not left.shape[1] or basis.shape[1] >= most:
             continue
-        U, s, _ = np.linalg.svd(left, full_matrices=False)
-        count = min(int((s > THIN).sum()), most - basis.shape[1])
-        basis = np.column_stack([basis, U[:, :count]])
+        # Of the products: the singular value decomposition of some blocks does not converge.
+        squares, vectors = np.linalg.eigh(left.T @ left)
+        first = max(int((squares <= THIN**2).sum()), len(squares) - (most - basis.shape[1]))
+        kept = (left @ (vectors[:, first:] / np.sqrt(squares[first:])))[:, ::-1]
+        basis = np.column_stack([basis, kept])
     return basis
 
 

@@ -47,12 +47,12 @@ from identifiability.report.torque import (
     draw_gap,
     draw_shrink,
 )
-from identifiability.report.words import columns, gallery, note, picture, section, sentence
+from identifiability.report.words import columns, gallery, picture, section, sentence
 from identifiability.workflows.diagnose.findings import Curve, NamedEffect
 from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.next_steps import next_commands
 from identifiability.workflows.diagnose.result import Diagnosis
-from identifiability.workflows.diagnose.words import headline, remarks
+from identifiability.workflows.diagnose.words import headline, remarks, weight_text
 
 # What a diagnosis answers first: what is missing, what it explains, what is left, what next.
 
@@ -96,7 +96,7 @@ def _gap(d: Diagnosis) -> Answer:
     if before == after:
         short = f"Hardly any: the error over all joints stays at {after}."
     text = (
-        f"All joints together on {d.verified_on}, which took no part in fitting or choosing (95 % "
+        f"All joints together on {d.verified_on}, which was not fitted (95 % "
         f"of the change: {low} … {high} points)."
     )
     return Answer(question, short, text, "green" if falls else "amber")
@@ -135,7 +135,12 @@ EFFECTS = (
     Column("value", digits(3)),
     Column("± se", digits(2)),
     Column("unit"),
-    Column("p", digits(2), hint="Family-wise."),
+    Column(
+        "weight",
+        hint="Posterior probability among all names for the same rows, with those "
+        "that it cannot be told from.",
+    ),
+    Column("p ≤", digits(2), hint="Family-wise."),
     Column("adds, rms", digits(3)),
     Column("resembles"),
 )
@@ -145,11 +150,16 @@ def section_effects(d: Diagnosis) -> Section:
     """Return the effects that were named, with their values, and those that were refuted."""
     rows = []
     for e in d.effects:
-        close = [f"{n.replace('_', ' ')} ({s:.2f})" for n, s in e.similar.items() if s > 0.5]
+        close = [
+            f"{n.replace('_', ' ')} ({s:.2f}, weight {_weight(e.weight_of(n))})"
+            for n, s in e.similar.items()
+            if s > 0.5
+        ]
+        sure = Cell(weight_text(e.sure), e.sure)
         for p in e.placements:
             shape = f"shape {format_number(p.shape, 3)}" if np.isfinite(p.shape) else ""
             first = (Cell(e.names, note=shape), p.place)
-            last = (p.p_value, p.rms, close[0] if close else "nothing")
+            last = (sure, p.p_value, p.rms, close[0] if close else "nothing")
             rows += [(*first, *row, *last) for row in p.rows]
     if not rows and not d.refuted:
         nothing = "No effect stands out from the noise and helps on unseen motion."
@@ -166,12 +176,17 @@ def _table_refuted(d: Diagnosis) -> Table:
     columns = (
         Column("effect", get="names"),
         Column("where", get=lambda e: ", ".join(e.joints)),
-        Column("p", digits(2), "p_value", "Family-wise."),
+        Column("p ≤", digits(2), "p_value", "Family-wise."),
+        Column("why", get="why"),
         Column("error without", percent, "before", f"On {d.verified_on}."),
         Column("with", percent, "after"),
         Column("change, 95 %", "number", _change, "Points."),
     )
     return Table.of("Refuted by the motion that verifies, and in no model", columns, d.refuted)
+
+
+def _weight(weight: float) -> str:
+    return "< 0.01" if weight < 0.01 else weight_text(weight)
 
 
 def _change(e: NamedEffect) -> Cell:
@@ -252,11 +267,6 @@ def build_diagnosis_page(d: Diagnosis) -> Page:
 def _summary(d: Diagnosis) -> Notes:
     """Return what should be known with the answer."""
     notes = [Note("good" if r.good else "note", r.title, r.text) for r in remarks(d)]
-    for e in d.effects:
-        for p in e.placements:
-            if p.fragile:
-                variations = ", ".join(p.fragile)
-                notes.append(note("fragile", effect=e.title, place=p.place, variations=variations))
     return Notes(tuple(notes))
 
 
@@ -357,7 +367,7 @@ def _section_evidence(d: Diagnosis) -> Section:
 STEPS = (
     Column("step"),
     Column("best"),
-    Column("p", digits(2)),
+    Column("p ≤", digits(2)),
     Column("unseen error", "number"),
     Column("what became of it"),
 )

@@ -361,16 +361,16 @@ def draw_against(
 
 @drawn
 def draw_evidence(names: Sequence[str], scores: Array, critical: Array) -> Figure:
-    """Draw the evidence for every family at every step, as a multiple of the family-wise limit.
+    """Draw the log odds of every family at every step, as a multiple of those that a name needs.
 
     Parameters
     ----------
     names : sequence of str
         Of the F families.
     scores : (F, S)
-        Best score of a family at each step; nan where it was not a candidate.
+        Log odds of a family at its best place at each step; nan where it was not a candidate.
     critical : (S,)
-        Score that noise alone exceeds with the family-wise level.
+        Log odds from which on a name is stated.
     """
     left = label_width(names)
     height = 70 + 26 * len(names)
@@ -387,7 +387,7 @@ def draw_evidence(names: Sequence[str], scores: Array, critical: Array) -> Figur
     axes.set_xscale("log")
     axes.set_yticks(range(len(names)), [plain(n) for n in names])
     axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.set_xlabel("evidence / limit of noise [–]")
+    axes.set_xlabel("log odds / those that a name needs [–]")
     legend_above(axes, ncols=min(scores.shape[1], 6), handlelength=1)
     return figure
 

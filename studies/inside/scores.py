@@ -1,29 +1,27 @@
-"""Diagnosis: how strongly the data, and simulated noise, speak for every candidate effect."""
+"""Diagnosis: how strongly the data, and other torques, speak for every candidate effect."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import norm
 
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
-from identifiability.workflows.diagnose.evidence import Whitened, score_candidates
-from identifiability.workflows.diagnose.material import Setting, gather
+from identifiability.workflows.diagnose import Problem, Setting
+from identifiability.workflows.diagnose.evidence import Options
 from identifiability.workflows.diagnose.motion import prepare_rows
-from identifiability.workflows.diagnose.rows import Candidate
 from identifiability.workflows.diagnose.workflow import usual_effects
 from inside.pair import Array, Pair, timed
 
 
 def measure(draws: int, candidates: int, seed: int) -> Pair:
-    """Score candidates with one column beside the base model, at once and one by one.
+    """Give candidates with one column their Bayes factors, from products and one by one.
 
     Parameters
     ----------
     draws : int
-        Simulated noises for the units, and as many for the limits.
+        Other torques along the same rows.
     candidates : int
         At most so many.
     seed : int
@@ -39,36 +37,44 @@ def measure(draws: int, candidates: int, seed: int) -> Pair:
     ]  # fmt: skip
     samples = tuple(prepare_rows(robot, log, None) for log in logs)
     setting = Setting(Structure.of(robot, Model.of(*usual_effects(robot))), samples)
-    material = gather(setting, [], rngs[2], draws=draws)
-    single = [c for c in material.candidates if len(c.columns) == 1][:candidates]
-    white = material.white
-    ours, scores = timed(lambda: score_candidates(white, white.basis([]), single), 5)
-    slow, naive = timed(lambda: _refit_each(white, single))
-    found = np.column_stack([scores.data, scores.null])
+    p = Problem(setting)
+    single = [c for c in p.candidates if len(c.columns) == 1 and not c.positive][:candidates]
+    options, view = Options(single), p.view(())
+    at = [c.columns[0] for c in single]
+    rows = [p.fitted.whitened(j, int(step), at) for j, step in enumerate(view.steps)]
+    torques = rngs[2].standard_normal((sum(map(len, rows)), draws))
+    products = np.zeros((rows[0].shape[1] - len(at) + len(p.sizes), draws))
+    for j, part in enumerate(np.split(torques, np.cumsum([len(r) for r in rows])[:-1])):
+        whole = p.fitted.whitened(j, int(view.steps[j]), p.fitted.ids[j])
+        b = rows[0].shape[1] - len(at)
+        products[np.r_[:b, b + p.fitted.ids[j]]] += whole.T @ (part / view.tempered[j])
+    evidence = view.evidence
+    b = len(products) - len(p.sizes)
+    z = evidence.project(products[:b], products[b:])
+    ours, found = timed(lambda: evidence.gains((), options, setting.rules.alias, z), 5)
+    weighed = np.concatenate([r / np.sqrt(t) for r, t in zip(rows, view.tempered, strict=True)])
+    scale = np.repeat(1 / np.sqrt(view.tempered), [len(r) for r in rows])[:, None]
+    slow, naive = timed(lambda: _refit_each(weighed, torques * scale, p.sizes[at]))
     seen = np.isfinite(found)
     gap = float(np.abs(found[seen] - naive[seen]).max() / np.abs(naive[seen]).max())
     return Pair(
-        "diagnosis", "one least-squares fit a candidate and simulated noise",
-        f"{len(single)} candidates, {2 * draws + 1} torques, {len(white.y)} rows",
-        ours, slow, gap, 1e-6, "scores of all candidates",
+        "diagnosis", "one orthogonal projection a candidate and torque",
+        f"{len(single)} candidates, {draws} torques, {len(weighed)} rows",
+        ours, slow, gap, 1e-6, "Bayes factors of all candidates",
     )  # fmt: skip
 
 
-def _refit_each(white: Whitened, candidates: list[Candidate]) -> Array:
-    """Return scores of data and limits (C, 1 + B), each from fits of its own."""
-    targets = np.column_stack([white.y, white.scale, white.noise])
-    draws = white.scale.shape[1]
+def _refit_each(rows: Array, torques: Array, sizes: Array) -> Array:
+    """Return log Bayes factors (C, T), each from a projection of its own."""
+    b = rows.shape[1] - len(sizes)
     out = []
-    for c in candidates:
-        A = np.column_stack([white.X, white.D[:, c.columns[0]]])
-        A = A[:, np.linalg.norm(A, axis=0) > 0]
-        levels = [np.linalg.lstsq(A, t, rcond=1e-10)[0][-1] for t in targets.T]
-        unit = A / np.linalg.norm(A, axis=0)
-        sd = np.sqrt(np.linalg.pinv(unit.T @ unit)[-1, -1]) / np.linalg.norm(A[:, -1])
-        z = np.array(levels) / sd
-        z = np.delete(z / np.sqrt(np.mean(z[1 : 1 + draws] ** 2)), slice(1, 1 + draws))
-        if c.positive:
-            out.append(np.where(z > 0, -norm.logsf(z), 0.0))
-        else:
-            out.append(-(np.log(2.0) + norm.logsf(np.abs(z))))
+    for k, size in enumerate(sizes):
+        X = rows[:, 1:b]
+        length = np.linalg.norm(X, axis=0)
+        U, s, _ = np.linalg.svd(X[:, length > 0] / length[length > 0], full_matrices=False)
+        Q = U[:, s > 1e-5 * s[0]]
+        x = rows[:, b + k] * size
+        x = x - Q @ (Q.T @ x)
+        square = float(x @ x)
+        out.append(0.5 * (x @ torques) ** 2 / (1 + square) - 0.5 * np.log1p(square))
     return np.array(out)

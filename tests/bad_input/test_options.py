@@ -28,7 +28,7 @@ from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.engines.local import choose_engine
 from identifiability.foundation.options import checked
 from identifiability.simulation import shipped_trajectory
-from identifiability.workflows.diagnose.material import Rules
+from identifiability.workflows.diagnose import Rules
 
 SEED = "seed must be a whole number of at least 0, not -1"
 METHOD = "method must be 'ols' or 'wls', not 'OLS', did you mean 'ols'?"

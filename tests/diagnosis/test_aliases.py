@@ -1,12 +1,13 @@
 """Structural aliases: what a motion can never name is said before any test."""
 
-import numpy as np
+import pytest
 
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.diagnose import Rules, Setting, gather
+from identifiability.workflows.diagnose import Hypothesis, Problem, Search, Setting
+from identifiability.workflows.diagnose.conclude import find_rivals
 
 HIDDEN = ("coulomb_asymmetry", "torque_offset")
 
@@ -14,8 +15,8 @@ HIDDEN = ("coulomb_asymmetry", "torque_offset")
 def aliases(robot, logs, *model, effects=None):
     samples = tuple(prepare_samples(robot, log) for log in logs)
     setting = Setting(Structure.of(robot, Model.of(*model)), samples)
-    m = gather(setting, (), np.random.default_rng(0), effects, draws=2)
-    return {(a.family, a.place): a for a in m.aliases}, m
+    p = Problem(setting, effects)
+    return {(a.family, a.place): a for a in p.aliases}, p
 
 
 def test_asymmetry_and_offset_hide_behind_gravity_on_the_3_rps(rps, logs_of):
@@ -49,11 +50,11 @@ def test_an_asymmetry_is_an_offset_once_symmetric_friction_is_there(logs_of):
     robot = Robot.load("six-dof-arm")
     model, near = ("rigid_body", "coulomb_friction"), (*HIDDEN, "free_spring", "joint_stiffness")
     _, m = aliases(robot, logs_of("six-dof-arm")[:4], *model, effects=near)
-    from identifiability.workflows.diagnose.lookalikes import find_rivals
-
-    offset = next(c for c in m.candidates if c.group == ("torque_offset", "joint_1"))
-    rivals = find_rivals(m.white, offset, [], m.candidates, Rules().confusable)
+    search, group = Search(m), ("torque_offset", "joint_1")
+    offset = next(k for k, c in enumerate(m.candidates) if c.group == group)
+    h = Hypothesis((offset,), (0.0,))
+    _, rivals = find_rivals(search, h, m.settled(h.parts), offset, 1.0)
     # A spring with a rest of its own has an offset too.
     near = {r.family: r.similarity for r in rivals if r.place == "joint_1"}
-    assert near["free_spring"] > 1 - 1e-9
+    assert near["free_spring"] == pytest.approx(1.0, abs=1e-6)
     assert near["coulomb_asymmetry"] > 0.98

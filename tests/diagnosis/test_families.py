@@ -174,7 +174,7 @@ def test_a_family_that_a_study_registers_is_named(cubic, logs_of, named):
     for log in logs_of("two-link"):
         move = prepare_samples(Robot.load("two-link"), log, Preparation(keep_rest=True)).motion
         tau = log.tau.copy()
-        tau[:, 1] += 0.01 * move.actuated_v[:, 1] ** 3
+        tau[:, 1] += 0.02 * move.actuated_v[:, 1] ** 3
         logs.append(
             Log.from_frame(Log(log.name, log.joints, log.t, log.q, tau, None, None, "").to_frame())
         )

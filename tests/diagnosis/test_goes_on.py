@@ -5,7 +5,7 @@ import pytest
 from identifiability import Robot, analyze, excite, prune
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.diagnose.goes_on import read_earlier
+from identifiability.workflows.diagnose.earlier import read_earlier
 from identifiability.workflows.export import export
 
 NAMED = ("stribeck_friction@slider1=0.03", "position_ripple@slider2=0.02")

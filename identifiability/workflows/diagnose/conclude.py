@@ -1,139 +1,109 @@
-"""From named candidates to a `Diagnosis`: refit, verify on unseen motion, what is left."""
+"""From a hypothesis to a `Diagnosis`: values, rivals, errors on unseen motion, what is left."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy import stats
+from scipy.special import logsumexp
 
 from identifiability.effects import Part, Placed
-from identifiability.foundation.names import Array
+from identifiability.estimation.noise import ARNoise, runs_of, take_data, whiten
+from identifiability.foundation.names import INERTIAL, INERTIAL_KINDS, Array
+from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.fitted_model import LeastSquares
+from identifiability.physical.project import Projection
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
+from identifiability.workflows.diagnose.evidence import View, explain, factor_of
 from identifiability.workflows.diagnose.findings import (
     Curve,
     NamedEffect,
+    Nearest,
     Placement,
-    Verified,
+    Rival,
+    Shown,
 )
 from identifiability.workflows.diagnose.gap import Gap
-from identifiability.workflows.diagnose.gates import Naming, keep_surviving
-from identifiability.workflows.diagnose.lookalikes import find_rivals, leave_to_model
-from identifiability.workflows.diagnose.material import Material
-from identifiability.workflows.diagnose.payload import fit_body, is_body
-from identifiability.workflows.diagnose.predictive import Told
-from identifiability.workflows.diagnose.residual import (
-    Remainder,
-    find_discrepancies,
-    smallest_sizes,
-)
+from identifiability.workflows.diagnose.hypothesis import Hypothesis
+from identifiability.workflows.diagnose.problem import Problem
+from identifiability.workflows.diagnose.real_fit import fit_real
+from identifiability.workflows.diagnose.residual import Left, Remainder, find_discrepancies
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.rows import Candidate
-from identifiability.workflows.diagnose.shown import Both, Shown
-from identifiability.workflows.diagnose.unnamed import SHARE
-from identifiability.workflows.diagnose.values import measure_strength, solve_chosen, undetermined
+from identifiability.workflows.diagnose.search import Search, Step
+from identifiability.workflows.diagnose.verdict import Judged, Verdict
 
-#: Score that an effect must reach where no step was made that says so.
-CRITICAL = 8.0
-CONTRADICTED = "the motion that verifies contradicts it"
+#: Quantile of the normal distribution for a power of 80 %.
+POWER = 0.8416
+#: Canonical correlation from which on a direction of one is one of the other.
+SAME = 1.0 - 1e-6
+#: Names that are said beside a function.
+NEAREST = 3
+#: Simulated noises that are whitened together.
+AT_ONCE = 100
 
 
-def conclude(m: Material, naming: Naming, rng: np.random.Generator) -> Diagnosis:
-    """Return the diagnosis: refit, rungs of added effects, errors on unseen motion, remainder.
+def conclude(search: Search, verdict: Verdict, null: Array, rng: np.random.Generator) -> Diagnosis:
+    """Return the diagnosis.
 
-    What the motion that verifies surely contradicts, or makes what noise does too often, all of a
-    family or at one of its places, is taken out, one after the other. What the fitted motion leaves
-    in doubt was asked of it alone, and is not called refuted.
+    Parameters
+    ----------
+    search : Search
+    verdict : Verdict
+        What stands, and what unseen motion refuted.
+    null : (T,)
+        The largest log odds of anything in simulated noises.
+    rng : numpy.random.Generator
     """
-    structure, refuted = m.setting.structure, []
-    (apart,) = rng.spawn(1)
-    while True:
-        found = _verify(m, naming, rng, apart)
-        against = [e for e in (*found.effects, *_each_place(m, naming, found, apart)) if e.refuted]
-        if not against:
-            break
-        worst = max(against, key=lambda e: e.joints_interval[0])
-        if not worst.doubted:  # that was never given
-            refuted.append(worst)
-        gone = [c for c in naming.chosen if c.group in {(worst.name, j) for j in worst.joints}]
-        why = "the motion that verifies does not show it" if worst.doubted else CONTRADICTED
-        naming = keep_surviving(naming, gone, structure.present, why)
-    chosen, joints = naming.chosen, structure.robot.joints
-    before, after = (m.held.fitted_residual(c) for c in ((), chosen))
-    rms = np.sqrt(np.sum(after**2, axis=0) / m.train.counts)
-    critical = naming.steps[-1].critical if naming.steps else CRITICAL
-    sizes = smallest_sizes(m.train, m.white, chosen, m.candidates, critical, rms)
-    robot, parts = structure.robot, []
-    for effect in found.effects:
-        own = [c.part for c in chosen if c.family.name == effect.name]
-        parts.append(Placed(own, [_write_part(robot, part) for part in own]))
-    return Diagnosis(
-        **vars(m.setting),
-        **vars(found),
-        refuted=tuple(refuted),
-        interval=found.gap.interval(0, -1, rng),
-        discrepancies=tuple(find_discrepancies(m.train, before, joints)),
-        discrepancies_after=tuple(find_discrepancies(m.train, after, joints)),
-        aliases=m.aliases,
-        refusals=m.refusals,
-        steps=naming.steps,
-        remainder=Remainder(rms, sizes, m.remains(chosen).joints),
-        model=Model((*structure.model.effects, *parts)),
-    )
-
-
-def _verify(
-    m: Material, naming: Naming, rng: np.random.Generator, apart: np.random.Generator
-) -> Verified:
-    """Return every named family with its errors on the motion that verifies."""
-    order = list(dict.fromkeys(c.family.name for c in naming.chosen))
+    verdict = replace(verdict, hypothesis=_in_order(search.problem, verdict.hypothesis))
+    p, h, view = search.problem, verdict.hypothesis, verdict.view
+    structure, robot = p.setting.structure, p.setting.structure.robot
+    order = list(dict.fromkeys(p.candidates[k].family.name for k in h.parts))
     rungs = [
-        [c for c in naming.chosen if c.family.name in order[:k]] for k in range(len(order) + 1)
+        [k for k in h.parts if p.candidates[k].family.name in order[:n]]
+        for n in range(len(order) + 1)
     ]
-    gap = m.held.gap(rungs)
-    fitted = np.stack([m.held.fitted_residual(chosen) for chosen in rungs], axis=2)
+    views = [p.settled(parts) for parts in rungs[:-1]] + [view]
+    unseen, fitted = (
+        np.stack([p.residual(where, r, v) for r, v in zip(rungs, views, strict=True)], axis=2)
+        for where in (p.shown, p.seen)
+    )
+    gap = Gap(p.shown, unseen)
     errors, joints = gap.relative_error().tolist(), gap.error_over_joints().tolist()
-    before = Gap(m.train, fitted).relative_error().tolist()
-    real = [float("nan")] * len(rungs)
-    if m.held.real is not None:
-        real = m.held.gap(rungs, real=True).relative_error().tolist()
-    placed = _place(m, naming, fitted[:, :, -1])
+    before = Gap(p.seen, fitted).relative_error().tolist()
+    real = _real_errors(p, rungs, views)
+    placed = {k: _place(search, verdict, k, null) for k in h.parts}
     effects = []
-    for k, name in enumerate(order):
-        own = [at for at, c in enumerate(naming.chosen) if c.family.name == name]
-        places = [placed[at][0] for at in own]
-        unnamed = naming.chosen[own[0]].family.unnamed
-        told = _tell(m, naming.chosen, {naming.chosen[at].group for at in own})
-        effect = NamedEffect(
-            name=name,
-            title=naming.chosen[own[0]].family.title,
-            placements=tuple(places),
-            before=errors[k],
-            after=errors[k + 1],
-            interval=gap.interval(k, k + 1, rng),
-            joints_before=joints[k],
-            joints_after=joints[k + 1],
-            joints_interval=gap.interval_over_joints(k, k + 1, rng),
-            shown=_show(gap, m, places, k, k + 1, apart, told),
-            real=(real[k], real[k + 1]),
-            unnamed=unnamed,
-            rare=unnamed or naming.chosen[own[0]].family.late,
-            nearest=tuple(n for at in own for n in naming.nearest.get(naming.chosen[at].group, ())),
-            both=Both(
-                p_value=max(p.p_value for p in places),
-                evidence=told.evidence,
-                level=m.setting.rules.level * (SHARE if unnamed else 1.0),
-                within_noise=m.unseen(naming.chosen).within_noise,
-            ),
+    for n, name in enumerate(order):
+        own = [k for k in h.parts if p.candidates[k].family.name == name]
+        effects.append(
+            replace(
+                _effect(p, gap, own, [placed[k] for k in own], n, n + 1, verdict.judged, rng),
+                before=errors[n],
+                after=errors[n + 1],
+                interval=gap.interval(n, n + 1, rng),
+                joints_before=joints[n],
+                joints_after=joints[n + 1],
+                joints_interval=gap.interval_over_joints(n, n + 1, rng),
+                real=(real[n], real[n + 1]),
+                nearest=tuple(x for k in own for x in _nearest(search, h, view, k)),
+            )
         )
-        if effect.doubted:  # the p-value that is told is that of both motions
-            both = tuple(replace(p, p_value=effect.p_value) for p in places)
-            effect = replace(effect, placements=both)
-        effects.append(effect)
-    return Verified(
+    refuted = [_refuted(search, verdict, k, null, rng) for k in verdict.refuted]
+    left = [fitted[:, :, n] for n in (0, -1)]
+    rms = np.sqrt(np.sum(left[1] ** 2, axis=0) / p.seen.counts)
+    rest = tuple(lack_of_fit(search, h, view, j) for j in range(p.rows.joints))
+    parts = []
+    for name in order:
+        placing = [p.candidates[k].part for k in h.parts if p.candidates[k].family.name == name]
+        parts.append(Placed(placing, [_write_part(robot, part) for part in placing]))
+    return Diagnosis(
+        **vars(p.setting),
         effects=tuple(effects),
-        curves=tuple(curve for _, curve in placed),
+        curves=tuple(_curve(p, h, view, k, placed[k], left[1]) for k in h.parts),
         gap=gap,
         error_before=before[0],
         error_after=before[-1],
@@ -141,135 +111,394 @@ def _verify(
         held_after=errors[-1],
         real_before=real[0],
         real_after=real[-1],
+        refuted=tuple(refuted),
+        interval=gap.interval(0, -1, rng),
+        discrepancies=tuple(find_discrepancies(p.seen, left[0], robot.joints)),
+        discrepancies_after=tuple(find_discrepancies(p.seen, left[1], robot.joints)),
+        aliases=p.aliases,
+        refusals=p.refusals,
+        steps=tuple(_tell_steps(search, verdict, null)),
+        remainder=Remainder(rms, smallest_sizes(search, h, view, rms), rest),
+        model=Model((*structure.model.effects, *parts)),
     )
 
 
-def _each_place(
-    m: Material, naming: Naming, found: Verified, rng: np.random.Generator
-) -> list[NamedEffect]:
-    """Return each place of the families that are named at several, by what it adds to all else."""
-    units = [(e, place) for e in found.effects for place in e.joints if len(e.joints) > 1]
-    if not units:
-        return []
-    rests = [[c for c in naming.chosen if c.group != (e.name, place)] for e, place in units]
-    own = [[p for p in e.placements if p.place == place] for e, place in units]
-    gap, last = m.held.gap([*rests, naming.chosen]), len(rests)
-    told = [_tell(m, naming.chosen, {(e.name, place)}) for e, place in units]
-    errors, joints = gap.relative_error().tolist(), gap.error_over_joints().tolist()
-    return [
-        replace(
-            e,
-            placements=tuple(own[k]),
-            before=errors[k],
-            after=errors[last],
-            interval=gap.interval(k, last, rng),
-            joints_before=joints[k],
-            joints_after=joints[last],
-            joints_interval=gap.interval_over_joints(k, last, rng),
-            shown=_show(gap, m, own[k], k, last, rng, told[k]),
-            real=(float("nan"), float("nan")),
-            both=replace(
-                e.both,
-                p_value=max(p.p_value for p in own[k]),
-                evidence=told[k].evidence,
-            ),
-        )
-        for k, (e, _) in enumerate(units)
-    ]
+def _in_order(p: Problem, h: Hypothesis) -> Hypothesis:
+    """Return a hypothesis with families as they came, each in the order of the robot's places."""
+    robot, parts = p.setting.structure.robot, [p.candidates[k] for k in h.parts]
+    came = list(dict.fromkeys(c.family.name for c in parts))
+    places = {c.family.name: list(c.family.places(robot)) for c in parts}
+    rank = [(came.index(c.family.name), places[c.family.name].index(c.place)) for c in parts]
+    order = sorted(range(len(parts)), key=lambda k: rank[k])
+    return Hypothesis(tuple(h.parts[k] for k in order), tuple(h.shaped[k] for k in order))
 
 
-def _show(
+def null_odds(search: Search, draws: int, rng: np.random.Generator) -> Array:
+    """Return the largest log odds of any name in simulated noise beside the model, (draws,).
+
+    The memory of the noise is as uncertain as the data leave it.
+    """
+    p = search.problem
+    view = View(p.fitted, np.zeros(p.rows.joints, int), np.ones(p.rows.joints), p.sizes)
+    b, width = p.rows.X.shape[2], p.rows.D.width
+    products = np.zeros((1 + b + width, draws))
+    for j, noise in enumerate(p.noise.joints):
+        at, runs = p.fitted.ids[j], runs_of(p.rows.moving, j)
+        kept, _ = take_data(runs, p.rows.t)
+        one = ARNoise((noise,)).simulate(sum(z - a for a, z in kept), draws, rng, kept)[:, 0]
+        white = whiten(one, kept, noise.pacf) / noise.sigma
+        columns = np.r_[: 1 + b, 1 + b + at]
+        products[columns] += p.fitted.whitened(j, 0, at).T @ white
+    z = view.evidence.project(products[: 1 + b], products[1 + b :])
+    gains = view.evidence.gains((), p.options, p.setting.rules.alias, z)
+    allowed = search.catalogue.allowed((), (), functions=False)
+    most = np.full(draws, -np.inf)
+    for members in search.catalogue.members.values():
+        own = [k for k in members if allowed[k] and np.isfinite(gains[k, 0]) and k < p.given]
+        if own:
+            mean = logsumexp(gains[own], axis=0) - np.log(len(own))
+            most = np.maximum(most, mean - search.catalogue.price(own[:1]))
+    return most
+
+
+def _p_value(odds: float, null: Array) -> float:
+    return float(1 + np.count_nonzero(null >= odds)) / (1 + len(null))
+
+
+def _effect(
+    p: Problem,
     gap: Gap,
-    m: Material,
+    own: Sequence[int],
     placements: Sequence[Placement],
     first: int,
     second: int,
+    judged: dict[int, Judged],
     rng: np.random.Generator,
-    told: Told,
-) -> Shown:
-    """Return what a gap shows from one model to another at the joints of some places."""
-    own = gap.at(_seen(m, placements))
-    errors = own.error_over_joints().tolist()
-    return Shown(
-        before=errors[first],
-        after=errors[second],
-        interval=own.interval_over_joints(first, second, rng),
-        expected=own.expected_change(first, second),
-        strength=float(np.linalg.norm([p.strength for p in placements])),
-        news=told.news,
+) -> NamedEffect:
+    """Return an effect with what unseen motion shows of it where it is."""
+    family = p.candidates[own[0]].family
+    here = gap.at(sorted({j for k in own for j in p.acts(k)}))
+    change = here.error_over_joints().tolist()
+    interval = here.interval_over_joints(first, second, rng)
+    odds = min(judged[k].unseen for k in own)
+    shown = Shown(change[first], change[second], interval,
+                  here.expected_change(first, second), odds)  # fmt: skip
+    nothing = float("nan")
+    return NamedEffect(
+        name=family.name,
+        title=family.title,
+        placements=tuple(placements),
+        before=nothing,
+        after=nothing,
+        interval=(nothing, nothing),
+        joints_before=nothing,
+        joints_after=nothing,
+        joints_interval=(nothing, nothing),
+        shown=shown,
+        unnamed=family.unnamed,
     )
 
 
-def _seen(m: Material, placements: Sequence[Placement]) -> list[int]:
-    """Return the joints of some places; of what is at no single joint it is all joints."""
-    joints, places = m.setting.structure.robot.joints, [p.place for p in placements]
-    at = [k for k, joint in enumerate(joints) if joint in places]
-    return at if set(places) <= set(joints) else list(range(len(joints)))
+def _refuted(
+    search: Search, verdict: Verdict, k: int, null: Array, rng: np.random.Generator
+) -> NamedEffect:
+    """Return what unseen motion refuted, beside what stands."""
+    p, h, view = search.problem, verdict.hypothesis, verdict.view
+    mine = search.catalogue.of[k]
+    rest = h.without({o for o in h.parts if search.catalogue.of[o] == mine})
+    whole = rest.add(k, 0.0)
+    seen = p.settled(whole.parts, view)
+    models = [p.residual(p.shown, x.parts, seen) for x in (rest, whole)]
+    gap = Gap(p.shown, np.stack(models, axis=2))
+    judged = verdict.refuted[k]
+    placement = _place(search, replace(verdict, hypothesis=whole, view=seen,
+                                       judged={k: judged}), k, null)  # fmt: skip
+    (one, two), (a, z) = gap.relative_error().tolist(), gap.error_over_joints().tolist()
+    return replace(
+        _effect(p, gap, [k], [placement], 0, 1, {k: judged}, rng),
+        before=one,
+        after=two,
+        interval=gap.interval(0, 1, rng),
+        joints_before=a,
+        joints_after=z,
+        joints_interval=gap.interval_over_joints(0, 1, rng),
+        why=judged.why(p.setting.rules),
+    )
 
 
-def _tell(m: Material, chosen: Sequence[Candidate], groups: Collection[tuple[str, str]]) -> Told:
-    """Return what the motion that verifies tells of some names beside all that was chosen."""
-    every = [c.group for c in chosen for _ in c.columns]
-    own = [k for k, group in enumerate(every, m.train.X.shape[2]) if group in groups]
-    return m.unseen(chosen).of_effect(own)
+def _place(search: Search, verdict: Verdict, k: int, null: Array) -> Placement:
+    """Return what is known of a part."""
+    p, h, view = search.problem, verdict.hypothesis, verdict.view
+    c, judged = p.candidates[k], verdict.judged[k]
+    rest = [o for o in h.parts if o != k]
+    value, covariance = p.solve([*rest, k], view)
+    value, own = value[-len(c.columns) :], slice(len(value) - len(c.columns), len(value))
+    error = np.sqrt(np.maximum(np.diag(covariance)[own], 0.0) * judged.scatter)
+    if is_body(c):
+        # What the bounds of a body move is not known any better than without them.
+        body = fit_body(p, rest, k, view)
+        value, error = body, np.hypot(error, body - value)
+    added = p.rows.D.take(c.columns) @ value
+    robot = p.setting.structure.robot
+    parameters = Placed.part_parameters(robot, c.part)
+    weight, rivals = find_rivals(search, h, view, k, judged.scatter)
+    alone = _determined(view.total(p.columns([*rest, k]))[1:, 1:])[own]
+    return Placement(
+        place=c.place,
+        shape=c.shape,
+        p_value=_p_value(judged.odds, null),
+        parameters=tuple(x.name for x in parameters),
+        units=tuple(x.unit for x in parameters),
+        values=value,
+        errors=error,
+        rms=float(np.sqrt(np.mean(added**2, axis=0)).max()),
+        rivals=tuple(rivals),
+        open=tuple(x.name for x, known in zip(parameters, alone, strict=True) if not known),
+        weight=weight,
+        odds=judged.odds,
+        scatter=judged.scatter,
+        prior=p.sizes[list(c.columns)] if c.family.flexible else np.empty(0),
+    )
 
 
-def _place(m: Material, naming: Naming, residual: Array) -> list[tuple[Placement, Curve]]:
-    """Return what is known of every named candidate, and what it was learned to be.
+def _determined(G: Array) -> np.ndarray:
+    """Return which columns (m,) of products are determined by themselves."""
+    size = np.sqrt(np.maximum(np.diag(G), 1e-300))
+    unit = G / np.outer(size, size)
+    F = factor_of(unit)
+    found: np.ndarray = np.abs(np.diag(F.T @ (F @ unit)) - 1.0) < 1e-6
+    return found
 
-    Parameters
-    ----------
-    m : Material
-    naming : Naming
-    residual : (N, n) [N·m or N]
-        Of the fitted motion beside all that was named.
+
+def find_rivals(
+    search: Search, h: Hypothesis, view: View, k: int, scatter: float
+) -> tuple[float, list[Rival]]:
+    """Return how likely a part is among all names for its rows, and the others, likest first.
+
+    Their log odds are divided by the scatter of the part, as its own are.
     """
-    out, start = [], m.white.X.shape[1]
-    alone = ~undetermined(m.white.columns(naming.chosen))
-    for c, found in zip(naming.chosen, solve_chosen(m.white, naming.chosen), strict=True):
-        D = m.train.D.take(c.columns)
-        rest = [other for other in naming.chosen if other is not c]
-        value, error = found
-        if is_body(c):
-            # What the bounds of a body move is not known any better than without them.
-            body = fit_body(m.white, rest, c)
-            value, error = body, np.hypot(error, body - value)
-        if c.family.flexible:
-            value, error = leave_to_model(m.white, rest, c, value, m.setting.rules.alias)
-        added, spread = D @ value, np.sqrt((D**2) @ error**2)
-        parameters = Placed.part_parameters(m.setting.structure.robot, c.part)
-        own = alone[start : start + len(c.columns)]
-        start += len(c.columns)
-        rivals = []
-        if not c.family.unnamed:
-            rivals = find_rivals(m.white, c, rest, m.candidates, m.setting.rules.confusable)
-        placement = Placement(
-            place=c.place,
-            shape=c.shape,
-            p_value=naming.p_values.get(c.group, float("nan")),
-            parameters=tuple(p.name for p in parameters),
-            units=tuple(p.unit for p in parameters),
-            values=value,
-            errors=error,
-            rms=float(np.sqrt(np.mean(added**2, axis=0)).max()),
-            rivals=tuple(rivals),
-            stress=naming.stress.get(c.slot, ()),
-            open=tuple(p.name for p, known in zip(parameters, own, strict=True) if not known),
-            strength=measure_strength(m.white, rest, c, value),
-        )
-        j = int(np.argmax(np.abs(added).sum(0)))
-        of = c.family.drawn_over(c.effect, m.setting.structure.robot, j)
-        curve = Curve(
-            title=c.family.title,
-            joint=j,
-            of=of,
-            against=c.family.against,
-            x=m.train.along(of)[c.family.against],
-            learned=added[:, j],
-            spread=spread[:, j],
-            data=residual[:, j] + added[:, j],
-        )
-        out.append((placement, curve))
+    p, rules = search.problem, search.problem.setting.rules
+    rest = h.without({k}).parts
+    named = p.candidates[k]
+    allowed = search.catalogue.allowed(rest, search.barred, functions=named.family.unnamed)
+    gains = search.gains(rest, view)
+    found: dict[tuple[str, str], list[int]] = {}
+    for o, c in enumerate(p.candidates):
+        # What refines the named effect is no rival: it comes on top of it.
+        if allowed[o] and np.isfinite(gains[o]) and (c.family.needs, c.place) != named.group:
+            found.setdefault(c.group, []).append(o)
+    value, best = {}, {}
+    for group, own in found.items():
+        grid = [o for o in own if o < p.given]
+        mean = logsumexp(gains[grid]) - np.log(len(grid)) if grid else -np.inf
+        at = max(own, key=lambda o: gains[o])
+        mean = max(float(mean), float(gains[at]) - float(np.log(max(len(grid), 1))))
+        value[group] = mean - search.catalogue.price([*rest, at])
+        best[group] = k if group == named.group else at
+    if named.group not in value:
+        return 1.0, []
+    level = np.array(list(value.values())) / scatter
+    weights = dict(zip(value, np.exp(level - logsumexp(level)).tolist(), strict=True))
+    order = sorted(weights, key=lambda g: -weights[g])
+    total, sure = 0.0, set()
+    for group in order:
+        sure.add(group)
+        total += weights[group]
+        if total >= 1.0 - rules.level:
+            break
+    rivals = []
+    for group in order:
+        if group == named.group:
+            continue
+        similarity, contains = _similarity(p, view, rest, k, best[group])
+        if similarity > 0.0:
+            rivals.append(Rival(*group, similarity, group in sure, contains, weights[group]))
+    return weights[named.group], sorted(rivals, key=lambda r: -r.similarity)
+
+
+def _similarity(
+    p: Problem, view: View, rest: Sequence[int], one: int, other: int
+) -> tuple[float, bool]:
+    """Return the largest canonical correlation of two parts, and whether the other has the one."""
+    a, b = (list(p.candidates[k].columns) for k in (one, other))
+    at, evidence = [*a, *b], view.evidence
+    P = np.array([evidence.row(k)[at] for k in at])
+    beside = p.columns(rest)
+    if beside:
+        R = np.array([evidence.row(k) for k in beside])
+        F = factor_of(R[:, beside])
+        C = F @ R[:, at]
+        P = P - C.T @ C
+    n = len(a)
+    first, second = factor_of(P[:n, :n]), factor_of(P[n:, n:])
+    shared = np.linalg.svd(first @ P[:n, n:] @ second.T, compute_uv=False)
+    if not len(shared):
+        return 0.0, False
+    contains = len(first) < len(second) and float(shared[len(first) - 1]) > SAME
+    return min(float(shared[0]), 1.0), contains
+
+
+def _nearest(search: Search, h: Hypothesis, view: View, k: int) -> list[Nearest]:
+    """Return the names at the place of a function that explain most in its stead."""
+    p = search.problem
+    own = p.candidates[k]
+    if not own.family.unnamed:
+        return []
+    rest = h.without({k})
+
+    def error_with(parts: Sequence[int]) -> float:
+        left = p.residual(p.shown, parts, view)[:, :, None]
+        return float(Gap(p.shown, left).at(p.acts(k)).error_over_joints()[0])
+
+    near = sorted(
+        (x for x in search.options(rest.parts, view, functions=False).values()
+         if p.candidates[x[1]].place == own.place),
+        reverse=True,
+    )[:NEAREST]  # fmt: skip
+    whole = error_with(h.parts) or 1.0
+    return [
+        Nearest(p.candidates[o].family.title, error_with([*rest.parts, o]) / whole - 1.0)
+        for _, o, _ in near
+    ]
+
+
+def _curve(p: Problem, h: Hypothesis, view: View, k: int, placed: Placement, left: Array) -> Curve:
+    """Return what a part was learned to be, along the fitted motion."""
+    c = p.candidates[k]
+    rows = p.seen
+    D = rows.D.take(c.columns)
+    added, spread = D @ placed.values, np.sqrt((D**2) @ placed.errors**2)
+    j = int(np.argmax(np.abs(added).sum(0)))
+    of = c.family.drawn_over(c.effect, p.setting.structure.robot, j)
+    return Curve(
+        title=c.family.title,
+        joint=j,
+        of=of,
+        against=c.family.against,
+        x=rows.along(of)[c.family.against],
+        learned=added[:, j],
+        spread=spread[:, j],
+        data=left[:, j] + added[:, j],
+    )
+
+
+def _tell_steps(search: Search, verdict: Verdict, null: Array) -> list[Step]:
+    """Return the steps of the search with what became of each."""
+    p = search.problem
+    named = {p.candidates[k].group: verdict.judged[k] for k in verdict.hypothesis.parts}
+    gone = {p.candidates[k].group: verdict.refuted[k] for k in verdict.refuted}
+    out = []
+    for s in search.steps:
+        odds = s.evidence.get(s.best, -np.inf)
+        known = {**gone, **named}.get(s.best)
+        gain = 1.0 - known.after / known.before if known and known.before > 0 else float("nan")
+        reason = "named" if s.best in named else ""
+        if s.best in gone and s.best not in named:
+            reason = gone[s.best].why(p.setting.rules)
+        elif not reason:
+            weak = odds < s.critical
+            reason = "it is not sure enough" if weak else "another effect explains what it does"
+        out.append(replace(s, p_value=_p_value(odds, null), gain=gain,
+                           accepted=s.best in named, reason=reason))  # fmt: skip
+    return out
+
+
+def lack_of_fit(search: Search, h: Hypothesis, view: View, j: int) -> Left | None:
+    """Return what functions without a name still explain in a joint, beside all that was named."""
+    p = search.problem
+    joint = p.setting.structure.robot.joints[j]
+    kinds = [
+        c for c in p.candidates
+        if c.family.unnamed and c.place == joint and p.sizes[list(c.columns)].any()
+    ]  # fmt: skip
+    if not kinds:
+        return None
+    e = p.errors(p.fitted, h.parts, view)[j]
+    whole = float(e @ e) / float(view.tempered[j])
+    beside = p.columns(h.parts)
+    evidence = view.evidence
+    R = np.array([evidence.row(k) for k in beside]).reshape(len(beside), len(p.sizes))
+    F = factor_of(R[:, beside])
+    least, most = 1.0, 0.0
+    for c in kinds:
+        at = list(c.columns)
+        C = F @ R[:, at]
+        P = evidence.among(np.array([at]))[0] - C.T @ C
+        z = evidence.z[at] - C.T @ (F @ evidence.z[beside])
+        square, directions = explain(P, z, evidence.own[at], p.setting.rules.alias)
+        least = min(least, float(stats.chi2.sf(square, max(directions, 1))))
+        most = max(most, square - directions)
+    share = float(np.clip(most / whole, 0.0, 1.0)) if whole > 0 else 0.0
+    return Left(share, min(1.0, len(kinds) * least))
+
+
+def smallest_sizes(search: Search, h: Hypothesis, view: View, rms: Array) -> dict[str, float]:
+    """Return the smallest effect of each family that is named in four of five logs like these.
+
+    As a share of the residual (rms) at the place where it is seen best.
+    """
+    p, evidence = search.problem, view.evidence
+    taken = {p.candidates[k].group for k in h.parts}
+    out: dict[str, float] = {}
+    odds = p.setting.rules.odds
+    width = [np.sqrt(np.mean(p.rows.D.block(j).values ** 2, axis=0)) for j in range(p.rows.joints)]
+    size = np.zeros((p.rows.joints, p.rows.D.width))
+    for j, own in enumerate(width):
+        size[j, p.fitted.ids[j]] = own
+    for number, c in enumerate(p.candidates[: p.given]):
+        if c.group in taken or c.family.unnamed:
+            continue
+        for k in c.columns:
+            information, j = float(evidence.left[k]), int(np.argmax(size[:, k]))
+            if not (information > 1e-8 * evidence.own[k] > 0) or not rms[j] > 0:
+                continue
+            needed = odds + search.catalogue.price([number]) + 0.5 * np.log1p(information)
+            reach = np.sqrt(2 * needed * (1 + 1 / information)) + POWER
+            share = float(reach / np.sqrt(information) * p.sizes[k] * size[j, k] / rms[j])
+            out[c.family.name] = min(out.get(c.family.name, np.inf), share)
+    return out
+
+
+def is_body(c: Candidate) -> bool:
+    """Whether a candidate is a body by itself, with mass, moments and inertia."""
+    return c.family.name == "payload" and len(c.columns) == len(INERTIAL)
+
+
+def fit_body(p: Problem, rest: Sequence[int], k: int, view: View) -> Array:
+    """Return the values (10,) of the body nearest to the data that can exist.
+
+    Least squares alone may give a negative mass.
+    """
+    R = p.triangular([*rest, k], view)
+    own = p.candidates[k].columns
+    first = len(R) - 1 - len(own)
+    R, n = R[first:, first:], len(own)
+    data = LeastSquares(R[:n, :n], R[:n, n], float(R[n, n] ** 2), float(len(p.rows)))
+    region = PhysicalSet(
+        bodies=np.array([[INERTIAL_KINDS.index(kind) for kind in INERTIAL]]),
+        nonnegative=np.zeros(n, bool),
+        names=(p.candidates[k].place,),
+        columns=tuple(INERTIAL_KINDS),
+    )
+    found: Array = Projection(region, reference=np.zeros(n)).solve(data).phi
+    return found
+
+
+def _real_errors(p: Problem, rungs: Sequence[Sequence[int]], views: Sequence[View]) -> list[float]:
+    """Return ε_RA on unseen motion where every fit is a real robot; nan where none is to be had."""
+    structure = p.setting.structure
+    if p.setting.fixed or "rigid_body" not in structure.model.names or len(rungs) < 2:
+        return [float("nan")] * len(rungs)
+    out = []
+    for parts, view in zip(rungs, views, strict=True):
+        signs = [p.candidates[k].positive for k in parts for _ in p.candidates[k].columns]
+        value = fit_real(structure, p.triangular(parts, view), signs, len(p.rows))
+        if value is None:
+            out.append(float("nan"))
+            continue
+        left = p.shown.tau - p.shown.X @ value[: p.rows.X.shape[2]]
+        left = left - p.shown.D.take(p.columns(parts)) @ value[p.rows.X.shape[2] :]
+        out.append(float(Gap(p.shown, left[:, :, None]).relative_error()[0]))
     return out
 
 

@@ -1,284 +1,379 @@
-"""How strongly the data speak for each candidate, and how strongly noise alone would.
+"""Bayes factors of hypotheses, from products of whitened rows.
 
-In rows whitened by the noise and by what the model does not explain yet. Two numbers a candidate:
-its fit, the fall of the (quasi-)likelihood, decides which name is the best; its score, the fit in
-units of what simulated noise reaches for this very candidate, decides whether there is anything to
-be named. Both are negative logarithms of tail probabilities, so that candidates with one column
-and with several compare. A level that physics wants positive counts only if it is.
+Rows are whitened by the noise of each joint and by what the hypothesis at hand leaves; of them only
+products are kept, so that a question costs the same for 10³ and 10⁵ samples. The parameters of a
+part have a normal prior as wide as effects usually are [Jeffreys 1961; Liang et al. 2008]; those of
+the model a flat one. What a joint leaves beyond its noise divides its information.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 from scipy.special import log_ndtr
 
-from identifiability.estimation.noise import ARNoise
+from identifiability.estimation.noise import ARNoise, runs_of, take_data, whiten
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import log_tail
-from identifiability.foundation.values import frozen, remember
-from identifiability.workflows.diagnose.dictionary import Block, Stacked
+from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.rows import Candidate, Rows
-from identifiability.workflows.diagnose.smooth import is_smooth
-from identifiability.workflows.diagnose.spans import orthonormal, project_out
-from identifiability.workflows.diagnose.straight import score_straight, straight_first
 
-#: Directions of a candidate below this share of its length are not there.
-NEGLIGIBLE = 1e-4
-#: Rows of a joint, and rows for each of its columns, beyond which they are compressed.
-MANY, TALL = 1500, 4
-#: Models whose basis is kept.
-REMEMBERED = 6
-#: Simulated series that are whitened together.
-AT_ONCE = 100
+#: Directions below this share of the largest are rounding, in products of unit columns.
+ROUNDING = 1e-10
+#: Misfits are taken in steps of this factor, so that products are used again; and those below a
+#: quarter of the noise are none.
+STEP, LEAST = 2.0**0.5, 0.25
+#: Lag-one correlation of whitened errors beyond which more is not believed, and their variance up
+#: to which it is not asked for: both hold on simulated noise up to a correlation of .98.
+LARGEST_LAG, USUAL = 0.9, 1.15
 
 
-@frozen
-class Whitened:
-    """Rows in units of their noise, joints one below the other, compressed where they are many.
-
-    Attributes
-    ----------
-    y : (R,)
-    X : (R, b)
-    D : (R, c) or Stacked
-        Columns of candidates.
-    scale : (R, B)
-        Simulated noise that gives every candidate its unit.
-    noise : (R, B)
-        Simulated noise that gives the limits; both whitened by the same filter.
-    """
-
-    y: Array
-    X: Array
-    D: Array | Stacked
-    scale: Array
-    noise: Array
-
-    def columns(self, chosen: Sequence[Candidate]) -> Array:
-        """Return the columns of the model with some candidates."""
-        return np.column_stack([self.X, *(self.D[:, list(c.columns)] for c in chosen)])
-
-    def basis(self, chosen: Sequence[Candidate]) -> Array:
-        """Return an orthonormal basis of these columns (R, m), which many ask for in turn."""
-        key = tuple(k for c in chosen for k in c.columns)
-        return remember(self._bases, key, lambda: orthonormal(self.columns(chosen)), REMEMBERED)
-
-    @cached_property
-    def _bases(self) -> dict[tuple[int, ...], Array]:
-        return {}
+#: Rounds in which the width of a function's prior is found, and bounds of it.
+WIDTHS, WIDEST = 8, (0.1, 100.0)
 
 
-@frozen
-class Bench:
-    """Rows, their noise, and simulated noise: whitened anew for every model.
-
-    Attributes
-    ----------
-    rows : Rows
-    noise : ARNoise
-    simulated : (N, n, 2 B)
-        In single precision: it is the largest thing of all, and random.
-    errors : (d, 2 B), optional
-        Simulated errors of the values that are known beforehand, in units of their spread.
-    """
-
-    rows: Rows
-    noise: ARNoise
-    simulated: Array
-    errors: Array | None = None
-
-    @staticmethod
-    def of(rows: Rows, noise: ARNoise, draws: int, rng: np.random.Generator) -> Bench:
-        """Simulate noise for some rows."""
-        simulated = noise.simulate(len(rows), 2 * draws, rng, rows.moving, np.float32)
-        if rows.root is None:
-            return Bench(rows, noise, simulated)
-        return Bench(rows, noise, simulated, rng.standard_normal((len(rows.root), 2 * draws)))
-
-    def whiten(self, misfit: Array | None = None) -> Whitened:
-        """Return whitened rows; `misfit` (n,) is variance that the model does not explain yet."""
-        rows, draws = self.rows, self.simulated.shape[2] // 2
-        left = np.zeros(rows.joints) if misfit is None else misfit
-        each = (self._joint(j, float(size)) for j, size in enumerate(left))
-        parts, others = map(list, zip(*each, strict=True))
-        known = 0 if rows.root is None else len(rows.root)
-        y, X, D = rows.stack(parts, known)
-        if rows.root is not None:
-            X[len(X) - known :] = rows.root
-            others.append(np.zeros((known, 2 * draws)) if self.errors is None else self.errors)
-        simulated = np.concatenate(others)
-        return Whitened(y, X, D, simulated[:, :draws], simulated[:, draws:])
-
-    @cached_property
-    def plain(self) -> Whitened:
-        """Rows whitened by the noise alone."""
-        return self.whiten()
-
-    def _joint(self, j: int, misfit: float) -> tuple[Array, Array]:
-        """Return whitened columns and simulated noise of a joint, compressed.
-
-        Most joints have no misfit, in whatever model, and so the same whitened rows.
-        """
-        if misfit == 0.0 and j in self._plain:
-            return self._plain[j]
-        own, left = ARNoise((self.noise.joints[j],)), np.array([misfit])
-        runs = self.rows.moving.each[j]
-
-        def whiten(x: Array) -> Array:
-            return own.whiten(x[:, None], runs, left)[:, 0]
-
-        found = compress(whiten(self.rows.joint_columns(j)), self.simulated[:, j], whiten)
-        if misfit == 0.0:
-            self._plain[j] = found
-        return found
-
-    @cached_property
-    def _plain(self) -> dict[int, tuple[Array, Array]]:
-        """Return the whitened rows of joints without misfit."""
-        return {}
-
-    def misfit(self, residual: Array) -> Array:
-        """Return the variance of a residual (N, n) that noise does not explain, (n,)."""
-        return self.noise.misfit(residual, self.rows.counts)
-
-
-def compress(
-    A: Array, Z: Array, change: Callable[[Array], Array] = lambda same: same
-) -> tuple[Array, Array]:
-    """Return columns A (N, k) and other series (N, B), in k rows each where N is far more.
-
-    These are R and Q'Z of A = QR: every product of columns with one another and with other series
-    stays what it was, and no more is asked of them.
+class Products:
+    """Products of whitened rows of some logs: torque, model and dictionary, joint by joint.
 
     Parameters
     ----------
-    A : (N, k)
-    Z : (N, B)
-    change : callable((N, m)) -> (N, m), optional
-        Done to the other series first, a few at a time.
+    rows : Rows
+    noise : ARNoise
     """
-    parts = [Z[:, k : k + AT_ONCE] for k in range(0, Z.shape[1], AT_ONCE)]
-    Q = None
-    if len(A) > max(MANY, TALL * A.shape[1]):
-        # Where nothing else is asked for, Q would cost as much again.
-        Q, A = np.linalg.qr(A) if parts else (None, np.asarray(np.linalg.qr(A, mode="r")))
-    found = (
-        [change(part.astype(float)) for part in parts]
-        if Q is None
-        else [Q.T @ change(part.astype(float)) for part in parts]
-    )
-    return A, np.concatenate([np.empty((len(A), 0)), *found], axis=1)
+
+    def __init__(self, rows: Rows, noise: ARNoise) -> None:
+        self.rows, self.noise = rows, noise
+        self.ids = [rows.D.columns(j) for j in range(rows.joints)]
+        self._grams: dict[tuple[int, int], Array] = {}
+        self._places: dict[int, np.ndarray] = {}
+
+    def whitened(self, j: int, step: int, columns: Sequence[int] | np.ndarray) -> Array:
+        """Return torque, model and some columns of the dictionary in a joint, (R, 1 + b + k)."""
+        rows, noise = self.rows, self.noise.joints[j]
+        pacf, sigma = noise.beside(_misfit(step, noise.left))
+        D = rows.D.acting(j, columns)
+        A = np.concatenate([rows.tau[:, j, None], rows.X[:, j], D], axis=1)
+        runs, (A,) = take_data(runs_of(rows.moving, j), A)
+        return whiten(A, runs, pacf) / sigma
+
+    def gram(self, j: int, step: int) -> Array:
+        """Return the products of all that acts in a joint, (1 + b + k, 1 + b + k)."""
+        if (j, step) not in self._grams:
+            A = self.whitened(j, step, self.ids[j])
+            self._grams[j, step] = A.T @ A
+        return self._grams[j, step]
+
+    def total(self, steps: np.ndarray, weights: Array, columns: Sequence[int]) -> Array:
+        """Return the products over all joints of torque, model and some columns, (1 + b + k, ·)."""
+        b = self.rows.X.shape[2]
+        at = np.r_[: 1 + b, 1 + b + np.asarray(columns, int)]
+        out = np.zeros((len(at), len(at)))
+        for j in range(self.rows.joints):
+            where = self.places(j)[at]
+            here = np.flatnonzero(where >= 0)
+            own = self.gram(j, int(steps[j]))[np.ix_(where[here], where[here])]
+            out[np.ix_(here, here)] += weights[j] * own
+        if self.rows.root is not None:
+            out[1 : 1 + b, 1 : 1 + b] += self.rows.root.T @ self.rows.root
+        return out
+
+    def places(self, j: int) -> np.ndarray:
+        """Return where torque, model and each column are among those of a joint, -1 for nowhere."""
+        b, ids = self.rows.X.shape[2], self.ids[j]
+        if len(self._places.get(j, ())) != 1 + b + self.rows.D.width:
+            where = np.full(1 + b + self.rows.D.width, -1)
+            where[np.r_[: 1 + b, 1 + b + ids]] = np.arange(1 + b + len(ids))
+            self._places[j] = where
+        return self._places[j]
+
+    def extend(self, rows: Rows) -> None:
+        """Take the rows with further columns, behind those that there are."""
+        before, self.rows = self.ids, rows
+        self.ids = [rows.D.columns(j) for j in range(rows.joints)]
+        b = rows.X.shape[2]
+        for (j, step), old in self._grams.items():
+            new = self.ids[j][len(before[j]) :]
+            if len(new):
+                A = self.whitened(j, step, self.ids[j])
+                cross = A.T @ A[:, 1 + b + len(before[j]) :]
+                k = len(old)
+                self._grams[j, step] = np.block([[old, cross[:k]], [cross[:k].T, cross[k:]]])
+
+
+def step_of(misfit: float, left: float) -> int:
+    """Return the step of a misfit, in factors of `STEP` of the noise; zero for none."""
+    if not misfit > LEAST * left > 0:
+        return 0
+    return max(1, 1 + round(float(np.log(misfit / (LEAST * left)) / np.log(STEP))))
+
+
+def _misfit(step: int, left: float) -> float:
+    return LEAST * left * STEP ** (step - 1) if step else 0.0
+
+
+def factor_of(G: Array) -> Array:
+    """Return F (r, m) with F'F the pseudo-inverse of products (m, m), whatever their units."""
+    if not len(G):
+        return np.empty((0, 0))
+    size = np.sqrt(np.maximum(np.diag(G), 1e-300))
+    values, vectors = np.linalg.eigh(G / np.outer(size, size))
+    seen = values > ROUNDING * max(float(values[-1]), 1e-300)
+    factor: Array = (vectors[:, seen] / np.sqrt(values[seen])).T / size
+    return factor
+
+
+class Evidence:
+    """What rows say of hypotheses, beside the model: each column over its typical value.
+
+    Parameters
+    ----------
+    products : Products
+    steps : (n,) int
+        Of the misfit of each joint.
+    weights : (n,)
+        Of each joint's products.
+    sizes : (c,)
+        Typical values.
+    """
+
+    def __init__(self, products: Products, steps: np.ndarray, weights: Array, sizes: Array) -> None:
+        self.products, self.steps, self.weights, self.sizes = products, steps, weights, sizes
+        rows = products.rows
+        b, width = rows.X.shape[2], rows.D.width
+        head, diagonal = np.zeros((1 + b, 1 + b + width)), np.zeros(1 + b + width)
+        for j, ids in enumerate(products.ids):
+            at, own = np.r_[: 1 + b, 1 + b + ids], weights[j] * products.gram(j, int(steps[j]))
+            head[:, at] += own[: 1 + b]
+            diagonal[at] += np.diag(own)
+        if rows.root is not None:
+            head[1:, 1 : 1 + b] += rows.root.T @ rows.root
+        self.factor = factor_of(head[1:, 1 : 1 + b])
+        self.C = self.factor @ head[1:, 1 + b :] * sizes
+        self.z = self.project(head[:, 0], head[0, 1 + b :])
+        #: Squares of columns, the model's share with them, and beside it.
+        self.own = diagonal[1 + b :] * sizes**2
+        self.left = self.own - (self.C**2).sum(0)
+        self._rows: dict[int, Array] = {}
+        self._blocks: dict[int, Array] = {}
+
+    def project(self, model: Array, columns: Array) -> Array:
+        """Return products of columns (c, …) with a torque beside the model, from (1 + b, …)."""
+        sizes = self.sizes.reshape(-1, *[1] * (columns.ndim - 1))
+        found: Array = columns * sizes - self.C.T @ (self.factor @ model[1:])
+        return found
+
+    def row(self, k: int) -> Array:
+        """Return the products of a column with all, beside the model, (c,)."""
+        if k not in self._rows:
+            products, b = self.products, self.products.rows.X.shape[2]
+            out = np.zeros(len(self.sizes))
+            for j, ids in enumerate(products.ids):
+                at = products.places(j)[1 + b + k]
+                if at >= 0:
+                    own = products.gram(j, int(self.steps[j]))[at]
+                    out[ids] += self.weights[j] * own[1 + b :]
+            out *= self.sizes * self.sizes[k]
+            self._rows[k] = out - self.C[:, k] @ self.C
+        return self._rows[k]
+
+    def among(self, several: np.ndarray) -> Array:
+        """Return the products of columns with one another, beside the model, (m, k, k)."""
+        products, b = self.products, self.products.rows.X.shape[2]
+        m, k = several.shape
+        out = np.zeros((m, k, k))
+        for j in range(products.rows.joints):
+            at = products.places(j)[1 + b + several]
+            here = np.flatnonzero((at >= 0).any(1))
+            at = at[here]
+            own = products.gram(j, int(self.steps[j]))[at[:, :, None], at[:, None]]
+            own *= (at >= 0)[:, :, None] & (at >= 0)[:, None]
+            out[here] += self.weights[j] * own
+        size = self.sizes[several]
+        C = self.C[:, several]
+        beside: Array = out * size[:, :, None] * size[:, None]
+        beside -= np.einsum("rmi,rmj->mij", C, C, optimize=True)
+        return beside
+
+    def log_bayes(self, at: Sequence[int]) -> float:
+        """Return the logarithm of the Bayes factor of columns over none of them."""
+        if not len(at):
+            return 0.0
+        some = list(at)
+        P = np.array([self.row(k)[some] for k in some])
+        L = np.linalg.cholesky(np.eye(len(some)) + 0.5 * (P + P.T))
+        u = np.linalg.solve(L, self.z[some])
+        return float(0.5 * u @ u - np.log(np.diag(L)).sum())
+
+    def volume(self, at: Sequence[int]) -> float:
+        """Return half the log-determinant by which a prior is wider than what data leave of it."""
+        some = list(at)
+        P = np.array([self.row(k)[some] for k in some]).reshape(len(some), len(some))
+        return 0.5 * float(np.linalg.slogdet(np.eye(len(some)) + 0.5 * (P + P.T))[1])
+
+    def gains(
+        self, rest: Sequence[int], options: Options, alias: float, z: Array | None = None
+    ) -> Array:
+        """Return the log Bayes factors of candidates beside some columns, (k,) or (k, T).
+
+        Minus infinity where less than a share `alias` of a candidate is outside of these.
+
+        Parameters
+        ----------
+        rest : sequence of int
+        options : Options
+        alias : float
+        z : (c, T), optional
+            Products with other torques than the measured one.
+        """
+        rest, z = list(rest), self.z if z is None else z
+        P = np.array([self.row(k) for k in rest]).reshape(len(rest), len(self.sizes))
+        L = np.linalg.cholesky(np.eye(len(rest)) + P[:, rest])
+        C = np.linalg.solve(L, P)
+        z = z - C.T @ np.linalg.solve(L, z[rest])
+        left = self.left - (C**2).sum(0)
+        out = np.full((options.count, *z.shape[1:]), -np.inf)
+        at = options.single
+        s, y = np.maximum(left[at], 0.0), z[at]
+        wide = s.reshape(-1, *[1] * (y.ndim - 1))
+        value = 0.5 * y**2 / (1 + wide) - 0.5 * np.log1p(wide)
+        signs = options.positive.reshape(wide.shape)
+        value = np.where(signs, value + np.log(2) + log_ndtr(y / np.sqrt(1 + wide)), value)
+        seen = (s > alias**2 * self.own[at]) & (self.own[at] > 0)
+        out[options.of_single[seen]] = value[seen]
+        for number, (of, several) in enumerate(options.several):
+            k = several.shape[1]
+            if number not in self._blocks or len(self._blocks[number]) != len(several):
+                self._blocks[number] = self.among(several)
+            own = C[:, several]
+            S = self._blocks[number] - np.einsum("rmi,rmj->mij", own, own, optimize=True)
+            L = np.linalg.cholesky(S + np.eye(k) * (1 + 1e-9 * np.maximum(
+                np.einsum("mii->m", S), 0.0)[:, None, None]))  # fmt: skip
+            u = np.linalg.solve(L, z[several].reshape(len(several), k, -1))
+            volume = np.log(np.einsum("mii->mi", L)).sum(1)
+            value = 0.5 * (u**2).sum(1) - volume[:, None]
+            visible = left[several].max(1) > alias**2 * self.own[several].max(1)
+            out[of[visible]] = value[visible].reshape(-1, *z.shape[1:])
+        return out
+
+
+def explain(P: Array, z: Array, own: Array, alias: float) -> tuple[float, int]:
+    """Return the squares of a torque that columns explain, and in how many directions.
+
+    Parameters
+    ----------
+    P : (k, k)
+        Products of the columns beside a model.
+    z : (k,)
+        Their products with the torque.
+    own : (k,)
+        Squares of the columns, the model's share with them.
+    alias : float
+        A direction of which less than this share is outside the model says nothing.
+    """
+    size = np.sqrt(np.maximum(own, 1e-300))
+    values, vectors = np.linalg.eigh(P / np.outer(size, size))
+    seen = values > alias**2
+    return float(np.sum((vectors[:, seen].T @ (z / size)) ** 2 / values[seen])), int(seen.sum())
+
+
+class Options:
+    """Where the columns of candidates are, those of one column apart."""
+
+    def __init__(self, candidates: Sequence[Candidate]) -> None:
+        self.count = len(candidates)
+        one = [k for k, c in enumerate(candidates) if len(c.columns) == 1]
+        self.of_single = np.array(one, int)
+        self.single = np.array([candidates[k].columns[0] for k in one], int)
+        self.positive = np.array([candidates[k].positive for k in one], bool)
+        widths: dict[int, list[int]] = {}
+        for k, c in enumerate(candidates):
+            if len(c.columns) > 1:
+                widths.setdefault(len(c.columns), []).append(k)
+        self.several = [
+            (np.array(of, int), np.array([candidates[k].columns for k in of], int))
+            for of in widths.values()
+        ]
 
 
 @frozen
-class Scores:
-    """Scores of candidates beside a model.
+class View:
+    """Rows weighed as one hypothesis leaves them: beside it others are compared.
 
     Attributes
     ----------
-    fit : (C,)
-        Fall of the negative logarithm of the (quasi-)likelihood.
-    data : (C,)
-        The same in units of simulated noise; -inf where a candidate leaves nothing.
-    null : (C, B)
-        What simulated noise reaches in these units.
+    products : Products
+        Of the fitted rows.
+    steps : (n,) int
+        Of the misfit of each joint.
+    tempered : (n,)
+        What each joint's information is divided by, one at least.
+    sizes : (c,)
+        Typical values of the columns.
     """
 
-    fit: Array
-    data: Array
-    null: Array
+    products: Products
+    steps: np.ndarray
+    tempered: Array
+    sizes: Array
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """What the rows say of hypotheses."""
+        return Evidence(self.products, self.steps, 1.0 / self.tempered, self.sizes)
+
+    def total(self, columns: Sequence[int], where: Products | None = None) -> Array:
+        """Return the products of torque, model and some columns, of these rows or of others."""
+        return (where or self.products).total(self.steps, 1.0 / self.tempered, columns)
+
+    def solve(self, columns: Sequence[int], ridge: Sequence[int]) -> tuple[Array, Array]:
+        """Return the values (b + k,) of the model with some columns, and their covariance.
+
+        Those of functions have a prior, without which they are anything where no data are; how wide
+        it is the data say [MacKay 1992].
+
+        Parameters
+        ----------
+        columns : sequence of int
+        ridge : sequence of int
+            Which function each of them belongs to, -1 for none.
+        """
+        G = self.total(columns)
+        y, G = G[1:, 0], G[1:, 1:]
+        size, of = self.sizes[list(columns)], np.array(ridge, int)
+        at = len(G) - len(size) + np.flatnonzero((of >= 0) & (size > 0))
+        size, of = size[at - len(G)], of[at - len(G)]
+        width = np.ones(len(at))
+        for _ in range(WIDTHS if len(at) else 1):
+            beside = G.copy()
+            beside[at, at] += 1 / (width * size) ** 2
+            F = factor_of(beside)
+            covariance: Array = F.T @ F
+            value: Array = covariance @ y
+            for k in set(of.tolist()):
+                own = of == k
+                here, w = at[own], float(width[own][0])
+                known = np.sum(1.0 - np.diag(covariance)[here] / (w * size[own]) ** 2)
+                square = np.sum((value[here] / size[own]) ** 2)
+                width[own] = np.clip(np.sqrt(square / max(float(known), 1e-9)), *WIDEST)
+        return value, covariance
 
 
-def score_candidates(
-    white: Whitened, Q: Array, candidates: Sequence[Candidate], *, null: bool = True
-) -> Scores:
-    """Return the scores of candidates beside a model with the orthonormal basis Q (R, m)."""
-    targets = np.column_stack([white.y, white.scale, *([white.noise] if null else [])])
-    targets, draws = project_out(Q, targets), white.scale.shape[1]
-    D = white.D
-    if not isinstance(D, Stacked):
-        D = Stacked((Block(np.arange(D.shape[1]), D),), D.shape[1])
-    scores = _score(D, Q, targets, draws, candidates)
-    return Scores(scores[:, 0], scores[:, 1], scores[:, 2:])
+def tempering(errors: Sequence[Array], fitted: float) -> Array:
+    """Return what divides each joint's information: what it leaves above its noise, (n,).
 
-
-def _score(
-    D: Stacked, Q: Array, targets: Array, draws: int, candidates: Sequence[Candidate]
-) -> Array:
-    """Return fit, data and null (C, 2 + B) of candidates beside the span of Q.
-
-    Products of columns are all it takes: over the rows of all joints these are far larger.
+    Parameters
+    ----------
+    errors : sequence of (R,)
+        Whitened, of each joint.
+    fitted : float
+        Values that were fitted, as a share of the joints.
     """
-    at = [k for c in candidates for k in c.columns]
-    length = D.lengths[at]
-    there = length > 0
-    length = np.where(there, length, 1.0)
-    products = D.times(at, np.column_stack([Q, targets])) / length[:, None]
-    inside, z = products[:, : Q.shape[1]], products[:, Q.shape[1] :]
-    left = np.sqrt(np.maximum(there - np.sum(inside**2, axis=1), 0.0))
-    widths = np.array([len(c.columns) for c in candidates], int)
-    positive = np.array([c.positive for c in candidates], bool)
-    first = np.cumsum(widths) - widths
-    seen = np.maximum.reduceat(left, first) > NEGLIGIBLE
-    scores = np.full((len(candidates), targets.shape[1] - draws + 1), -np.inf)
-    one = np.flatnonzero(seen & (widths == 1))
-    levels = z[first[one]] / left[first[one], None]
-    scores[one] = _score_single(_in_units(levels, draws), positive[one])
-    for k in np.flatnonzero(seen & (widths > 1)).tolist():
-        part, c = slice(first[k], first[k] + widths[k]), candidates[k]
-        G = D.gram(at[part]) / np.outer(length[part], length[part])
-        G -= inside[part] @ inside[part].T
-        if c.family.unnamed and is_smooth(c):
-            directions, counts = straight_first(c, G, length[part])
-            scores[k] = score_straight(_in_units(directions.T @ z[part], draws), counts)
-        else:
-            scores[k] = _score_group(G, z[part], draws, positive=bool(positive[k]))
-    return scores
-
-
-def _in_units(w: Array, draws: int) -> Array:
-    """Return w (K, 1 + draws + B) as: data, data in units of the draws, the rest in these units."""
-    unit = np.sqrt(np.mean(w[:, 1 : 1 + draws] ** 2, axis=1, keepdims=True)) if draws else 1.0
-    return np.column_stack([w[:, :1], w[:, :1] / unit, w[:, 1 + draws :] / unit])
-
-
-def _score_single(z: Array, positive: np.ndarray) -> Array:
-    """Return scores (K, T) of standardised levels; a forbidden sign scores nothing."""
-    one_sided = np.where(z > 0, -log_ndtr(-z), 0.0)
-    two_sided = -(np.log(2.0) + log_ndtr(-np.abs(z)))
-    scores: Array = np.where(positive[:, None], one_sided, two_sided)
-    return scores
-
-
-def _score_group(G: Array, z: Array, draws: int, *, positive: bool) -> Array:
-    """Return scores (2 + B,) of several columns U together from ``UᵀU`` and ``Uᵀ targets``."""
-    values, vectors = np.linalg.eigh(G)
-    used = values > NEGLIGIBLE**2
-    half = vectors[:, used] / np.sqrt(values[used])
-    units = _in_units(half.T @ z, draws)
-    if positive and used.all():
-        # Back to the columns, where a sign means something, and out with forbidden ones.
-        size = _squares_positive(np.linalg.inv(half @ half.T), np.linalg.inv(half.T) @ units)
-    else:
-        size = (units**2).sum(0)
-    return -log_tail(size, int(used.sum()))
-
-
-def _squares_positive(G: Array, z: Array) -> Array:
-    """Return the explained squares ``zᵀ G⁻¹ z`` (T,) with columns of negative level left out."""
-    level = np.linalg.solve(G, z)
-    size: Array = (level * z).sum(0)
-    used = level > 0
-    at = np.flatnonzero(~used.all(0))
-    for _ in range(2):
-        own = used[:, at].T
-        # Left out are the equations of a column, too: its level is zero.
-        both, right = own[:, :, None] & own[:, None, :], np.where(own, z[:, at].T, 0.0)
-        left = np.linalg.solve(np.where(both, G, np.eye(len(G))), right[:, :, None])[:, :, 0]
-        size[at] = (left * right).sum(1)
-        used[:, at] = (left > 0).T
-        at = at[(own != used[:, at].T).any(1)]
-    return size
+    out = np.ones(len(errors))
+    for j, e in enumerate(errors):
+        if len(e) < 3 or not (square := float(e @ e)) > 0:
+            continue
+        excess = square / max(len(e) - fitted, len(e) / 3)
+        lag = float(np.clip(e[1:] @ e[:-1] / square, 0.0, LARGEST_LAG))
+        out[j] = max(1.0, excess * ((1 + lag) / (1 - lag) if excess > USUAL else 1.0))
+    return out

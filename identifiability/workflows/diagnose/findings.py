@@ -3,6 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import field
 from functools import cached_property
+from typing import Literal
+
+import numpy as np
 
 from identifiability.effects import Effect, title_of
 from identifiability.foundation.names import Array
@@ -13,14 +16,74 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.gap import Gap
-from identifiability.workflows.diagnose.gates import Nearest, Step, Survival
-from identifiability.workflows.diagnose.lookalikes import Alias, Rival
-from identifiability.workflows.diagnose.material import Setting
+from identifiability.workflows.diagnose.problem import Alias, Setting
 from identifiability.workflows.diagnose.residual import Discrepancy, Remainder
 from identifiability.workflows.diagnose.rows import Refusal
-from identifiability.workflows.diagnose.shown import UNASKED, Both, Shown
-from identifiability.workflows.diagnose.turns import Turn
+from identifiability.workflows.diagnose.search import Step
 from identifiability.workflows.gravity import Leaning
+
+
+@frozen
+class Rival:
+    """Another name for the same rows.
+
+    Attributes
+    ----------
+    family, place : str
+    similarity : float
+        Largest canonical correlation with what was named, beside the rest of the model.
+    undecided : bool
+        Whether it is among the likeliest names that together are as sure as a name must be.
+    contains : bool
+        Whether it can be all in this motion that what was named can be.
+    weight : float
+        Its posterior probability among the names for these rows.
+    """
+
+    family: str
+    place: str
+    similarity: float
+    undecided: bool
+    contains: bool = False
+    weight: float = 0.0
+
+
+@frozen
+class Nearest:
+    """A name beside a function without one.
+
+    Attributes
+    ----------
+    title : str
+    worse : float
+        By how much unseen motion is predicted worse with it in the function's stead, as a share.
+    """
+
+    title: str
+    worse: float
+
+
+@frozen
+class Shown:
+    """What unseen motion shows of an effect at the joints where it is.
+
+    Attributes
+    ----------
+    before, after : float
+        Error over each of these joints' own scale, without and with the effect.
+    interval : (float, float)
+        95 % of the change.
+    expected : float
+        The change that an effect of the fitted size would bring; zero or less.
+    odds : float [nat]
+        Logarithm of the predictive likelihood ratio, with the effect over without.
+    """
+
+    before: float
+    after: float
+    interval: tuple[float, float]
+    expected: float
+    odds: float = 0.0
 
 
 @frozen
@@ -33,19 +96,24 @@ class Placement:
     shape : float
         nan for families without one.
     p_value : float
-        Family-wise, at the step that named it; of what is in doubt that of both motions.
+        Share of simulated noises in which anything is as likely, an upper bound where none is.
     parameters, units : tuple of str
     values, errors : (k,)
         Generalised least squares, with standard errors.
     rms : float [N·m or N]
         Of the torque that it adds at the joint where it is largest.
     rivals : tuple of Rival
-    stress : tuple of Survival
     open : tuple of str
         Parameters that the motion determines together with others only: their values are the
         smallest of many.
-    strength : float
-        Its size in standard errors of that.
+    weight : float
+        Its posterior probability among the names for these rows.
+    odds : float [nat]
+        Log odds for it on the fitted motion.
+    scatter : float
+        How much more its scores scatter from block to block than noise lets them.
+    prior : (k,)
+        Standard deviation that its parameters have beforehand, of functions alone.
     """
 
     place: str
@@ -57,20 +125,17 @@ class Placement:
     errors: Array
     rms: float
     rivals: tuple[Rival, ...]
-    stress: tuple[Survival, ...]
     open: tuple[str, ...] = ()
-    strength: float = float("inf")
+    weight: float = 1.0
+    odds: float = float("nan")
+    scatter: float = 1.0
+    prior: Array = field(default_factory=lambda: np.empty(0))
 
     @property
     def rows(self) -> list[tuple[str, float, float, str]]:
         """Name, value, standard error and unit of each parameter."""
         values, errors = self.values.tolist(), self.errors.tolist()
         return list(zip(self.parameters, values, errors, self.units, strict=True))
-
-    @property
-    def fragile(self) -> tuple[str, ...]:
-        """Variations of the motion that the effect does not survive."""
-        return tuple(s.variation for s in self.stress if not s.survived)
 
 
 @frozen
@@ -115,12 +180,12 @@ class NamedEffect:
         The same at the joints where it is: elsewhere other errors may hide it.
     real : (float, float)
         The same where every fit is a real robot; nan without bodies or with values that are kept.
-    unnamed, rare : bool
-        Whether it has no name; whether it has none or is of a family of the second pass.
+    unnamed : bool
+        Whether it is a function without a name.
     nearest : tuple of Nearest
-        Names that were refused in its stead.
-    both : Both
-        What fitted and unseen motion say of it beside all else that was named.
+        Names in the stead of such a function.
+    why : str
+        What refuted it, of what was.
     leaning : Leaning or None
         Where gravity points, if it is a tilted base.
     """
@@ -137,39 +202,32 @@ class NamedEffect:
     shown: Shown
     real: tuple[float, float] = (float("nan"), float("nan"))
     unnamed: bool = False
-    rare: bool = False
     nearest: tuple[Nearest, ...] = ()
-    both: Both = UNASKED
+    why: str = ""
     leaning: Leaning | None = None
 
     @property
     def confirmed(self) -> bool:
-        """Whether the motion that verifies surely has less error with it, where it is or in all."""
-        worse = self.joints_interval[0] > 0 or self.shown.interval[0] > 0
-        return not worse and (self.joints_interval[1] < 0 or self.shown.better)
+        """Whether the error of its joints surely falls on unseen motion."""
+        return self.shown.interval[1] < 0
 
     @property
-    def refuted(self) -> bool:
-        """Whether the motion that verifies contradicts it.
-
-        It surely has more error with it, or what is shown where it is contradicts it, unless the
-        effect is surely there beside noise so slow that the error rises with it; or noise makes the
-        like too often, or nothing there speaks for it. What is in doubt must be likely, alike and
-        beside noise; what is rare be confirmed by motion that can; a function by any, or be likely.
-        """
-        if self.doubted and not (self.both.within_noise and self.both.likely and self.shown.alike):
-            return True
-        if self.confirmed or self.both.unlikely or self.both.opposes(self.shown):
-            return not self.confirmed
-        likely = self.both.likely and self.shown.after <= self.shown.before
-        needed = not likely if self.unnamed else self.rare and self.shown.telling
-        against = self.joints_interval[0] > 0 or self.shown.contradicts
-        return needed or (against and not self.shown.there)
+    def weight(self) -> float:
+        """How sure the name is: the least posterior probability over its places."""
+        return min(p.weight for p in self.placements)
 
     @property
-    def doubted(self) -> bool:
-        """Whether the fitted motion alone would not have given it: then it takes both motions."""
-        return not self.unnamed and self.both.p_value > self.both.level
+    def sure(self) -> float:
+        """How sure the name is together with those that it cannot be told from."""
+        return min(p.weight + sum(r.weight for r in p.rivals if r.undecided)
+                   for p in self.placements)  # fmt: skip
+
+    def weight_of(self, family: str) -> float:
+        """Return the least posterior probability of a family over the places of the effect."""
+        if family == self.name:
+            return self.weight
+        return min(sum(r.weight for r in p.rivals if (r.family, r.place) == (family, p.place))
+                   for p in self.placements)  # fmt: skip
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -178,9 +236,7 @@ class NamedEffect:
 
     @property
     def p_value(self) -> float:
-        """The largest over its places; of both motions where the fitted one leaves it in doubt."""
-        if self.doubted:
-            return min(self.both.chance, 1.0)
+        """The largest over its places."""
         return max(p.p_value for p in self.placements)
 
     @cached_property
@@ -237,6 +293,36 @@ class Verified:
     real_after: float
 
 
+Outcome = Literal["decided", "kept", "open", "gone"]
+
+
+@frozen
+class Turn:
+    """What became of a name.
+
+    Attributes
+    ----------
+    before, after : str
+        In words; empty where it went.
+    outcome : {"decided", "kept", "open", "gone"}
+    """
+
+    before: str
+    after: str
+    outcome: Outcome
+
+    @property
+    def text(self) -> str:
+        """One sentence."""
+        ends = {
+            "decided": f"is {self.after}",
+            "kept": "stays",
+            "open": f"is {self.after}: still open",
+            "gone": "is not named any more",
+        }
+        return f"{self.before[0].upper()}{self.before[1:]} {ends[self.outcome]}."
+
+
 @frozen(kw_only=True)
 class Findings(Setting, Verified):
     """Where model and data disagree, what is missing, and what adding it does.
@@ -244,8 +330,8 @@ class Findings(Setting, Verified):
     Attributes
     ----------
     refuted : tuple of NamedEffect
-        What the fitted motion named and the motion that verifies surely contradicts, each beside
-        what was named then; in no model.
+        What the fitted motion named and unseen motion refuted, each beside what was named at the
+        end; in no model.
     interval : (float, float)
         95 % of the change on unseen motion.
     discrepancies, discrepancies_after : tuple of Discrepancy

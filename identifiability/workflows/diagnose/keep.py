@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.effects import find_family
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.prediction import Spread, measure_spread, predict
@@ -16,14 +15,6 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import full_rung
 from identifiability.workflows.diagnose.findings import Findings
-from identifiability.workflows.diagnose.smooth import (
-    ORDER,
-    Curves,
-    list_bends,
-    solve_with,
-    unit_of,
-    weigh_bends,
-)
 from identifiability.workflows.predict.fit import Fit, settled
 
 
@@ -62,15 +53,14 @@ def keep_completed(d: Findings) -> Fit:
 
 
 def _smooth_values(d: Findings, information: Information, free: Estimate) -> Array:
-    """Return the base parameters of the data, with curves as smooth as in the diagnosis, (b,)."""
-    places = [
-        (p, family.effect.curves_apart)
+    """Return the base parameters of the data, functions with the prior of the diagnosis, (b,)."""
+    prior = {
+        name: sd
         for e in d.effects
-        if (family := find_family(e.name)).flexible
         for p in e.placements
-        if 0 < ORDER * family.effect.curves_apart < len(p.parameters)
-    ]
-    if not places:
+        for name, sd in zip(p.parameters, p.prior.tolist(), strict=False)
+    }
+    if not prior:
         return free.value
     last = {name: k for k, name in enumerate(d.completed.columns)}
     # In the parameters of the diagnosis: its base parameters, and those of what it named.
@@ -80,15 +70,17 @@ def _smooth_values(d: Findings, information: Information, free: Estimate) -> Arr
     phi = np.zeros((len(d.completed.columns), first + len(added)))
     phi[_first(d), :first] = standard
     phi[added, range(first, phi.shape[1])] = 1.0
-    curves = [
-        Curves([first + added.index(last[name]) for name in p.parameters], apart)
-        for p, apart in places
-    ]
     base: Array = d.completed.G @ phi
-    F = free.estimator.loss(information, free) / unit_of(free)
-    F = np.column_stack([F[:, :-1] @ base, F[:, -1]])
-    straight = weigh_bends(F, list_bends(curves, base.shape[1]))
-    values: Array = base @ solve_with(F, straight)
+    unit = float(np.sqrt(np.mean(free.variance * free.times * free.weights))) or 1.0
+    F = free.estimator.loss(information, free) / unit
+    at = {name: first + added.index(last[name]) for name in prior}
+    ridge = np.zeros((len(prior), base.shape[1] + 1))
+    for row, (name, sd) in enumerate(prior.items()):
+        ridge[row, at[name]] = 1.0 / sd if sd > 0 else 0.0
+    A = np.concatenate([np.column_stack([F[:, :-1] @ base, F[:, -1]]), ridge])
+    length = np.linalg.norm(A[:, :-1], axis=0)
+    length = np.where(length > 0, length, 1.0)
+    values: Array = base @ (np.linalg.lstsq(A[:, :-1] / length, A[:, -1], rcond=1e-9)[0] / length)
     return values
 
 

@@ -1,8 +1,8 @@
 """The motion of a diagnosis: what is fitted, what chooses, what verifies, and how much of it.
 
-An error that was minimised, be it by a fit or by the choice of a name, is no evidence. The motion
-on which the gap is quoted therefore does neither. Whole logs are kept apart where there are
-enough; else a log is divided into stretches of time, with a pause between that nobody looks at.
+An error that was minimised is no evidence: the motion on which the gap is quoted is not fitted.
+Whole logs are kept apart where there are enough; else a log is divided into stretches of time, with
+a pause between that nobody looks at.
 A diagnosis asks few rows many questions, so long logs are looked at in evenly spaced stretches.
 """
 
@@ -13,6 +13,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.values import frozen
@@ -26,10 +27,6 @@ from identifiability.logs.repeats import Recording
 from identifiability.logs.spectrum import HIGHEST, LOWEST_CUTOFF, WIDE, bandwidth_of_windows
 from identifiability.robot import Robot
 
-#: Stretches that a held-out log is divided into, in turn to choose and to verify.
-TURNS = 4
-#: A new log in two.
-HALVES = (0.0, 0.5, 1.0)
 #: What follows the name of a log in that of a part of it.
 PART = ", part "
 #: Share of a log that verifies where there is no other.
@@ -42,6 +39,10 @@ LEAST = 100
 #: are thinned to stretches.
 MOST_SAMPLES, MOST_IN_ALL = 6000, 8000
 STRETCH = 300
+#: Periods of the cut-off on each side of a reversal in which its time is not known: half of the
+#: main lobe of the low-pass. Twice as many cost half of the laws of friction near zero speed, half
+#: as many left names to robots that stick.
+BLUR = 0.25
 #: Samples of a long log that are read for each of these: of one that is logged far faster than the
 #: robot moves fewer are looked at, so that neither time nor memory grow without end.
 READ = 40
@@ -55,28 +56,22 @@ class Roles:
     ----------
     fit : tuple of Log
         What the model is fitted to and the evidence is from.
-    choose : tuple of Log
-        What judges during the search; none where fitted motion is left out in turn.
     verify : tuple of Log
-        What the gap is measured on, and nothing else.
-    chosen_by, verified_on : str
-        Both in words, to follow "chosen" and "on".
+        What may refute a name, and what the gap is measured on.
+    verified_on : str
+        In words, to follow "on".
     """
 
     fit: tuple[Recording, ...]
-    choose: tuple[Recording, ...]
     verify: tuple[Recording, ...]
-    chosen_by: str
     verified_on: str
 
 
 def assign_roles(logs: Sequence[Recording], validate: Sequence[Recording]) -> Roles:
     """Return the roles of fitted and held-out logs.
 
-    Several fitted logs choose by leaving one out in turn, and every held-out log verifies. A
-    single fitted log needs help to choose: of several held-out logs the first one chooses, a
-    single one is divided. Without held-out logs the last log is set aside, or the last part of
-    the only one.
+    Every held-out log verifies. Without any the last log is set aside, or the last part of the
+    only one.
 
     Parameters
     ----------
@@ -95,21 +90,8 @@ def assign_roles(logs: Sequence[Recording], validate: Sequence[Recording]) -> Ro
     if not validate:
         *logs, last = logs
         validate, aside = [last], ", which was set aside"
-    choose, verify, chosen_by = [], validate, "by leaving out one fitted log at a time"
     verified_on = f"{join([log.name for log in validate])}{aside}"
-    if len(logs) == 1 and len(validate) > 1:
-        choose, verify = validate[:1], validate[1:]
-        chosen_by = f"on {validate[0].name}"
-        verified_on = join([log.name for log in verify])
-    elif len(logs) == 1 and len(validate[0]) < TURNS * LEAST:
-        chosen_by = "by leaving out one stretch of the fitted log at a time"
-    elif len(logs) == 1:
-        parts = divide(validate[0], np.linspace(0, 1, TURNS + 1))
-        choose, verify = parts[::2], parts[1::2]
-        odd, even = (join([str(k + 1) for k in range(start, TURNS, 2)]) for start in (0, 1))
-        chosen_by = f"on quarters {odd} of {validate[0].name}"
-        verified_on = f"quarters {even} of {verified_on}"
-    return Roles(tuple(logs), tuple(choose), tuple(verify), chosen_by, verified_on)
+    return Roles(tuple(logs), tuple(validate), verified_on)
 
 
 def _one_log(log: Recording) -> Roles:
@@ -119,9 +101,8 @@ def _one_log(log: Recording) -> Roles:
             f"them on another; give a log of at least {LEAST / LAST:.0f} samples, or a second one."
         )
     fit, verify = divide(log, [0, 1 - LAST, 1])
-    chosen_by = "by leaving out one stretch of the fitted motion at a time"
     verified_on = f"the last {100 * LAST:.0f} % of {log.name}, set aside"
-    return Roles((fit,), (), (verify,), chosen_by, verified_on)
+    return Roles((fit,), (verify,), verified_on)
 
 
 def divide(log: Recording, edges: Sequence[float] | np.ndarray) -> list[Recording]:
@@ -137,25 +118,6 @@ def divide(log: Recording, edges: Sequence[float] | np.ndarray) -> list[Recordin
         last = int(high - (pause if high < n else 0))
         out.append(log.cut(first, last, f"{log.name}{PART}{k + 1}"))
     return out
-
-
-def halve_new(logs: Sequence[Recording], known: Sequence[str]) -> list[Recording]:
-    """Return logs in which a new one, the only one that is not known, is divided into halves.
-
-    What only it shows could not be predicted from the others, and would be refused: so one half of
-    it judges the other.
-
-    Parameters
-    ----------
-    logs : sequence of Log
-    known : sequence of str
-        Names of logs, or of parts of them, that were fitted before.
-    """
-    before = {name.partition(PART)[0] for name in known}
-    new = [log for log in logs if log.name not in before]
-    if len(new) != 1 or len(new[0]) < 2 * LEAST:
-        return list(logs)
-    return [part for log in logs for part in (divide(log, HALVES) if log in new else [log])]
 
 
 def join(names: Sequence[str]) -> str:
@@ -196,6 +158,26 @@ def prepare_rows(
             factor -= 1
         how = Preparation(decimate=max(factor, 1))
     return prepare_thin(robot, log, how or Preparation(), most=most)
+
+
+def without_crossings(samples: Samples) -> Samples:
+    """Return samples in which the torque of a joint is no data while its speed crosses zero.
+
+    When dry friction turns is known no better than the low-pass of the motion lets it, and a joint
+    that sticks for that long cannot be told from one that does not. A few such rows, tens of
+    standard errors off, would speak for whatever bends there. Where no joint ever stands friction
+    does not stick, and all rows are data.
+    """
+    if samples.dwells is None or not samples.dwells.any():
+        return samples
+    motion = samples.motion
+    v = motion.actuated_v
+    step = signals.sampling_step(motion.t)
+    reach = 1 if samples.cutoff is None else int(np.ceil(BLUR / (samples.cutoff * step)))
+    turns = np.zeros(v.shape, bool)
+    turns[:-1] = np.signbit(v[:-1]) != np.signbit(v[1:])
+    near = maximum_filter1d(turns, 2 * reach + 1, axis=0)
+    return replace(samples, dwells=samples.dwells | near)
 
 
 def thin(samples: Samples, most: int = MOST_SAMPLES) -> Samples:

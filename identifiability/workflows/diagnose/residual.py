@@ -9,22 +9,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
 
 from identifiability.estimation.noise import autocorrelation_time
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.workflows.diagnose.evidence import NEGLIGIBLE, Whitened
-from identifiability.workflows.diagnose.leftover import Left
-from identifiability.workflows.diagnose.rows import Candidate, Rows
-from identifiability.workflows.diagnose.spans import project_out
+from identifiability.workflows.diagnose.rows import Rows
 
 #: Bins in which the residual is averaged.
 BINS = 12
 #: A joint is near a reversal below this share of its rms speed.
 NEAR = 0.15
-#: Quantile of the normal distribution for a power of 80 %.
-POWER = 0.8416
 
 
 @frozen
@@ -95,6 +89,22 @@ def explained_share(x: Array, r: Array) -> float:
 
 
 @frozen
+class Left:
+    """What functions without a name still explain in a joint.
+
+    Attributes
+    ----------
+    share : float
+        Of what is left of the whitened rows, beyond what noise gives.
+    p_value : float
+        That they explain no more than noise does, after Bonferroni's correction.
+    """
+
+    share: float
+    p_value: float
+
+
+@frozen
 class Remainder:
     """What no effect explains.
 
@@ -106,37 +116,9 @@ class Remainder:
         Smallest effect that is named in four of five logs, its rms as a share of the residual's,
         at the place where it is seen best.
     joints : tuple of Left or None, (n,)
-        What functions without a name still explain in each joint; None where too few rows are
-        there to say.
+        What functions without a name still explain in each joint; None where nothing can be said.
     """
 
     rms: Array
     detectable: dict[str, float]
     joints: tuple[Left | None, ...]
-
-
-def smallest_sizes(
-    rows: Rows,
-    white: Whitened,
-    chosen: Sequence[Candidate],
-    candidates: Sequence[Candidate],
-    critical: float,
-    rms: Array,
-) -> dict[str, float]:
-    """Return the smallest nameable effect of each family as a share of the residual."""
-    Q = white.basis(chosen)
-    reach = float(stats.norm.isf(np.exp(-critical))) + POWER
-    taken = {c.group for c in chosen}
-    out: dict[str, float] = {}
-    every = rows.D.rms()
-    for c in candidates:
-        if c.group in taken:
-            continue
-        at = list(c.columns)
-        left = np.linalg.norm(project_out(Q, white.D[:, at]), axis=0)
-        size = every[:, at]
-        for k, joint in enumerate(np.argmax(size, axis=0)):
-            if left[k] > NEGLIGIBLE * float(np.linalg.norm(white.D[:, at[k]])):
-                share = float(reach / left[k] * size[joint, k] / rms[joint])
-                out[c.family.name] = min(out.get(c.family.name, np.inf), share)
-    return out

@@ -20,8 +20,7 @@ from identifiability.workflows.diagnose.findings import Findings, NamedEffect
 from identifiability.workflows.diagnose.forward import ForwardGap, compare_forward
 from identifiability.workflows.diagnose.keep import keep_completed
 from identifiability.workflows.diagnose.real_robot import nearest_dict, real_robot
-from identifiability.workflows.diagnose.words import state
-from identifiability.workflows.diagnose.words_of_rest import state_remainder
+from identifiability.workflows.diagnose.words import state, state_remainder
 from identifiability.workflows.predict import Fit, Predicts
 
 if TYPE_CHECKING:
@@ -126,7 +125,7 @@ class Diagnosis(Result, Findings, Predicts):
         return pd.DataFrame(columns)
 
     def evidence_frame(self) -> pd.DataFrame:
-        """Return the score of every family and place at every step (family-wise limit last)."""
+        """Return the log odds of every family and place at every step."""
         steps = {
             f"step {k + 1}": {f"{f} {p}".strip(): s for (f, p), s in step.evidence.items()}
             for k, step in enumerate(self.steps)
@@ -215,13 +214,16 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
         "joints_change_interval95": "joints_interval",
     }
     return {
-        **pick(e, "joints", "p_value", "confirmed", effect="name", **verified),
+        **pick(e, "joints", "p_value", "weight", "confirmed", effect="name", **verified),
         "error_ra_real_before": e.real[0],
         "error_ra_real_after": e.real[1],
-        "shown": pick(e.shown, "before", "after", "expected", change_interval95="interval"),
+        "shown": pick(
+            e.shown, "before", "after", "expected", change_interval95="interval", log_odds="odds"
+        ),
         "unnamed": e.unnamed,
         "nearest": [pick(n, "worse", effect="title") for n in e.nearest],
         **({} if e.leaning is None else {"gravity": e.leaning.to_dict()}),
+        **({"why": e.why} if e.why else {}),
         "or": list(e.alternatives),
         "confusable_with": [
             {"effect": name, "similarity": similarity}
@@ -230,12 +232,15 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
         ],
         "places": [
             {
-                **pick(p, "shape", "p_value", "rms", "fragile", joint="place"),
+                **pick(p, "shape", "p_value", "rms", "weight", "scatter", joint="place"),
+                "log_odds": p.odds,
+                "or": [{"effect": r.family, "joint": r.place, "weight": r.weight}
+                       for r in p.rivals if r.undecided],
                 "parameters": {name: value for name, value, *_ in p.rows},
             }
             for p in e.placements
         ],
-    }
+    }  # fmt: skip
 
 
 def simulate_forward(d: Findings, rng: np.random.Generator) -> ForwardGap:

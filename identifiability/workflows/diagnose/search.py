@@ -1,190 +1,282 @@
-"""`Search`: from logs that are ready to findings: three passes of naming, stress, verdict."""
+"""The search for what is missing: a beam of hypotheses, and moves from each to its neighbours.
+
+Hypotheses are compared beside the rows as the best of them leaves these. Moves are: add, drop, swap
+(another family in the place of one), join (one part in the stead of all that act where it does, or
+a family in all of its places), refine (a shape between those of the grid). A function without a
+name and the nearest name are swapped for one another like any two.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import TypeVar
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from identifiability.effects import find_families
-from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Preparation, Samples
-from identifiability.logs.repeats import Recording
-from identifiability.workflows.diagnose.complete import keep_complete, keep_one_way
-from identifiability.workflows.diagnose.conclude import conclude
-from identifiability.workflows.diagnose.doubted import name_doubted
-from identifiability.workflows.diagnose.finer import find_finer
-from identifiability.workflows.diagnose.gates import Naming
-from identifiability.workflows.diagnose.give_back import give_back, list_preferred, with_denied
-from identifiability.workflows.diagnose.goes_on import Earlier
-from identifiability.workflows.diagnose.in_bodies import keep_off_bodies
-from identifiability.workflows.diagnose.in_its_stead import keep_unbeaten
-from identifiability.workflows.diagnose.late import early, name_late
-from identifiability.workflows.diagnose.material import Material, Setting, gather
-from identifiability.workflows.diagnose.naming import Say, name_effects
-from identifiability.workflows.diagnose.odd_log import OddLog, still_odd
-from identifiability.workflows.diagnose.result import Diagnosis
+from identifiability.foundation.names import Array
+from identifiability.workflows.diagnose.evidence import View
+from identifiability.workflows.diagnose.hypothesis import Catalogue, Group, Hypothesis
+from identifiability.workflows.diagnose.problem import Problem
 from identifiability.workflows.diagnose.rows import Candidate
-from identifiability.workflows.diagnose.stand_ins import keep_no_stand_ins
-from identifiability.workflows.diagnose.stress import stress_named
-from identifiability.workflows.diagnose.unnamed import name_unnamed
 
-T = TypeVar("T")
+#: Shapes that are tried on each side of one, as shares of the way to its neighbours, and rounds: a
+#: sixteenth of a step of the grid is left.
+BETWEEN, ROUNDS = (0.25, 0.5, 0.75), 2
+
+Say = Callable[[str, float], None]
 
 
-@frozen
-class Search:
-    """How effects are looked for in some logs.
+@dataclass
+class Step:
+    """One step of the search.
 
     Attributes
     ----------
-    logs : tuple of Log or LogFile
-        As they were measured, one for each of the setting's fitted samples.
-    choose : tuple of Samples
-        What judges while names are chosen; none to leave out fitted motion in turn.
-    how : Preparation or None
-        How derivatives are made.
-    effects : tuple of str or None
-        Families that may be named.
-    draws : int
-        Simulated noises.
-    streams : tuple of numpy.random.Generator
-    say : callable(str, float)
-    earlier : Earlier or None
-        A diagnosis that is gone on from.
+    evidence : mapping of (family, place) to float [nat]
+        Log odds of each beside what was there, prices included.
+    critical : float [nat]
+        Log odds from which on a name is stated.
+    best : (family, place)
+        What came.
+    p_value : float
+        Share of simulated noises in which anything has as much; an upper bound where none has.
+    gain : float
+        Relative fall of the error of its joints on unseen motion; nan where not asked.
+    accepted : bool
+        Whether it is there at the end.
+    reason : str
     """
 
-    logs: tuple[Recording, ...]
-    choose: tuple[Samples, ...]
-    how: Preparation | None
-    effects: tuple[str, ...] | None
-    draws: int
-    streams: tuple[np.random.Generator, ...]
-    say: Say
-    earlier: Earlier | None = None
+    evidence: dict[Group, float]
+    critical: float
+    best: Group
+    p_value: float
+    gain: float = float("nan")
+    accepted: bool = False
+    reason: str = ""
 
-    def run(self, setting: Setting) -> Diagnosis:
-        """Name what is missing, add it, verify."""
-        say, streams = self.say, self.streams
-        told = () if self.earlier is None else self.earlier.families
-        effects = None if self.effects is None else list(dict.fromkeys((*self.effects, *told)))
-        first = [f.name for f in early(find_families(effects))]
-        m = gather(setting, self.choose, streams[0], dict.fromkeys((*first, *told)), self.draws)
-        naming = self._name_first(m, first)
-        finer = find_finer(m, naming.chosen)
-        if finer:
-            # From the beginning: what stands out does so among all shapes, and a rival whose grid
-            # lay better must not have been there first.
-            m = m.finer(finer)
-            naming = self._name_first(m, first)
-        if self.earlier is not None:
-            naming = replace(naming, p_values={**self.earlier.p_values, **naming.p_values})
-        # What resembles the missing effect makes room for it before the next pass.
-        complete, elsewhere = _keep_told(m, naming)
-        refused = [*_lost(naming, complete), *naming.refused]
-        m, late = name_late(m, complete, streams[4], effects, self.draws, say, refused)
-        naming, besides = _keep_told(m, late)
-        denied = [*refused, *_lost(late, naming)]
-        functions = () if self.earlier is None else self.earlier.functions
-        m, naming = name_unnamed(m, naming, streams[5], effects, self.draws, say, functions)
-        naming = with_denied(naming, denied, m, {*elsewhere, *besides})
-        if not naming.chosen:
-            naming = self._name_doubted(m, naming)
-        found = self._verify(m, naming)
-        if self.earlier is None:
-            return found
-        turns, error = self.earlier.turns(found), self.earlier.error
-        return replace(found, earlier=self.earlier.source, earlier_error=error, turns=turns)
 
-    def _verify(self, m: Material, naming: Naming) -> Diagnosis:
-        """Return what is left once motion was made anew and unseen motion was asked."""
-        self.say("changing the preparation", 0.8)
-        stressed = stress_named(m, naming, self.logs, self.how, self.streams[1])
-        self.say("verifying", 0.9)
-        found = conclude(m, stressed, self.streams[2])
-        kept = {(e.name, place) for e in found.effects for place in e.joints}
-        left = replace(naming, chosen=tuple(c for c in naming.chosen if c.group in kept))
-        gone = {c.group for c in naming.chosen} - kept
-        # Names that foretell more may be refuted themselves; then only what is refuted gives way.
-        for better in (list_preferred(m, left), {}):
-            again = give_back(naming, gone, m.setting.structure.present, better)
-            if again is None:
+@dataclass
+class Search:
+    """A search in a problem.
+
+    Attributes
+    ----------
+    problem : Problem
+    say : callable(str, float)
+    barred : set of (family, place)
+        What unseen motion refuted.
+    steps : list of Step
+    """
+
+    problem: Problem
+    say: Say = lambda what, share: None
+    barred: set[Group] = field(default_factory=set)
+    steps: list[Step] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._list()
+
+    def _list(self) -> None:
+        p = self.problem
+        present = p.setting.structure.present
+        self.catalogue = Catalogue(p.candidates, p.given, present, p.setting.rules)
+
+    def run(self, start: Hypothesis, *, functions: bool = False) -> tuple[Hypothesis, View]:
+        """Return the best hypothesis that moves lead to, and the rows as it leaves them."""
+        rules = self.problem.setting.rules
+        beam, view = [start], self.problem.settled(start.parts)
+        seen: dict[frozenset[int], float] = {}
+        expanded: set[frozenset[int]] = set()
+        while len(beam[0].parts) < rules.most:
+            best = beam[0]
+            found = {h.key: h for h in beam}
+            for h in [h for h in beam if h is best or h.key not in expanded]:
+                expanded.add(h.key)
+                found.update((n.key, n) for n in self._moves(h, view, functions=functions))
+            score = {key: self.score(h, view) for key, h in found.items()}
+            order = sorted(found, key=lambda key: -score[key])
+            beam = [found[key] for key in order[: rules.beam]]
+            odds = self.options(best.parts, view, functions=functions)
+            refined = self._refine(beam[0], best, view)
+            if refined is not beam[0]:
+                view = self._again(view)
+                beam[0] = refined
+            self._tell(best, beam[0], odds)
+            now = beam[0]
+            if now.key == best.key:
+                own = self._add_in_own_view(now, odds, view, seen)
+                if own is None:
+                    break
+                now, view = own
+                now = self._refine(now, best, view)
+                beam, view = [now], self._again(view)
+                self._tell(best, now, odds)
+            else:
+                view = self.problem.view(now.parts, view)
+            # Under its own weights it must stay the better one, or the search would go in circles.
+            if seen.get(now.key, -np.inf) >= (again := self.score(now, view)):
                 break
-            back = self._verify(m, again)
-            if better.keys() <= {place for e in back.effects for place in e.joints}:
-                return replace(back, refuted=(*found.refuted, *back.refuted))
+            seen[now.key] = again
+        return beam[0], self.problem.settled(beam[0].parts, view)
+
+    def _add_in_own_view(
+        self,
+        h: Hypothesis,
+        odds: dict[Group, tuple[float, int, float]],
+        view: View,
+        seen: Collection[frozenset[int]],
+    ) -> tuple[Hypothesis, View] | None:
+        """Return a hypothesis with a part more, if it gains beside rows as it leaves them itself.
+
+        What is missing divides the information of its joint: beside rows as the model leaves them
+        an effect that is far larger than the noise hides itself.
+        """
+        p, found, most = self.problem, None, 0.0
+        hides = (view.tempered > 1.0) | (view.steps > 0)
+        hidden = [x for x in odds.values() if hides[list(p.acts(x[1]))].any()]
+        for _, k, shaped in sorted(hidden, reverse=True)[: self.problem.setting.rules.hidden]:
+            more = h.add(k, shaped)
+            if more.key in seen:
+                continue
+            own = p.settled(more.parts, view)
+            gain = self.score(more, own) - self.score(h, own)
+            if gain > most:
+                found, most = (more, own), gain
         return found
 
-    def _name_first(self, m: Material, first: Sequence[str]) -> Naming:
-        """Return what the first pass names, families of an earlier diagnosis beside its own."""
-        self.say("naming effects", 0.4)
-        start = [] if self.earlier is None else self.earlier.start(m)
-        groups = {c.group for c in start}
-        options = [c for c in m.candidates if c.family.name in first or c.group in groups]
-        rules, present = m.setting.rules, m.setting.structure.present
-        return name_effects(m.bench, options, m.held, rules, present, self.say, start)
+    def _again(self, view: View) -> View:
+        """Return the same weighing of rows that have more columns now."""
+        more = self.problem.sizes[len(view.sizes) :]
+        return replace(view, sizes=np.concatenate([view.sizes, more]))
 
-    def _name_doubted(self, m: Material, naming: Naming) -> Naming:
-        """Return what is left to the motion that verifies, if it explains more than it leaves."""
-        self.say("naming what is in doubt", 0.75)
-        refused = {c.group for c in naming.refused}
-        options = [c for c in m.candidates if not c.family.unnamed and c.group not in refused]
-        rules, present = m.setting.rules, m.setting.structure.present
-        found = _keep(m, name_doubted(m.bench, options, m.held, rules, present), alone=True)
-        return naming.then(found) if found.chosen else naming
+    def score(self, h: Hypothesis, view: View) -> float:
+        """Return the log odds of a hypothesis over the model alone."""
+        if not h.parts:
+            return 0.0
+        p = self.problem
+        value = view.evidence.log_bayes(p.columns(h.parts))
+        return value - sum(h.shaped) - self.catalogue.price(h.parts)
 
-    def run_doubted(self, setting: Setting, odd: OddLog) -> tuple[Diagnosis, str]:
-        """Name effects without a log that disagrees, unless what is named with it explains it.
+    def gains(self, rest: Sequence[int], view: View) -> Array:
+        """Return the log Bayes factor of every candidate beside some parts, (c,)."""
+        p = self.problem
+        alias = p.setting.rules.alias / 3
+        return view.evidence.gains(p.columns(rest), p.options, alias)
 
-        A log whose motion alone shows what is missing disagrees as well, and is the one that says
-        most: then no log disagrees any more under the model with what was named. A log that is not
-        fitted stays where it is.
+    def options(
+        self, rest: Sequence[int], view: View, *, functions: bool
+    ) -> dict[Group, tuple[float, int, float]]:
+        """Return for each group that may stand beside some parts: log odds, candidate, shape."""
+        allowed = self.catalogue.allowed(rest, self.barred, functions=functions)
+        found = self.catalogue.best_of(self.gains(rest, view), allowed)
+        cost = self.catalogue.further(rest)
+        return {g: (value - cost(k), k, shaped) for g, (value, k, shaped) in found.items()}
 
-        Returns
-        -------
-        found : Diagnosis
-        said : str
-            What became of the log.
-        """
-        found = self.run(setting)
-        held = odd.number >= len(setting.samples)
-        logs = (*setting.samples, *self.choose, *setting.validation) if held else setting.samples
-        if found.effects and not still_odd(found.completed, logs, odd.number):
-            return found, odd.kept
-        if held:
-            return found, odd.doubted
-        samples = drop(setting.samples, odd.number)
-        others = replace(self, logs=drop(self.logs, odd.number))
-        found = others.run(replace(setting, samples=samples, left_out=(odd.name,)))
-        return found, odd.left_out
+    def _moves(self, h: Hypothesis, view: View, *, functions: bool) -> Iterator[Hypothesis]:
+        """Yield the neighbours of a hypothesis."""
+        p, most = self.problem, self.problem.setting.rules.options
+        odds = self.options(h.parts, view, functions=functions)
+        ranked = sorted(odds.values(), reverse=True)
+        adding = [(k, shaped) for value, k, shaped in ranked[:most] if value > 0]
+        yield from (h.add(k, shaped) for k, shaped in adding)
+        for gone in h.parts:
+            rest = h.without({gone})
+            while not self.catalogue.fits(rest.parts):
+                rest = rest.without({k for k in rest.parts if not self.catalogue.fits([
+                    k, *(o for o in rest.parts if o != k)])})  # fmt: skip
+            yield rest
+            near = sorted(self.options(rest.parts, view, functions=functions).values())
+            yield from (rest.add(k, shaped) for _, k, shaped in near[-3:] if k != gone)
+        # One part in the stead of all that act where it does, and are of its kind.
+        for k, shaped in adding:
+            joints, own = set(p.acts(k)), p.candidates[k].family
+            several = {
+                o
+                for o in h.parts
+                if set(p.acts(o)) <= joints
+                and (len(joints) > 1 or p.candidates[o].family.against == own.against)
+            }
+            if len(several) > 1 or (several and len(joints) > 1):
+                yield h.without(several).add(k, shaped)
+        yield from self._everywhere(h, view, odds)
 
+    def _everywhere(
+        self, h: Hypothesis, view: View, odds: dict[Group, tuple[float, int, float]]
+    ) -> Iterator[Hypothesis]:
+        """Yield a hypothesis with a family in all places that gain by it, the likeliest ones."""
+        gains: dict[str, list[tuple[float, int, float]]] = {}
+        for group, (value, k, shaped) in odds.items():
+            if (value := value + self.catalogue.price([k])) > 0 and not self.problem.candidates[
+                k
+            ].family.unnamed:
+                gains.setdefault(group[0], []).append((value, k, shaped))
+        several = [(sum(v for v, *_ in own), own) for own in gains.values() if len(own) > 1]
+        for _, own in sorted(several, key=lambda x: -x[0])[:2]:
+            more = h
+            for _, k, shaped in own:
+                more = more.add(k, shaped)
+            yield more
 
-def _keep(m: Material, naming: Naming, *, alone: bool = False) -> Naming:
-    """Return a naming without names that are not what is missing, in their joint or in several."""
-    return keep_off_bodies(m, _keep_fitting(m, naming, alone=alone))
+    def _refine(self, h: Hypothesis, before: Hypothesis, view: View) -> Hypothesis:
+        """Return a hypothesis whose new parts have the shapes between those tried that fit best."""
+        p = self.problem
+        new = [k for k in h.parts if k not in before.key]
+        for _ in range(ROUNDS):
+            between = {k: more for k in new if (more := self._between(k))}
+            if not between:
+                break
+            added = p.extend([c for more in between.values() for c in more])
+            self._list()
+            view, first = self._again(view), added.start
+            for k, more in between.items():
+                tried = [k, *range(first, first + len(more))]
+                first += len(more)
+                rest = h.without({k})
+                gains = self.gains(rest.parts, view)
+                best = max(tried, key=lambda o: gains[o])
+                if best != k:
+                    only = np.zeros(len(p.candidates), bool)
+                    only[self.catalogue.members[self.catalogue.of[k]]] = True
+                    _, _, shaped = self.catalogue.best_of(gains, only)[self.catalogue.of[k]]
+                    h = rest.add(best, shaped)
+                    new[new.index(k)] = best
+        return h
 
+    def _between(self, k: int) -> list[Candidate]:
+        """Return a candidate with shapes on the way to its neighbours among those tried."""
+        p, own = self.problem, self.problem.candidates[k]
+        if np.isnan(own.shape) or own.family.flexible:
+            return []
+        same = self.catalogue.members[self.catalogue.of[k]]
+        tried = sorted({p.candidates[o].shape for o in same if p.candidates[o].slot == own.slot})
+        at = tried.index(own.shape)
+        ends = [tried[o] for o in (at - 1, at + 1) if 0 <= o < len(tried)]
+        if tried[0] <= 0:
+            return []
+        shapes = [float(own.shape * (end / own.shape) ** x) for end in ends for x in BETWEEN]
+        return [
+            replace(own, shape=s, effect=own.family.at(s, own.place))
+            for s in shapes if s not in tried
+        ]  # fmt: skip
 
-def _keep_fitting(m: Material, naming: Naming, *, alone: bool = False) -> Naming:
-    """Return a naming without names that leave too much, or in whose stead another says more."""
-    naming = keep_unbeaten(m, keep_complete(m, naming, alone=alone))
-    return keep_no_stand_ins(m, naming)
-
-
-def _keep_told(m: Material, naming: Naming) -> tuple[Naming, list[str]]:
-    """Return what `_keep` does, and the joints of names that gave way to a cause elsewhere."""
-    fitting = _keep_fitting(m, naming)
-    kept = keep_off_bodies(m, fitting)
-    elsewhere = (*_lost(naming, keep_one_way(m, naming)), *_lost(fitting, kept))
-    return kept, [c.place for c in elsewhere]
-
-
-def _lost(before: Naming, after: Naming) -> list[Candidate]:
-    """Return the names that have gone."""
-    return [c for c in before.chosen if c not in after.chosen]
-
-
-def drop(several: Sequence[T], number: int) -> tuple[T, ...]:
-    """Return all but one."""
-    return (*several[:number], *several[number + 1 :])
+    def _tell(
+        self, before: Hypothesis, after: Hypothesis, odds: dict[Group, tuple[float, int, float]]
+    ) -> None:
+        """Remember what came in a step, and what the evidence was."""
+        was = {self.catalogue.of[k] for k in before.parts}
+        came = [k for k in after.parts if self.catalogue.of[k] not in was]
+        if not came and self.steps:
+            return
+        evidence: dict[Group, float] = {}
+        for g, (value, k, _) in odds.items():
+            evidence[self.problem.candidates[k].family.name, g[1]] = value
+        best = max(odds, key=lambda g: odds[g][0], default=None)
+        if came:
+            group = self.problem.candidates[came[0]].group
+        elif best is not None:
+            group = self.problem.candidates[odds[best][1]].group
+        else:
+            return
+        level = self.problem.setting.rules.odds
+        self.steps.append(Step(evidence, level, group, float("nan")))

@@ -22,10 +22,9 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot.kinematics import shortest_turn
-from identifiability.workflows.diagnose.findings import NamedEffect, Placement
+from identifiability.workflows.diagnose.findings import NamedEffect, Placement, Shown
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.result import Diagnosis
-from identifiability.workflows.diagnose.shown import Both, Shown
 from identifiability.workflows.gravity import Leaning, settle_tilt
 
 
@@ -70,7 +69,6 @@ def lead_with_tilt(
     gap = Gap(found.gap.rows, np.concatenate([unseen.residual, found.gap.residual], axis=2))
     errors, joints = gap.relative_error().tolist(), gap.error_over_joints().tolist()
     interval, own = gap.interval(0, 1, rng), gap.interval_over_joints(0, 1, rng)
-    level = found.rules.level
     shown = Shown(joints[0], joints[1], own, gap.expected_change(0, 1))
     first = NamedEffect(
         name=GravityTilt.name,
@@ -83,7 +81,6 @@ def lead_with_tilt(
         joints_after=joints[1],
         joints_interval=own,
         shown=shown,
-        both=Both(p_value=p_value, evidence=0.0, level=level),
         leaning=leaning,
     )
     return replace(
@@ -125,5 +122,4 @@ def _place(found: Diagnosis, upright: Structure, leaning: Leaning, p_value: floa
         errors=np.full(2, np.radians(leaning.sd)),
         rms=float(np.sqrt(np.mean(added**2, axis=0)).max()),
         rivals=(),
-        stress=(),
     )

@@ -5,18 +5,32 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.effects import find_family, title_of
-from identifiability.foundation.numbers import REACH, percent
+from identifiability.foundation.numbers import REACH, holm, percent
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
 from identifiability.workflows.diagnose.motion import join
-from identifiability.workflows.diagnose.words_of_rest import state_remainder
 
 #: Similarity from which on a name is said to be hard to tell from another.
 NOTEWORTHY = 0.6
 #: Effects that the headline states in full, and names and places that it lists of each.
 FULL, LISTED = 2, 3
+#: An error below this share of the torque is rounding.
+ROUNDING = 1e-9
+#: Level at which functions without a name are said to explain more.
+LEVEL = 0.01
+#: What a residual looks like that depends on one of these; a function of any other.
+LOOKS = {
+    "time": "a drift over time",
+    "session": "a drift over the session",
+    "log": "a difference between the logs",
+    "load": "something that goes with the load",
+}
+#: Share of the residual from which on its dependence on something is said.
+VISIBLE = 0.05
 #: Similarity from which on two digits after the point would say that it is one, and that it is.
 NEAR_ONE, ONE = 0.995, 1.0 - 1e-6
+#: Weight above which none is said.
+MOST = 0.99
 
 
 @frozen
@@ -46,7 +60,7 @@ def headline(d: Findings) -> str:
         )
     verb = "falls" if d.held_after < d.held_before else "goes"
     change = (
-        f"On {d.verified_on}, which took no part in fitting or choosing, the error {verb} "
+        f"On {d.verified_on}, which was not fitted, the error {verb} "
         f"{_change(d.held_before, d.held_after, d.interval)}."
     )
     return " ".join([f"{_state_missing(d)}.", change, *_state_undecided(d)])
@@ -61,7 +75,7 @@ def _state_missing(d: Findings) -> str:
         at = join(e.joints) if len(e.joints) <= LISTED else f"{len(e.joints)} joints"
         named.append(e.title if e.joints == ("base",) else f"{e.title} ({at})")
     worst = max(e.p_value for e in d.effects)
-    return f"{len(d.effects)} effects are missing (p ≤ {worst:.2g}, family-wise): {join(named)}"
+    return f"{len(d.effects)} effects are missing (p ≤ {worst:.2g}): {join(named)}"
 
 
 def _state_undecided(d: Findings) -> list[str]:
@@ -98,7 +112,7 @@ def _state_refused(d: Findings) -> str:
         if s.p_value <= d.rules.level and not s.accepted and s.best[0] not in known:
             name, place = s.best
             return (
-                f" {name.replace('_', ' ').capitalize()} in {place} stands out from the noise (p = "
+                f" {name.replace('_', ' ').capitalize()} in {place} stands out from the noise (p ≤ "
                 f"{s.p_value:.2g}) but is refused: {s.reason}."
             )
     return ""
@@ -134,7 +148,13 @@ def remarks(d: Findings) -> list[Remark]:
 def _state_effect(e: NamedEffect) -> str:
     where = "" if e.joints == ("base",) else f" in {join(e.joints)}"
     at = "" if e.leaning is None else f": gravity {e.leaning.text}"
-    return f"{_either(e)}{where}{_state_mass(e)}{at} (p = {e.p_value:.2g}, family-wise)"
+    sure = "" if e.why else f"weight {weight_text(e.sure)}, "
+    return f"{_either(e)}{where}{_state_mass(e)}{at} ({sure}p ≤ {e.p_value:.2g})"
+
+
+def weight_text(weight: float) -> str:
+    """Return a weight in words: none is said nearer to one than noise and priors are known."""
+    return f"> {MOST}" if weight > MOST else f"{weight:.2f}"
 
 
 def _either(e: NamedEffect) -> str:
@@ -163,38 +183,20 @@ def _state_contradicted(e: NamedEffect, verified_on: str) -> str:
     """Return what the motion that verifies says against an effect."""
     named = _capital(_state_effect(e))
     start = f"{named} stood out from the fitted motion and is refuted: on {verified_on}"
-    own = e.shown
-    if e.both.unlikely and not (e.joints_interval[0] > 0 or own.contradicts):
-        how, most = percent(min(e.both.chance, 1.0), 2), percent(e.both.level, 2)
-        return (
-            f"{start} too little speaks for it: on both motions together noise does as much in "
-            f"{how} of logs, where {most} are allowed."
-        )
-    if e.both.opposes(own) and not (e.joints_interval[0] > 0 or own.contradicts):
-        return (
-            f"{start} the torque is likelier without it (likelihood ratio "
-            f"{np.exp(e.both.evidence):.2g}), and nothing of it is surely there."
-        )
-    if e.joints_interval[0] > 0 and own.interval[0] <= 0:
-        change = _change(e.joints_before, e.joints_after, e.joints_interval)
-        return f"{start} it raises the error, every joint on its own scale, {change}."
-    if np.isnan(own.before):  # without a scale of its own there is no error over it
-        return f"{start} the torque where it is never changes there."
-    change = _change(own.before, own.after, own.interval)
-    if own.interval[0] > 0:
-        return f"{start} it raises the error of its joints, each on its own scale, {change}."
-    if not own.contradicts:
-        return f"{start} the error of its joints, each on its own scale, only goes {change}."
-    expected = f"{100 * own.expected:+.2g}".replace("-", "−")
+    if np.isnan(e.shown.before):  # without a scale of its own there is no error over it
+        return f"{start} the torque where it is never changes."
+    change = _change(e.shown.before, e.shown.after, e.shown.interval)
+    likelier = "likelier" if e.shown.odds > 0 else "less likely"
     return (
-        f"{start} the error of its joints, each on its own scale, goes {change}, where an effect "
-        f"of that size would change it by {expected} points."
+        f"{start} the torque is {likelier} with it (log likelihood ratio {e.shown.odds:.2g}), and "
+        f"the error of its joints, each on its own scale, goes {change}.".replace("-", "−")
     )
 
 
 def _state_rivals(e: NamedEffect) -> str:
+    weights = [weight_text(e.weight_of(name)) for name in (e.name, *e.alternatives)]
     return (
-        f"This motion cannot tell {e.names} apart (similarity "
+        f"This motion cannot tell {e.names} apart (weights {join(weights)}, similarity "
         f"{_similarity(max(e.similar[a] for a in e.alternatives))}): {advice(e)}."
     )
 
@@ -207,8 +209,8 @@ def _state_nearest(e: NamedEffect) -> str:
         return "No effect that has a name can be there."
     function = f"{e.title.removeprefix('an unnamed ')} in {join(e.joints)}"
     return (
-        f"No name fits this {function}; with the nearest in its stead the error on the motion that "
-        f"chooses is another: {near}."
+        f"No name explains this {function} as well; with the nearest in its stead the error of its "
+        f"joints on unseen motion is another: {near}."
     )
 
 
@@ -261,3 +263,53 @@ def _change(before: float, after: float, interval: tuple[float, ...] = ()) -> st
     text = f"from {percent(before)} to {percent(after)}"
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in interval]
     return f"{text} (95 %: {' … '.join(ends)} points)" if ends else text
+
+
+def state_remainder(d: Findings) -> str:
+    """Return what is left in words."""
+    r = d.remainder
+    if max(d.held_after, d.error_after) < ROUNDING:
+        return "What is left is rounding: the logs are explained to their last digits."
+    parts = []
+    if r.detectable:
+        name, size = min(r.detectable.items(), key=lambda x: x[1])
+        parts.append(
+            f"The smallest nameable effect here is {name.replace('_', ' ')} of "
+            f"{percent(size, 2)} of what is left"
+        )
+    parts += [_functions(d), f"What is left looks like {_looks(d)}"]
+    return " ".join(f"{part}." for part in parts)
+
+
+def _functions(d: Findings) -> str:
+    """Return whether functions without a name still explain something, in words."""
+    asked = {
+        joint: left
+        for joint, left in zip(d.robot.joints, d.remainder.joints, strict=True)
+        if left is not None
+    }
+    if not asked:
+        return (
+            "The motion that names effects is too short to say whether the rest depends on motion "
+            "and load: record more of it"
+        )
+    corrected = holm(np.array([left.p_value for left in asked.values()]))
+    seen = [
+        f"{percent(left.share, 2)} of what is left in {joint}"
+        for (joint, left), p in zip(asked.items(), corrected, strict=True)
+        if p < LEVEL
+    ]
+    if seen:
+        return f"Functions of motion and load without a name would explain {join(seen)}"
+    where = "any joint" if len(asked) == len(d.robot.joints) else join(list(asked))
+    return f"Functions of motion and load without a name explain nothing more in {where}"
+
+
+def _looks(d: Findings) -> str:
+    """Return what the residual depends on most, in words."""
+    most = max(d.discrepancies_after, key=lambda x: max(x.explained.values(), default=0.0))
+    where, best = max(most.explained.items(), key=lambda x: x[1])
+    if best < VISIBLE:
+        return "noise: it depends on none of velocity, position, acceleration, load or time"
+    kind = LOOKS.get(where, f"a function of {where}")
+    return f"{kind} in {most.joint} ({percent(best, 2)} of its variance)"

@@ -19,6 +19,7 @@ from identifiability.foundation.options import (
     renamed,
     settle_count,
 )
+from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.regression.gather import gather_information
@@ -34,7 +35,9 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import say_band
 from identifiability.workflows.analyze.fit import weigh_rows
 from identifiability.workflows.band import settle_band
-from identifiability.workflows.diagnose.goes_on import Before, read_earlier
+from identifiability.workflows.diagnose.conclude import conclude, null_odds
+from identifiability.workflows.diagnose.earlier import Before, Earlier, read_earlier
+from identifiability.workflows.diagnose.hypothesis import Hypothesis
 from identifiability.workflows.diagnose.known_values import (
     Given,
     KnownValues,
@@ -42,17 +45,18 @@ from identifiability.workflows.diagnose.known_values import (
     know_share,
     read_given,
 )
-from identifiability.workflows.diagnose.material import DRAWS, Rules, Setting
 from identifiability.workflows.diagnose.motion import (
     assign_roles,
-    halve_new,
     prepare_rows,
     samples_each,
 )
-from identifiability.workflows.diagnose.odd_log import OddLog, describe_odd_log
+from identifiability.workflows.diagnose.odd_log import OddLog, describe_odd_log, still_odd
+from identifiability.workflows.diagnose.problem import Problem, Setting
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
+from identifiability.workflows.diagnose.rules import Rules
 from identifiability.workflows.diagnose.search import Search
 from identifiability.workflows.diagnose.tilted import lead_with_tilt, settle_named
+from identifiability.workflows.diagnose.verdict import settle
 from identifiability.workflows.gravity import find_leaning
 from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.opening import (
@@ -68,8 +72,8 @@ from identifiability.workflows.opening import (
 )
 from identifiability.workflows.provenance import state_provenance
 
-#: Simulated noises without which no p-value falls below 5 %.
-FEWEST = 19
+#: Simulated noises, and those without which no p-value falls below 5 %.
+DRAWS, FEWEST = 199, 19
 
 #: What is to be known of values that are kept without their errors.
 EXACT = (
@@ -110,9 +114,8 @@ def diagnose(
     logs : log, path, DataFrame, or several
         What the model is fitted to and effects are named from.
     validate : the same, optional
-        Held out, neither fitted nor used to choose where several logs are fitted; with a single
-        fitted log part of it chooses. Without any, the last log (or the last quarter of the only
-        one) is set aside. `assign_roles` has the rules.
+        Not fitted: may refute a name, and measures the gap. Without any, the last log (or the last
+        quarter of the only one) is set aside.
     effects : iterable of str, optional
         Families that may be named; all that are registered by default.
     model : Model, sequence of str, path of a model file or result of `prune`, optional
@@ -133,8 +136,8 @@ def diagnose(
     rules : Rules, optional
         Thresholds.
     replicates : int, optional
-        Simulated noises; the smallest p-value is 1 / (replicates + 1). By default 199, or 99 if
-        `quick`.
+        Simulated noises; the smallest p-value, an upper bound, is 1 / (replicates + 1). By default
+        199, or 99 if `quick`.
     seed : int
     quick : bool
         Fewer replicates, where nobody says how many.
@@ -163,20 +166,18 @@ def diagnose(
         if given.commanded:
             first = settle_band(structure, given.fitted, preparation)
             given = given.follow(structure, first, np.random.default_rng(seed), say)
-        fitted = given.fitted if before is None else halve_new(given.fitted, before.fitted)
-        roles = assign_roles(fitted, given.held)
+        roles = assign_roles(given.fitted, given.held)
         settled = settle_band(structure, roles.fit, preparation)
         how = preparation if settled.cutoff is None else settled
         most = samples_each(map(len, roles.fit))
         opening = open_logs(
             structure,
-            Recordings(roles.fit, (*roles.choose, *roles.verify), given.hints),
+            Recordings(roles.fit, roles.verify, given.hints),
             partial(prepare_rows, robot, how=how, most=most),
             "diagnosed",
             engine,
         )
-        fit, held = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
-        choose, verify = held[: len(roles.choose)], held[len(roles.choose) :]
+        fit, verify = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
         require_signal(verify, "verified")
         leaning = None
         if fixed is False:
@@ -192,31 +193,24 @@ def diagnose(
             known=known,
             rules=rules or Rules(),
             seed=seed,
-            chosen_by=roles.chosen_by,
+            chosen_by="by the evidence of the fitted logs",
             verified_on=roles.verified_on,
             preparation=how or Preparation(),
         )
         odd, decided = (None, "") if setting.fixed else _doubt_logs(opening)
         # Values that are kept are those of the file, and a wrong scale or sign is an effect.
         nothing = "" if setting.fixed else opening.misread
-        search = Search(
-            logs=roles.fit,
-            choose=tuple(choose),
-            how=how,
-            effects=() if nothing else None if effects is None else tuple(effects),
-            draws=settle_count(replicates, DRAWS, DRAWS // 2, quick=quick),
-            streams=tuple(streams),
-            say=say,
-            earlier=before,
-        )
+        draws = settle_count(replicates, DRAWS, DRAWS // 2, quick=quick)
+        asked = _Asked((), say) if nothing else _Asked(effects, say)
+        asked = replace(asked, draws=draws, streams=tuple(streams), earlier=before)
         doubts = [EXACT] * (fixed is True)
         if odd is None:
-            found = search.run(setting)
+            found = asked.run(setting)
         else:
-            found, said = search.run_doubted(setting, odd)
+            found, said = asked.run_doubted(setting, odd)
             doubts = [said]
         if leaning is not None:
-            least = 1.0 / (search.draws + 1)
+            least = 1.0 / (draws + 1)
             found = lead_with_tilt(found, upright, leaning, least, streams[2])
         else:
             found = settle_named(found)
@@ -224,7 +218,7 @@ def diagnose(
             "effects": "all" if effects is None else list(effects),
             "fixed": fixed is True if known is None else known.words,
             "rules": setting.rules,
-            "replicates": search.draws,
+            "replicates": draws,
             **({} if before is None else {"earlier": before.source}),
             "quick": quick,
             "preparation": preparation or Preparation(),
@@ -240,12 +234,75 @@ def diagnose(
                 *free_again(model),
                 *unused_ladder(robot, model),
             ),
-            provenance=state_provenance(robot, [*fit, *held], seed, None, options),
+            provenance=state_provenance(robot, [*fit, *verify], seed, None, options),
         ).moved_by(given)
         if not (forward and found.effects):
             return found
         say("simulating forward", 0.95)
         return replace(found, forward=simulate_forward(found, streams[3]))
+
+
+@frozen
+class _Asked:
+    """How effects are looked for in some samples.
+
+    Attributes
+    ----------
+    effects : iterable of str or None
+        Families that may be named.
+    say : callable(str, float)
+    draws : int
+        Simulated noises.
+    streams : tuple of numpy.random.Generator
+    earlier : Earlier or None
+        A diagnosis that is gone on from.
+    """
+
+    effects: Names | None
+    say: Progress
+    draws: int = DRAWS
+    streams: tuple[np.random.Generator, ...] = ()
+    earlier: Earlier | None = None
+
+    def run(self, setting: Setting) -> Diagnosis:
+        """Name what is missing, add it, verify."""
+        told = () if self.earlier is None else self.earlier.families
+        effects = None if self.effects is None else dict.fromkeys((*self.effects, *told))
+        search = Search(Problem(setting, effects), self.say)
+        self.say("naming effects", 0.3)
+        start = Hypothesis() if self.earlier is None else self.earlier.start(search)
+        null = null_odds(search, self.draws, self.streams[0])
+        verdict = settle(search, start)
+        self.say("verifying", 0.9)
+        found = conclude(search, verdict, null, self.streams[2])
+        if self.earlier is None:
+            return found
+        turns, error = self.earlier.turns(found), self.earlier.error
+        return replace(found, earlier=self.earlier.source, earlier_error=error, turns=turns)
+
+    def run_doubted(self, setting: Setting, odd: OddLog) -> tuple[Diagnosis, str]:
+        """Name effects without a log that disagrees, unless what is named with it explains it.
+
+        A log whose motion alone shows what is missing disagrees as well, and is the one that says
+        most: then no log disagrees any more under the model with what was named. A log that is not
+        fitted stays where it is.
+
+        Returns
+        -------
+        found : Diagnosis
+        said : str
+            What became of the log.
+        """
+        found = self.run(setting)
+        held = odd.number >= len(setting.samples)
+        logs = (*setting.samples, *setting.validation) if held else setting.samples
+        if found.effects and not still_odd(found.completed, logs, odd.number):
+            return found, odd.kept
+        if held:
+            return found, odd.doubted
+        samples = tuple(s for k, s in enumerate(setting.samples) if k != odd.number)
+        found = self.run(replace(setting, samples=samples, left_out=(odd.name,)))
+        return found, odd.left_out
 
 
 def _doubt_logs(opening: Opening) -> tuple[OddLog | None, str]:

@@ -1,19 +1,22 @@
-"""Scores are negative logarithms of tail probabilities, written out."""
+"""Evidence from products is that of the rows written out; units, order and numbers are nothing."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.optimize import nnls
+from scipy.integrate import quad
 
-from identifiability.estimation.noise import ARNoise, JointNoise
-from identifiability.foundation.numbers import log_tail
-from identifiability.workflows.diagnose import evidence
-from identifiability.workflows.diagnose.evidence import Bench, Whitened, score_candidates
-from identifiability.workflows.diagnose.held_out import HeldOut
-from identifiability.workflows.diagnose.known_values import KnownValues
-from identifiability.workflows.diagnose.values import solve_values, undetermined
+from identifiability.workflows.diagnose.evidence import (
+    Evidence,
+    Options,
+    Products,
+    View,
+    step_of,
+    tempering,
+)
 
-R, DRAWS = 300, 40
+N, JOINTS, WIDTH = 60, 2, 5
 
 
 @pytest.fixture
@@ -21,230 +24,141 @@ def rng():
     return np.random.default_rng(8)
 
 
-def made(rng, k, torque=None):
-    """Whitened rows with two model columns and k of a dictionary."""
-    y = rng.standard_normal(R) if torque is None else torque
-    return Whitened(
-        y=y, X=rng.standard_normal((R, 2)), D=rng.standard_normal((R, k)),
-        scale=1.7 * rng.standard_normal((R, DRAWS)), noise=rng.standard_normal((R, DRAWS)),
-    )  # fmt: skip
+@pytest.fixture
+def made(rng, rows_of, white_noise):
+    """Rows of two joints, some columns in one of them; what evidence is asked, and the noise."""
+    X = rng.standard_normal((N, JOINTS, 2))
+    D = rng.standard_normal((N, JOINTS, WIDTH)) * [[1, 1, 0, 1, 1], [0, 1, 1, 1, 0]]
+    tau = X @ [1.0, -2.0] + 0.6 * D[:, :, 1] + rng.standard_normal((N, JOINTS)) * [1.0, 3.0]
+    return rows_of(tau, X, D), white_noise(1.0, 3.0)
 
 
-def beside(model, A):
-    """What is left of A beside the columns of a model, by least squares."""
-    return A - model @ np.linalg.lstsq(model, A, rcond=None)[0]
+SIZES = np.array([0.2, 0.5, 1.0, 0.3, 0.7])
 
 
-def test_one_column_scores_its_level_in_standard_errors(rng, candidate):
-    w = made(rng, 1)
-    model = w.columns([])
-    u = beside(model, w.D[:, 0])
-    u /= np.linalg.norm(u)
-    z, scale, noise = u @ w.y, u @ w.scale, u @ w.noise
-    unit = np.sqrt(np.mean(scale**2))
-    s = score_candidates(w, w.basis([]), [candidate("a", "j", 0)])
-    assert s.fit[0] == pytest.approx(-np.log(2 * stats.norm.sf(abs(z))))
-    assert s.data[0] == pytest.approx(-np.log(2 * stats.norm.sf(abs(z) / unit)))
-    np.testing.assert_allclose(s.null[0], -np.log(2 * stats.norm.sf(np.abs(noise) / unit)))
+def evidence_of(rows, noise, sizes=SIZES, weights=None):
+    weights = np.ones(rows.joints) if weights is None else weights
+    return Evidence(Products(rows, noise), np.zeros(rows.joints, int), weights, sizes)
 
 
-@pytest.mark.parametrize("level", [-6.0, -0.5, 0.5, 6.0])
-def test_a_sign_that_physics_forbids_scores_nothing(rng, candidate, level):
-    w = made(rng, 1)
-    model = w.columns([])
-    u = beside(model, w.D[:, 0])
-    u /= np.linalg.norm(u)
-    w = Whitened(y=level * u, X=w.X, D=w.D, scale=w.scale, noise=w.noise)
-    s = score_candidates(w, w.basis([]), [candidate("a", "j", 0, positive=True)])
-    assert s.fit[0] == pytest.approx(-np.log(stats.norm.sf(level)) if level > 0 else 0.0)
-    noise = u @ w.noise / np.sqrt(np.mean((u @ w.scale) ** 2))
-    # Noise that would need the forbidden sign is no rival either.
-    expected = np.where(noise > 0, -np.log(stats.norm.sf(noise)), 0.0)
-    np.testing.assert_allclose(s.null[0], expected)
-
-
-def test_several_columns_score_together_as_a_chi_square_of_their_directions(rng, candidate):
-    w = made(rng, 2)
-    model = w.columns([])
-    U = beside(model, w.D / np.linalg.norm(w.D, axis=0))
-    # Principal directions of the two columns: each has a unit of its own.
-    Q, s, _ = np.linalg.svd(U, full_matrices=False)
-    assert s[0] > 1.01 * s[1]
-    z = Q.T @ w.y
-    unit = np.sqrt(np.mean((Q.T @ w.scale) ** 2, axis=1))
-    found = score_candidates(w, w.basis([]), [candidate("a", "j", 0, 1)])
-    assert found.fit[0] == pytest.approx(-stats.chi2.logsf(z @ z, 2))
-    assert found.data[0] == pytest.approx(-stats.chi2.logsf((z / unit) @ (z / unit), 2))
-    noise = ((Q.T @ w.noise / unit[:, None]) ** 2).sum(0)
-    np.testing.assert_allclose(found.null[0], -stats.chi2.logsf(noise, 2))
-
-
-def test_several_columns_with_a_sign_score_what_nonnegative_levels_explain(rng, candidate):
-    checked = 0
-    for _ in range(40):
-        w = made(rng, 2, 3 * rng.standard_normal(R))
-        model = w.columns([])
-        U = beside(model, w.D)
-        free = np.linalg.lstsq(U, w.y, rcond=None)[0]
-        if (free < 0).all():  # then both are refused, even if one alone would do
-            explained = 0.0
-        else:
-            level, left = nnls(U, beside(model, w.y))
-            explained = float(beside(model, w.y) @ beside(model, w.y)) - left**2
-            checked += bool((level == 0).any())
-        s = score_candidates(w, w.basis([]), [candidate("a", "all joints", 0, 1, positive=True)])
-        assert s.fit[0] == pytest.approx(-stats.chi2.logsf(max(explained, 0.0), 2), abs=1e-6)
-    assert checked > 5
-
-
-def test_a_straight_line_does_not_pay_for_the_bends_that_a_function_could_have(rng, candidate):
-    """Noise chooses as the data do, so that its scores are those of tails."""
-    K, x = 8, np.linspace(0.0, 1.0, R)
-    D = np.maximum(1.0 - np.abs(7 * x[:, None] - np.arange(K)), 0.0)  # broken lines
-    function = candidate("f", "j", *range(K), flexible=True, unnamed=True)
-    noise = rng.standard_normal((R, 400))
-    for bent in (0.0, 3.0):
-        y = 2.0 * x + bent * np.sin(20.0 * x) + rng.standard_normal(R)
-        w = Whitened(y=y, X=np.ones((R, 1)), D=D, scale=rng.standard_normal((R, 4000)), noise=noise)
-        found = score_candidates(w, w.basis([]), [function])
-        line, whole = (np.linalg.qr(beside(w.X, A))[0] for A in (x[:, None], D[:, 1:]))
-        one, all_ = np.sum((line.T @ y) ** 2), np.sum((whole.T @ y) ** 2)
-        tails = [stats.chi2.logsf(one, 1), stats.chi2.logsf(all_, K - 1)]
-        best = -min(tails) - np.log(4)  # one direction, two, four, all
-        assert best - 1e-6 <= found.fit[0] < best + 3.0
-        if not bent:
-            assert found.fit[0] > 3.0 - tails[1]
-    for level in (0.3, 0.1, 0.02):
-        share = np.mean(found.null[0] > -np.log(level))
-        assert share < level + 3 * np.sqrt(level / 400)
-
-
-def test_what_the_model_contains_leaves_nothing_to_score(rng, candidate):
-    w = made(rng, 2)
-    inside = Whitened(
-        y=w.y, X=w.X, D=np.column_stack([w.X @ [2.0, -1.0], w.D[:, 0]]), scale=w.scale,
-        noise=w.noise,
-    )  # fmt: skip
-    s = score_candidates(inside, inside.basis([]), [candidate("a", "j", 0), candidate("b", "j", 1)])
-    assert s.data[0] == -np.inf
-    assert (s.null[0] == -np.inf).all()
-    assert np.isfinite(s.data[1])
-    # A chosen candidate is part of the model.
-    chosen = [candidate("b", "j", 1)]
-    again = score_candidates(inside, inside.basis(chosen), chosen)
-    assert again.data[0] == -np.inf
-
-
-def test_scores_without_noise_are_the_same_scores(rng, candidate):
-    w = made(rng, 3)
-    options = [candidate("a", "j", 0, positive=True), candidate("b", "j", 1, 2)]
-    every = score_candidates(w, w.basis([]), options)
-    few = score_candidates(w, w.basis([]), options, null=False)
-    np.testing.assert_allclose(few.data, every.data, rtol=1e-12)
-    np.testing.assert_allclose(few.fit, every.fit, rtol=1e-12)
-    assert few.null.shape == (2, 0)
-
-
-@pytest.mark.parametrize("dof", [2, 4, 6, 20])
-def test_the_tail_of_chi_square_is_its_finite_sum(dof):
-    """Of an even number of degrees: exp(−x/2) Σ (x/2)ᵏ/k!."""
-    k = np.arange(dof // 2)
-    factorial = np.cumprod(np.maximum(k, 1.0))
-    for x in (0.5, 30.0, 999.0, 1001.0, 5e3, 1e5):
-        terms = k * np.log(x / 2) - np.log(factorial)
-        exact = -x / 2 + np.logaddexp.reduce(terms)
-        # The series has two terms; beyond x = 1000 the next one is below this.
-        assert log_tail(np.array([x]), dof)[0] == pytest.approx(exact, abs=2e-5 * dof**2)
-
-
-def test_values_are_least_squares_of_whitened_rows_with_their_standard_errors(rng):
-    w = made(rng, 1)
-    model, scale = np.column_stack([w.X, w.D]), np.array([1.0, 1e-6, 1e3])
-    value, error = solve_values(w, model * scale)  # units do not matter
-    expected = np.linalg.lstsq(model, w.y, rcond=None)[0]
-    np.testing.assert_allclose(value * scale, expected, rtol=1e-9)
-    expected = np.sqrt(np.diag(np.linalg.inv(model.T @ model)))
-    np.testing.assert_allclose(error * scale, expected, rtol=1e-9)
-    assert [len(x) for x in solve_values(w, np.empty((R, 0)))] == [0, 0]
-
-
-def test_rows_are_divided_by_their_own_joints_noise_and_misfit(rng, rows_of, white_noise):
-    tau, X, D = rng.standard_normal((50, 2)), rng.standard_normal((50, 2, 1)), np.ones((50, 2, 1))
-    rows = rows_of(tau, X, D)
-    simulated = rng.standard_normal((50, 2, 6))
-    bench = Bench(rows=rows, noise=white_noise(0.5, 2.0), simulated=simulated)
-    for misfit, sd in ((None, [0.5, 2.0]), ([0.0, 12.0], [0.5, 4.0])):  # 2² + 12 = 4²
-        w = bench.whiten(None if misfit is None else np.array(misfit))
-        np.testing.assert_allclose(w.y, (tau / sd).T.ravel())
-        np.testing.assert_allclose(w.X[:, 0], (X[:, :, 0] / sd).T.ravel())
-        np.testing.assert_allclose(w.D[:, 0], (D[:, :, 0] / sd).T.ravel())
-        both = (simulated / np.array(sd)[:, None]).transpose(1, 0, 2).reshape(100, 6)
-        np.testing.assert_allclose(w.scale, both[:, :3], rtol=1e-6)
-        np.testing.assert_allclose(w.noise, both[:, 3:], rtol=1e-6)
-
-
-def test_misfit_is_what_twice_the_noise_does_not_explain(rng, rows_of):
-    joints = tuple(
-        JointNoise(theta=np.empty(0), covariance=np.empty((0, 0)), sigma=1.0, dof=9.0, left=left)
-        for left in (1.0, 3.0)
+def dense(rows, noise, columns, sizes=SIZES):
+    """Log Bayes factor: densities of contrasts that the model's values do not move."""
+    sigma = np.array([j.sigma for j in noise.joints])
+    X, D, y = (
+        (a / sigma.reshape(-1, *[1] * (a.ndim - 2))).reshape(N * JOINTS, *a.shape[2:])
+        for a in (rows.X, rows.D.take(columns), rows.tau)
     )
-    rows = rows_of(np.zeros((4, 2)), np.zeros((4, 2, 0)), np.zeros((4, 2, 0)))
-    bench = Bench(rows=rows, noise=ARNoise(joints), simulated=np.zeros((4, 2, 0)))
-    residual = np.array([[3.0, 1.0], [-3.0, 1.0], [3.0, -1.0], [3.0, 1.0]])
-    np.testing.assert_allclose(bench.misfit(residual), [9.0 - 2.0, 0.0])
+    K = np.linalg.svd(X, full_matrices=True)[0][:, X.shape[1] :]
+    y, D = K.T @ y, K.T @ D * sizes[list(columns)]
+    one, none = (stats.multivariate_normal(np.zeros(len(y)), V)
+                 for V in (np.eye(len(y)) + D @ D.T, np.eye(len(y))))  # fmt: skip
+    return float(one.logpdf(y) - none.logpdf(y))
 
 
-def test_a_bench_simulates_one_half_for_units_and_one_for_limits(rows_of, white_noise):
-    rows = rows_of(np.zeros((60, 1)), np.ones((60, 1, 1)), np.ones((60, 1, 1)))
-    bench = Bench.of(rows, white_noise(3.0), 50, np.random.default_rng(0))
-    assert bench.simulated.shape == (60, 1, 100)
-    assert np.std(bench.simulated) == pytest.approx(3.0, rel=0.05)  # 6000 numbers: 0.9 %
-    w = bench.whiten()
-    assert w.scale.shape == w.noise.shape == (60, 50)
-    assert abs(np.corrcoef(w.scale.ravel(), w.noise.ravel())[0, 1]) < 0.1
+@pytest.mark.parametrize("columns", [(), (0,), (1,), (1, 3), (0, 1, 2, 3, 4)])
+def test_a_bayes_factor_is_that_of_dense_normal_densities(made, columns):
+    assert evidence_of(*made).log_bayes(columns) == pytest.approx(dense(*made, columns), abs=1e-8)
 
 
-def test_known_errors_are_observations_beside_the_rows(rows_of, white_noise):
-    """Between exact values and a refit, as the law of normal priors has it."""
-    rng = np.random.default_rng(2)
-    X, tau = rng.standard_normal((60, 1, 2)), rng.standard_normal((60, 1))
-    covariance = np.array([[0.02, 0.01], [0.01, 0.03]])
-    known = KnownValues(np.zeros(2), covariance, "")
-    rows = rows_of(tau, X, np.zeros((60, 1, 0)), root=known.root)
-    white = Bench.of(rows, white_noise(1.5), 20, rng).whiten()
-    precision = np.linalg.inv(covariance) + X[:, 0].T @ X[:, 0] / 1.5**2
-    expected = np.linalg.solve(precision, X[:, 0].T @ tau[:, 0] / 1.5**2)
-    value, error = solve_values(white, white.X)
-    np.testing.assert_allclose(value, expected, rtol=1e-9)
-    np.testing.assert_allclose(error, np.sqrt(np.diag(np.linalg.inv(precision))), rtol=1e-9)
-    held = HeldOut(train=rows, choosing=None).fit([])
-    assert np.all(np.abs(held) < np.abs(np.linalg.lstsq(X[:, 0], tau[:, 0], rcond=None)[0]).max())
+def test_a_candidates_gain_is_the_ratio_with_and_without_it(made, candidate):
+    options = [candidate("a", "j", 0), candidate("b", "j", 2), candidate("c", "j", 3, 4)]
+    e = evidence_of(*made)
+    for rest in ([], [1]):
+        found = e.gains(rest, Options(options), 0.01)
+        expected = [dense(*made, [*rest, *c.columns]) - dense(*made, rest) for c in options]
+        np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
-def test_columns_that_others_make_are_undetermined(rng):
-    A = rng.standard_normal((20, 4))
-    A[:, 3] = A[:, 0] - 2.0 * A[:, 2]
-    assert undetermined(A).tolist() == [True, False, True, True]
+def test_a_level_that_may_not_be_negative_has_half_a_prior(made, candidate):
+    rows, noise = made
+    for sign in (1.0, -1.0):
+        rows = replace(rows, tau=sign * made[0].tau)
+        e = evidence_of(rows, noise)
+        found = e.gains([], Options([candidate("a", "j", 1, positive=True)]), 0.01)[0]
+        z, s = e.z[1], e.left[1]
+        factor, _ = quad(lambda b: 2 * stats.norm.pdf(b) * np.exp(b * z - 0.5 * b * b * s), 0, 9)  # noqa: B023
+        assert found == pytest.approx(np.log(factor), abs=1e-6)
 
 
-def test_joints_without_misfit_are_whitened_once_and_as_they_were(
-    monkeypatch, rng, rows_of, white_noise
-):
-    X, D = rng.standard_normal((60, 2, 1)), rng.standard_normal((60, 2, 3))
-    rows, whitened, compress = rows_of(rng.standard_normal((60, 2)), X, D), [], evidence.compress
-    monkeypatch.setattr(evidence, "compress", lambda *a: whitened.append(a) or compress(*a))
+def test_what_the_model_contains_has_no_evidence(made, candidate):
+    rows, noise = made
+    D = np.concatenate([rows.D.take(range(WIDTH)), rows.X[:, :, :1] * 5.0], axis=2)
+    rows = replace(rows, D=type(rows.D).of(D))
+    options = Options([candidate("inside", "j", WIDTH), candidate("outside", "j", 0)])
+    inside, outside = evidence_of(rows, noise, np.r_[SIZES, 1.0]).gains([], options, 0.01)
+    assert inside == -np.inf
+    assert np.isfinite(outside)
 
-    def bench():
-        return Bench(rows, white_noise(1.0, 2.0), np.ones((60, 2, 4)))
 
-    one, count = bench(), 0
-    for misfit in (None, [0.0, 3.0], [0.0, 1.0], [2.0, 0.0]):
-        given = None if misfit is None else np.array(misfit)
-        kept = one.whiten(given)
-        count += len(whitened)
-        new = bench().whiten(given)
-        whitened.clear()
-        np.testing.assert_array_equal(kept.y, new.y)
-        np.testing.assert_array_equal(kept.D[:, [0, 1, 2]], new.D[:, [0, 1, 2]])
-        np.testing.assert_array_equal(kept.noise, new.noise)
-    assert count == 2 + 3  # both joints, then each misfit
+def test_units_rows_joints_and_numbers_change_no_evidence(made, candidate, rng):
+    rows, noise = made
+    D, sizes = rows.D.take(range(WIDTH)), SIZES
+    options = [candidate("a", "j", k) for k in range(WIDTH)]
+    told = evidence_of(rows, noise).gains([2], Options(options), 0.01)
+
+    def same(rows, noise, sizes, order=range(WIDTH), rest=2):
+        moved = Options([candidate("a", "j", k) for k in order])
+        found = evidence_of(rows, noise, sizes).gains([rest], moved, 0.01)
+        np.testing.assert_allclose(found, told, rtol=1e-6, atol=1e-8)
+
+    unit = np.array([1e3, 1e-6, 1.0, 7.0, 1e4])
+    same(replace(rows, D=type(rows.D).of(D * unit)), noise, sizes / unit)
+    same(replace(rows, X=rows.X * [1e-6, 1e6]), noise, sizes)
+    shuffled = rng.permutation(N)
+    pieces = {"tau": rows.tau[shuffled], "X": rows.X[shuffled]}
+    same(replace(rows, **pieces, D=type(rows.D).of(D[shuffled])), noise, sizes)
+    turned = {"tau": rows.tau[:, ::-1], "X": rows.X[:, ::-1]}
+    other = type(noise)(noise.joints[::-1])
+    same(replace(rows, **turned, D=type(rows.D).of(D[:, ::-1])), other, sizes)
+    mirrored = replace(rows, tau=rows.tau * [1, -1], X=rows.X * [[1], [-1]],
+                       D=type(rows.D).of(D * [[1], [-1]]))  # fmt: skip
+    same(mirrored, noise, sizes)
+    p = np.array([3, 1, 4, 0, 2])  # the column of number k was column p[k]
+    renumbered = replace(rows, D=type(rows.D).of(D[:, :, p]))
+    same(renumbered, noise, sizes[p], np.argsort(p).tolist(), int(np.argsort(p)[2]))
+
+
+def test_columns_that_come_later_are_as_if_they_had_been_there(made):
+    rows, noise = made
+    D = rows.D.take(range(WIDTH))
+    few = replace(rows, D=type(rows.D).of(D[:, :, :3]))
+    products = Products(few, noise)
+    for j in range(JOINTS):
+        products.gram(j, 0)
+    products.extend(rows)
+    at = range(WIDTH)
+    whole = Products(rows, noise)
+    steps, ones = np.zeros(JOINTS, int), np.ones(JOINTS)
+    found, expected = (p.total(steps, ones, at) for p in (products, whole))
+    np.testing.assert_allclose(found, expected, rtol=1e-10)
+
+
+def test_values_are_least_squares_and_those_of_functions_have_their_prior(made):
+    rows, noise = made
+    view = View(Products(rows, noise), np.zeros(JOINTS, int), np.ones(JOINTS), SIZES)
+    A = np.concatenate([rows.X, rows.D.take([1, 3])], axis=2)
+    A, y = (a / np.array([1.0, 3.0]).reshape(-1, *[1] * (a.ndim - 2)) for a in (A, rows.tau))
+    A, y = A.reshape(-1, A.shape[2]), y.ravel()
+    value, covariance = view.solve([1, 3], [-1, -1])
+    np.testing.assert_allclose(value, np.linalg.lstsq(A, y)[0], rtol=1e-8)
+    np.testing.assert_allclose(covariance, np.linalg.inv(A.T @ A), rtol=1e-7)
+    value, _ = view.solve([1, 3], [-1, 3])
+    # The width of the prior is the one under which the torque is likeliest.
+    widths = np.geomspace(0.1, 100, 20_001)
+    C = np.linalg.inv(A.T @ A)
+    own, square = np.linalg.inv(A.T @ A) @ A.T @ y, (widths * SIZES[3]) ** 2 + C[3, 3]
+    width = widths[np.argmin(np.log(square) + own[3] ** 2 / square)]
+    prior = np.diag([0, 0, 0, (width * SIZES[3]) ** -2])
+    expected = np.linalg.solve(A.T @ A + prior, A.T @ y)
+    np.testing.assert_allclose(value, expected, rtol=1e-2)
+
+
+def test_what_a_joint_leaves_above_its_noise_divides_its_information(rng):
+    white = rng.standard_normal(20_000)
+    slow = np.convolve(rng.standard_normal(20_000), np.ones(20) / np.sqrt(20), "same")
+    one, twice, lasting, nothing = tempering([white, 2 * white, 2 * slow, np.zeros(9)], 0.0)
+    assert one == pytest.approx(1.0, abs=0.05)
+    assert twice == pytest.approx(4.0, rel=0.1)
+    assert lasting > 20.0
+    assert nothing == 1.0
+    assert step_of(0.0, 1.0) == step_of(0.2, 1.0) == 0 < step_of(0.3, 1.0) < step_of(9.0, 1.0)

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from identifiability import Robot
-from identifiability.estimation.noise import ARNoise, JointNoise, find_runs
+from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, find_runs
 from identifiability.foundation.errors import ClosureError
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
 from identifiability.regression.regression import Regression
 from identifiability.simulation import random_trajectory
-from identifiability.workflows.diagnose import find_next, next_motion
+from identifiability.workflows.diagnose import find_next, next_experiment
 from identifiability.workflows.diagnose.motion import MOST_IN_ALL, prepare_rows
-from identifiability.workflows.diagnose.noise_of_motion import Told
+from identifiability.workflows.diagnose.next_experiment import Told
 from identifiability.workflows.excite.criteria import pose_question
 
 
@@ -42,7 +42,7 @@ def ask(monkeypatch):
         stubs = {"find_motion": find_motion, "ask_open": lambda *_: asked,
                  "Told": SimpleNamespace(of=lambda *_: told)}  # fmt: skip
         for name, stub in stubs.items():
-            monkeypatch.setattr(next_motion, name, stub)
+            monkeypatch.setattr(next_experiment, name, stub)
         sample = SimpleNamespace(name="first", output_times=lambda: np.arange(4) * 0.1)
         d = SimpleNamespace(robot=Robot.load("two-link"), samples=[sample])
         found = find_next.__wrapped__(d, duration=10.0)  # no diagnosis is made
@@ -88,11 +88,12 @@ def test_what_a_motion_would_say_is_what_its_log_says():
     noise = ARNoise((one, one))
     gram, seen = Told(question, noise, np.eye(1)).along(d, path)
     regression = Regression(robot, question.model, (samples,), question.columns)
-    W = np.concatenate([c.W.copy() for part in regression.parts() for c in part.chunks()])
-    white = noise.whiten(W, find_runs([samples])).reshape(-1, W.shape[2])
+    chunks = [(c.W.copy(), c.data) for part in regression.parts() for c in part.chunks()]
+    W, data = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
+    white = noise.whiten(W, JointRuns.of(find_runs([samples]), data)).reshape(-1, W.shape[2])
     share = np.diag(gram) / ((white**2).sum(0) / periods)
     assert np.all(share > 0.85)  # the low-pass takes the ends, of few periods more than of many
-    assert np.all(share < 1.01)
+    assert np.all(share < 1.05)
     # Both halves of the new log and the old one are looked at alike: each is long enough.
     step = float(np.median(np.diff(samples.output_times())))
     assert seen == pytest.approx(2 / 3 * MOST_IN_ALL * step / path.period, rel=0.01)

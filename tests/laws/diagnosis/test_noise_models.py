@@ -10,6 +10,7 @@ from identifiability.estimation.noise import (
     ARNoise,
     JointNoise,
     RestrictedLikelihood,
+    _span,
     autocovariance,
     durbin,
     fit_joint,
@@ -162,3 +163,16 @@ def test_a_dictionary_may_take_at_most_45_per_cent_of_a_joints_rows():
     assert left == pytest.approx(fit_noise(y, lambda j: [first[:, j]], [(0, n)]).joints[0].left)
     twice = np.concatenate([first, first], axis=2)  # the same columns again take nothing more
     assert fit_noise(y, lambda j: [first[:, j], twice[:, j]], [(0, n)]).joints[0].dof == n - 20
+
+
+@pytest.mark.parametrize("samples", [50, 426])
+def test_what_columns_span_is_orthonormal_however_alike_they_are(samples):
+    """And directions below what is told from rounding are left to the noise."""
+    rng = np.random.default_rng(3)
+    four = rng.standard_normal((samples, 4))
+    alike = four @ rng.standard_normal((4, 66))
+    noisy = alike + 1e-6 * rng.standard_normal(alike.shape)
+    basis = _span([four[:, :1], noisy, rng.standard_normal((samples, 5))], int(0.45 * samples))
+    assert basis.shape[1] == 9
+    np.testing.assert_allclose(basis.T @ basis, np.eye(9), atol=1e-8)
+    np.testing.assert_allclose(basis @ (basis.T @ alike), alike, atol=1e-4)

@@ -9,7 +9,7 @@ from identifiability.effects import find_effect, find_family
 from identifiability.effects.transmission import stretch_of_springs
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import random_trajectory
-from identifiability.workflows.diagnose.other_effects import OtherEffects, keep_turns
+from identifiability.workflows.diagnose.forward import OtherEffects, keep_turns
 
 #: What hangs on the time of a log, of its session, on the way, and on nothing but a state.
 NAMES = (

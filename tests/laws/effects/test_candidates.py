@@ -11,9 +11,9 @@ from identifiability.logs.prepare import Samples
 from identifiability.logs.signals import Decimation
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.workflows.diagnose.gates import has_place
-from identifiability.workflows.diagnose.rows import list_candidates
-from identifiability.workflows.diagnose.table import build_rows
+from identifiability.workflows.diagnose import Rules
+from identifiability.workflows.diagnose.hypothesis import Catalogue
+from identifiability.workflows.diagnose.rows import Table, list_candidates
 
 T = 0.01 * np.arange(300)
 
@@ -89,9 +89,11 @@ def test_what_the_model_has_at_one_joint_is_tried_at_the_others(polar, move):
 def test_a_refinement_stands_where_the_model_has_what_it_refines(polar, move):
     structure = Structure.of(polar, Model.of("coulomb_friction@lift"))
     found, _ = listed(polar, move(polar, T), "stribeck_friction", present=structure.present)
-    assert {c.place for c in found if has_place(c, (), structure.present)} == {"lift"}
     both = Structure.of(polar, Model.of("coulomb_asymmetry")).present  # has its two levels
-    assert all(has_place(c, (), both) for c in found)
+    for present, places in ((structure.present, {"lift"}), (both, {c.place for c in found})):
+        catalogue = Catalogue(found, len(found), present, Rules())
+        allowed = catalogue.allowed([], (), functions=False)
+        assert {c.place for c, may in zip(found, allowed, strict=True) if may} == places
 
 
 def test_without_masses_there_is_no_load(polar, move):
@@ -141,7 +143,7 @@ def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):
     candidates, _ = listed(polar, parts[0], "joint_stiffness", "torque_offset")
     model = Model.of("rigid_body", "viscous_friction")
     structure = Structure.of(polar, model)
-    rows = build_rows(structure, candidates, logs)
+    rows = Table.of(structure, logs).rows(candidates)
     W = np.concatenate([model.regressor(polar, m) for m in parts])[:, :, structure.base.kept]
     np.testing.assert_allclose(rows.X, W, atol=1e-12)
     for c in candidates:
@@ -159,7 +161,7 @@ def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):
     assert rows.log.tolist() == [0] * 120 + [1] * 180
     assert rows.runs == [(0, 120), (120, 300)]
     # With the values of the robot file the model's torque is taken off, and no column is left.
-    fixed = build_rows(structure, candidates, logs, fixed=True)
+    fixed = Table.of(structure, logs, fixed=True).rows(candidates)
     np.testing.assert_allclose(fixed.tau, rows.tau - W @ structure.nominal_base, atol=1e-9)
     assert fixed.X.shape[2] == 0
     np.testing.assert_array_equal(fixed.measured, rows.tau)
@@ -173,7 +175,7 @@ def test_no_stretch_of_rows_reaches_across_a_gap(polar, move, factor):
     log = Samples("log", m, np.ones((len(m), 2)), d, (), "")
     model = Model.of("viscous_friction")
     structure = Structure.of(polar, model)
-    rows = build_rows(structure, [], [log, log])
+    rows = Table.of(structure, [log, log]).rows([])
     assert len(rows.runs) == 4
     for a, b in rows.runs:
         np.testing.assert_allclose(np.diff(rows.t[a:b]), 0.01 * factor)

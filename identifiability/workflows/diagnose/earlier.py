@@ -13,6 +13,7 @@ from hashlib import file_digest
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field
 
 from identifiability.effects import Placed, title_of
@@ -20,12 +21,12 @@ from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
-from identifiability.workflows.diagnose.evidence import score_candidates
-from identifiability.workflows.diagnose.findings import Findings, NamedEffect
-from identifiability.workflows.diagnose.material import Material
+from identifiability.robot import Robot
+from identifiability.workflows.diagnose.findings import Findings, NamedEffect, Outcome, Turn
+from identifiability.workflows.diagnose.hypothesis import Hypothesis
 from identifiability.workflows.diagnose.motion import PART
 from identifiability.workflows.diagnose.rows import Candidate
-from identifiability.workflows.diagnose.turns import Outcome, Turn
+from identifiability.workflows.diagnose.search import Search
 from identifiability.workflows.predict.fit import Entry
 
 #: How a diagnosis that is gone on from is given.
@@ -132,36 +133,35 @@ class Earlier:
 
     @property
     def families(self) -> tuple[str, ...]:
-        """Families that it named, or could not tell from those."""
-        every = (n for t in self.told if not t.unnamed for n in (t.name, *t.alternatives))
+        """Families that it named, or could not tell from those, and functions."""
+        every = (n for t in self.told for n in (t.name, *t.alternatives))
         return tuple(dict.fromkeys(every))
 
-    def start(self, m: Material) -> list[Candidate]:
-        """Return the candidates that the search begins with, settled names first."""
-        chosen: list[Candidate] = []
-        named = (t for t in self.told if not t.unnamed)
-        for t in sorted(named, key=lambda t: bool(t.alternatives)):
-            taken = {c.slot for c in chosen}
+    def start(self, search: Search) -> Hypothesis:
+        """Return the hypothesis that the search begins with, settled names first."""
+        p = search.problem
+        begun = Hypothesis()
+        for t in sorted(self.told, key=lambda t: (t.unnamed, bool(t.alternatives))):
+            view = p.settled(begun.parts)
+            taken = {p.candidates[k].slot for k in begun.parts}
+            gains = search.gains(begun.parts, view)
             options = [
-                c
-                for c in m.candidates
-                if c.place == t.place and c.slot not in taken and _is_told(m, c, t)
-            ]
+                k
+                for k, c in enumerate(p.candidates)
+                if c.place == t.place and c.slot not in taken and np.isfinite(gains[k])
+                and self._is_told(p.setting.structure.robot, c, t)
+            ]  # fmt: skip
             if options:
-                white = m.white
-                fit = score_candidates(white, white.basis(chosen), options, null=False).fit
-                chosen.append(options[int(fit.argmax())])
-        return chosen
+                begun = begun.add(max(options, key=lambda k: gains[k]), 0.0)
+        return begun
 
-    @property
-    def functions(self) -> tuple[tuple[str, str], ...]:
-        """Functions without a name, with their places."""
-        return tuple((t.name, t.place) for t in self.told if t.unnamed)
-
-    @property
-    def p_values(self) -> dict[tuple[str, str], float]:
-        """The p-values that the names had at their places, and their alternatives with them."""
-        return {(n, t.place): t.p_value for t in self.told for n in (t.name, *t.alternatives)}
+    @staticmethod
+    def _is_told(robot: Robot, c: Candidate, t: Told) -> bool:
+        """Whether a candidate is what was told: the same parameters, or an alternative."""
+        if c.family.name in t.alternatives:
+            return True
+        own = Placed.part_parameters(robot, c.part)
+        return c.family.name == t.name and tuple(p.name for p in own) == t.parameters
 
     def turns(self, found: Findings) -> tuple[Turn, ...]:
         """Return what became of each name."""
@@ -253,14 +253,6 @@ def _tell(e: NamedEffect) -> list[Told]:
         Told(e.name, p.place, p.parameters, e.alternatives, p.p_value, e.unnamed)
         for p in e.placements
     ]
-
-
-def _is_told(m: Material, c: Candidate, t: Told) -> bool:
-    """Whether a candidate is what was told: the same parameters, or an alternative."""
-    if c.family.name in t.alternatives:
-        return True
-    own = Placed.part_parameters(m.setting.structure.robot, c.part)
-    return c.family.name == t.name and tuple(p.name for p in own) == t.parameters
 
 
 def _turn(t: Told, effects: Sequence[NamedEffect], told: Sequence[Told]) -> Turn:

@@ -1,0 +1,344 @@
+"""What a diagnosis is asked, its `Setting`; rows, candidates and noise to answer it: `Problem`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from identifiability.effects import find_families
+from identifiability.estimation.noise import fit_noise
+from identifiability.foundation.linalg import triangular_factor
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.logs.prepare import Preparation, Samples
+from identifiability.regression.structure import Structure
+from identifiability.workflows.diagnose.evidence import (
+    Options,
+    Products,
+    View,
+    factor_of,
+    step_of,
+    tempering,
+)
+from identifiability.workflows.diagnose.known_values import KnownValues
+from identifiability.workflows.diagnose.motion import without_crossings
+from identifiability.workflows.diagnose.rows import (
+    Candidate,
+    Refusal,
+    Rows,
+    Table,
+    list_candidates,
+    number,
+)
+from identifiability.workflows.diagnose.rules import Rules
+
+#: Decimals that count where shares and sizes are compared: those beyond are another processor's
+#: rounding, and of what ties the first comes first, in the order of candidates and parameters.
+DECIMALS = 9
+#: Parameters that an alias is said to be hidden behind, of this share of the largest at least.
+BEHIND, SHARE = 3, 0.1
+
+
+@frozen
+class Setting:
+    """What is diagnosed, and from what.
+
+    Attributes
+    ----------
+    structure : Structure
+        The robot under the model that is diagnosed.
+    samples, validation : tuple of Samples
+        Fitted, and unseen.
+    fixed : bool
+        Whether the model keeps the values of the robot file.
+    known : KnownValues or None
+        The values that it keeps, where these have errors.
+    rules : Rules
+    seed : int
+    chosen_by : str
+        What chose the names, in words.
+    verified_on : str
+        Unseen motion, in words: it was not fitted.
+    preparation : Preparation
+        How logs were turned into motion, with one cut-off.
+    left_out : tuple of str
+        Logs that disagree with the fitted ones and were left out.
+    """
+
+    structure: Structure
+    samples: tuple[Samples, ...]
+    validation: tuple[Samples, ...] = ()
+    fixed: bool = False
+    known: KnownValues | None = None
+    rules: Rules = Rules()
+    seed: int = 0
+    chosen_by: str = ""
+    verified_on: str = ""
+    preparation: Preparation = Preparation()
+    left_out: tuple[str, ...] = ()
+
+
+@frozen
+class Alias:
+    """How much of a candidate the base model does not contain.
+
+    Attributes
+    ----------
+    family, place : str
+    remaining : float
+        Root mean square of what is left, as a share of the candidate's own; of several columns
+        the largest share of all that they can be.
+    behind : tuple of str
+        Parameters that make up what is not left, the largest first.
+    structural : bool
+        Whether it can never be named from this motion.
+    """
+
+    family: str
+    place: str
+    remaining: float
+    behind: tuple[str, ...]
+    structural: bool
+
+
+class Problem:
+    """Rows, candidates and noise of a setting.
+
+    Parameters
+    ----------
+    setting : Setting
+    effects : iterable of str, optional
+        Families that may be named; all by default.
+
+    Attributes
+    ----------
+    candidates : list of Candidate
+        Without the structurally aliased ones; shapes between those of grids are added behind.
+    aliases : tuple of Alias
+    refusals : tuple of Refusal
+    noise : ARNoise
+    fitted, unseen : Products
+        Of rows that say something of what is missing.
+    """
+
+    def __init__(self, setting: Setting, effects: Iterable[str] | None = None) -> None:
+        self.setting = setting
+        s, fixed = setting.structure, setting.fixed
+        logs = [part for part in (setting.samples, setting.validation) if part]
+        masked = [tuple(map(without_crossings, part)) for part in logs]
+        self.tables, whole = (
+            tuple(Table.of(s, part, fixed, setting.known) for part in parts)
+            for parts in (masked, logs)
+        )
+        families = find_families(effects)
+        motions = [x.motion for x in setting.samples]
+        listed, refused = list_candidates(s.robot, families, s.present, motions, fixed=fixed)
+        rows = self.tables[0].rows(listed)
+        self.aliases = tuple(find_aliases(rows, listed, s.base.names, setting.rules.alias))
+        hidden = {(a.family, a.place) for a in self.aliases if a.structural}
+        self.candidates = number([c for c in listed if c.group not in hidden])
+        self.refusals: tuple[Refusal, ...] = tuple(refused)
+        self.given = len(self.candidates)
+        rows, *others = (t.rows(self.candidates) for t in self.tables)
+        self.noise = fit_noise(
+            rows.tau, lambda j: family_blocks(rows, self.candidates, j), rows.moving
+        )
+        self.fitted = Products(rows, self.noise)
+        self.unseen = Products(others[0], self.noise) if others else self.fitted
+        self.options, self.sizes = Options(self.candidates), self._sizes()
+        self._whole = whole
+
+    @property
+    def seen(self) -> Rows:
+        """All rows of the fitted logs, those at which the speed of a joint crosses zero as well."""
+        return self._whole[0].rows(self.candidates, later=True)
+
+    @property
+    def shown(self) -> Rows:
+        """All rows on which errors are stated: of unseen logs, where there are any."""
+        return self._whole[-1].rows(self.candidates, later=True)
+
+    @property
+    def rows(self) -> Rows:
+        """The rows that are fitted."""
+        return self.fitted.rows
+
+    def columns(self, parts: Iterable[int]) -> list[int]:
+        """Return the columns of some candidates by their numbers."""
+        return [at for k in parts for at in self.candidates[k].columns]
+
+    def acts(self, k: int) -> tuple[int, ...]:
+        """Return the joints in which a candidate acts."""
+        at = self.candidates[k].columns
+        return tuple(j for j, ids in enumerate(self.fitted.ids) if np.isin(at, ids).any())
+
+    def view(self, parts: Sequence[int], before: View | None = None) -> View:
+        """Return the rows weighed as some candidates leave them, from another weighing on."""
+        rows = self.rows
+        left = self._plain() if before is None else self.residual(rows, parts, before)
+        excess = self.noise.misfit(left, rows.counts)
+        steps = np.array([
+            step_of(x, n.left) for x, n in zip(excess, self.noise.joints, strict=True)
+        ])  # fmt: skip
+        ones = np.ones(rows.joints)
+        view = View(self.fitted, steps, ones if before is None else before.tempered, self.sizes)
+        errors = self.errors(self.fitted, parts, view)
+        b = rows.X.shape[2] + len(self.columns(parts))
+        tempered = tempering(errors, b / rows.joints)
+        return replace(view, tempered=tempered, sizes=self._widened(parts, view))
+
+    def _widened(self, parts: Sequence[int], view: View) -> Array:
+        """Return typical values, those of what is there as large as they are.
+
+        A narrow prior would hold back what is much larger, and other parts would take that on.
+        """
+        sizes, (value, _) = self.sizes.copy(), self.solve(parts, view)
+        value = value[self.rows.X.shape[2] :]
+        for k in parts:
+            at, c = list(self.candidates[k].columns), self.candidates[k]
+            own, value = np.abs(value[: len(at)]), value[len(at) :]
+            ratio = own / np.where(sizes[at] > 0, sizes[at], np.inf)
+            sizes[at] *= np.maximum(np.sqrt(np.mean(ratio**2)) if c.family.flexible else ratio, 1.0)
+        return sizes
+
+    def settled(self, parts: Sequence[int], before: View | None = None) -> View:
+        """Return the rows weighed as some candidates leave them, whatever they were before."""
+        return self.view(parts, self.view(parts, before))
+
+    def solve(self, parts: Sequence[int], view: View) -> tuple[Array, Array]:
+        """Return the values (b + k,) of the model with some candidates, and their covariance."""
+        ridge = [k if self.candidates[k].family.flexible else -1 for k in parts
+                 for _ in self.candidates[k].columns]  # fmt: skip
+        return view.solve(self.columns(parts), ridge)
+
+    def residual(self, rows: Rows, parts: Sequence[int], view: View) -> Array:
+        """Return the errors (N, n) of the model with some candidates, as it is fitted."""
+        value, _ = self.solve(parts, view)
+        b = rows.X.shape[2]
+        left: Array = rows.tau - rows.X @ value[:b]
+        left -= rows.D.take(self.columns(parts)) @ value[b:]
+        return left
+
+    def errors(self, where: Products, parts: Sequence[int], view: View) -> list[Array]:
+        """Return the whitened errors of each joint, (R,)."""
+        value, _ = self.solve(parts, view)
+        at = self.columns(parts)
+        whole = np.r_[1.0, -value]
+        steps = view.steps.tolist()
+        return [where.whitened(j, step, at) @ whole for j, step in enumerate(steps)]
+
+    def triangular(self, parts: Sequence[int], view: View) -> Array:
+        """Return the triangular factor of model, some candidates and torque, (b + k + 1, ·)."""
+        at, steps = self.columns(parts), view.steps.tolist()
+        rows = [
+            self.fitted.whitened(j, step, at) / np.sqrt(view.tempered[j])
+            for j, step in enumerate(steps)
+        ]
+        if self.rows.root is not None:  # what is known of the model beforehand
+            rows.append(np.pad(self.rows.root, ((0, 0), (1, len(at)))))
+        A = np.concatenate(rows)
+        return triangular_factor(np.concatenate([A[:, 1:], A[:, :1]], axis=1))
+
+    def _plain(self) -> Array:
+        """Return the errors (N, n) of the model alone, joints weighed by their torque."""
+        rows = self.rows
+        scale = 1.0 / np.maximum(np.sqrt(np.sum(rows.tau**2, axis=0) / rows.counts), 1e-300)
+        A = (rows.X * scale[:, None]).reshape(rows.X.shape[0] * rows.joints, rows.X.shape[2])
+        F = factor_of(A.T @ A)
+        left: Array = rows.tau - rows.X @ (F.T @ (F @ (A.T @ (rows.tau * scale).ravel())))
+        return left
+
+    def extend(self, more: Sequence[Candidate]) -> range:
+        """Add candidates, and return their numbers."""
+        first, start = len(self.candidates), self.rows.D.width
+        new = [replace(c, columns=tuple(k + start for k in c.columns)) for c in number(more)]
+        self.candidates = [*self.candidates, *new]
+        for table, own in zip(self.tables, (self.fitted, self.unseen), strict=False):
+            own.extend(table.extend(own.rows, new))
+        self.options, self.sizes = Options(self.candidates), self._sizes()
+        return range(first, len(self.candidates))
+
+    def _sizes(self) -> Array:
+        """Return the typical value of each column: a share of the torque where that is least."""
+        rows = self.rows
+        torque = np.sqrt(np.sum(rows.measured**2 * rows.data, axis=0) / rows.counts)
+        out = np.full(rows.D.width, np.inf)
+        for j, ids in enumerate(self.fitted.ids):
+            block = rows.D.block(j).values
+            rms = np.sqrt(np.sum(block**2, axis=0) / rows.counts[j])
+            seen = rms > 0
+            size = self.setting.rules.size * torque[j] / rms[seen]
+            out[ids[seen]] = np.minimum(out[ids[seen]], size)
+        for c in self.candidates:
+            at = list(c.columns)
+            if c.family.flexible:  # pieces of one curve, reached or not, are alike
+                out[at] = out[at].min()
+            out[at] /= np.sqrt(len(at))
+        sizes: Array = np.where(np.isfinite(out), out, 0.0)
+        return sizes
+
+
+def family_blocks(rows: Rows, candidates: Sequence[Candidate], joint: int) -> list[Array]:
+    """Return what acts in a joint of the base model and each family, few columns first, (N, ·)."""
+    columns: dict[str, list[int]] = {}
+    for c in candidates:
+        columns.setdefault(c.family.name, []).extend(c.columns)
+    small_first = sorted(columns.values(), key=len)
+    block = rows.D.block(joint)
+    inside = [np.flatnonzero(np.isin(block.columns, at)) for at in small_first]
+    return [rows.X[:, joint], *(block.values[:, at] for at in inside if len(at))]
+
+
+def find_aliases(
+    rows: Rows, candidates: Sequence[Candidate], names: Sequence[str], share: float
+) -> list[Alias]:
+    """Return one entry for every family and place, that of its most visible shape.
+
+    Of several columns together it is the most visible of all torques that they can make: how much
+    of a spring is gravity must not hang on where its position is counted from.
+
+    Parameters
+    ----------
+    rows : Rows
+    candidates : sequence of Candidate
+    names : sequence of str
+        Of the base columns.
+    share : float
+        Remaining share below which a candidate is structurally aliased.
+    """
+    # Values with known errors hide nothing for ever: a larger effect shows.
+    b = rows.X.shape[2] if rows.root is None else 0
+    G = np.zeros((b + rows.D.width,) * 2)
+    for j in range(rows.joints):
+        scale = float(np.sqrt(np.sum(rows.tau[:, j] ** 2) / rows.counts[j])) or 1.0
+        block = rows.D.block(j)
+        A = np.concatenate([rows.X[:, j, :b], block.values], axis=1) / scale
+        at = np.r_[:b, b + block.columns]
+        G[np.ix_(at, at)] += A.T @ A
+    length = np.sqrt(np.maximum(np.diag(G), 1e-300))
+    G /= length
+    G /= length[:, None]
+    F = factor_of(G[:b, :b])
+    C = F @ G[:b, b:]
+    out: dict[tuple[str, str], Alias] = {}
+    for c in candidates:
+        at = np.array(c.columns)
+        values, vectors = np.linalg.eigh(G[np.ix_(b + at, b + at)])
+        seen = values > 1e-8 * max(float(values[-1]), 1e-300)
+        if not seen.any() or not values[-1] > 1e-9:
+            continue
+        V = vectors[:, seen] / np.sqrt(values[seen])
+        inside = C[:, at] @ V
+        left = float(np.sqrt(max(1.0 - float(np.linalg.eigvalsh(inside.T @ inside)[0]), 0.0)))
+        if c.group in out and round(out[c.group].remaining, DECIMALS) >= round(left, DECIMALS):
+            continue
+        size = np.linalg.norm(F.T @ inside, axis=1)
+        size = np.round(size / (size.max(initial=0.0) or 1.0), DECIMALS)
+        order = [k for k in np.argsort(-size, kind="stable")[:BEHIND] if size[k] > SHARE]
+        behind = tuple(names[k] for k in order)
+        out[c.group] = Alias(*c.group, left, behind, left < share)
+    for c in candidates:  # what never acts along this motion
+        out.setdefault(c.group, Alias(*c.group, 0.0, (), True))
+    return list(out.values())

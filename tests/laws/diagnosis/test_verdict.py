@@ -1,0 +1,242 @@
+"""What must be true of any diagnosis: an arm on known motion, effects and noise that are known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from identifiability.workflows.diagnose import Rules
+from identifiability.workflows.diagnose.conclude import conclude, find_rivals, null_odds
+from identifiability.workflows.diagnose.hypothesis import OVER_SPEED, Hypothesis
+from identifiability.workflows.diagnose.verdict import Judged, of_few, predictive, scatter_of
+
+SPRING = {"joint_stiffness@elbow": 0.05}
+STRIBECK = {"stribeck_friction@shoulder:0.5": 0.05}
+RIPPLE = {"position_ripple@elbow:0.6": 0.03}
+OVER = ("stribeck_friction", "rising_friction", "sigmoid_friction", "quadratic_friction")
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_nothing_is_named_where_nothing_is_hidden(arm, seed):
+    assert arm.names(*arm.settled(arm.samples(seed=seed))) == []
+
+
+@pytest.mark.parametrize(
+    ("hidden", "names"),
+    [
+        (SPRING, [("joint_stiffness", "elbow")]),
+        (STRIBECK, [("stribeck_friction", "shoulder")]),
+        (RIPPLE, [("position_ripple", "elbow")]),
+        ({**SPRING, **STRIBECK}, [("joint_stiffness", "elbow"), ("stribeck_friction", "shoulder")]),
+        (dict.fromkeys(("torque_offset@shoulder", "torque_offset@elbow"), 0.1),
+         [("torque_offset", "elbow"), ("torque_offset", "shoulder")]),
+    ],
+)  # fmt: skip
+def test_what_is_hidden_is_named_where_it_is_and_nothing_else(arm, hidden, names):
+    search, verdict = arm.settled(arm.samples(hidden))
+    assert arm.names(search, verdict) == names
+    for k, judged in verdict.judged.items():
+        assert judged.odds >= search.problem.setting.rules.odds
+        assert judged.unseen > 0
+        assert judged.after < judged.before
+        # Of what is true scores scatter as noise lets them: 32 blocks, three of their errors.
+        assert 1.0 <= judged.scatter < 1.0 + 3 * np.sqrt(2 / 32)
+        assert search.problem.candidates[k].group in names
+
+
+def test_a_shape_that_lies_between_is_found(arm):
+    for shape in (0.45, 0.52, 0.6):
+        search, verdict = arm.settled(arm.samples({f"position_ripple@elbow:{shape}": 0.05}))
+        (k,) = verdict.hypothesis.parts
+        assert search.problem.candidates[k].shape == pytest.approx(shape, rel=0.02)
+
+
+def test_a_forbidden_sign_is_no_name(arm):
+    """A spring that pushes away from its rest, a friction that drives: no such effect."""
+    for text in SPRING, STRIBECK:
+        against = {name: -level for name, level in text.items()}
+        search, verdict = arm.settled(arm.samples(against), [next(iter(text)).partition("@")[0]])
+        assert arm.names(search, verdict) == []
+
+
+def test_one_curve_of_friction_over_speed_has_one_name(arm):
+    for text in ("stribeck_friction@shoulder:0.5", "sigmoid_friction@shoulder:0.8"):
+        search, verdict = arm.settled(arm.samples({text: 0.05}), OVER)
+        assert len(verdict.hypothesis.parts) == 1
+        group = search.catalogue.of[verdict.hypothesis.parts[0]]
+        assert group in {(OVER_SPEED, "shoulder"), ("quadratic_friction", "shoulder")}
+
+
+@pytest.mark.parametrize("hidden", [{}, {**SPRING, **STRIBECK}])
+def test_units_order_and_cuts_of_logs_change_no_answer(arm, hidden):
+    given = arm.samples(hidden)
+
+    def told(samples, factor=1.0):
+        search, verdict = arm.settled(samples)
+        p, parts = search.problem, verdict.hypothesis.parts
+        value = {p.candidates[k].group: p.solve([*(o for o in parts if o != k), k], verdict.view)
+                 [0][-1] / factor for k in parts}  # fmt: skip
+        odds = {p.candidates[k].group: verdict.judged[k].odds for k in parts}
+        return value, odds, p.rows.joints
+
+    value, odds, _ = told(given)
+    assert len(value) == len(hidden)
+    for samples, factor in (
+        ([replace(s, tau=1e3 * s.tau) for s in given], 1e3),  # N·mm
+        ([given[1], given[0], given[2]], 1.0),
+    ):
+        found, other, _ = told(samples, factor)
+        assert found == pytest.approx(value, rel=1e-3)
+        assert other == pytest.approx(odds, rel=1e-3, abs=0.1)
+    # In two logs it is the same motion but for one transition: values move within their errors.
+    found, other, _ = told([*arm.cut(given[0], 387), *given[1:]])
+    assert found == pytest.approx(value, rel=0.02)
+    assert other == pytest.approx(odds, rel=0.05)
+
+
+def test_a_faster_clock_finds_the_same(arm):
+    """Of twice the samples with independent noise each the names are the same."""
+    twice = type(arm)(step=0.005)
+    assert arm.names(*arm.settled(arm.samples(SPRING))) == twice.names(
+        *twice.settled(twice.samples(SPRING))
+    )
+
+
+def test_unseen_motion_refutes_a_name_that_does_harm_there(arm):
+    """The fitted logs have it, the unseen one has the opposite: nothing stands in the model."""
+    samples = arm.samples([SPRING, SPRING, {name: -x for name, x in SPRING.items()}])
+    search, verdict = arm.settled(samples)
+    assert verdict.hypothesis.parts == ()
+    gone = {search.problem.candidates[k].group: j for k, j in verdict.refuted.items()}
+    assert ("joint_stiffness", "elbow") in gone
+    rules = search.problem.setting.rules
+    assert gone["joint_stiffness", "elbow"].refuted(rules.shows)
+    assert "unseen motion" in gone["joint_stiffness", "elbow"].why(rules)
+    # Beside it another name, that unseen motion shows, stands.
+    samples = arm.samples([{**SPRING, **STRIBECK}] * 2 + [STRIBECK])
+    assert arm.names(*arm.settled(samples)) == [("stribeck_friction", "shoulder")]
+
+
+def test_no_name_makes_the_unseen_motion_of_its_joints_worse(arm):
+    """Whatever each log has: what is in the model at the end has a smaller error there."""
+    rng = np.random.default_rng(7)
+    texts = [*SPRING, *STRIBECK, *RIPPLE]
+    for seed in range(2):
+        each = [{t: rng.normal() * 0.05 for t in texts} for _ in range(3)]
+        _, verdict = arm.settled(arm.samples(each, seed=seed))
+        for judged in verdict.judged.values():
+            assert judged.after < judged.before
+            assert judged.unseen > 0
+
+
+def test_a_part_stands_where_it_is_sure_and_shown():
+    rules = Rules()
+    sure = Judged(odds=rules.odds, scatter=1.0, unseen=0.1, before=1.0, after=0.98)
+    assert sure.stands(rules.odds, rules.shows)
+    for spoilt in ({"odds": rules.odds - 0.1}, {"unseen": -0.1}, {"after": 0.995}):
+        assert not replace(sure, **spoilt).stands(rules.odds, rules.shows)
+    assert rules.odds == pytest.approx(np.log(19.0))
+    # Motion in which its joints have no torque cannot refute it.
+    assert replace(sure, asked=False, after=2.0, unseen=-1.0).stands(rules.odds, rules.shows)
+
+
+def test_scores_that_change_from_stretch_to_stretch_are_divided_by_it(arm):
+    """Of a spring that comes and goes every second its evidence is less, and never more."""
+    samples = arm.samples(SPRING)
+    lever = arm.samples({"joint_stiffness@elbow": 0.4}, noise=0.0)
+    none = arm.samples(noise=0.0)
+    wild = []
+    for s, w, o in zip(samples, lever, none, strict=True):
+        sign = np.where(np.floor(s.motion.t) % 2 > 0, 1.0, -1.0)[:, None]
+        wild.append(replace(s, tau=s.tau + sign * (w.tau - o.tau)))
+    found = []
+    for given in (samples, wild):
+        search = arm.search(given, ["joint_stiffness"])
+        k = next(n for n, c in enumerate(search.problem.candidates) if c.place == "elbow")
+        view = search.problem.settled([k])
+        scatter, _ = scatter_of(search.problem, k, [k], view)
+        assert scatter >= 1.0
+        found.append(scatter)
+    assert found[0] < 1.8
+    assert found[1] > 3.0
+
+
+def test_predictive_odds_are_the_ratio_of_dense_densities(arm):
+    """Of unseen torque given the fitted one, with a part over without."""
+    small = type(arm)(seconds=0.8)
+    search = small.search(small.samples(SPRING), ["joint_stiffness"])
+    p = search.problem
+    k = next(n for n, c in enumerate(p.candidates) if c.place == "elbow")
+    view = p.view([])
+    at = p.columns([k])
+
+    def contrasts(*where):
+        blocks = [w.whitened(j, int(view.steps[j]), at) / np.sqrt(view.tempered[j])
+                  for w in where for j in range(2)]  # fmt: skip
+        y, X, D = np.split(np.concatenate(blocks), [1, -1], axis=1)
+        U, s, _ = np.linalg.svd(X, full_matrices=True)
+        K = U[:, int(np.sum(s > 1e-9 * s[0])) :]
+        y, D = K.T @ y[:, 0], K.T @ D * p.sizes[at]
+        one, none = (stats.multivariate_normal(np.zeros(len(y)), V)
+                     for V in (np.eye(len(y)) + D @ D.T, np.eye(len(y))))  # fmt: skip
+        return float(one.logpdf(y) - none.logpdf(y))
+
+    expected = contrasts(p.fitted, p.unseen) - contrasts(p.fitted)
+    assert predictive(p, [k], view, 1.0) == pytest.approx(expected, abs=1e-4)
+    assert predictive(p, [], view, 1.0) == 0.0
+
+
+def test_weights_of_all_names_for_one_place_sum_to_one(arm):
+    effects = (*OVER, "joint_stiffness", "free_spring", "torque_offset", "position_ripple")
+    for hidden in (STRIBECK, {"stribeck_friction@shoulder:0.5": 0.006}):
+        search = arm.search(arm.samples(hidden), effects)
+        h, view = search.run(Hypothesis())
+        for k in h.parts:
+            weight, rivals = find_rivals(search, h, view, k, 1.0)
+            total = weight + sum(r.weight for r in rivals)
+            assert 0.0 <= weight <= 1.0
+            assert total == pytest.approx(1.0, abs=1e-6) or total < 1.0
+            # What is undecided and what has the name are together as sure as a name must be.
+            sure = weight + sum(r.weight for r in rivals if r.undecided)
+            assert sure >= 0.9
+
+
+def test_what_is_alike_in_the_motion_shares_the_name(arm):
+    """A spring about another rest is a spring and an offset: the rest is what tells them."""
+    search, verdict = arm.settled(arm.samples(SPRING), ("joint_stiffness", "free_spring"))
+    (k,) = verdict.hypothesis.parts
+    weight, rivals = find_rivals(search, verdict.hypothesis, verdict.view, k, 1.0)
+    (other,) = [r for r in rivals if r.place == "elbow"]
+    assert other.contains
+    assert other.similarity == pytest.approx(1.0, abs=1e-6)
+    assert weight > other.weight
+
+
+def test_a_conclusion_says_what_stands_and_what_is_refuted(arm):
+    samples = arm.samples([{**SPRING, **STRIBECK}] * 2 + [STRIBECK])
+    search, verdict = arm.settled(samples)
+    rng = np.random.default_rng(0)
+    null = null_odds(search, 99, rng)
+    assert np.quantile(null, 0.95) < search.problem.setting.rules.odds
+    d = conclude(search, verdict, null, rng)
+    assert [(e.name, e.joints) for e in d.effects] == [("stribeck_friction", ("shoulder",))]
+    assert [(e.name, e.joints) for e in d.refuted] == [("joint_stiffness", ("elbow",))]
+    assert d.held_after < d.held_before
+    assert d.effects[0].p_value == 0.01
+    assert d.effects[0].weight > 0.95
+    assert {text.partition(":")[0] for text in d.model.texts} - set(d.base) == {
+        "stribeck_friction@shoulder"
+    }
+    for j, left in enumerate(d.remainder.joints):
+        assert left is None or 0 <= left.share <= 1, j
+
+
+@pytest.mark.parametrize("blocks", [4.0, 10.0, 60.0])
+def test_evidence_of_a_few_blocks_is_as_rare_as_students_score(blocks):
+    """And of many blocks it is what it is."""
+    for score in (1.0, 3.0, 6.0):
+        rare = stats.t.sf(score, blocks)
+        normal = stats.norm.isf(rare)
+        assert np.sqrt(2 * of_few(0.5 * score**2, blocks)) == pytest.approx(normal, rel=0.03)
+        assert of_few(0.5 * score**2, 1e7) == pytest.approx(0.5 * score**2, rel=1e-3)
