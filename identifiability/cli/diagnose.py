@@ -87,7 +87,7 @@ def diagnose(
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415
         from identifiability.workflows.diagnose import find_next  # noqa: PLC0415
-        from identifiability.workflows.diagnose.next_steps import next_commands  # noqa: PLC0415
+        from identifiability.workflows.diagnose.result import next_commands  # noqa: PLC0415
         from identifiability.workflows.diagnose.words import weight_text  # noqa: PLC0415
 
         held = validate or ()

@@ -50,8 +50,7 @@ from identifiability.report.torque import (
 from identifiability.report.words import columns, gallery, picture, section, sentence
 from identifiability.workflows.diagnose.findings import Curve, NamedEffect
 from identifiability.workflows.diagnose.forward import ForwardGap
-from identifiability.workflows.diagnose.next_steps import next_commands
-from identifiability.workflows.diagnose.result import Diagnosis
+from identifiability.workflows.diagnose.result import Diagnosis, next_commands
 from identifiability.workflows.diagnose.words import headline, remarks, weight_text
 
 # What a diagnosis answers first: what is missing, what it explains, what is left, what next.

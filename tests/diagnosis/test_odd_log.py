@@ -10,8 +10,12 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose import BASE_EFFECTS, workflow
-from identifiability.workflows.diagnose.motion import prepare_rows
-from identifiability.workflows.diagnose.odd_log import OddLog, describe_odd_log, locate_error
+from identifiability.workflows.diagnose.motion import (
+    OddLog,
+    describe_odd_log,
+    locate_error,
+    prepare_rows,
+)
 
 FEW = {"effects": ["joint_stiffness", "torque_offset", "position_ripple"], "quick": True}
 FEW |= {"replicates": 99, "forward": False}

@@ -9,10 +9,10 @@ is missing. A study adds its own effect with `identifiability.effects.register`.
 
 from identifiability.workflows.diagnose.false_names import FalseNames, measure_false_names
 from identifiability.workflows.diagnose.findings import NamedEffect, Placement
+from identifiability.workflows.diagnose.gap import Discrepancy, find_discrepancies
 from identifiability.workflows.diagnose.hypothesis import Hypothesis
 from identifiability.workflows.diagnose.next_experiment import NextMotion, find_next
 from identifiability.workflows.diagnose.problem import Alias, Problem, Setting, find_aliases
-from identifiability.workflows.diagnose.residual import Discrepancy, find_discrepancies
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.rules import Rules
 from identifiability.workflows.diagnose.search import Search

@@ -7,15 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 from scipy import stats
+from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
 from identifiability.effects import Part, Placed
 from identifiability.estimation.noise import ARNoise, runs_of, take_data, whiten
 from identifiability.foundation.names import INERTIAL, INERTIAL_KINDS, Array
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import LeastSquares
+from identifiability.physical.fitted_model import LeastSquares, physical_set
 from identifiability.physical.project import Projection
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose.evidence import View, explain, factor_of
 from identifiability.workflows.diagnose.findings import (
@@ -26,11 +28,9 @@ from identifiability.workflows.diagnose.findings import (
     Rival,
     Shown,
 )
-from identifiability.workflows.diagnose.gap import Gap
+from identifiability.workflows.diagnose.gap import Gap, Left, Remainder, find_discrepancies
 from identifiability.workflows.diagnose.hypothesis import Hypothesis
 from identifiability.workflows.diagnose.problem import Problem
-from identifiability.workflows.diagnose.real_fit import fit_real
-from identifiability.workflows.diagnose.residual import Left, Remainder, find_discrepancies
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.rows import Candidate
 from identifiability.workflows.diagnose.search import Search, Step
@@ -507,3 +507,35 @@ def _write_part(robot: Robot, part: Part) -> str:
     name = part.effect.name
     shape = part.effect.shapes(robot).get(f"{part.owner}.{name}")
     return f"{name}@{part.owner}" if shape is None else f"{name}@{part.owner}:{float(shape)!r}"
+
+
+def fit_real(structure: Structure, R: Array, positive: Sequence[bool], rows: int) -> Array | None:
+    """Return the values (b + m,) of the real robot nearest to the data; None if there is none.
+
+    Parameters
+    ----------
+    structure : Structure
+        Of the b base parameters.
+    R : (b + m + 1, b + m + 1)
+        Triangular factor of columns and torque, in units of the noise.
+    positive : sequence of bool, (m,)
+        Of which further columns the sign is known.
+    rows : int
+    """
+    region = physical_set(structure)
+    if not len(region.bodies):
+        return None
+    m, b = len(R) - 1, len(structure.G)
+    G = block_diag(structure.G, np.eye(m - b))
+    region = replace(
+        region,
+        nonnegative=np.concatenate([region.nonnegative, np.array(positive, bool)]),
+        columns=(*region.columns, *(f"effect {k + 1}" for k in range(m - b))),
+    )
+    data = LeastSquares(R[:m, :m] @ G, R[:m, m], float(R[m, m] ** 2), float(max(rows - m, 1)))
+    reference = np.concatenate([structure.nominal, np.zeros(m - b)])
+    try:
+        value: Array = G @ Projection(region, reference=reference).solve(data).phi
+    except ValueError:
+        return None
+    return value

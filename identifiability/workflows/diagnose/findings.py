@@ -15,9 +15,8 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose.forward import ForwardGap
-from identifiability.workflows.diagnose.gap import Gap
+from identifiability.workflows.diagnose.gap import Discrepancy, Gap, Remainder
 from identifiability.workflows.diagnose.problem import Alias, Setting
-from identifiability.workflows.diagnose.residual import Discrepancy, Remainder
 from identifiability.workflows.diagnose.rows import Refusal
 from identifiability.workflows.diagnose.search import Step
 from identifiability.workflows.gravity import Leaning

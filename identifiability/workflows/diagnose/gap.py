@@ -1,4 +1,8 @@
-"""`Gap`: prediction errors of several models on the same unseen rows, side by side."""
+"""`Gap`: prediction errors of several models on the same unseen rows; and where a residual sits.
+
+Of a residual it is told at which joint, reversals, position, load, time and log it sits; of the
+last one also the smallest effect that could have been named.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from identifiability.estimation.noise import autocorrelation_time
 from identifiability.estimation.torque_errors import (
     change_interval,
     change_interval_over_joints,
@@ -18,6 +23,11 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.signals import is_constant
 from identifiability.workflows.diagnose.rows import Rows
+
+#: Bins in which the residual is averaged.
+BINS = 12
+#: A joint is near a reversal below this share of its rms speed.
+NEAR = 0.15
 
 
 @frozen
@@ -102,3 +112,106 @@ class Gap:
         tau = self.rows.measured
         distance: Array = np.abs(tau - tau.sum() / self.rows.data.sum()) * self.rows.data
         return distance
+
+
+@frozen
+class Discrepancy:
+    """Where the residual of a joint sits.
+
+    Attributes
+    ----------
+    joint : str
+    rms : float [N·m or N]
+    share : float
+        Of the measured torque's rms.
+    reversals : float
+        Mean square near reversals over that elsewhere.
+    explained : mapping
+        Share of the residual's variance that its averages over bins of velocity, position,
+        acceleration, load, time, log and session explain, beyond what white noise would.
+    memory : float [samples]
+        Integrated autocorrelation time.
+    """
+
+    joint: str
+    rms: float
+    share: float
+    reversals: float
+    explained: dict[str, float]
+    memory: float
+
+
+def find_discrepancies(rows: Rows, residual: Array, joints: Sequence[str]) -> list[Discrepancy]:
+    """Return where the residual (N, n) of each joint sits."""
+    memory = autocorrelation_time(residual)
+    out = []
+    for j, joint in enumerate(joints):
+        data = rows.data[:, j]
+        r, v = residual[data, j], rows.dq[data, j]
+        if not len(r):
+            out.append(Discrepancy(joint, 0.0, 0.0, float("nan"), {}, float(memory[j])))
+            continue
+        square = r**2
+        near = np.abs(v) < NEAR * (float(np.sqrt(np.mean(v**2))) or 1.0)
+        far = float(square[~near].mean()) if (~near).any() else 0.0
+        ratio = float(square[near].mean()) / far if near.any() and far > 0 else float("nan")
+        explained = {name: explained_share(x[data], r) for name, x in rows.along(j).items()}
+        size = float(np.sqrt(square.mean()))
+        whole = float(np.sqrt(np.mean(rows.measured[data, j] ** 2))) or 1.0
+        out.append(Discrepancy(joint, size, size / whole, ratio, explained, float(memory[j])))
+    return out
+
+
+def explained_share(x: Array, r: Array) -> float:
+    """Return the share of the variance of r that its means over bins of x explain, adjusted."""
+    values = np.unique(x)
+    if len(values) <= BINS:
+        index = np.searchsorted(values, x)
+    else:
+        index = np.empty(len(x), int)
+        index[np.argsort(x, kind="stable")] = np.arange(len(x)) * BINS // len(x)
+    counts = np.bincount(index).astype(float)
+    means = np.bincount(index, r) / np.maximum(counts, 1)
+    between = float((counts * (means - r.mean()) ** 2).sum())
+    total = float(((r - r.mean()) ** 2).sum())
+    k = int((counts > 0).sum())
+    if total <= 0 or len(r) <= k or k < 2:
+        return 0.0
+    adjusted = 1 - (1 - between / total) * (len(r) - 1) / (len(r) - k)
+    return float(np.clip(adjusted, 0.0, 1.0))
+
+
+@frozen
+class Left:
+    """What functions without a name still explain in a joint.
+
+    Attributes
+    ----------
+    share : float
+        Of what is left of the whitened rows, beyond what noise gives.
+    p_value : float
+        That they explain no more than noise does, after Bonferroni's correction.
+    """
+
+    share: float
+    p_value: float
+
+
+@frozen
+class Remainder:
+    """What no effect explains.
+
+    Attributes
+    ----------
+    rms : (n,) [N·m or N]
+        Residual of each joint.
+    detectable : mapping of family to float
+        Smallest effect that is named in four of five logs, its rms as a share of the residual's,
+        at the place where it is seen best.
+    joints : tuple of Left or None, (n,)
+        What functions without a name still explain in each joint; None where nothing can be said.
+    """
+
+    rms: Array
+    detectable: dict[str, float]
+    joints: tuple[Left | None, ...]

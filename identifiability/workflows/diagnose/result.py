@@ -16,10 +16,16 @@ from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import LadderEntry, RungEntry, ladder_text
+from identifiability.workflows.commands import (
+    held_back,
+    name_export,
+    name_logs,
+    on_file,
+    source_name,
+)
+from identifiability.workflows.diagnose.completed import keep_completed, nearest_dict, real_robot
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
 from identifiability.workflows.diagnose.forward import ForwardGap, compare_forward
-from identifiability.workflows.diagnose.keep import keep_completed
-from identifiability.workflows.diagnose.real_robot import nearest_dict, real_robot
 from identifiability.workflows.diagnose.words import state, state_remainder
 from identifiability.workflows.predict import Fit, Predicts
 
@@ -250,3 +256,33 @@ def simulate_forward(d: Findings, rng: np.random.Generator) -> ForwardGap:
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
     return replace(compare_forward(before, after, d.validation, rng), nearest=after)
+
+
+def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
+    """Return lines for the terminal, the most useful first."""
+    robot = source_name(d.robot)
+    logs = name_logs(d.robot, [s.name for s in d.samples], how=d.preparation)
+    logs += held_back(d.validation, d.samples)
+    ask = f"identifiability diagnose {robot} {logs} --next motion.json"
+    if not d.effects:
+        what = "See which parameters these logs determine:"
+        hidden = any(a.structural for a in d.aliases)
+        shows = [("Find the motion that shows what these logs cannot tell from the model:", ask)]
+        analyze = f"identifiability analyze {robot} {logs} --report report.html"
+        return [(what, analyze), *(shows if hidden else ())]
+    apart = [("Find the motion that tells one name from the other:", ask)]
+    again = f"identifiability diagnose {robot} {logs}"
+    judge = f"identifiability analyze {robot} {logs} --ladder {{file}} --report report.html"
+    text, name = name_export(d.robot, d.fit.names)
+    use = f"identifiability export {robot} {{file}} --out {name}"
+    return [
+        *(apart if any(e.alternatives for e in d.effects) else ()),
+        (
+            "Judge the parameters of the diagnosed model:",
+            on_file(d, "model", "model.toml", f"{again} --out", judge),
+        ),
+        (
+            text,
+            on_file(d, "json", "result.json", f"{again} --json", use),
+        ),
+    ]

@@ -1,4 +1,10 @@
-"""`diagnose`: find, name, add, verify; each stage can be called by itself."""
+"""`diagnose`: find, name, add, verify; each stage can be called by itself.
+
+A large tilt of the base is found before all else, since about the file's direction of gravity it
+looks like much that it is not: the diagnosis is then of the model under the gravity that was found,
+and the tilt is the first of its names. A small one is a name like others; its direction is settled
+at the end.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +15,13 @@ from typing import Annotated
 import numpy as np
 
 from identifiability.effects import default_effects
-from identifiability.estimation.estimate import find_estimator
+from identifiability.effects.gravity import TILTS, GravityTilt, horizontal_axes
+from identifiability.effects.nominal import gravity_torque
+from identifiability.effects.registry import title_of
+from identifiability.estimation.estimate import estimate, find_estimator
+from identifiability.estimation.prediction import Prediction, predict
 from identifiability.foundation.engines.mapping import Engine, one_thread
+from identifiability.foundation.names import BASE
 from identifiability.foundation.options import (
     Names,
     Seed,
@@ -30,13 +41,17 @@ from identifiability.regression.reduction import (
     free_again,
     unused_ladder,
 )
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
+from identifiability.robot.kinematics import shortest_turn
 from identifiability.workflows.analyze.cutoff_check import say_band
 from identifiability.workflows.analyze.fit import weigh_rows
 from identifiability.workflows.band import settle_band
 from identifiability.workflows.diagnose.conclude import conclude, null_odds
 from identifiability.workflows.diagnose.earlier import Before, Earlier, read_earlier
+from identifiability.workflows.diagnose.findings import NamedEffect, Placement, Shown
+from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.hypothesis import Hypothesis
 from identifiability.workflows.diagnose.known_values import (
     Given,
@@ -46,18 +61,19 @@ from identifiability.workflows.diagnose.known_values import (
     read_given,
 )
 from identifiability.workflows.diagnose.motion import (
+    OddLog,
     assign_roles,
+    describe_odd_log,
     prepare_rows,
     samples_each,
+    still_odd,
 )
-from identifiability.workflows.diagnose.odd_log import OddLog, describe_odd_log, still_odd
 from identifiability.workflows.diagnose.problem import Problem, Setting
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
 from identifiability.workflows.diagnose.rules import Rules
 from identifiability.workflows.diagnose.search import Search
-from identifiability.workflows.diagnose.tilted import lead_with_tilt, settle_named
 from identifiability.workflows.diagnose.verdict import settle
-from identifiability.workflows.gravity import find_leaning
+from identifiability.workflows.gravity import Leaning, find_leaning, settle_tilt
 from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.opening import (
     Logs,
@@ -342,3 +358,102 @@ def _settle_values(
 def usual_effects(robot: Robot) -> tuple[str, ...]:
     """Return the effects of the model that is diagnosed when none is given."""
     return default_effects(robot, BASE_EFFECTS)
+
+
+def settle_named(found: Diagnosis) -> Diagnosis:
+    """Return a diagnosis that names a small tilt with gravity's direction in its model."""
+    if found.fixed or not any(e.name == GravityTilt.name for e in found.effects):
+        return found
+    model = found.model
+    others = Model(tuple(e for e in model.effects if e.name != GravityTilt.name))
+    known = Structure.of(found.structure.robot, others)
+    leaning = settle_tilt(known, found.samples)
+    if leaning is None:
+        return found
+    effects = tuple(
+        replace(e, leaning=leaning) if e.name == GravityTilt.name else e for e in found.effects
+    )
+    last = next(e for e in leaning.structure.model.effects if e.name == GravityTilt.name)
+    return replace(found, effects=effects, model=Model((*others.effects, last)))
+
+
+def lead_with_tilt(
+    found: Diagnosis,
+    upright: Structure,
+    leaning: Leaning,
+    p_value: float,
+    rng: np.random.Generator,
+) -> Diagnosis:
+    """Return a diagnosis under the gravity that was found as one of the robot file's.
+
+    Parameters
+    ----------
+    found : Diagnosis
+        Of the model about that gravity.
+    upright : Structure
+        What was diagnosed, with gravity as the file states it.
+    leaning : Leaning
+    p_value : float
+        The smallest that as many simulated noises can give.
+    rng : numpy.random.Generator
+    """
+    fitted, unseen = _predict_both(upright, found.samples, found.validation)
+    gap = Gap(found.gap.rows, np.concatenate([unseen.residual, found.gap.residual], axis=2))
+    errors, joints = gap.relative_error().tolist(), gap.error_over_joints().tolist()
+    interval, own = gap.interval(0, 1, rng), gap.interval_over_joints(0, 1, rng)
+    shown = Shown(joints[0], joints[1], own, gap.expected_change(0, 1))
+    first = NamedEffect(
+        name=GravityTilt.name,
+        title=title_of(GravityTilt.name),
+        placements=(_place_tilt(found, upright, leaning, p_value),),
+        before=errors[0],
+        after=errors[1],
+        interval=interval,
+        joints_before=joints[0],
+        joints_after=joints[1],
+        joints_interval=own,
+        shown=shown,
+        leaning=leaning,
+    )
+    return replace(
+        found,
+        upright=upright,
+        effects=(first, *found.effects),
+        gap=gap,
+        interval=gap.interval(0, -1, rng),
+        held_before=errors[0],
+        error_before=float(fitted.relative_error()[0]),
+        real_before=float("nan"),
+        real_after=float("nan"),
+    )
+
+
+def _predict_both(
+    structure: Structure, samples: tuple[Samples, ...], validation: tuple[Samples, ...]
+) -> tuple[Prediction, Prediction]:
+    """Return what a model predicts on the logs that it was fitted to, and on unseen ones."""
+    fitted = structure.regression(samples)
+    values = estimate(gather_information(fitted)).value[:, None]
+    return predict(fitted, values), predict(structure.regression(validation), values)
+
+
+def _place_tilt(
+    found: Diagnosis, upright: Structure, leaning: Leaning, p_value: float
+) -> Placement:
+    """Return a tilt as two rotations of gravity about horizontal axes of the file."""
+    stated, turned = upright.robot, leaning.structure.robot
+    step = shortest_turn(stated.gravity, turned.gravity)
+    motion = found.samples[0].motion
+    added = gravity_torque(turned, motion, turned.gravity)
+    added = added - gravity_torque(stated, motion, stated.gravity)
+    return Placement(
+        place=BASE,
+        shape=float("nan"),
+        p_value=p_value,
+        parameters=tuple(f"{BASE}.{kind}" for kind in TILTS),
+        units=("rad", "rad"),
+        values=np.array([axis @ step for axis in horizontal_axes(stated.gravity)]),
+        errors=np.full(2, np.radians(leaning.sd)),
+        rms=float(np.sqrt(np.mean(added**2, axis=0)).max()),
+        rivals=(),
+    )

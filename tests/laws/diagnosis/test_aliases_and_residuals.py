@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identifiability.workflows.diagnose.gap import explained_share, find_discrepancies
 from identifiability.workflows.diagnose.problem import find_aliases
-from identifiability.workflows.diagnose.residual import explained_share, find_discrepancies
 
 
 @pytest.fixture
