@@ -387,6 +387,8 @@ def _tell_steps(search: Search, verdict: Verdict, null: Array) -> list[Step]:
     p = search.problem
     named = {p.candidates[k].group: verdict.judged[k] for k in verdict.hypothesis.parts}
     gone = {p.candidates[k].group: verdict.refuted[k] for k in verdict.refuted}
+    taken_out = (k for group in search.barred for k in search.catalogue.members.get(group, ()))
+    unsure = {p.candidates[k].group for k in taken_out} - gone.keys()
     out = []
     for s in search.steps:
         odds = s.evidence.get(s.best, -np.inf)
@@ -396,7 +398,7 @@ def _tell_steps(search: Search, verdict: Verdict, null: Array) -> list[Step]:
         if s.best in gone and s.best not in named:
             reason = gone[s.best].why(p.setting.rules)
         elif not reason:
-            weak = odds < s.critical
+            weak = odds < s.critical or s.best in unsure
             reason = "it is not sure enough" if weak else "another effect explains what it does"
         out.append(replace(s, p_value=_p_value(odds, null), gain=gain,
                            accepted=s.best in named, reason=reason))  # fmt: skip
