@@ -8,7 +8,7 @@ the model a flat one. What a joint leaves beyond its noise divides its informati
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -59,9 +59,17 @@ class Products:
 
     def gram(self, j: int, step: int) -> Array:
         """Return the products of all that acts in a joint, (1 + b + k, 1 + b + k)."""
-        if (j, step) not in self._grams:
+        old, k = self._grams.get((j, step)), 1 + self.rows.X.shape[2] + len(self.ids[j])
+        if old is None or len(old) < k:
+            # Further columns come behind; products of steps that nobody asks for stay as they are.
+            n = 0 if old is None else len(old)
             A = self.whitened(j, step, self.ids[j])
-            self._grams[j, step] = A.T @ A
+            new = np.empty((k, k))
+            if old is not None:
+                new[:n, :n] = old
+            new[:, n:] = A.T @ A[:, n:]
+            new[n:, :n] = new[:n, n:].T
+            self._grams[j, step] = new
         return self._grams[j, step]
 
     def total(self, steps: np.ndarray, weights: Array, columns: Sequence[int]) -> Array:
@@ -89,16 +97,8 @@ class Products:
 
     def extend(self, rows: Rows) -> None:
         """Take the rows with further columns, behind those that there are."""
-        before, self.rows = self.ids, rows
+        self.rows = rows
         self.ids = [rows.D.columns(j) for j in range(rows.joints)]
-        b = rows.X.shape[2]
-        for (j, step), old in self._grams.items():
-            new = self.ids[j][len(before[j]) :]
-            if len(new):
-                A = self.whitened(j, step, self.ids[j])
-                cross = A.T @ A[:, 1 + b + len(before[j]) :]
-                k = len(old)
-                self._grams[j, step] = np.block([[old, cross[:k]], [cross[:k].T, cross[k:]]])
 
 
 def step_of(misfit: float, left: float) -> int:
@@ -156,6 +156,9 @@ class Evidence:
         self.left = self.own - (self.C**2).sum(0)
         self._rows: dict[int, Array] = {}
         self._blocks: dict[int, Array] = {}
+        self._beside: dict[tuple[int, ...], Beside] = {}
+        self._place: dict[int, int] = {}
+        self._square = np.empty((0, 0))
 
     def project(self, model: Array, columns: Array) -> Array:
         """Return products of columns (c, …) with a torque beside the model, from (1 + b, …)."""
@@ -195,43 +198,136 @@ class Evidence:
         beside -= np.einsum("rmi,rmj->mij", C, C, optimize=True)
         return beside
 
+    def square(self, at: Sequence[int]) -> Array:
+        """Return the products of columns with one another, beside the model, (k, k)."""
+        if new := [k for k in dict.fromkeys(at) if k not in self._place]:
+            every = [*self._place, *new]
+            self._place.update((k, n) for n, k in enumerate(every))
+            P = np.array([self.row(k)[every] for k in every])
+            self._square = 0.5 * (P + P.T)
+        places = np.array([self._place[k] for k in at], int)
+        found: Array = self._square[places[:, None], places]
+        return found
+
     def log_bayes(self, at: Sequence[int]) -> float:
         """Return the logarithm of the Bayes factor of columns over none of them."""
-        if not len(at):
-            return 0.0
         some = list(at)
-        P = np.array([self.row(k)[some] for k in some])
-        L = np.linalg.cholesky(np.eye(len(some)) + 0.5 * (P + P.T))
+        if not some:
+            return 0.0
+        L = np.linalg.cholesky(np.eye(len(some)) + self.square(some))
         u = np.linalg.solve(L, self.z[some])
         return float(0.5 * u @ u - np.log(np.diag(L)).sum())
 
     def volume(self, at: Sequence[int]) -> float:
         """Return half the log-determinant by which a prior is wider than what data leave of it."""
-        some = list(at)
-        P = np.array([self.row(k)[some] for k in some]).reshape(len(some), len(some))
-        return 0.5 * float(np.linalg.slogdet(np.eye(len(some)) + 0.5 * (P + P.T))[1])
+        return 0.5 * float(np.linalg.slogdet(np.eye(len(at)) + self.square(at))[1])
 
-    def gains(
-        self, rest: Sequence[int], options: Options, alias: float, z: Array | None = None
-    ) -> Array:
-        """Return the log Bayes factors of candidates beside some columns, (k,) or (k, T).
-
-        Minus infinity where less than a share `alias` of a candidate is outside of these.
+    def beside(self, rest: Sequence[int], z: Array | None = None) -> Beside:
+        """Return what is left of columns beside the model and some of them.
 
         Parameters
         ----------
         rest : sequence of int
-        options : Options
-        alias : float
         z : (c, T), optional
             Products with other torques than the measured one.
         """
-        rest, z = list(rest), self.z if z is None else z
-        P = np.array([self.row(k) for k in rest]).reshape(len(rest), len(self.sizes))
-        L = np.linalg.cholesky(np.eye(len(rest)) + P[:, rest])
-        C = np.linalg.solve(L, P)
-        z = z - C.T @ np.linalg.solve(L, z[rest])
-        left = self.left - (C**2).sum(0)
+        key = tuple(rest)
+        if z is None and key in self._beside:
+            return self._beside[key]
+        some, at = list(rest), self.z if z is None else z
+        P = np.array([self.row(k) for k in some]).reshape(len(some), len(self.sizes))
+        L = np.linalg.cholesky(np.eye(len(some)) + self.square(some))
+        inverse = np.linalg.solve(L, np.eye(len(some)))
+        C = inverse @ P
+        u = inverse @ at[some]
+        found = Beside(self, key, at - C.T @ u, self.left - (C**2).sum(0), inverse, C, u)
+        if z is None:
+            self._beside[key] = found
+        return found
+
+    def gains(
+        self, rest: Sequence[int], options: Options, alias: float, z: Array | None = None
+    ) -> Array:
+        """Return the log Bayes factors of candidates beside some columns, (k,) or (k, T)."""
+        return self.beside(rest, z).gains(options, alias)
+
+    def blocks(self, number: int, several: np.ndarray) -> Array:
+        """Return the products of columns with one another, of many candidates, (m, k, k)."""
+        if len(self._blocks.get(number, ())) != len(several):
+            self._blocks[number] = self.among(several)
+        return self._blocks[number]
+
+
+class Beside:
+    """What is left of columns beside the model and some of them; and without one of these.
+
+    What goes is added back to what is there, so that a neighbour of a hypothesis costs as much as
+    what it differs by [Sherman & Morrison 1950].
+
+    Attributes
+    ----------
+    evidence : Evidence
+    rest : tuple of int
+    z : (c, …)
+        Products with the torque.
+    left : (c,)
+        Squares of columns.
+    """
+
+    def __init__(
+        self,
+        evidence: Evidence,
+        rest: tuple[int, ...],
+        z: Array,
+        left: Array,
+        inverse: Array,
+        C: Array,
+        u: Array,
+        back: tuple[Beside, Array] | None = None,
+    ) -> None:
+        self.evidence, self.rest, self.z, self.left = evidence, rest, z, left
+        self._inverse, self._C, self._u, self._back = inverse, C, u, back
+        self._blocks: dict[int, Array] = {}
+
+    def without(self, gone: Collection[int]) -> Beside:
+        """Return what is left beside all but some columns."""
+        at = [n for n, k in enumerate(self.rest) if k in gone]
+        own = self._inverse[:, at]
+        F = np.linalg.cholesky(own.T @ own)
+        both = np.column_stack([own.T @ self._C, own.T @ self._u])
+        back = np.linalg.solve(F, both)
+        U, u = back[:, :-1], back[:, -1]
+        rest = tuple(k for k in self.rest if k not in gone)
+        nothing = np.empty((0, 0))
+        return Beside(self.evidence, rest, self.z + U.T @ u, self.left + (U**2).sum(0),
+                      nothing, nothing, nothing, (self, U))  # fmt: skip
+
+    def _products(self, number: int, several: np.ndarray) -> Array:
+        """Return the products of columns with one another, of many candidates, (m, k, k)."""
+        if self._back is not None:
+            before, U = self._back
+            own = U[:, several].transpose(1, 2, 0)
+            more: Array = before._products(number, several) + own @ own.transpose(0, 2, 1)
+            return more
+        if len(self._blocks.get(number, ())) != len(several):
+            own = self._C[:, several].transpose(1, 2, 0)
+            blocks = self.evidence.blocks(number, several)
+            self._blocks[number] = blocks - own @ own.transpose(0, 2, 1)
+        return self._blocks[number]
+
+    def gains(self, options: Options, alias: float, allowed: np.ndarray | None = None) -> Array:
+        """Return the log Bayes factors of candidates, (k,) or (k, T).
+
+        Minus infinity where less than a share `alias` of a candidate is outside of what is there,
+        or it is not allowed.
+
+        Parameters
+        ----------
+        options : Options
+        alias : float
+        allowed : (k,) bool, optional
+        """
+        evidence, z, left = self.evidence, self.z, self.left
         out = np.full((options.count, *z.shape[1:]), -np.inf)
         at = options.single
         s, y = np.maximum(left[at], 0.0), z[at]
@@ -239,21 +335,24 @@ class Evidence:
         value = 0.5 * y**2 / (1 + wide) - 0.5 * np.log1p(wide)
         signs = options.positive.reshape(wide.shape)
         value = np.where(signs, value + np.log(2) + log_ndtr(y / np.sqrt(1 + wide)), value)
-        seen = (s > alias**2 * self.own[at]) & (self.own[at] > 0)
+        seen = (s > alias**2 * evidence.own[at]) & (evidence.own[at] > 0)
         out[options.of_single[seen]] = value[seen]
         for number, (of, several) in enumerate(options.several):
+            visible = left[several].max(1) > alias**2 * evidence.own[several].max(1)
+            if allowed is not None:
+                visible &= allowed[of]
+            if not visible.any():
+                continue
             k = several.shape[1]
-            if number not in self._blocks or len(self._blocks[number]) != len(several):
-                self._blocks[number] = self.among(several)
-            own = C[:, several]
-            S = self._blocks[number] - np.einsum("rmi,rmj->mij", own, own, optimize=True)
+            S = self._products(number, several)[visible]
             L = np.linalg.cholesky(S + np.eye(k) * (1 + 1e-9 * np.maximum(
                 np.einsum("mii->m", S), 0.0)[:, None, None]))  # fmt: skip
-            u = np.linalg.solve(L, z[several].reshape(len(several), k, -1))
+            u = np.linalg.solve(L, z[several[visible]].reshape(len(S), k, -1))
             volume = np.log(np.einsum("mii->mi", L)).sum(1)
             value = 0.5 * (u**2).sum(1) - volume[:, None]
-            visible = left[several].max(1) > alias**2 * self.own[several].max(1)
-            out[of[visible]] = value[visible].reshape(-1, *z.shape[1:])
+            out[of[visible]] = value.reshape(-1, *z.shape[1:])
+        if allowed is not None:
+            out[~allowed] = -np.inf
         return out
 
 

@@ -82,6 +82,7 @@ class Catalogue:
         self.places = Counter(family for family, _ in self.members)
         first = {self.of[k][0]: c.family for k, c in reversed([*enumerate(candidates)])}
         kinds = Counter(_kind(family) for family in first.values())
+        self._prices: dict[tuple[str, int], float] = {}
         self.family_price = {
             name: float(np.log(2.0 * kinds[_kind(family)])) + rules.function * family.unnamed
             for name, family in first.items()
@@ -121,11 +122,12 @@ class Catalogue:
 
     def _of_family(self, family: str, k: int) -> float:
         """Return what a family costs in k of its places."""
-        if not k:
-            return 0.0
-        n = self.places[family]
-        some = float(gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1))
-        return self.family_price[family] + some + float(np.log(n)) * (1 < k < n)
+        if (family, k) not in self._prices:
+            n = self.places[family]
+            some = float(gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1))
+            whole = self.family_price[family] + some + float(np.log(n)) * (1 < k < n)
+            self._prices[family, k] = whole if k else 0.0
+        return self._prices[family, k]
 
     def allowed(self, rest: Sequence[int], barred: Collection[Group], *, functions: bool) -> Array:
         """Return which candidates may stand beside some parts, (c,) bool."""
@@ -133,14 +135,14 @@ class Catalogue:
         for group in barred:
             out[self.members.get(group, [])] = False
         there = {self.candidates[k].group for k in rest}
-        for k in self._lacking:
-            c = self.candidates[k]
-            out[k] &= (c.family.needs, c.place) in there
+        for need, lacking in self._lacking.items():
+            if need not in there:
+                out[lacking] = False
         slots = {self.candidates[k].slot for k in rest}
         for group in {self.of[k] for k in rest}:
-            for k in self.members[group]:
-                c = self.candidates[k]
-                out[k] &= c.family.separate and c.slot not in slots
+            for slot, own in self._slots[group].items():
+                if slot is None or slot in slots:
+                    out[own] = False
         return out
 
     @cached_property
@@ -148,13 +150,22 @@ class Catalogue:
         return np.array([c.family.unnamed for c in self.candidates], bool)
 
     @cached_property
-    def _lacking(self) -> list[int]:
-        """Candidates that refine what the model does not have."""
-        return [
-            k
-            for k, c in enumerate(self.candidates)
-            if c.family.needs and (c.family.needs, c.place) not in self.present
-        ]
+    def _lacking(self) -> dict[Group, list[int]]:
+        """Candidates that refine what the model does not have, by that."""
+        out: dict[Group, list[int]] = defaultdict(list)
+        for k, c in enumerate(self.candidates):
+            if c.family.needs and (c.family.needs, c.place) not in self.present:
+                out[c.family.needs, c.place].append(k)
+        return out
+
+    @cached_property
+    def _slots(self) -> dict[Group, dict[tuple[str, str, tuple[str, ...]] | None, list[int]]]:
+        """Candidates of each group by what may stand beside others of it; None for nothing."""
+        out: dict[Group, dict[tuple[str, str, tuple[str, ...]] | None, list[int]]]
+        out = {group: defaultdict(list) for group in self.members}
+        for k, c in enumerate(self.candidates):
+            out[self.of[k]][c.slot if c.family.separate else None].append(k)
+        return out
 
     def best_of(self, gains: Array, allowed: Array) -> dict[Group, tuple[float, int, float]]:
         """Return for each group its evidence, best candidate and what that pays for its shape.

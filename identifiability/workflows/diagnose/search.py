@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from identifiability.foundation.names import Array
-from identifiability.workflows.diagnose.evidence import View
+from identifiability.workflows.diagnose.evidence import Beside, View
 from identifiability.workflows.diagnose.hypothesis import Catalogue, Group, Hypothesis
 from identifiability.workflows.diagnose.problem import Problem
 from identifiability.workflows.diagnose.rows import Candidate
@@ -84,7 +84,7 @@ class Search:
 
     def run(self, start: Hypothesis, *, functions: bool = False) -> tuple[Hypothesis, View]:
         """Return the best hypothesis that moves lead to, and the rows as it leaves them."""
-        rules = self.problem.setting.rules
+        p, rules = self.problem, self.problem.setting.rules
         beam, view = [start], self.problem.settled(start.parts)
         seen: dict[frozenset[int], float] = {}
         expanded: set[frozenset[int]] = set()
@@ -94,26 +94,24 @@ class Search:
             for h in [h for h in beam if h is best or h.key not in expanded]:
                 expanded.add(h.key)
                 found.update((n.key, n) for n in self._moves(h, view, functions=functions))
+            view.evidence.square(p.columns({k for key in found for k in key}))
             score = {key: self.score(h, view) for key, h in found.items()}
             order = sorted(found, key=lambda key: -score[key])
             beam = [found[key] for key in order[: rules.beam]]
             odds = self.options(best.parts, view, functions=functions)
-            refined = self._refine(beam[0], best, view)
-            if refined is not beam[0]:
-                view = self._again(view)
-                beam[0] = refined
-            self._tell(best, beam[0], odds)
             now = beam[0]
+            if now.key == best.key:  # what no move betters may have better shapes
+                now = self._refine(best, view)
+                view = self._again(view)
             if now.key == best.key:
-                own = self._add_in_own_view(now, odds, view, seen)
+                own = self._add_in_own_view(best, odds, view, seen)
                 if own is None:
                     break
                 now, view = own
-                now = self._refine(now, best, view)
-                beam, view = [now], self._again(view)
-                self._tell(best, now, odds)
             else:
-                view = self.problem.view(now.parts, view)
+                view = p.view(now.parts, view)
+            beam[0] = now
+            self._tell(best, now, odds)
             # Under its own weights it must stay the better one, or the search would go in circles.
             if seen.get(now.key, -np.inf) >= (again := self.score(now, view)):
                 break
@@ -161,17 +159,26 @@ class Search:
     def gains(self, rest: Sequence[int], view: View) -> Array:
         """Return the log Bayes factor of every candidate beside some parts, (c,)."""
         p = self.problem
-        alias = p.setting.rules.alias / 3
-        return view.evidence.gains(p.columns(rest), p.options, alias)
+        return self._beside(rest, view).gains(p.options, p.setting.rules.alias / 3)
 
     def options(
-        self, rest: Sequence[int], view: View, *, functions: bool
+        self,
+        rest: Sequence[int],
+        view: View,
+        *,
+        functions: bool,
+        beside: Beside | None = None,
     ) -> dict[Group, tuple[float, int, float]]:
         """Return for each group that may stand beside some parts: log odds, candidate, shape."""
-        allowed = self.catalogue.allowed(rest, self.barred, functions=functions)
-        found = self.catalogue.best_of(self.gains(rest, view), allowed)
+        p, allowed = self.problem, self.catalogue.allowed(rest, self.barred, functions=functions)
+        beside = beside or self._beside(rest, view)
+        gains = beside.gains(p.options, p.setting.rules.alias / 3, allowed)
+        found = self.catalogue.best_of(gains, allowed)
         cost = self.catalogue.further(rest)
         return {g: (value - cost(k), k, shaped) for g, (value, k, shaped) in found.items()}
+
+    def _beside(self, rest: Sequence[int], view: View) -> Beside:
+        return view.evidence.beside(self.problem.columns(rest))
 
     def _moves(self, h: Hypothesis, view: View, *, functions: bool) -> Iterator[Hypothesis]:
         """Yield the neighbours of a hypothesis."""
@@ -186,7 +193,10 @@ class Search:
                 rest = rest.without({k for k in rest.parts if not self.catalogue.fits([
                     k, *(o for o in rest.parts if o != k)])})  # fmt: skip
             yield rest
-            near = sorted(self.options(rest.parts, view, functions=functions).values())
+            away = p.columns(h.key - rest.key)
+            beside = self._beside(h.parts, view).without(away)
+            near = self.options(rest.parts, view, functions=functions, beside=beside).values()
+            near = sorted(near)
             yield from (rest.add(k, shaped) for _, k, shaped in near[-3:] if k != gone)
         # One part in the stead of all that act where it does, and are of its kind.
         for k, shaped in adding:
@@ -218,10 +228,10 @@ class Search:
                 more = more.add(k, shaped)
             yield more
 
-    def _refine(self, h: Hypothesis, before: Hypothesis, view: View) -> Hypothesis:
-        """Return a hypothesis whose new parts have the shapes between those tried that fit best."""
+    def _refine(self, h: Hypothesis, view: View) -> Hypothesis:
+        """Return a hypothesis with the shapes between those of the grid that fit best."""
         p = self.problem
-        new = [k for k in h.parts if k not in before.key]
+        new = [k for k in h.parts if k < p.given]
         for _ in range(ROUNDS):
             between = {k: more for k in new if (more := self._between(k))}
             if not between:
