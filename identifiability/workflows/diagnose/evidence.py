@@ -40,10 +40,15 @@ class Products:
     ----------
     rows : Rows
     noise : ARNoise
+
+    Attributes
+    ----------
+    sizes : (c,)
+        Typical values of the columns.
     """
 
     def __init__(self, rows: Rows, noise: ARNoise) -> None:
-        self.rows, self.noise = rows, noise
+        self.rows, self.noise, self.sizes = rows, noise, np.empty(0)
         self.ids = [rows.D.columns(j) for j in range(rows.joints)]
         self._grams: dict[tuple[int, int], Array] = {}
         self._places: dict[int, np.ndarray] = {}
@@ -408,7 +413,7 @@ class View:
     tempered : (n,)
         What each joint's information is divided by, one at least.
     sizes : (c,)
-        Typical values of the columns.
+        Typical values of the columns that there were.
     """
 
     products: Products
@@ -416,10 +421,26 @@ class View:
     tempered: Array
     sizes: Array
 
-    @cached_property
+    @property
+    def typical(self) -> Array:
+        """Typical values of all columns: some may have come since."""
+        later = self.products.sizes[len(self.sizes) :]
+        return np.concatenate([self.sizes, later]) if len(later) else self.sizes
+
+    @property
     def evidence(self) -> Evidence:
         """What the rows say of hypotheses."""
-        return Evidence(self.products, self.steps, 1.0 / self.tempered, self.sizes)
+        sizes = self.typical
+        if len(sizes) not in self._evidence:
+            self._evidence.clear()
+            weights = 1.0 / self.tempered
+            self._evidence[len(sizes)] = Evidence(self.products, self.steps, weights, sizes)
+        return self._evidence[len(sizes)]
+
+    @cached_property
+    def _evidence(self) -> dict[int, Evidence]:
+        """What was made, for so many columns."""
+        return {}
 
     def total(self, columns: Sequence[int], where: Products | None = None) -> Array:
         """Return the products of torque, model and some columns, of these rows or of others."""
@@ -439,7 +460,7 @@ class View:
         """
         G = self.total(columns)
         y, G = G[1:, 0], G[1:, 1:]
-        size, of = self.sizes[list(columns)], np.array(ridge, int)
+        size, of = self.typical[list(columns)], np.array(ridge, int)
         at = len(G) - len(size) + np.flatnonzero((of >= 0) & (size > 0))
         size, of = size[at - len(G)], of[at - len(G)]
         width = np.ones(len(at))

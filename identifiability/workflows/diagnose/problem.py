@@ -147,8 +147,13 @@ class Problem:
         )
         self.fitted = Products(rows, self.noise)
         self.unseen = Products(others[0], self.noise) if others else self.fitted
-        self.options, self.sizes = Options(self.candidates), self._sizes()
+        self.options, self.fitted.sizes = Options(self.candidates), self._sizes(self.candidates)
         self._whole = whole
+
+    @property
+    def sizes(self) -> Array:
+        """Typical values of the columns, (c,)."""
+        return self.fitted.sizes
 
     @property
     def seen(self) -> Rows:
@@ -171,8 +176,9 @@ class Problem:
 
     def acts(self, k: int) -> tuple[int, ...]:
         """Return the joints in which a candidate acts."""
-        at = self.candidates[k].columns
-        return tuple(j for j, ids in enumerate(self.fitted.ids) if np.isin(at, ids).any())
+        b, at = self.rows.X.shape[2], np.array(self.candidates[k].columns)
+        places = (self.fitted.places(j) for j in range(self.rows.joints))
+        return tuple(j for j, where in enumerate(places) if (where[1 + b + at] >= 0).any())
 
     def view(self, parts: Sequence[int], before: View | None = None) -> View:
         """Return the rows weighed as some candidates leave them, from another weighing on."""
@@ -257,25 +263,25 @@ class Problem:
         self.candidates = [*self.candidates, *new]
         for table, own in zip(self.tables, (self.fitted, self.unseen), strict=False):
             own.extend(table.extend(own.rows, new))
-        self.options, self.sizes = Options(self.candidates), self._sizes()
+        self.fitted.sizes = np.concatenate([self.sizes, self._sizes(new)])
+        self.options = Options(self.candidates)
         return range(first, len(self.candidates))
 
-    def _sizes(self) -> Array:
-        """Return the typical value of each column: a share of the torque where that is least."""
-        rows = self.rows
+    def _sizes(self, candidates: Sequence[Candidate]) -> Array:
+        """Return the typical values of columns: a share of the torque where that is least."""
+        rows, at = self.rows, [k for c in candidates for k in c.columns]
         torque = np.sqrt(np.sum(rows.measured**2 * rows.data, axis=0) / rows.counts)
-        out = np.full(rows.D.width, np.inf)
-        for j, ids in enumerate(self.fitted.ids):
-            block = rows.D.block(j).values
-            rms = np.sqrt(np.sum(block**2, axis=0) / rows.counts[j])
+        out = np.full(len(at), np.inf)
+        for j in range(rows.joints):
+            rms = np.sqrt(np.sum(rows.D.acting(j, at) ** 2, axis=0) / rows.counts[j])
             seen = rms > 0
-            size = self.setting.rules.size * torque[j] / rms[seen]
-            out[ids[seen]] = np.minimum(out[ids[seen]], size)
-        for c in self.candidates:
-            at = list(c.columns)
+            out[seen] = np.minimum(out[seen], self.setting.rules.size * torque[j] / rms[seen])
+        first = 0
+        for c in candidates:
+            own = slice(first, first := first + len(c.columns))
             if c.family.flexible:  # pieces of one curve, reached or not, are alike
-                out[at] = out[at].min()
-            out[at] /= np.sqrt(len(at))
+                out[own] = out[own].min()
+            out[own] /= np.sqrt(len(c.columns))
         sizes: Array = np.where(np.isfinite(out), out, 0.0)
         return sizes
 

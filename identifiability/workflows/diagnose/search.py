@@ -102,7 +102,6 @@ class Search:
             now = beam[0]
             if now.key == best.key:  # what no move betters may have better shapes
                 now = self._refine(best, view)
-                view = self._again(view)
             if now.key == best.key:
                 own = self._add_in_own_view(best, odds, view, seen)
                 if own is None:
@@ -142,11 +141,6 @@ class Search:
             if gain > most:
                 found, most = (more, own), gain
         return found
-
-    def _again(self, view: View) -> View:
-        """Return the same weighing of rows that have more columns now."""
-        more = self.problem.sizes[len(view.sizes) :]
-        return replace(view, sizes=np.concatenate([view.sizes, more]))
 
     def score(self, h: Hypothesis, view: View) -> float:
         """Return the log odds of a hypothesis over the model alone."""
@@ -238,7 +232,7 @@ class Search:
                 break
             added = p.extend([c for more in between.values() for c in more])
             self._list()
-            view, first = self._again(view), added.start
+            first = added.start
             for k, more in between.items():
                 tried = [k, *range(first, first + len(more))]
                 first += len(more)

@@ -133,6 +133,21 @@ def test_columns_that_come_later_are_as_if_they_had_been_there(made):
     np.testing.assert_allclose(found, expected, rtol=1e-10)
 
 
+def test_what_goes_is_added_back(made, candidate):
+    """Beside all but some columns rows say what they say where these never were."""
+    whole = evidence_of(*made)
+    one = Options([candidate("a", "j", 2), candidate("b", "j", 4, 2), candidate("c", "j", 4)])
+    for gone in ([1], [1, 3]):
+        rest = [k for k in (0, 1, 3) if k not in gone]
+        found, expected = whole.beside([0, 1, 3]).without(gone), whole.beside(rest)
+        assert found.rest == expected.rest
+        np.testing.assert_allclose(found.z, expected.z, rtol=1e-8, atol=1e-8)
+        np.testing.assert_allclose(found.left, expected.left, rtol=1e-8, atol=1e-8)
+        np.testing.assert_allclose(found.gains(one, 0.01), expected.gains(one, 0.01), atol=1e-8)
+        few = np.arange(one.count) == 1
+        np.testing.assert_array_equal(found.gains(one, 0.01, few)[~few], -np.inf)
+
+
 def test_values_are_least_squares_and_those_of_functions_have_their_prior(made):
     rows, noise = made
     view = View(Products(rows, noise), np.zeros(JOINTS, int), np.ones(JOINTS), SIZES)
