@@ -34,7 +34,7 @@ from identifiability.workflows.diagnose.problem import Problem
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.rows import Candidate
 from identifiability.workflows.diagnose.search import Search, Step
-from identifiability.workflows.diagnose.verdict import Judged, Verdict
+from identifiability.workflows.diagnose.verdict import REFUTED, Judged, Verdict
 
 #: Quantile of the normal distribution for a power of 80 %.
 POWER = 0.8416
@@ -117,7 +117,7 @@ def conclude(search: Search, verdict: Verdict, null: Array, rng: np.random.Gener
         discrepancies_after=tuple(find_discrepancies(p.seen, left[1], robot.joints)),
         aliases=p.aliases,
         refusals=p.refusals,
-        steps=tuple(_tell_steps(search, verdict, null)),
+        steps=tuple(_tell_steps(search, verdict, null, (*effects, *refuted))),
         remainder=Remainder(rms, smallest_sizes(search, h, view, rms), rest),
         model=Model((*structure.model.effects, *parts)),
     )
@@ -222,7 +222,7 @@ def _refuted(
         joints_before=a,
         joints_after=z,
         joints_interval=gap.interval_over_joints(0, 1, rng),
-        why=judged.why(p.setting.rules),
+        why=REFUTED,
     )
 
 
@@ -382,7 +382,9 @@ def _curve(p: Problem, h: Hypothesis, view: View, k: int, placed: Placement, lef
     )
 
 
-def _tell_steps(search: Search, verdict: Verdict, null: Array) -> list[Step]:
+def _tell_steps(
+    search: Search, verdict: Verdict, null: Array, effects: Sequence[NamedEffect]
+) -> list[Step]:
     """Return the steps of the search with what became of each."""
     p = search.problem
     named = {p.candidates[k].group: verdict.judged[k] for k in verdict.hypothesis.parts}
@@ -392,11 +394,12 @@ def _tell_steps(search: Search, verdict: Verdict, null: Array) -> list[Step]:
     out = []
     for s in search.steps:
         odds = s.evidence.get(s.best, -np.inf)
-        known = {**gone, **named}.get(s.best)
-        gain = 1.0 - known.after / known.before if known and known.before > 0 else float("nan")
+        shown = next((e.shown for e in effects if e.name == s.best[0]), None)
+        known = shown is not None and s.best in {**gone, **named} and shown.before > 0
+        gain = 1.0 - shown.after / shown.before if shown and known else float("nan")
         reason = "named" if s.best in named else ""
         if s.best in gone and s.best not in named:
-            reason = gone[s.best].why(p.setting.rules)
+            reason = REFUTED
         elif not reason:
             weak = odds < s.critical or s.best in unsure
             reason = "it is not sure enough" if weak else "another effect explains what it does"

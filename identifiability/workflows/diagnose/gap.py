@@ -57,7 +57,7 @@ class Gap:
 
     def error_over_joints(self) -> Array:
         """Return the error of each model over each joint's own scale, (m,)."""
-        return error_over_joints(self.residual**2, self._variation)
+        return error_over_joints(self.residual**2, self.variation)
 
     def at(self, joints: Sequence[int]) -> Gap:
         """Return the same at some joints only."""
@@ -68,7 +68,7 @@ class Gap:
 
     def joint_error(self, *, raw: bool = False) -> Array:
         """Return the error of each joint over its own scale (n, m), `raw` of measured torque."""
-        left, own = self.residual, self._variation
+        left, own = self.residual, self.variation
         if raw:
             left = left + (self.rows.raw - self.rows.measured)[:, :, None]
             own = self._own(self.rows.raw)
@@ -84,7 +84,7 @@ class Gap:
     ) -> tuple[float, float]:
         """Return the 95 % interval of the change of the error over each joint's own scale."""
         squares = self.residual[:, :, [first, second]] ** 2
-        return change_interval_over_joints(squares, self._variation, rng, draws)
+        return change_interval_over_joints(squares, self.variation, rng, draws)
 
     def expected_change(self, first: int, second: int) -> float:
         """Return how the error over joints would change, were what the second model adds there.
@@ -93,11 +93,12 @@ class Gap:
         """
         before, after = self.residual[:, :, first], self.residual[:, :, second]
         squares = np.stack([after**2 + (before - after) ** 2, after**2], axis=2)
-        without, with_it = error_over_joints(squares, self._variation)
+        without, with_it = error_over_joints(squares, self.variation)
         return float(with_it - without)
 
     @property
-    def _variation(self) -> Array:
+    def variation(self) -> Array:
+        """Squared distances of torque from each joint's mean, zero where no data, (N, n)."""
         return self._own(self.rows.measured)
 
     def _own(self, tau: Array) -> Array:

@@ -30,9 +30,6 @@ class Rules:
     crowd : float [nat]
         Price of a second special effect over the same variable in the same joint: as much as the
         level asks, so that two names for one curve are rarer than one.
-    shows : float
-        Least relative fall of the error of its joints on unseen motion. "Not surely worse" let
-        seven of eight names of robots that stick stand, "surely better" lost most small effects.
     block : float [s]
         Blocks over which scores and errors are taken as independent: five memories of the noise of
         usual arms.
@@ -53,7 +50,6 @@ class Rules:
     alias: Share = 0.03
     function: float = 3.0
     crowd: float = 3.0
-    shows: Share = 0.01
     block: float = 0.5
     similar: Share = 0.9
     beam: Annotated[int, at_least(1)] = 5

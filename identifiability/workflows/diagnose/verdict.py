@@ -2,15 +2,17 @@
 
 What only resembles the missing effect, or stands for a joint that sticks, scatters more from block
 to block than noise lets it: the evidence of a part is divided by that [White 1982]. Motion that
-did not choose must be likelier with it, and the error of its joints there must fall.
+did not choose must be likelier with it, by its predictive density with the errors of all values.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
+from scipy import special
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -18,7 +20,6 @@ from identifiability.workflows.diagnose.evidence import View, factor_of
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.hypothesis import Hypothesis
 from identifiability.workflows.diagnose.problem import Problem
-from identifiability.workflows.diagnose.rules import Rules
 from identifiability.workflows.diagnose.search import Search
 
 
@@ -34,96 +35,56 @@ class Judged:
         How much more its scores scatter from block to block than noise lets them, one at least.
     unseen : float [nat]
         Logarithm of the predictive likelihood ratio of unseen motion, with the part over without.
-    before, after : float
-        Error of its joints on unseen motion, each over its own scale, without and with it.
-    asked, falls : bool
-        Whether there is any unseen motion of its joints, and whether their error must fall there:
-        not where values within their errors take on what a part adds.
+    asked : bool
+        Whether there is any unseen motion of its joints.
     """
 
     odds: float
     scatter: float
     unseen: float
-    before: float
-    after: float
     asked: bool = True
-    falls: bool = True
 
-    def why(self, rules: Rules) -> str:
-        """Return what refutes it, to follow its name."""
-        if not self.unseen > 0:
-            return "unseen motion is likelier without it"
-        return (
-            f"the error of its joints on unseen motion falls by less than {100 * rules.shows:g} %"
-        )
-
-    def stands(self, odds: float, shows: float) -> bool:
+    def stands(self, odds: float) -> bool:
         """Whether a part is stated: sure on the fitted motion, and not refuted by the unseen."""
-        return self.odds >= odds and not self.refuted(shows)
+        return self.odds >= odds and not self.refuted
 
     def standing(self, odds: float) -> tuple[bool, float]:
         """Return what orders parts that do not stand: first those that are not sure at all."""
-        return self.odds >= odds, -self.after / max(self.before, 1e-300)
+        return self.odds >= odds, self.unseen
 
-    def refuted(self, shows: float) -> bool:
-        """Whether unseen motion is not likelier with it, or the error of its joints stays."""
-        stays = self.falls and self.after > (1.0 - shows) * self.before
-        return self.asked and (not self.unseen > 0 or stays)
+    @property
+    def refuted(self) -> bool:
+        """Whether unseen motion is not likelier with it."""
+        return self.asked and not self.unseen > 0
+
+
+#: What refutes a part, to follow its name.
+REFUTED = "unseen motion is likelier without it"
 
 
 def judge_parts(search: Search, h: Hypothesis, view: View) -> dict[int, Judged]:
     """Return what is to be said of every part of a hypothesis."""
-    p = search.problem
-    asked = p.unseen is not p.fitted
-    whole = p.residual(p.shown, h.parts, view)
-    both = _beside_unseen(p, h, view)
-    predicted = predictive(p, h.parts, view, both)
-    out: dict[int, Judged] = {}
-    views: dict[tuple[int, ...], View] = {}
+    p, catalogue = search.problem, search.catalogue
+    fitted = Fitted(p, h.parts, view)
+    moves = fitted.unseen_moves
+    alike: dict[str, list[int]] = {}
     for k in h.parts:
-        rest = h.without({k}).parts
-        scatter, blocks = scatter_of(p, k, h.parts, view)
-        odds = _odds_of(search, k, rest, view, scatter, blocks)
-        # Two that undo one another each help beside the other: all of the joint must, too.
-        joint = _strongest(p, k, h, view)
-        none = h.without({o for o in h.parts if joint in p.acts(o)}).parts
-        # Without it the others are as good as they can be: weighed as they leave the rows, too.
-        models = [
-            p.residual(p.shown, parts, v)
-            for parts in dict.fromkeys((tuple(rest), tuple(none)))
-            for v in (view, _own_view(p, parts, views))
-        ]
-        gap = Gap(p.shown, np.stack([*models, whole], axis=2))
-        *without, after = gap.at([joint]).error_over_joints().tolist()
-        before = min(without)
-        unseen = predicted - predictive(p, rest, view, both)
-        seen = asked and bool(np.isfinite(before))
-        out[k] = Judged(odds, scatter, unseen, before, after, seen, p.rows.root is None)
-    return out
-
-
-def _own_view(p: Problem, parts: tuple[int, ...], known: dict[tuple[int, ...], View]) -> View:
-    """Return the rows as some parts leave them."""
-    if parts not in known:
-        known[parts] = p.settled(parts)
-    return known[parts]
-
-
-def _strongest(p: Problem, k: int, h: Hypothesis, view: View) -> int:
-    """Return the joint in which a part is the largest share of what the fitted motion leaves."""
-    c = p.candidates[k]
-    value, _ = p.solve([*(o for o in h.parts if o != k), k], view)
-    added = p.rows.D.take(c.columns) @ value[-len(c.columns) :]
-    left = p.residual(p.rows, h.parts, view)
-    squares = np.sum(added**2, axis=0) / np.maximum(np.sum(left**2, axis=0), 1e-300)
-    return max(p.acts(k), key=lambda j: float(squares[j]))
+        alike.setdefault(catalogue.of[k][0], []).append(k)
+    out: dict[int, Judged] = {}
+    for own in alike.values():
+        found = np.array([fitted.scatter(k) for k in own])
+        for k, scatter, blocks in zip(own, *moderate(*found.T), strict=True):
+            odds = _odds_of(search, k, h, view, max(1.0, scatter), blocks)
+            asked = bool(moves[list(p.acts(k))].any())
+            out[k] = Judged(odds, max(1.0, float(scatter)), fitted.foretold(k), asked)
+    return {k: out[k] for k in h.parts}
 
 
 def _odds_of(
-    search: Search, k: int, rest: Sequence[int], view: View, scatter: float, blocks: float
+    search: Search, k: int, h: Hypothesis, view: View, scatter: float, blocks: float
 ) -> float:
     """Return the log odds of a part: its evidence beside the others over `scatter`, less prices."""
-    group = search.catalogue.of[k]
+    group, rest = search.catalogue.of[k], h.without({k}).parts
     p, allowed = search.problem, np.zeros(len(search.problem.candidates), bool)
     own = p.candidates[k]
     same = [
@@ -132,12 +93,14 @@ def _odds_of(
         if not own.family.separate or p.candidates[o].slot == own.slot
     ]
     allowed[same] = True
-    found = search.catalogue.best_of(search.gains(rest, view), allowed).get(group)
+    beside, at = p.columns(rest), [*p.columns(rest), *own.columns]
+    left = view.evidence.beside(p.columns(h.parts)).without(own.columns)
+    gains = left.gains(p.options, p.setting.rules.alias / 3, allowed)
+    found = search.catalogue.best_of(gains, allowed).get(group)
     if found is None:
         return -np.inf
     price = search.catalogue.price
     # Scatter divides the information that the data have, not what the prior pays for it.
-    beside, at = p.columns(rest), [*p.columns(rest), *own.columns]
     volume = view.evidence.volume(at) - view.evidence.volume(beside)
     tempered = of_few((found[0] + volume) / scatter, blocks) - volume
     # Of a family that is nearly everywhere a further place costs nothing, and never less.
@@ -154,74 +117,158 @@ def of_few(evidence: float, blocks: float) -> float:
     return float(size * 0.5 * blocks * np.log1p(2.0 * max(evidence, 0.0) / max(blocks, 1e-9)))
 
 
-def scatter_of(p: Problem, k: int, parts: Sequence[int], view: View) -> tuple[float, float]:
-    """Return how much more the scores of a part scatter than noise lets them, one at least.
+def moderate(scatter: Array, blocks: Array) -> tuple[Array, Array]:
+    """Return scatters (m,) of parts that are alike, and of how many blocks each is known.
 
-    It is the trace of the sandwich over that of the information; and of how many equal blocks that
-    trace would be known as well [Satterthwaite 1946].
+    Each is drawn to what they have in common, as far as they are alike [Smyth 2004]; and what they
+    have in common is known from no more blocks than the others have.
     """
-    own = p.candidates[k].columns
-    rest = [o for o in parts if o != k]
-    at = [*p.columns(rest), *own]
-    G = view.total(at)
-    inner = len(G) - len(own)
-    F = factor_of(G[1:inner, 1:inner])
-    C = F.T @ (F @ G[1:inner, inner:])
-    value, _ = p.solve([*rest, k], view)
-    weights = np.zeros((len(G), 1 + len(own)))
-    weights[0, 0], weights[1:, 0] = 1.0, -value
-    weights[1:inner, 1:] = -C
-    weights[inner:, 1:] = np.eye(len(own))
-    rows, block = p.rows, p.setting.rules.block
-    number = np.unique(
-        np.floor((rows.t - rows.t.min()) / block) + 1e7 * rows.log, return_inverse=True
-    )[1]
-    scores = np.zeros((int(number.max()) + 1, len(own)))
-    each = np.zeros((len(scores), len(own), len(own)))
-    for j in p.acts(k):
-        e = p.fitted.whitened(j, int(view.steps[j]), at) @ weights / np.sqrt(view.tempered[j])
-        block_of = number[rows.data[:, j]]
-        np.add.at(each, block_of, e[:, 1:, None] * e[:, None, 1:])
-        np.add.at(scores, block_of, e[:, 1:] * e[:, :1])
-    used = scores[np.any(scores != 0, axis=1)]
-    V = used.T @ used * len(used) / max(len(used) - 1, 1)
-    half = factor_of(each.sum(0))
-    shares = np.einsum("ri,bij,sj->brs", half, each, half)
-    blocks = len(half) ** 2 / max(float(np.sum(shares**2)), 1e-300)
-    return max(1.0, float(np.trace(half @ V @ half.T)) / max(len(half), 1)), blocks
+    if len(scatter) < 2:
+        return scatter, blocks
+    half = 0.5 * blocks
+    e = np.log(np.maximum(scatter, 1e-12)) - special.digamma(half) + np.log(half)
+    spread = float(np.var(e, ddof=1) - np.mean(special.polygamma(1, half)))
+    others = blocks.sum() - blocks
+    prior = np.minimum(2.0 * _inverse_trigamma(spread), others) if spread > 0 else others
+    common = np.exp(e.mean() + special.digamma(0.5 * prior) - np.log(0.5 * prior))
+    both = blocks + prior
+    return (blocks * scatter + prior * common) / both, both
 
 
-def _beside_unseen(p: Problem, h: Hypothesis, view: View) -> float:
-    """Return how much larger the squares of unseen errors are than those of noise."""
-    if p.unseen is p.fitted:
-        return 1.0
-    errors = p.errors(p.unseen, h.parts, view)
-    weights = view.tempered.tolist()
-    squares = sum(float(e @ e) / t for e, t in zip(errors, weights, strict=True))
-    return max(1.0, float(squares) / max(sum(len(e) for e in errors), 1))
+def _inverse_trigamma(y: float) -> float:
+    """Return where the trigamma function is y > 0, by Newton steps on its inverse."""
+    x = 0.5 + 1.0 / y
+    for _ in range(20):
+        own = float(special.polygamma(1, x))
+        x += own * (1.0 - own / y) / float(special.polygamma(2, x))
+    return x
 
 
-def predictive(p: Problem, parts: Sequence[int], view: View, scale: float) -> float:
-    """Return the log predictive density of unseen motion given the fitted one.
+class Fitted:
+    """A hypothesis fitted in a view: how the scores of its parts scatter, and what it foretells.
 
-    Over that of the model alone: the Bayes factor of both motions less that of the fitted one.
+    Parameters
+    ----------
+    problem : Problem
+    parts : sequence of int
+    view : View
     """
-    at = p.columns(parts)
-    if p.unseen is p.fitted or not at:
-        return 0.0
-    fitted, unseen = view.total(at), view.total(at, p.unseen)
-    sizes = view.sizes[at]
-    return _log_bayes(fitted + unseen / scale, sizes) - _log_bayes(fitted, sizes)
+
+    def __init__(self, problem: Problem, parts: Sequence[int], view: View) -> None:
+        self.problem, self.parts, self.view = problem, tuple(parts), view
+        p, b = problem, problem.rows.X.shape[2]
+        self.at = p.columns(parts)
+        ends = 1 + b + np.cumsum([0, *(len(p.candidates[k].columns) for k in parts)])
+        self._own = {
+            k: np.arange(start, stop)
+            for k, start, stop in zip(parts, ends[:-1].tolist(), ends[1:].tolist(), strict=True)
+        }
+        self._white: dict[int, Array] = {}
+
+    @cached_property
+    def _total(self) -> Array:
+        return self.view.total(self.at)
+
+    @cached_property
+    def _value(self) -> Array:
+        value: Array = self.problem.solve(self.parts, self.view)[0]
+        return value
+
+    @cached_property
+    def _number(self) -> np.ndarray:
+        """The block of each row."""
+        rows, block = self.problem.rows, self.problem.setting.rules.block
+        at = np.floor((rows.t - rows.t.min()) / block) + 1e7 * rows.log
+        number: np.ndarray = np.unique(at, return_inverse=True)[1]
+        return number
+
+    def _whitened(self, j: int) -> Array:
+        if j not in self._white:
+            A = self.problem.fitted.whitened(j, int(self.view.steps[j]), self.at)
+            self._white[j] = A / np.sqrt(self.view.tempered[j])
+        return self._white[j]
+
+    def scatter(self, k: int) -> tuple[float, float]:
+        """Return how much more the scores of a part scatter than noise lets them.
+
+        It is the trace of the sandwich over that of the information; and of how many equal blocks
+        that trace would be known as well [Satterthwaite 1946].
+        """
+        G, own = self._total, self._own[k]
+        inner = np.setdiff1d(np.arange(1, len(G)), own)
+        F = factor_of(G[np.ix_(inner, inner)])
+        weights = np.zeros((len(G), 1 + len(own)))
+        weights[0, 0], weights[1:, 0] = 1.0, -self._value
+        weights[inner, 1:] = -F.T @ (F @ G[np.ix_(inner, own)])
+        weights[own, 1:] = np.eye(len(own))
+        number = self._number
+        scores = np.zeros((int(number.max()) + 1, len(own)))
+        each = np.zeros((len(scores), len(own), len(own)))
+        for j in self.problem.acts(k):
+            e = self._whitened(j) @ weights
+            block_of = number[self.problem.rows.data[:, j]]
+            np.add.at(each, block_of, e[:, 1:, None] * e[:, None, 1:])
+            np.add.at(scores, block_of, e[:, 1:] * e[:, :1])
+        used = scores[np.any(scores != 0, axis=1)]
+        V = used.T @ used * len(used) / max(len(used) - 1, 1)
+        half = factor_of(each.sum(0))
+        shares = np.einsum("ri,bij,sj->brs", half, each, half)
+        blocks = len(half) ** 2 / max(float(np.sum(shares**2)), 1e-300)
+        return float(np.trace(half @ V @ half.T)) / max(len(half), 1), blocks
+
+    @cached_property
+    def unseen_moves(self) -> np.ndarray:
+        """Which joints have torque that varies in motion that was not fitted, (n,)."""
+        p = self.problem
+        if p.unseen is p.fitted:
+            return np.zeros(p.rows.joints, bool)
+        found: np.ndarray = np.any(Gap(p.shown, p.shown.tau[:, :, None]).variation > 0, axis=0)
+        return found
+
+    @cached_property
+    def _predicted(self) -> tuple[Array, Array]:
+        """Products of torque and columns beside the model, on fitted and on both motions."""
+        p, view = self.problem, self.view
+        errors = p.errors(p.unseen, self.parts, view)
+        weights = view.tempered.tolist()
+        squares = sum(float(e @ e) / t for e, t in zip(errors, weights, strict=True))
+        # Squares of unseen errors may be larger than those of noise.
+        scale = max(1.0, float(squares) / max(sum(len(e) for e in errors), 1))
+        b = p.rows.X.shape[2]
+        both = self._total + view.total(self.at, p.unseen) / scale
+        return _beside_model(self._total, b), _beside_model(both, b)
+
+    def foretold(self, without: int | None = None) -> float:
+        """Return the log predictive density of unseen motion over that without a part.
+
+        The Bayes factor of both motions less that of the fitted one; of nothing over the model.
+        """
+        if self.problem.unseen is self.problem.fitted or not self.at:
+            return 0.0
+        b, sizes = self.problem.rows.X.shape[2], self.view.typical[self.at]
+        every = np.arange(len(sizes))
+        gone = every if without is None else self._own[without] - 1 - b
+        fitted, both = self._predicted
+        rest = np.setdiff1d(every, gone)
+        return sum(
+            sign * (_log_bayes(both, sizes, at) - _log_bayes(fitted, sizes, at))
+            for sign, at in ((1.0, every), (-1.0, rest))
+        )
 
 
-def _log_bayes(G: Array, sizes: Array) -> float:
-    inner = len(G) - len(sizes)
-    F = factor_of(G[1:inner, 1:inner])
-    C = F @ G[1:inner][:, [0, *range(inner, len(G))]]
-    P = G[np.ix_([0, *range(inner, len(G))], [0, *range(inner, len(G))])] - C.T @ C
-    S = np.eye(len(sizes)) + P[1:, 1:] * sizes * sizes[:, None]
+def _beside_model(G: Array, b: int) -> Array:
+    """Return products of torque and columns (1 + k, ·) beside the b columns of the model."""
+    at = np.r_[0, 1 + b : len(G)]
+    C = factor_of(G[1 : 1 + b, 1 : 1 + b]) @ G[1 : 1 + b][:, at]
+    P: Array = G[np.ix_(at, at)] - C.T @ C
+    return P
+
+
+def _log_bayes(P: Array, sizes: Array, at: np.ndarray) -> float:
+    own = sizes[at]
+    S = np.eye(len(at)) + P[1:, 1:][np.ix_(at, at)] * own * own[:, None]
     L = np.linalg.cholesky(0.5 * (S + S.T))
-    u = np.linalg.solve(L, P[1:, 0] * sizes)
+    u = np.linalg.solve(L, P[1 + at, 0] * own)
     return float(0.5 * u @ u - np.log(np.diag(L)).sum())
 
 
@@ -274,31 +321,46 @@ def _specialise(search: Search, verdict: Verdict) -> Verdict:
         own = [x for x in near.values() if p.candidates[x[1]].place == p.candidates[k].place]
         for _, name, shaped in sorted(own, reverse=True)[: rules.options]:
             other = rest.add(name, shaped)
+            two = (Fitted(p, x.parts, verdict.view) for x in (other, verdict.hypothesis))
+            name_foretells, function_foretells = (x.foretold() for x in two)
+            if name_foretells < function_foretells:
+                continue
             view = p.settled(other.parts, verdict.view)
             judged = judge_parts(search, other, view)
-            worse = judged[name].after > verdict.judged[k].after
-            if not worse and all(x.stands(rules.odds, rules.shows) for x in judged.values()):
+            if all(x.stands(rules.odds) for x in judged.values()):
                 verdict = Verdict(other, view, judged, verdict.refuted)
                 break
     return verdict
 
 
 def _settle(search: Search, start: Hypothesis, *, functions: bool) -> Verdict:
-    """Return what stands, one part taken out after the other and barred."""
-    rules = search.problem.setting.rules
+    """Return what stands: search, take out and bar what does not, and go on from what is left."""
     refuted: dict[int, Judged] = {}
     h, view = search.run(start, functions=functions)
+    while True:
+        found = _take_out(search, Verdict(h, view, {}, refuted))
+        if found.hypothesis.key == h.key:
+            return found
+        h, view = search.run(found.hypothesis, functions=functions)
+        if h.key == found.hypothesis.key:
+            return found
+
+
+def _take_out(search: Search, verdict: Verdict) -> Verdict:
+    """Return a verdict without the parts that do not stand, one taken out after the other."""
+    level = search.problem.setting.rules.odds
+    h, view, refuted = verdict.hypothesis, verdict.view, verdict.refuted
     while h.parts:
         judged = judge_parts(search, h, view)
-        bad = [k for k in h.parts if not judged[k].stands(rules.odds, rules.shows)]
+        bad = [k for k in h.parts if not judged[k].stands(level)]
         if not bad:
             return Verdict(h, view, judged, refuted)
-        worst = min(bad, key=lambda k: judged[k].standing(rules.odds))
-        if judged[worst].odds >= rules.odds:
+        worst = min(bad, key=lambda k: judged[k].standing(level))
+        if judged[worst].odds >= level:
             refuted[worst] = judged[worst]
         search.barred.add(search.catalogue.of[worst])
-        rest = h.without({worst})
-        while rest.parts and not search.catalogue.fits(rest.parts):
-            rest = rest.without({rest.parts[-1]})
-        h, view = search.run(rest, functions=functions)
+        h = h.without({worst})
+        while h.parts and not search.catalogue.fits(h.parts):
+            h = h.without({h.parts[-1]})
+        view = search.problem.settled(h.parts, view)
     return Verdict(h, view, {}, refuted)
