@@ -492,7 +492,7 @@ def fit_body(p: Problem, rest: Sequence[int], k: int, view: View) -> Array:
 def _real_errors(p: Problem, rungs: Sequence[Sequence[int]], views: Sequence[View]) -> list[float]:
     """Return ε_RA on unseen motion where every fit is a real robot; nan where none is to be had."""
     structure = p.setting.structure
-    if p.setting.fixed or "rigid_body" not in structure.model.names or len(rungs) < 2:
+    if p.setting.fixed or "rigid_body" not in structure.model.names:
         return [float("nan")] * len(rungs)
     out = []
     for parts, view in zip(rungs, views, strict=True):

@@ -105,6 +105,7 @@ class Search:
             if now.key == best.key:
                 own = self._add_in_own_view(best, odds, view, seen)
                 if own is None:
+                    self._tell(best, best, odds)
                     break
                 now, view = own
             else:
@@ -189,9 +190,9 @@ class Search:
             yield rest
             away = p.columns(h.key - rest.key)
             beside = self._beside(h.parts, view).without(away)
-            near = self.options(rest.parts, view, functions=functions, beside=beside).values()
-            near = sorted(near)
-            yield from (rest.add(k, shaped) for _, k, shaped in near[-3:] if k != gone)
+            near = self.options(rest.parts, view, functions=functions, beside=beside)
+            likeliest = sorted(near.values())[-3:]
+            yield from (rest.add(k, shaped) for _, k, shaped in likeliest if k != gone)
         # One part in the stead of all that act where it does, and are of its kind.
         for k, shaped in adding:
             joints, own = set(p.acts(k)), p.candidates[k].family

@@ -7,7 +7,12 @@ import pytest
 from scipy import stats
 
 from identifiability.workflows.diagnose import Rules
-from identifiability.workflows.diagnose.conclude import conclude, find_rivals, lack_of_fit, null_odds
+from identifiability.workflows.diagnose.conclude import (
+    conclude,
+    find_rivals,
+    lack_of_fit,
+    null_odds,
+)
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.hypothesis import OVER_SPEED, Hypothesis
 from identifiability.workflows.diagnose.verdict import Fitted, Judged, moderate, of_few
