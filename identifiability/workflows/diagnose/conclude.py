@@ -12,6 +12,7 @@ from scipy.special import logsumexp
 
 from identifiability.effects import Part, Placed
 from identifiability.estimation.noise import ARNoise, runs_of, take_data, whiten
+from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import INERTIAL, INERTIAL_KINDS, Array
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares, physical_set
@@ -497,7 +498,13 @@ def _real_errors(p: Problem, rungs: Sequence[Sequence[int]], views: Sequence[Vie
     out = []
     for parts, view in zip(rungs, views, strict=True):
         signs = [p.candidates[k].positive for k in parts for _ in p.candidates[k].columns]
-        value = fit_real(structure, p.triangular(parts, view), signs, len(p.rows))
+        # Of what the fitted motion does not reach, the typical size is all that is known.
+        at = p.columns(parts)
+        known = view.typical[at] > 0
+        prior = np.zeros((int(known.sum()), p.rows.X.shape[2] + len(at) + 1))
+        prior[:, p.rows.X.shape[2] : -1] = np.diag(1 / np.maximum(view.typical[at], 1e-300))[known]
+        R = triangular_factor(np.concatenate([p.triangular(parts, view), prior]))
+        value = fit_real(structure, R, signs, len(p.rows))
         if value is None:
             out.append(float("nan"))
             continue

@@ -458,6 +458,17 @@ class View:
         ridge : sequence of int
             Which function each of them belongs to, -1 for none.
         """
+        key = tuple(columns), tuple(ridge)
+        if key not in self._solved:
+            self._solved[key] = self._solve(columns, ridge)
+        return self._solved[key]
+
+    @cached_property
+    def _solved(self) -> dict[tuple[tuple[int, ...], tuple[int, ...]], tuple[Array, Array]]:
+        """What was solved."""
+        return {}
+
+    def _solve(self, columns: Sequence[int], ridge: Sequence[int]) -> tuple[Array, Array]:
         G = self.total(columns)
         y, G = G[1:, 0], G[1:, 1:]
         size, of = self.typical[list(columns)], np.array(ridge, int)

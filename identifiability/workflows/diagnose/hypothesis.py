@@ -183,13 +183,13 @@ class Catalogue:
         total = np.add.reduceat(np.where(order < self.given, shifted, 0.0), starts)
         with np.errstate(divide="ignore"):
             mean = safe + np.log(total) - np.log(count)
-        out = {}
-        for g in np.flatnonzero(np.isfinite(top)).tolist():
-            first = int(starts[g])
-            at = int(order[first + int(np.argmax(ordered[first : first + int(width[g])]))])
-            own = max(float(mean[g]), float(top[g]) - float(np.log(count[g])))
-            out[groups[g]] = own, at, float(top[g]) - own
-        return out
+        own = np.maximum(mean, top - np.log(count))
+        best = np.flatnonzero(ordered == np.repeat(top, width))
+        at = order[best[np.searchsorted(best, starts)]]
+        return {
+            groups[g]: (float(own[g]), int(at[g]), float(top[g] - own[g]))
+            for g in np.flatnonzero(np.isfinite(top)).tolist()
+        }
 
     @cached_property
     def _order(self) -> tuple[np.ndarray, np.ndarray, list[Group], np.ndarray]:

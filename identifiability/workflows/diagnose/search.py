@@ -209,18 +209,27 @@ class Search:
     def _everywhere(
         self, h: Hypothesis, view: View, odds: dict[Group, tuple[float, int, float]]
     ) -> Iterator[Hypothesis]:
-        """Yield a hypothesis with a family in all places that gain by it, the likeliest ones."""
+        """Yield a hypothesis with a family in all places that gain by it, the likeliest ones.
+
+        A place comes in where it gains beside those that came before.
+        """
+        p = self.problem
         gains: dict[str, list[tuple[float, int, float]]] = {}
         for group, (value, k, shaped) in odds.items():
-            if (value := value + self.catalogue.price([k])) > 0 and not self.problem.candidates[
+            if (value := value + self.catalogue.price([k])) > 0 and not p.candidates[
                 k
             ].family.unnamed:
                 gains.setdefault(group[0], []).append((value, k, shaped))
         several = [(sum(v for v, *_ in own), own) for own in gains.values() if len(own) > 1]
         for _, own in sorted(several, key=lambda x: -x[0])[:2]:
-            more = h
-            for _, k, shaped in own:
-                more = more.add(k, shaped)
+            more, columns = h, p.columns(h.parts)
+            view.evidence.square([*columns, *p.columns(k for _, k, _ in own)])
+            known = view.evidence.log_bayes(columns)
+            for _, k, shaped in sorted(own, reverse=True):
+                with_it = [*columns, *p.candidates[k].columns]
+                value = view.evidence.log_bayes(with_it)
+                if value - shaped > known:
+                    more, columns, known = more.add(k, shaped), with_it, value
             yield more
 
     def _refine(self, h: Hypothesis, view: View) -> Hypothesis:
