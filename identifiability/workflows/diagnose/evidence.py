@@ -2,7 +2,7 @@
 
 Rows are whitened by the noise of each joint and by what the hypothesis at hand leaves; of them only
 products are kept, so that a question costs the same for 10³ and 10⁵ samples. The parameters of a
-part have a normal prior as wide as effects usually are [Jeffreys 1961; Liang et al. 2008]; those of
+part have a normal prior as wide as effects usually are [Jeffreys 1961; Liang 2008]; those of
 the model a flat one. What a joint leaves beyond its noise divides its information.
 """
 

@@ -111,7 +111,7 @@ def of_few(evidence: float, blocks: float) -> float:
     """Return what evidence, half a squared score over its scatter, is worth from so many blocks.
 
     What a few blocks say has the heavy tails of Student's distribution [Bell & McCaffrey 2002]; the
-    normal score that is as rare is Wallace's [1959].
+    normal score that is as rare is Wallace's [Wallace 1959].
     """
     size = ((8.0 * blocks + 1.0) / (8.0 * blocks + 3.0)) ** 2
     return float(size * 0.5 * blocks * np.log1p(2.0 * max(evidence, 0.0) / max(blocks, 1e-9)))
