@@ -12,7 +12,6 @@ from scipy.special import logsumexp
 
 from identifiability.effects import Part, Placed
 from identifiability.estimation.noise import ARNoise, runs_of, take_data, whiten
-from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import INERTIAL, INERTIAL_KINDS, Array
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares, physical_set
@@ -68,14 +67,15 @@ def conclude(search: Search, verdict: Verdict, null: Array, rng: np.random.Gener
         for n in range(len(order) + 1)
     ]
     views = [p.settled(parts) for parts in rungs[:-1]] + [view]
+    fits = [p.weighed(parts, v) for parts, v in zip(rungs, views, strict=True)]
     unseen, fitted = (
-        np.stack([p.residual(where, r, v) for r, v in zip(rungs, views, strict=True)], axis=2)
+        np.stack([p.left(where, r, f[0]) for r, f in zip(rungs, fits, strict=True)], axis=2)
         for where in (p.shown, p.seen)
     )
     gap = Gap(p.shown, unseen)
     errors, joints = gap.relative_error().tolist(), gap.error_over_joints().tolist()
     before = Gap(p.seen, fitted).relative_error().tolist()
-    real = _real_errors(p, rungs, views)
+    real = _real_errors(p, rungs, [R for _, R in fits])
     placed = {k: _place(search, verdict, k, null) for k in h.parts}
     effects = []
     for n, name in enumerate(order):
@@ -104,7 +104,7 @@ def conclude(search: Search, verdict: Verdict, null: Array, rng: np.random.Gener
     return Diagnosis(
         **vars(p.setting),
         effects=tuple(effects),
-        curves=tuple(_curve(p, h, view, k, placed[k], left[1]) for k in h.parts),
+        curves=tuple(_curve(p, h, view, k, placed[k]) for k in h.parts),
         gap=gap,
         error_before=before[0],
         error_after=before[-1],
@@ -209,7 +209,7 @@ def _refuted(
     rest = h.without({o for o in h.parts if search.catalogue.of[o] == mine})
     whole = rest.add(k, 0.0)
     seen = p.settled(whole.parts, view)
-    models = [p.residual(p.shown, x.parts, seen) for x in (rest, whole)]
+    models = [p.left(p.shown, x.parts, p.weighed(x.parts, seen)[0]) for x in (rest, whole)]
     gap = Gap(p.shown, np.stack(models, axis=2))
     judged = verdict.refuted[k]
     placement = _place(search, replace(verdict, hypothesis=whole, view=seen,
@@ -348,7 +348,7 @@ def _nearest(search: Search, h: Hypothesis, view: View, k: int) -> list[Nearest]
     rest = h.without({k})
 
     def error_with(parts: Sequence[int]) -> float:
-        left = p.residual(p.shown, parts, view)[:, :, None]
+        left = p.left(p.shown, parts, p.weighed(parts, view)[0])[:, :, None]
         return float(Gap(p.shown, left).at(p.acts(k)).error_over_joints()[0])
 
     near = sorted(
@@ -363,11 +363,10 @@ def _nearest(search: Search, h: Hypothesis, view: View, k: int) -> list[Nearest]
     ]
 
 
-def _curve(p: Problem, h: Hypothesis, view: View, k: int, placed: Placement, left: Array) -> Curve:
+def _curve(p: Problem, h: Hypothesis, view: View, k: int, placed: Placement) -> Curve:
     """Return what a part was learned to be, along the fitted motion."""
-    c = p.candidates[k]
-    rows = p.seen
-    D = rows.D.take(c.columns)
+    c, rows = p.candidates[k], p.seen
+    left, D = p.residual(rows, h.parts, view), rows.D.take(c.columns)
     added, spread = D @ placed.values, np.sqrt((D**2) @ placed.errors**2)
     j = int(np.argmax(np.abs(added).sum(0)))
     of = c.family.drawn_over(c.effect, p.setting.structure.robot, j)
@@ -490,26 +489,21 @@ def fit_body(p: Problem, rest: Sequence[int], k: int, view: View) -> Array:
     return found
 
 
-def _real_errors(p: Problem, rungs: Sequence[Sequence[int]], views: Sequence[View]) -> list[float]:
+def _real_errors(
+    p: Problem, rungs: Sequence[Sequence[int]], factors: Sequence[Array]
+) -> list[float]:
     """Return ε_RA on unseen motion where every fit is a real robot; nan where none is to be had."""
     structure = p.setting.structure
     if p.setting.fixed or "rigid_body" not in structure.model.names:
         return [float("nan")] * len(rungs)
     out = []
-    for parts, view in zip(rungs, views, strict=True):
+    for parts, R in zip(rungs, factors, strict=True):
         signs = [p.candidates[k].positive for k in parts for _ in p.candidates[k].columns]
-        # Of what the fitted motion does not reach, the typical size is all that is known.
-        at = p.columns(parts)
-        known = view.typical[at] > 0
-        prior = np.zeros((int(known.sum()), p.rows.X.shape[2] + len(at) + 1))
-        prior[:, p.rows.X.shape[2] : -1] = np.diag(1 / np.maximum(view.typical[at], 1e-300))[known]
-        R = triangular_factor(np.concatenate([p.triangular(parts, view), prior]))
         value = fit_real(structure, R, signs, len(p.rows))
         if value is None:
             out.append(float("nan"))
             continue
-        left = p.shown.tau - p.shown.X @ value[: p.rows.X.shape[2]]
-        left = left - p.shown.D.take(p.columns(parts)) @ value[p.rows.X.shape[2] :]
+        left = p.left(p.shown, parts, value)
         out.append(float(Gap(p.shown, left[:, :, None]).relative_error()[0]))
     return out
 

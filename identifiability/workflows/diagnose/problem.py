@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.effects import find_families
-from identifiability.estimation.noise import fit_noise
-from identifiability.foundation.linalg import triangular_factor
+from identifiability.estimation.noise import autocorrelation_time, fit_noise
+from identifiability.foundation.linalg import ROUNDING, triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation, Samples
@@ -37,6 +37,8 @@ from identifiability.workflows.diagnose.rules import Rules
 #: Decimals that count where shares and sizes are compared: those beyond are another processor's
 #: rounding, and of what ties the first comes first, in the order of candidates and parameters.
 DECIMALS = 9
+#: Rounds in which joints are weighed by what is left of them.
+REWEIGHED = 4
 #: Parameters that an alias is said to be hidden behind, of this share of the largest at least.
 BEHIND, SHARE = 3, 0.1
 
@@ -221,7 +223,10 @@ class Problem:
 
     def residual(self, rows: Rows, parts: Sequence[int], view: View) -> Array:
         """Return the errors (N, n) of the model with some candidates, as it is fitted."""
-        value, _ = self.solve(parts, view)
+        return self.left(rows, parts, self.solve(parts, view)[0])
+
+    def left(self, rows: Rows, parts: Sequence[int], value: Array) -> Array:
+        """Return the errors (N, n) of values (b + k,) of the model with some candidates."""
         b = rows.X.shape[2]
         left: Array = rows.tau - rows.X @ value[:b]
         left -= rows.D.take(self.columns(parts)) @ value[b:]
@@ -242,15 +247,60 @@ class Problem:
             self.fitted.whitened(j, step, at) / np.sqrt(view.tempered[j])
             for j, step in enumerate(steps)
         ]
-        if self.rows.root is not None:  # what is known of the model beforehand
-            rows.append(np.pad(self.rows.root, ((0, 0), (1, len(at)))))
+        rows.append(np.pad(self._prior(parts, view), ((0, 0), (1, 0))))
         A = np.concatenate(rows)
         return triangular_factor(np.concatenate([A[:, 1:], A[:, :1]], axis=1))
+
+    def weighed(self, parts: Sequence[int], view: View) -> tuple[Array, Array]:
+        """Return the values of model and some candidates as an analysis fits them, to be stated.
+
+        Rows are weighed by the errors of each joint and their memory. Whitened ones judge better
+        what is missing, but of slow noise they keep no levels, and predict worse.
+
+        Returns
+        -------
+        values : (b + k,)
+        factor : (b + k + 1, b + k + 1)
+            Triangular, of columns and torque with what is known beforehand.
+        """
+        rows, at = self.seen, self.columns(parts)
+        left = self.residual(rows, parts, view)
+        memory, squares = autocorrelation_time(left), np.sum(left**2, axis=0)
+        joints = []
+        for j in range(rows.joints):
+            A = np.concatenate([rows.X[:, j], rows.D.acting(j, at), rows.tau[:, j, None]], axis=1)
+            joints.append(triangular_factor(A[rows.data[:, j]]))
+        known = np.pad(self._prior(parts, view), ((0, 0), (0, 1)))
+        for _ in range(REWEIGHED):
+            variance = np.maximum(squares / rows.counts * memory, 1e-24 * squares.max(initial=0.0))
+            scale = np.sqrt(np.where(variance > 0, variance, 1.0)).tolist()
+            R = np.concatenate([*(A / s for A, s in zip(joints, scale, strict=True)), known])
+            length = np.linalg.norm(R[:, :-1], axis=0)
+            length = np.where(length > 0, length, 1.0)
+            value = np.linalg.lstsq(R[:, :-1] / length, R[:, -1], rcond=1e-9)[0] / length
+            squares = np.array([np.sum((A @ np.r_[value, -1.0]) ** 2) for A in joints])
+        return value, triangular_factor(R)
+
+    def _prior(self, parts: Sequence[int], view: View) -> Array:
+        """Return what is known beforehand of values, and that functions are of typical size."""
+        rows, at = self.rows, self.columns(parts)
+        b, out = rows.X.shape[2], []
+        if rows.root is not None:
+            out.append(np.pad(rows.root, ((0, 0), (0, len(at)))))
+        flexible = [self.candidates[k].family.flexible for k in parts
+                    for _ in self.candidates[k].columns]  # fmt: skip
+        size = view.typical[at]
+        some = np.flatnonzero(np.array(flexible, bool) & (size > 0))
+        ridge = np.zeros((len(some), b + len(at)))
+        ridge[range(len(some)), b + some] = 1.0 / size[some]
+        return np.concatenate([*out, ridge])
 
     def _plain(self) -> Array:
         """Return the errors (N, n) of the model alone, joints weighed by their torque."""
         rows = self.rows
-        scale = 1.0 / np.maximum(np.sqrt(np.sum(rows.tau**2, axis=0) / rows.counts), 1e-300)
+        rms = np.sqrt(np.sum(rows.tau**2, axis=0) / rows.counts)
+        moved = rms > ROUNDING * rms.max(initial=0.0)
+        scale = np.where(moved, 1.0 / np.where(moved, rms, 1.0), 0.0)
         A = (rows.X * scale[:, None]).reshape(rows.X.shape[0] * rows.joints, rows.X.shape[2])
         F = factor_of(A.T @ A)
         left: Array = rows.tau - rows.X @ (F.T @ (F @ (A.T @ (rows.tau * scale).ravel())))
