@@ -12,6 +12,8 @@ from collections.abc import Collection, Sequence
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.optimize import nnls
 from scipy.special import log_ndtr
 
 from identifiability.estimation.noise import ARNoise, runs_of, take_data, whiten
@@ -355,10 +357,32 @@ class Beside:
             u = np.linalg.solve(L, z[several[visible]].reshape(len(S), k, -1))
             volume = np.log(np.einsum("mii->mi", L)).sum(1)
             value = 0.5 * (u**2).sum(1) - volume[:, None]
+            if z.ndim == 1:
+                inside = options.forbidden[number][visible]
+                value[:, 0] -= _lost_to_signs(L, u[:, :, 0], inside & (value[:, 0] > 0))
             out[of[visible]] = value.reshape(-1, *z.shape[1:])
         if allowed is not None:
             out[~allowed] = -np.inf
         return out
+
+
+def _lost_to_signs(L: Array, u: Array, asked: np.ndarray) -> Array:
+    """Return how much less is explained where no value may be negative, (m,).
+
+    Parameters
+    ----------
+    L : (m, k, k)
+        Lower factors of products, prior included.
+    u : (m, k)
+        What the columns explain, rotated: its squares are twice the evidence.
+    asked : (m,) bool
+    """
+    out = np.zeros(len(u))
+    for n in np.flatnonzero(asked).tolist():
+        free = solve_triangular(L[n].T, u[n], check_finite=False)
+        if (free < 0).any():
+            out[n] = 0.5 * float(nnls(L[n].T, u[n])[1]) ** 2
+    return out
 
 
 def explain(P: Array, z: Array, own: Array, alias: float) -> tuple[float, int]:
@@ -397,6 +421,10 @@ class Options:
         self.several = [
             (np.array(of, int), np.array([candidates[k].columns for k in of], int))
             for of in widths.values()
+        ]
+        #: Of which candidates of several columns none may be negative.
+        self.forbidden = [
+            np.array([candidates[k].positive for k in of], bool) for of in widths.values()
         ]
 
 

@@ -80,6 +80,23 @@ def test_a_level_that_may_not_be_negative_has_half_a_prior(made, candidate):
         assert found == pytest.approx(np.log(factor), abs=1e-6)
 
 
+def test_levels_none_of_which_may_be_negative_explain_what_such_levels_can(made, candidate):
+    """Of several columns: as much as the best levels from zero on, each set of them tried."""
+    rows, noise = made
+    for sign in (1.0, -1.0):
+        e = evidence_of(replace(rows, tau=sign * made[0].tau), noise)
+        free, held = (e.gains([], Options([candidate("a", "j", 1, 3, positive=positive)]), 0.01)[0]
+                      for positive in (False, True))  # fmt: skip
+        S, z = np.eye(2) + e.square([1, 3]), e.z[[1, 3]]
+        best = 0.0
+        for some in ([0], [1], [0, 1]):
+            x = np.linalg.solve(S[np.ix_(some, some)], z[some])
+            best = max(best, 0.5 * z[some] @ x if (x >= 0).all() else 0.0)
+        lost = 0.5 * z @ np.linalg.solve(S, z) - best
+        assert free - held == pytest.approx(lost, abs=1e-6)
+    assert lost > 1.0
+
+
 def test_what_the_model_contains_has_no_evidence(made, candidate):
     rows, noise = made
     D = np.concatenate([rows.D.take(range(WIDTH)), rows.X[:, :, :1] * 5.0], axis=2)
