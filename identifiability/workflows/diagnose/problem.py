@@ -254,8 +254,8 @@ class Problem:
     def weighed(self, parts: Sequence[int], view: View) -> tuple[Array, Array]:
         """Return the values of model and some candidates as an analysis fits them, to be stated.
 
-        Rows are weighed by the errors of each joint and their memory. Whitened ones judge better
-        what is missing, but of slow noise they keep no levels, and predict worse.
+        Rows are weighed by the errors of their joint. Whitened ones judge better what is missing,
+        but of slow noise they keep no levels, and predict worse.
 
         Returns
         -------
@@ -265,7 +265,7 @@ class Problem:
         """
         rows, at = self.seen, self.columns(parts)
         left = self.residual(rows, parts, view)
-        memory, squares = autocorrelation_time(left), np.sum(left**2, axis=0)
+        memory, squares = float(autocorrelation_time(left).mean()), np.sum(left**2, axis=0)
         joints = []
         for j in range(rows.joints):
             A = np.concatenate([rows.X[:, j], rows.D.acting(j, at), rows.tau[:, j, None]], axis=1)
