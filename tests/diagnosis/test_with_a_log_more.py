@@ -11,7 +11,7 @@ from identifiability.foundation.errors import LogError
 
 FEW = {"effects": ["joint_stiffness", "torque_offset", "quadratic_friction"]}
 FEW |= {"replicates": 99, "forward": False}
-SPRING = "joint_stiffness@shoulder=0.04"
+SPRING = "joint_stiffness@shoulder=0.05"
 
 
 @pytest.fixture(scope="module")
