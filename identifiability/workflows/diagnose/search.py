@@ -235,19 +235,19 @@ class Search:
     def _refine(self, h: Hypothesis, view: View) -> Hypothesis:
         """Return a hypothesis with the shapes between those of the grid that fit best."""
         p = self.problem
-        new = [k for k in h.parts if k < p.given]
+        new = list(h.parts)
         for _ in range(ROUNDS):
             between = {k: more for k in new if (more := self._between(k))}
             if not between:
                 break
             added = p.extend([c for more in between.values() for c in more])
             self._list()
-            first = added.start
+            first, wide = added.start, self._as_wide(view, between)
             for k, more in between.items():
                 tried = [k, *range(first, first + len(more))]
                 first += len(more)
                 rest = h.without({k})
-                gains = self.gains(rest.parts, view)
+                gains = self.gains(rest.parts, wide)
                 best = max(tried, key=lambda o: gains[o])
                 if best != k:
                     only = np.zeros(len(p.candidates), bool)
@@ -257,17 +257,33 @@ class Search:
                     new[new.index(k)] = best
         return h
 
+    def _as_wide(self, view: View, parts: Collection[int]) -> View:
+        """Return a view in which all shapes of some parts may be as large as these are."""
+        p, sizes = self.problem, view.typical.copy()
+        for k in parts:
+            own = list(p.candidates[k].columns)
+            ratio = sizes[own] / np.where(p.sizes[own] > 0, p.sizes[own], np.inf)
+            for o in self.catalogue.members[self.catalogue.of[k]]:
+                at = list(p.candidates[o].columns)
+                if o != k and p.candidates[o].slot == p.candidates[k].slot:
+                    sizes[at] = p.sizes[at] * np.maximum(ratio, 1.0)
+        return replace(view, sizes=sizes)
+
     def _between(self, k: int) -> list[Candidate]:
         """Return a candidate with shapes on the way to its neighbours among those tried."""
         p, own = self.problem, self.problem.candidates[k]
         if np.isnan(own.shape) or own.family.flexible:
             return []
         same = self.catalogue.members[self.catalogue.of[k]]
-        tried = sorted({p.candidates[o].shape for o in same if p.candidates[o].slot == own.slot})
-        at = tried.index(own.shape)
-        ends = [tried[o] for o in (at - 1, at + 1) if 0 <= o < len(tried)]
+        alike = [o for o in same if p.candidates[o].slot == own.slot]
+        tried = sorted({p.candidates[o].shape for o in alike})
         if tried[0] <= 0:
             return []
+        at = tried.index(own.shape)
+        ends = [tried[o] for o in (at - 1, at + 1) if 0 <= o < len(tried)]
+        grid = np.log(sorted({p.candidates[o].shape for o in alike if o < p.given}))
+        finest = float(np.diff(grid).min(initial=np.inf)) * BETWEEN[0] ** ROUNDS
+        ends = [end for end in ends if abs(np.log(end / own.shape)) > 1.5 * finest]
         shapes = [float(own.shape * (end / own.shape) ** x) for end in ends for x in BETWEEN]
         return [
             replace(own, shape=s, effect=own.family.at(s, own.place))

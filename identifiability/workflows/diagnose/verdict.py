@@ -192,7 +192,8 @@ class Fitted:
         """Return how much more the scores of a part scatter than noise lets them.
 
         It is the trace of the sandwich over that of the information; and of how many equal blocks
-        that trace would be known as well [Satterthwaite 1946].
+        that trace would be known as well [Satterthwaite 1946]. Each joint has blocks of its own:
+        what fits one joint at the cost of another scatters.
         """
         G, own = self._total, self._own[k]
         inner = np.setdiff1d(np.arange(1, len(G)), own)
@@ -202,11 +203,12 @@ class Fitted:
         weights[inner, 1:] = -F.T @ (F @ G[np.ix_(inner, own)])
         weights[own, 1:] = np.eye(len(own))
         number = self._number
-        scores = np.zeros((int(number.max()) + 1, len(own)))
+        acts, count = self.problem.acts(k), int(number.max()) + 1
+        scores = np.zeros((count * len(acts), len(own)))
         each = np.zeros((len(scores), len(own), len(own)))
-        for j in self.problem.acts(k):
+        for n, j in enumerate(acts):
             e = self._whitened(j) @ weights
-            block_of = number[self.problem.rows.data[:, j]]
+            block_of = n * count + number[self.problem.rows.data[:, j]]
             np.add.at(each, block_of, e[:, 1:, None] * e[:, None, 1:])
             np.add.at(scores, block_of, e[:, 1:] * e[:, :1])
         used = scores[np.any(scores != 0, axis=1)]
