@@ -502,20 +502,31 @@ class View:
         size, of = self.typical[list(columns)], np.array(ridge, int)
         at = len(G) - len(size) + np.flatnonzero((of >= 0) & (size > 0))
         size, of = size[at - len(G)], of[at - len(G)]
+        G[at, at] += 1 / (self._widths(G, y, at, size, of) * size) ** 2
+        F = factor_of(G)
+        covariance: Array = F.T @ F
+        value: Array = covariance @ y
+        return value, covariance
+
+    def _widths(self, G: Array, y: Array, at: np.ndarray, size: Array, of: np.ndarray) -> Array:
+        """Return how wide the priors of functions are, over their typical sizes, (k,)."""
         width = np.ones(len(at))
-        for _ in range(WIDTHS if len(at) else 1):
-            beside = G.copy()
-            beside[at, at] += 1 / (width * size) ** 2
-            F = factor_of(beside)
-            covariance: Array = F.T @ F
-            value: Array = covariance @ y
+        if not len(at):
+            return width
+        rest = np.setdiff1d(np.arange(len(G)), at)
+        F = factor_of(G[np.ix_(rest, rest)])
+        C = F @ G[np.ix_(rest, at)]
+        S, u = G[np.ix_(at, at)] - C.T @ C, y[at] - C.T @ (F @ y[rest])
+        for _ in range(WIDTHS - 1):
+            covariance = np.linalg.inv(S + np.diag(1 / (width * size) ** 2))
+            value = covariance @ u
             for k in set(of.tolist()):
                 own = of == k
-                here, w = at[own], float(width[own][0])
-                known = np.sum(1.0 - np.diag(covariance)[here] / (w * size[own]) ** 2)
-                square = np.sum((value[here] / size[own]) ** 2)
+                w = float(width[own][0])
+                known = np.sum(1.0 - np.diag(covariance)[own] / (w * size[own]) ** 2)
+                square = np.sum((value[own] / size[own]) ** 2)
                 width[own] = np.clip(np.sqrt(square / max(float(known), 1e-9)), *WIDEST)
-        return value, covariance
+        return width
 
 
 def tempering(errors: Sequence[Array], fitted: float) -> Array:
