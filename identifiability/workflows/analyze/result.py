@@ -49,8 +49,8 @@ class Analysis(Laddered):
     models : tuple of RungResult
         The ladder, unpruned model first.
     selected : int
-        The model to use: the smallest within one standard error of the best held-out error,
-        physically feasible ones first.
+        The model to use: the smallest that may stand for the best on folds of the fitted logs and
+        that held-out logs do not object to, physically feasible ones first.
     fitted, held_out : Prediction
         As of every model.
     belief : Belief or None
