@@ -34,7 +34,7 @@ from identifiability.workflows.diagnose.problem import Problem
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.rows import Candidate
 from identifiability.workflows.diagnose.search import Search, Step
-from identifiability.workflows.diagnose.verdict import REFUTED, Judged, Verdict
+from identifiability.workflows.diagnose.verdict import Judged, Verdict
 
 #: Quantile of the normal distribution for a power of 80 %.
 POWER = 0.8416
@@ -223,7 +223,7 @@ def _refuted(
         joints_before=a,
         joints_after=z,
         joints_interval=gap.interval_over_joints(0, 1, rng),
-        why=REFUTED,
+        why=judged.why,
     )
 
 
@@ -399,7 +399,7 @@ def _tell_steps(
         gain = 1.0 - shown.after / shown.before if shown and known else float("nan")
         reason = "named" if s.best in named else ""
         if s.best in gone and s.best not in named:
-            reason = REFUTED
+            reason = gone[s.best].why
         elif not reason:
             weak = odds < s.critical or s.best in unsure
             reason = "it is not sure enough" if weak else "another effect explains what it does"

@@ -57,9 +57,15 @@ class Judged:
         """Whether unseen motion is not likelier with it."""
         return self.asked and not self.unseen > 0
 
+    @property
+    def why(self) -> str:
+        """What refuted it, to follow its name."""
+        return REFUTED if self.refuted else WORSE
+
 
 #: What refutes a part, to follow its name.
 REFUTED = "unseen motion is likelier without it"
+WORSE = "torque of unseen motion is surely predicted worse with it"
 
 
 def judge_parts(search: Search, h: Hypothesis, view: View) -> dict[int, Judged]:
@@ -312,6 +318,45 @@ def settle(search: Search, start: Hypothesis) -> Verdict:
     return replace(both, refuted=refuted)
 
 
+def refute_worse(search: Search, verdict: Verdict, rng: np.random.Generator) -> Verdict:
+    """Return a verdict without parts beside which unseen torque is surely predicted worse.
+
+    The likelihood weighs what noise that remembers lets through; levels, which it hides, count as
+    much as all else where torque is predicted by the values that are stated.
+
+    Parameters
+    ----------
+    search : Search
+    verdict : Verdict
+        Of `settle`.
+    rng : numpy.random.Generator
+    """
+    p, refuted = search.problem, verdict.refuted
+    while verdict.hypothesis.parts and p.unseen is not p.fitted:
+        h, view = verdict.hypothesis, verdict.view
+        whole = _stated(p, h.parts, view)
+        rises = {k: _rise(p, _stated(p, h.without({k}).parts, view), whole, rng) for k in h.parts}
+        surely = any(low > 0 for _, low in rises.values())
+        if not surely and not _rise(p, _stated(p, (), p.settled(())), whole, rng)[1] > 0:
+            break
+        worst = max(rises, key=lambda k: rises[k])
+        refuted[worst] = verdict.judged[worst]
+        verdict = _take_out(search, _without(search, verdict, worst, refuted))
+    return verdict
+
+
+def _stated(p: Problem, parts: Sequence[int], view: View) -> Array:
+    """Return what the values that are stated leave of unseen torque, (N, n)."""
+    return p.left(p.shown, parts, p.weighed(parts, view)[0])
+
+
+def _rise(p: Problem, before: Array, after: Array, rng: np.random.Generator) -> tuple[float, float]:
+    """Return by how much the error over joints rises, and the lower end of its interval."""
+    gap = Gap(p.shown, np.stack([before, after], axis=2))
+    one, two = gap.error_over_joints().tolist()
+    return two - one, gap.interval_over_joints(0, 1, rng)[0]
+
+
 def _specialise(search: Search, verdict: Verdict) -> Verdict:
     """Return a verdict in which names stand for functions that foretell no more."""
     p, rules = search.problem, search.problem.setting.rules
@@ -350,19 +395,23 @@ def _settle(search: Search, start: Hypothesis, *, functions: bool) -> Verdict:
 
 def _take_out(search: Search, verdict: Verdict) -> Verdict:
     """Return a verdict without the parts that do not stand, one taken out after the other."""
-    level = search.problem.setting.rules.odds
-    h, view, refuted = verdict.hypothesis, verdict.view, verdict.refuted
-    while h.parts:
-        judged = judge_parts(search, h, view)
-        bad = [k for k in h.parts if not judged[k].stands(level)]
+    level, refuted = search.problem.setting.rules.odds, verdict.refuted
+    while verdict.hypothesis.parts:
+        judged = judge_parts(search, verdict.hypothesis, verdict.view)
+        bad = [k for k in judged if not judged[k].stands(level)]
         if not bad:
-            return Verdict(h, view, judged, refuted)
+            return replace(verdict, judged=judged)
         worst = min(bad, key=lambda k: judged[k].standing(level))
         if judged[worst].odds >= level:
             refuted[worst] = judged[worst]
-        search.barred.add(search.catalogue.of[worst])
-        h = h.without({worst})
-        while h.parts and not search.catalogue.fits(h.parts):
-            h = h.without({h.parts[-1]})
-        view = search.problem.settled(h.parts, view)
-    return Verdict(h, view, {}, refuted)
+        verdict = _without(search, verdict, worst, refuted)
+    return verdict
+
+
+def _without(search: Search, verdict: Verdict, part: int, refuted: dict[int, Judged]) -> Verdict:
+    """Return a verdict without a part and what refines it, not judged yet; it is barred."""
+    search.barred.add(search.catalogue.of[part])
+    h = verdict.hypothesis.without({part})
+    while h.parts and not search.catalogue.fits(h.parts):
+        h = h.without({h.parts[-1]})
+    return Verdict(h, search.problem.settled(h.parts, verdict.view), {}, refuted)

@@ -72,7 +72,7 @@ from identifiability.workflows.diagnose.problem import Problem, Setting
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
 from identifiability.workflows.diagnose.rules import Rules
 from identifiability.workflows.diagnose.search import Search
-from identifiability.workflows.diagnose.verdict import settle
+from identifiability.workflows.diagnose.verdict import refute_worse, settle
 from identifiability.workflows.gravity import Leaning, find_leaning, settle_tilt
 from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.opening import (
@@ -288,7 +288,7 @@ class _Asked:
         self.say("naming effects", 0.3)
         start = Hypothesis() if self.earlier is None else self.earlier.start(search)
         null = null_odds(search, self.draws, self.streams[0])
-        verdict = settle(search, start)
+        verdict = refute_worse(search, settle(search, start), self.streams[4])
         self.say("verifying", 0.9)
         found = conclude(search, verdict, null, self.streams[2])
         if self.earlier is None:

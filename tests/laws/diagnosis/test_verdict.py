@@ -15,7 +15,15 @@ from identifiability.workflows.diagnose.conclude import (
 )
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.hypothesis import OVER_SPEED, Hypothesis
-from identifiability.workflows.diagnose.verdict import Fitted, Judged, moderate, of_few
+from identifiability.workflows.diagnose.verdict import (
+    WORSE,
+    Fitted,
+    Judged,
+    Verdict,
+    moderate,
+    of_few,
+    refute_worse,
+)
 
 SPRING = {"joint_stiffness@elbow": 0.05}
 STRIBECK = {"stribeck_friction@shoulder:0.5": 0.05}
@@ -106,6 +114,21 @@ def test_a_faster_clock_finds_the_same(arm):
     assert arm.names(*arm.settled(arm.samples(SPRING))) == twice.names(
         *twice.settled(twice.samples(SPRING))
     )
+
+
+def test_no_name_stands_that_makes_stated_torque_of_unseen_motion_surely_worse(arm):
+    """Whatever its likelihood: where noise remembers much it does not see levels."""
+    rng, against = np.random.default_rng(0), {name: -x for name, x in SPRING.items()}
+    search, right = arm.settled(arm.samples(SPRING))
+    (k,) = right.hypothesis.parts
+    assert refute_worse(search, right, rng) == right
+    other, _ = arm.settled(arm.samples([SPRING, SPRING, against]))
+    likely = replace(right.judged[k], unseen=5.0)
+    view = other.problem.settled((k,))
+    found = refute_worse(other, Verdict(right.hypothesis, view, {k: likely}, {}), rng)
+    assert found.hypothesis.parts == ()
+    assert found.refuted == {k: likely}
+    assert found.refuted[k].why == WORSE
 
 
 def test_unseen_motion_refutes_a_name_that_does_harm_there(arm):
