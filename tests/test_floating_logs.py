@@ -6,11 +6,16 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
-from identifiability.foundation.errors import LogError
+from identifiability.foundation.errors import LogError, RobotError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.prepare.longsamples import prepare_samples
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import analyze
+from identifiability.workflows.excite import excite
+from identifiability.workflows.oddities import MeasuredLogs, find_always
 
 BODY = """<mujoco model="body"><option timestep="0.001" integrator="RK4"/><worldbody>
 <body name="body" pos="0 0 1"><freejoint name="free"/>
@@ -114,6 +119,7 @@ def test_every_road_ends_in_what_an_ideal_sensor_reads(which, thrown, body):
 
 def test_a_body_that_is_moved_by_a_hand_tells_its_ten_parameters(thrown, body):
     found = analyze(body, [table(thrown, **sensor(thrown))], replicates=50)
+    assert "body weighs 2.5 ± " in found.statement
     told = found.to_frame()
     assert len(told) == 10
     assert set(told["verdict"]) == {"identifiable"}
@@ -164,3 +170,63 @@ def test_what_is_missing_or_no_orientation_is_said_in_one_sentence(thrown, body)
     body.path.with_suffix(".toml").write_text('[[contacts]]\nframe = "grip"\nflag = "touch"')
     with pytest.raises(LogError, match="lacks the column 'touch', which says when the contact"):
         read(Robot.load(body.path), table(thrown, **sensor(thrown)))
+
+
+WALKER = """<mujoco model="walker"><worldbody><body name="trunk"><freejoint/>
+<inertial pos="0 0 0" mass="5" diaginertia=".1 .1 .1"/>{}</body></worldbody>
+<actuator>{}</actuator></mujoco>"""
+LEG = """<body name="{0}" pos="{1} 0 0"><joint name="{0}_x" type="slide" axis="1 0 0"/>
+<joint name="{0}_y" type="slide" axis="0 1 0"/><joint name="{0}_z" type="slide" axis="0 0 1"/>
+<inertial pos="0 0 -.2" mass="1" diaginertia=".01 .01 .01"/>
+<geom name="{0}_foot" pos="0 0 -.4" size=".02" mass="0"/></body>"""
+
+
+def walker(tmp_path, contacts):
+    legs = ("left", "right")
+    motors = "".join(f'<motor joint="{leg}_{a}"/>' for leg in legs for a in "xyz")
+    text = WALKER.format("".join(LEG.format(leg, k) for k, leg in enumerate(legs)), motors)
+    path = tmp_path / "walker.xml"
+    path.write_text(text)
+    path.with_suffix(".toml").write_text(contacts)
+    return Robot.load(path)
+
+
+def steps():
+    """Feet that step in turn while the trunk stands; the flags say when each is on the ground."""
+    t = np.linspace(0, 8, 1600)
+    frame = pd.DataFrame({"t": t})
+    for k, leg in enumerate(("left", "right")):
+        swing = np.maximum(np.sin(2 * np.pi * (0.5 * t + 0.5 * k)), 0.0) ** 3
+        for a in "xyz":
+            frame[f"{leg}_{a}.q"] = 0.1 * swing
+            frame[f"{leg}_{a}.tau"] = np.sin(t)
+        frame[f"{leg}_flag"] = (swing <= 0).astype(float)
+    frame[axes("base.acc.")], frame[axes("base.gyro.")] = [0.0, 0.0, 9.81], 0.0
+    return frame
+
+
+def test_contacts_that_contradict_the_motion_are_told(tmp_path):
+    told = "[[contacts]]\nframe = '{0}_foot'\n{1}\n"
+    legs = ("left", "right")
+    flags = "".join(told.format(leg, f"flag = '{leg}_flag'") for leg in legs)
+    always = "".join(told.format(leg, "schedule = [[0, 9]]") for leg in legs)
+    for text, wrong in ((flags, False), (always, True)):
+        robot = walker(tmp_path, text)
+        log = read(robot, steps())
+        structure = Structure.of(robot, Model.of("rigid_body"))
+        hints = find_always(MeasuredLogs(structure, (log,), (prepare_samples(robot, log),)))
+        assert any("against the other closed contacts" in hint for hint in hints) == wrong
+
+
+def test_what_does_not_know_bases_that_move_says_so(body, tmp_path):
+    with pytest.raises(RobotError, match="floats, and designing motion of robots that float is"):
+        excite(body)
+    with pytest.raises(RobotError, match="put it on a stand"):
+        body.save(tmp_path / "other.urdf")
+    robot = walker(tmp_path, "")
+    stands = Robot.load(robot.path, base="fixed")
+    assert stands.joints == robot.motor_joints
+    assert stands.sha256 != robot.sha256
+    saved = Robot.load(stands.save(tmp_path / "saved.xml"))
+    assert saved.base is None
+    assert Robot.load(robot.save(tmp_path / "moves.xml")).joints == robot.joints

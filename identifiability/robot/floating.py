@@ -10,7 +10,7 @@ for forces from outside: measured ones are known, others are eliminated (`elimin
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Literal
 
 import numpy as np
@@ -292,3 +292,38 @@ def closed_contacts(contacts: Sequence[Contact], t: Array, flags: Array) -> np.n
     reaches = [0 if c.always else int(np.ceil(c.margin / step)) for c in contacts]
     each = [dilated(flags[:, k] > 0.5, reach) for k, reach in enumerate(reaches)]
     return np.stack(each, 1) if each else np.empty((len(t), 0), bool)
+
+
+def slip_shares(tree: Tree, base: Base, q: Array, v: Array, touch: Array) -> Array:
+    """Return how fast each contact moves against the others that are closed, (c,).
+
+    As a share of how fast it moves against them while it is open, or of how fast contacts move
+    against each other at all where it never is; NaN of those never closed beside another.
+
+    Parameters
+    ----------
+    tree : Tree
+    base : Base
+    q, v : (N, nq), (N, nv)
+    touch : (N, 3 + c)
+        As of a motion.
+    """
+    count = len(base.contacts)
+    u = np.zeros((len(q), count, 3))  # but for what the base moves by, which they share
+    frames = tree.frames(q, [c.point.joint for c in base.contacts])
+    for k, contact in enumerate(base.contacts):
+        J = contact_jacobian(tree, frames, replace(contact, kind="point"), touch[:, :3], len(q))
+        u[:, k] = np.einsum("xvn,nv->nx", J, v)
+    closed = (touch[:, 3:] > 0.5)[:, :, None]
+    several = closed.sum(1, keepdims=True) > 1
+    mean = (u * closed).sum(1, keepdims=True) / np.maximum(closed.sum(1, keepdims=True), 1)
+    apart = np.sqrt(((u - mean) ** 2).sum(2))
+    usual = float(np.sqrt(np.mean(((u - u.mean(1, keepdims=True)) ** 2).sum(2))))
+    out = np.full(count, np.nan)
+    for k in range(count):
+        on, off = (closed & several)[:, k, 0], (~closed & several)[:, k, 0]
+        # Medians, as feet move around the times at which they touch.
+        moves = float(np.median(apart[off, k])) if off.any() else usual
+        if on.any() and moves > 0:
+            out[k] = float(np.median(apart[on, k])) / moves
+    return out

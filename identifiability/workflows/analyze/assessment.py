@@ -44,6 +44,7 @@ from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel, LeastSquares
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource, Rung
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.opening import Opening
 from identifiability.workflows.predict import Predicts
@@ -759,7 +760,8 @@ class Laddered(Result, Opening, Predicts):
         tilt = self.robot.tilt
         about = "" if tilt is None else f"In this model gravity {tilt.text}."
         moved = "" if self.moved is None else self.moved.statement
-        told = (self.mass_warning, answer, each, moved, about, raw, *self.hints)
+        weight = "" if self.nothing else state_weight(self.structure, self._ladder[0].verdicts)
+        told = (self.mass_warning, weight, answer, each, moved, about, raw, *self.hints)
         return " ".join(filter(None, told))
 
     def to_dict(self) -> dict[str, Any]:
@@ -794,3 +796,24 @@ class Laddered(Result, Opening, Predicts):
             "estimator": used.estimate.estimator.name,
             "provenance": self.provenance,
         }
+
+
+def state_weight(structure: Structure, verdicts: Sequence[Verdict]) -> str:
+    """Return what a robot that floats weighs by its logs, beside its file; nothing of others.
+
+    The mass of all its bodies is one of its base parameters: gravity acts on the whole of it.
+    """
+    if structure.robot.base is None:
+        return ""
+    masses = np.array([p.kind == "m" for p in structure.parameters], float)
+    names = [n for n, row in zip(structure.base.names, structure.G, strict=True)
+             if np.allclose(row, masses, atol=1e-6)]  # fmt: skip
+    known = [v for v in verdicts if v.name in names and np.isfinite(v.interval95).all()]
+    if not known:
+        return ""
+    low, high = known[0].interval95
+    stated = float(structure.nominal @ masses)
+    return (
+        f"{structure.robot.title} weighs {known[0].value:.4g} ± {(high - low) / 2:.2g} kg, "
+        f"{stated:.4g} by its file."
+    )

@@ -36,7 +36,7 @@ from identifiability.workflows.oddities.torque import flat_share, measure_factor
 # What a robot file says: joints and their part, motors, columns of a log, what it leaves open.
 
 
-Role = Literal["actuated", "passive", "coupled", "locked", "left out"]
+Role = Literal["actuated", "floats", "passive", "coupled", "locked", "left out"]
 
 #: Names of joints that most robots do not move while they are identified.
 _GRIPPER = re.compile(r"finger|gripper|grip|jaw|knuckle|claw", re.IGNORECASE)
@@ -51,7 +51,7 @@ class JointFact:
     name : str
     kind : str
         ``revolute``, ``prismatic``, or ``ball`` and ``free`` for an axis of such a joint.
-    role : {"actuated", "passive", "coupled", "locked", "left out"}
+    role : {"actuated", "floats", "passive", "coupled", "locked", "left out"}
         Its torque is measured, it follows from loops, from another joint, it stands still, or it
         is a body of a scene that no actuated joint reaches.
     unit : str
@@ -104,7 +104,8 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
             k = actuated[dof]
             known = (*robot.limits[k], speeds[k], robot.acceleration_limits[k])
             limits = (float(x) if np.isfinite(x) else np.nan for x in known)
-            facts.append(JointFact(name, kinds[name], "actuated", unit, "", *limits))
+            role: Role = "actuated" if name in robot.motor_joints else "floats"
+            facts.append(JointFact(name, kinds[name], role, unit, "", *limits))
         elif name in followed:
             remark = f"= {_equation(followed[name])}"
             facts.append(JointFact(name, kinds[name], "coupled", unit, remark))
@@ -142,6 +143,16 @@ def required_columns(names: Sequence[str]) -> tuple[str, ...]:
     return ("t", *(f"{name}.{kind}" for name in names for kind in ("q", "tau")))
 
 
+def robot_columns(robot: Robot) -> tuple[str, ...]:
+    """Return the columns that a log of a robot must have; of a base that floats, of a sensor."""
+    columns, base = required_columns(robot.motor_joints), robot.base
+    if base is None:
+        return columns
+    sensor = tuple(f"base.{kind}.{axis}" for kind in ("acc", "gyro") for axis in "xyz")
+    flags = tuple(c.flag for c in base.contacts if c.flag)
+    return (*columns, *sensor, *flags, *(c for w in base.wrenches for c in w.columns))
+
+
 def motor_names(robot: Robot) -> tuple[str, ...]:
     """Return the motors whose columns a log may have instead of the joints'."""
     return () if robot.transmission is None else robot.transmission.motors
@@ -149,9 +160,9 @@ def motor_names(robot: Robot) -> tuple[str, ...]:
 
 def template_frame(robot: Robot) -> pd.DataFrame:
     """Return the table that a log of a robot is: one row, at its home position."""
-    home = robot.actuated_positions(robot.home[None])[0]
-    frame = pd.DataFrame(0.0, [0], list(required_columns(robot.joints)))
-    frame.loc[0, [f"{j}.q" for j in robot.joints]] = home
+    home = dict(zip(robot.joints, robot.actuated_positions(robot.home[None])[0], strict=True))
+    frame = pd.DataFrame(0.0, [0], list(robot_columns(robot)))
+    frame.loc[0, [f"{j}.q" for j in robot.motor_joints]] = [home[j] for j in robot.motor_joints]
     return frame
 
 
@@ -197,9 +208,20 @@ def _missing_numbers(robot: Robot) -> list[Need]:
                 " from nothing. Give every link an <inertial>."
             )
         )
-    joint = robot.joints[0]
-    open_ends = [j for j, x in zip(robot.joints, robot.limits, strict=True) if np.isinf(x).any()]
-    fast, jerky = np.isinf(stated_speeds(robot)).any(), np.isinf(robot.acceleration_limits).any()
+    if robot.base is not None and not (robot.base.contacts or robot.base.wrenches):
+        needs.append(
+            Need(
+                "Nothing says what touches it, so nothing but gravity is taken to act on it: state "
+                "its contacts, or wrenches that are measured.",
+                '[[contacts]]\nframe = "foot"\nflag = "foot_contact"',
+            )
+        )
+    limited = dict(zip(robot.joints, robot.limits, strict=True))
+    driven = np.isin(robot.joints, robot.motor_joints)
+    joint = (*robot.motor_joints, *robot.joints)[0]
+    open_ends = [j for j in robot.motor_joints if np.isinf(limited[j]).any()]
+    fast = np.isinf(stated_speeds(robot)[driven]).any()
+    jerky = np.isinf(robot.acceleration_limits[driven]).any()
     if open_ends or fast or jerky:
         open_ = {"position": open_ends, "speed": fast, "acceleration": jerky}
         what = [name for name, missing in open_.items() if missing]

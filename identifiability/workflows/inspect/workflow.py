@@ -44,6 +44,7 @@ from identifiability.workflows.inspect.contents import (
     motor_names,
     naming_sentence,
     required_columns,
+    robot_columns,
     template_frame,
 )
 from identifiability.workflows.oddities import MeasuredLogs, find_oddities
@@ -63,6 +64,10 @@ from identifiability.workflows.provenance import state_provenance
 
 #: Fields of a record that a row a joint does not repeat.
 _OWN = ("sha256", "channels", "notes", "joints", "trace")
+
+
+#: What roles are called in a sentence.
+ROLES = {"floats": "of its floating base"}
 
 
 @frozen
@@ -118,7 +123,7 @@ class Inspection(OfStructure, Result):
     @property
     def columns(self) -> tuple[str, ...]:
         """The columns that a log must have."""
-        return required_columns(self.robot.joints)
+        return robot_columns(self.robot)
 
     @property
     def motors(self) -> tuple[str, ...]:
@@ -154,8 +159,8 @@ class Inspection(OfStructure, Result):
 
     def _robot_statement(self) -> str:
         roles = [
-            f"{len(self.of_role(role))} {role}"
-            for role in ("actuated", "passive", "coupled", "locked", "left out")
+            f"{len(self.of_role(role))} {ROLES.get(role, role)}"
+            for role in ("actuated", "floats", "passive", "coupled", "locked", "left out")
             if self.of_role(role)
         ]
         count = len(self.columns)
@@ -220,7 +225,7 @@ class Inspection(OfStructure, Result):
             "columns": {
                 "required": list(self.columns),
                 "instead": list(required_columns(self.motors)) if self.motors else [],
-                "optional": [f"{j}.{kind}" for j in robot.joints for kind in ("dq", "ddq")],
+                "optional": [f"{j}.{kind}" for j in robot.motor_joints for kind in ("dq", "ddq")],
             },
             "model": list(self.effects),
             "parameters": self.base.to_frame().to_dict("records"),
