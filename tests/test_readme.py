@@ -142,7 +142,7 @@ def test_the_readme_is_short_and_shows_before_it_tells():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 150
     first = next(blocks(ROOT / "README.md"))
-    assert text[: text.index(first[2])].count("](docs/images/") == 2
+    assert text[: text.index(first[2])].count("](docs/images/") == 6
     assert len(lines(next(b[2] for b in blocks(ROOT / "README.md") if "analyze" in b[2]))) <= 3
 
 

@@ -279,6 +279,7 @@ class Answers:
 
     answers: tuple[Answer, ...]
     sketch: Sketch | None = None
+    below: Picture | None = None
     kind: ClassVar[str] = "answers"
 
 

@@ -22,6 +22,7 @@ from identifiability.report.blocks import (
     Gallery,
     Note,
     Notes,
+    Picture,
     Prose,
     Section,
     Sketch,
@@ -45,6 +46,7 @@ from identifiability.report.torque import (
     draw_evidence,
     draw_forward,
     draw_gap,
+    draw_named,
     draw_shrink,
 )
 from identifiability.report.words import columns, gallery, picture, section, sentence
@@ -65,7 +67,30 @@ def answer_missing(d: Diagnosis) -> Answers:
     return Answers(
         (after_mass(_what(d), d.mass_warning), _gap(d), _left(d), answer_next(next_commands(d))),
         _sketch(d),
+        _named(d) if d.curves else None,
     )
+
+
+def _named(d: Diagnosis) -> Picture:
+    """Return what is left of unseen torque over what names the first effect, before and after."""
+    c, left = d.curves[0], d.gap.residual[:, d.curves[0].joint]
+    joint, rows = d.robot.joints[c.joint], d.gap.rows.data[:, c.joint]
+    x = d.gap.rows.along(c.of)[c.against]
+    figure = draw_named(
+        x[rows], left[rows, 0], left[rows, -1], f"{joint} on unseen motion", _labels(d, c)
+    )
+    return picture("named", figure, joint=joint, over=_over(c))
+
+
+def _over(c: Curve) -> str:
+    return "time of the session" if c.against == "session" else c.against
+
+
+def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
+    """Return the labels of the axes of a curve."""
+    other = "" if c.of == c.joint else f" of {d.robot.joints[c.of]}"
+    unit = torque_units(d.robot)[c.joint]
+    return f"{_over(c)}{other} [{_unit(d, c)}]", f"torque [{unit}]"
 
 
 def _what(d: Diagnosis) -> Answer:
@@ -194,14 +219,10 @@ def _change(e: NamedEffect) -> Cell:
 
 
 def _curves(d: Diagnosis) -> Gallery:
-    units = torque_units(d.robot)
     pictures = []
     for c in d.curves[:SHOWN]:
-        other = "" if c.of == c.joint else f" of {d.robot.joints[c.of]}"
-        over = "time of the session" if c.against == "session" else c.against
-        labels = (f"{over}{other} [{_unit(d, c)}]", f"torque [{units[c.joint]}]")
         title = f"{_short(c.title)}, {d.robot.joints[c.joint]}"
-        figure = draw_curve(c.x, c.learned, c.spread, c.data, title, labels)
+        figure = draw_curve(c.x, c.learned, c.spread, c.data, title, _labels(d, c))
         pictures.append(picture("curve", figure, title=title))
     return gallery("curves", pictures)
 

@@ -433,10 +433,46 @@ def draw_curve(
     rows = spread_rows(len(x), POINTS)
     dots(axes, x[rows], data[rows], MUTED, 2.4, 0.4)
     order = np.argsort(x)
+    # Neighbours in x differ by what the low-pass leaves of where the motion came from.
+    near = np.ones(max(len(x) // SMOOTH, 1)) / max(len(x) // SMOOTH, 1)
+    learned, spread = (
+        np.convolve(y[order], near, "same") / np.convolve(np.ones(len(x)), near, "same")
+        for y in (learned, spread)
+    )
     low, high = learned - REACH * spread, learned + REACH * spread
     band: Any = {"color": BLUE, "alpha": 0.2, "linewidth": 0, "label": "95 %"}
-    axes.fill_between(x[order], low[order], high[order], **band)
-    axes.plot(x[order], learned[order], color=BLUE, linewidth=1.2, label="learned")
+    axes.fill_between(x[order], low, high, **band)
+    axes.plot(x[order], learned, color=BLUE, linewidth=1.2, label="learned")
+    legend_above(axes, handlelength=1.4)
+    label_axes(axes, *labels, title, pad=26)
+    return figure
+
+
+#: Points of a line of means over a motion, and parts of it that a learned curve is smoothed over.
+MEANS, SMOOTH = 24, 80
+
+
+@drawn
+def draw_named(
+    x: Array, before: Array, after: Array, title: str, labels: tuple[str, str]
+) -> Figure:
+    """Draw what is left of torque over what names the effect, before and after, with its means.
+
+    Parameters
+    ----------
+    x, before, after : (N,)
+        Motion that was not fitted, and what two models leave of its torque.
+    title : str
+    labels : (str, str)
+        Of the axes.
+    """
+    figure, (axes,) = canvas(400, 250, (60, 10, 50, 38))
+    rows, order = spread_rows(len(x), POINTS), np.argsort(x)
+    parts = np.array_split(order, min(MEANS, len(order)))
+    middle = [float(np.median(x[part])) for part in parts]
+    for left, (colour, label) in zip((before, after), STATES, strict=True):
+        dots(axes, x[rows], left[rows], colour, 2.4, 0.35)
+        axes.plot(middle, [left[p].mean() for p in parts], color=colour, lw=1.8, label=label)
     legend_above(axes, handlelength=1.4)
     label_axes(axes, *labels, title, pad=26)
     return figure
