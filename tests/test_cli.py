@@ -116,7 +116,7 @@ def test_names_are_whole_where_no_terminal_cuts_them(capsys):
         (["analyze", "two-link", "log.csv", "--report"], "out.pdf", ".html or .htm"),
         (["analyze", "two-link", "log.csv", "--json"], "out.txt", ".json"),
         (["simulate", "two-link", "rest", "--out"], "out.xlsx", ".csv, .parquet or .pq"),
-        (["excite", "two-link", "--out"], "out.xml", ".json, .csv or .mcap"),
+        (["excite", "two-link", "--out"], "out.xml", ".json, .csv, .mcap or .npz"),
         (["inspect", "two-link", "--template"], "out.xlsx", ".csv"),
     ],
 )

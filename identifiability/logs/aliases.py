@@ -8,10 +8,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.values import frozen
-from identifiability.robot.parts import Entry
+
+if TYPE_CHECKING:
+    from identifiability.robot.parts import Entry
 
 # Units that a log states for its columns, in a row under the header or in the names.
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import NoReturn
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array, Renames
@@ -212,7 +212,7 @@ def _refuse(raw: RawBase, source: str) -> NoReturn:
 
 def _orientation(
     base: Base, raw: RawBase, acc: Array | None, gyro: Array | None, source: str, notes: list[str]
-) -> Rotation | None:
+) -> scipy.spatial.transform.Rotation | None:
     """Return how the base is turned in the world, where a log says it.
 
     Raises
@@ -233,9 +233,12 @@ def _orientation(
             "inertial sensor says how the base moved."
         )
     if stated is not None:
-        return Rotation.from_quat(stated)
+        return scipy.spatial.transform.Rotation.from_quat(stated)
     orders = {"w first": quat[:, [1, 2, 3, 0]], "w last": quat}
-    errors = {k: _disagrees(Rotation.from_quat(q), base, raw, acc, gyro) for k, q in orders.items()}
+    errors = {
+        k: _disagrees(scipy.spatial.transform.Rotation.from_quat(q), base, raw, acc, gyro)
+        for k, q in orders.items()
+    }
     best, other = sorted(errors, key=lambda k: errors[k])
     if not errors[best] < BETTER * errors[other]:
         raise LogError(
@@ -243,11 +246,15 @@ def _orientation(
             "call its columns 'base.qw', 'base.qx', 'base.qy' and 'base.qz', as with --map."
         )
     notes.append(f"the quaternion of the base has its {best}, as the angular velocity tells")
-    return Rotation.from_quat(orders[best])
+    return scipy.spatial.transform.Rotation.from_quat(orders[best])
 
 
 def _disagrees(
-    turn: Rotation, base: Base, raw: RawBase, acc: Array | None, gyro: Array | None
+    turn: scipy.spatial.transform.Rotation,
+    base: Base,
+    raw: RawBase,
+    acc: Array | None,
+    gyro: Array | None,
 ) -> float:
     """Return by how much an orientation contradicts what sensors read (rms)."""
     if gyro is not None:
@@ -258,7 +265,7 @@ def _disagrees(
     return 1.0
 
 
-def _spin(turn: Rotation, t: Array) -> Array:
+def _spin(turn: scipy.spatial.transform.Rotation, t: Array) -> Array:
     """Return the angular velocity of an orientation along its own axes, (N, 3)."""
     quat = turn.as_quat()
     flips = np.cumsum(np.concatenate([[0], (quat[1:] * quat[:-1]).sum(1) < 0]))
@@ -277,7 +284,9 @@ def _spin(turn: Rotation, t: Array) -> Array:
     return spin
 
 
-def _from_pose(base: Base, raw: RawBase, turn: Rotation, notes: list[str]) -> tuple[Array, Array]:
+def _from_pose(
+    base: Base, raw: RawBase, turn: scipy.spatial.transform.Rotation, notes: list[str]
+) -> tuple[Array, Array]:
     """Return proper acceleration and angular velocity from pose, and from twist where it is."""
     step = signals.sampling_step(raw.t)
     omega = _spin(turn, raw.t)
@@ -315,7 +324,9 @@ def _level(acc: Array, omega: Array, t: Array) -> Array:
     step = signals.sampling_step(t)
     quat = np.empty((len(t), 4))
     quat[0] = 0.0, 0.0, 0.0, 1.0
-    moves = Rotation.from_rotvec(0.5 * (omega[1:] + omega[:-1]) * step).as_quat()
+    moves = scipy.spatial.transform.Rotation.from_rotvec(
+        0.5 * (omega[1:] + omega[:-1]) * step
+    ).as_quat()
     for k, (x, y, z, w) in enumerate(moves.tolist()):
         a, b, c, d = quat[k]
         quat[k + 1] = (
@@ -324,7 +335,7 @@ def _level(acc: Array, omega: Array, t: Array) -> Array:
             d * z + a * y - b * x + c * w,
             d * w - a * x - b * y - c * z,
         )
-    turn = Rotation.from_quat(quat)
+    turn = scipy.spatial.transform.Rotation.from_quat(quat)
     still = turn.apply(acc)
     spans = np.polynomial.chebyshev.chebvander(
         np.linspace(-1, 1, len(t)), int(step * len(t) / TRUSTED)

@@ -29,7 +29,6 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array, numbered
-from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
 from identifiability.logs.formats.reader import Whole, reader
 from identifiability.logs.sizes import MOST_DESCRIBED, check_values
@@ -38,6 +37,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     import pandas as pd
+
+    from identifiability.logs.conventions import Conventions
 
 #: Files that are bags by themselves.
 BAGS = (".mcap", ".db3", ".bag")

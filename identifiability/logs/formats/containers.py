@@ -18,7 +18,6 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import numbered
 from identifiability.logs.aliases import guess_column
-from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form, find_form
 from identifiability.logs.formats.reader import Whole, reader
 from identifiability.logs.sizes import (
@@ -32,6 +31,8 @@ from identifiability.logs.sizes import (
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from identifiability.logs.conventions import Conventions
 
 #: Names of an array of the names of joints.
 NAMES = ("joints", "joint_names", "names", "name")

@@ -19,13 +19,14 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import numbered
-from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.reader import Whole, reader
 from identifiability.logs.sizes import check_columns, check_values
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from identifiability.logs.conventions import Conventions
 
 #: Where a folder says that it is a dataset.
 INFO = Path("meta") / "info.json"

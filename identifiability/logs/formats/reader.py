@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.values import frozen
-from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import Form
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from identifiability.logs.conventions import Conventions
+
 #: What is read: a table, how it was written, and the SHA-256 of what was read.
 Whole: TypeAlias = "tuple[pd.DataFrame, Form, str]"
 
-Read: TypeAlias = Callable[[Path, Conventions], Whole]
+Read: TypeAlias = "Callable[[Path, Conventions], Whole]"
 
 #: What is said where nothing lies.
 MISSING = "There is no log file '{}'; give a CSV or Parquet file."
