@@ -359,7 +359,8 @@ class Case:
             machine = replace(machine, changed=other)
         if hidden.family == "grip":
             numbers["mass"] = numbers["share"] * float(model.body_mass[1:].mean())
-            numbers["body"], since[numbers["log"]] = model.body(model.nbody - 1).name, numbers["from"]
+            numbers["body"] = model.body(model.nbody - 1).name
+            since[numbers["log"]] = numbers["from"]
             other = add_mass(model, model.nbody - 1, numbers["mass"], 2 * model.body_ipos[-1])
             machine = replace(machine, changed=other)
         if hidden.family == "saturation":
