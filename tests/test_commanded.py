@@ -13,6 +13,7 @@ import pytest
 from identifiability import Log, Robot, analyze
 from identifiability.estimation.rollouts import find_delay, fit_rollouts
 from identifiability.foundation.errors import LogError, RobotError
+from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.foundation.options import OptionError
 from identifiability.logs.aliases import take_joint
 from identifiability.logs.commands import held_mean, servo_log
@@ -312,6 +313,28 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     told = json.loads(found.to_json(tmp_path / "rollout.json").read_text())
     assert told["schema"] == "identifiability/rollout/1"
     assert found.write_report(tmp_path / "rollout.html").stat().st_size > 10_000
+
+
+def test_a_file_that_weighs_too_much_does_not_move_the_delay_of_stiff_servos(arm):
+    rng = np.random.default_rng(5)
+    bodies = {f"{b}.{k}": 0.8 * arm.nominal[f"{b}.{k}"] for b in arm.bodies for k in INERTIAL_KINDS}
+    how = servos.Recorder(rate=100.0, delay=0.007, bits=14)
+    moves = servos.draw_commands(arm, 8.0, how.command_rate, 0.5, rng)
+    log = read(arm, servos.record(arm, TRUTH | bodies, moves, 8.0, how, rng))
+    own = CommandedRobot(arm, TRUTH | bodies)
+    assert abs(fit_rollouts(arm, [log]).delays[0] - find_delay(own, [log])) > 2e-4  # with its file
+    result = analyze(arm, log, quick=True)
+    assert abs(result.recordings[0].servo_delay - find_delay(own, [log])) < 5e-5
+    assert result.commands in result.hints
+    assert sum("holds commands and no torque" in hint for hint in result.hints) == 1
+    assert "errs by" in result.commands
+    table, structure = result.to_frame().set_index("name"), result.structure
+    phi = np.array([{**arm.nominal, **TRUTH, **bodies}.get(n, 0.0) for n in structure.columns])
+    true = dict(zip(structure.base.names, structure.G @ phi, strict=True))
+    sure = table.index[table["verdict"] == "identifiable"]
+    inside = [table["interval95"][n][0] <= true[n] <= table["interval95"][n][1] for n in sure]
+    assert len(sure) >= 8
+    assert np.mean(inside) >= 0.9
 
 
 def test_bodies_are_within_a_share_of_the_file_where_there_is_no_torque(arm, frames):

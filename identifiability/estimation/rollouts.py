@@ -2,7 +2,7 @@
 
 Positions are all that is measured and all that a rollout is asked for, so nothing is differentiated
 and no noise stands in columns: damped Gauss–Newton steps on the positions that the servos make of
-the commands. Bodies are the file's.
+the commands. Bodies are the file's, or those that were fitted.
 """
 
 from __future__ import annotations
@@ -82,41 +82,43 @@ class Rollouts:
 def fit_rollouts(
     robot: Robot,
     logs: Sequence[Log],
-    start: dict[str, Array] | None = None,
     delay: float | None = None,
     steps: int = STEPS,
+    fitted: Mapping[str, float] | None = None,
 ) -> Rollouts:
     """Return the numbers of the joints, and the delay, with which rollouts follow logs.
 
     Parameters
     ----------
     robot : Robot
-        With servos; bodies are as its file says.
+        With servos.
     logs : sequence of Log
         With commands, in the robot's order of joints.
-    start : mapping of str to (n,), optional
-        Numbers to begin with; by default the file's.
     delay : float [s], optional
         Where it is known.
     steps : int
         At most.
+    fitted : mapping, optional
+        Standard parameters by name, of bodies and to begin with, near which the search stays; by
+        default the file's.
 
     Raises
     ------
     RobotError
         If the robot cannot be rolled out.
     """
-    machine = CommandedRobot(robot, {})
-    x = _pack(start or machine.numbers(), np.full(len(logs), delay or 0.0))
+    machine = CommandedRobot(robot, fitted or {})
+    late = [(log.servo_delay if fitted else delay) or 0.0 for log in logs]
+    x = _pack(machine.numbers(), np.array(late))
     problem = _Problem(machine, tuple(logs), delay)
     before = problem.errors(problem.roll([x])[0])
     thirds = tuple(_middle(log) for log in logs)
-    if all(t[-1] - t[0] > ENOUGH for t in (log.t for log in thirds)):
+    if not fitted and all(t[-1] - t[0] > ENOUGH for t in (log.t for log in thirds)):
         x = _descend(_Problem(machine, thirds, delay), x, steps)[0]
     x, errors, taken, J, r = _descend(problem, x, steps)
-    numbers, late = problem.unpack(x)
+    numbers, delays = problem.unpack(x)
     sure = np.zeros(len(logs)) if delay is not None else problem.delay_errors(J, r)
-    return Rollouts(numbers, late, errors, before, taken, sure)
+    return Rollouts(numbers, delays, errors, before, taken, sure)
 
 
 def _middle(log: Log) -> Log:

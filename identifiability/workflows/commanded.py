@@ -64,11 +64,13 @@ def follow_commands(
     held: Sequence[Recording],
     how: Preparation,
     rng: np.random.Generator,
-) -> tuple[tuple[Recording, ...], tuple[Recording, ...], str, dict[int, Log]]:
+    values: Mapping[str, float],
+    first: Rollouts | None,
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...], str, dict[int, Log], Rollouts | None]:
     """Return logs with calibrated torque where it comes from commands, and what to say of it.
 
     Then, by their place among the fitted ones, logs as they were if commands acted one standard
-    deviation of the delay later.
+    deviation of the delay later; and the rollouts on which it was calibrated.
 
     Parameters
     ----------
@@ -78,22 +80,33 @@ def follow_commands(
     how : Preparation
         With the cut-off that all logs are prepared with.
     rng : Generator
+    values : mapping
+        Fitted standard parameters by name, whose bodies are rolled out; empty for the file's.
+    first : Rollouts or None
+        Of the file's bodies, where others were fitted.
     """
     robot = structure.robot
     commanded = [x for x in fitted if isinstance(x, Log) and x.servo_delay is not None]
     if robot.servo is None or not commanded:
-        return tuple(fitted), tuple(held), "", {}
+        return tuple(fitted), tuple(held), "", {}, None
     try:
         found = fit_rollouts(
-            robot, [log.select(robot.joints) for log in commanded], delay=robot.servo.delay
+            robot,
+            [log.select(robot.joints) for log in commanded],
+            delay=robot.servo.delay,
+            fitted=values,
         )
     except RobotError as error:
         said = f"{error} Torque of commands is taken as it is"
         if robot.servo.delay is None:
             said += ", without a delay: state it in the sidecar ([servo] delay = …)"
-        return tuple(fitted), tuple(held), f"{said}.", {}
-    _check_found(robot, commanded, found)
-    own = CommandedRobot(robot, found.parameters(robot))
+        return tuple(fitted), tuple(held), f"{said}.", {}, None
+    if first is None:
+        _check_found(robot, commanded, found)
+    else:
+        found = replace(found, before=first.before)
+    values = {**values, **found.parameters(robot)}
+    own = CommandedRobot(robot, values)
 
     known = dict(zip(map(id, commanded), found.delays, strict=True))
     given = robot.servo.delay
@@ -104,7 +117,7 @@ def follow_commands(
         chosen = log.select(robot.joints)
         stated = known.get(id(log), given)
         delay = find_delay(own, [chosen]) if stated is None else float(stated)
-        return _calibrate(structure, chosen, own, found, delay, how, rng)
+        return _calibrate(structure, chosen, own, values, delay, how, rng)
 
     said = state_servos(robot, commanded, found)
     own_fitted = tuple(map(calibrated, fitted))
@@ -114,7 +127,7 @@ def follow_commands(
         for k, (given_, log) in enumerate(zip(fitted, own_fitted, strict=True))
         if errors.get(id(given_)) and isinstance(log, Log)
     }
-    return own_fitted, tuple(map(calibrated, held)), said, later
+    return own_fitted, tuple(map(calibrated, held)), said, later, found
 
 
 def delayed(log: Log, servo: Servo, more: float) -> Log:
@@ -149,7 +162,7 @@ def _calibrate(
     structure: Structure,
     log: Log,
     machine: CommandedRobot,
-    found: Rollouts,
+    values: Mapping[str, float],
     delay: float,
     how: Preparation,
     rng: np.random.Generator,
@@ -161,8 +174,8 @@ def _calibrate(
     lost = np.zeros(q.shape, bool) if given.unmeasured is None else given.unmeasured.copy()
     if not np.isfinite(q).all():  # nothing can be said of it
         return given
-    values = {**robot.nominal, **found.parameters(robot)}
-    phi = np.array([values.get(name, 0.0) for name in structure.columns])
+    known = {**robot.nominal, **values}
+    phi = np.array([known.get(name, 0.0) for name in structure.columns])
     left, count = np.zeros(q.shape), np.zeros(q.shape)
     for _ in range(PHASES):
         again = servo_log(
@@ -294,6 +307,6 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
         f"{names} {'holds' if len(logs) == 1 else 'hold'} commands and no torque: it is what the "
         f"servos of {robot.servo.source} make of them, kp (q_cmd − q) − kv dq, "
         f"less what sampling and encoders leave in it; {late}, {known}. Moved by these commands "
-        f"the file's robot errs by {before:.3g} mrad (rms), one with the joints' numbers that fit "
+        f"the file's robot errs by {before:.3g} mrad (rms), one with the numbers that fit "
         f"best by {after:.3g}. {robot.servo.state_rate()}"
     ).rstrip()

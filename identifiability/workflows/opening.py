@@ -38,6 +38,7 @@ from identifiability.workflows.gravity import about_gravity
 from identifiability.workflows.oddities import MeasuredLogs, find_always, find_oddities
 
 if TYPE_CHECKING:
+    from identifiability.estimation.rollouts import Rollouts
     from identifiability.workflows.commanded import Moved
 
 #: Why no verdict stands on columns that are read as what they are not, for after "because".
@@ -72,6 +73,8 @@ class Recordings:
     later : mapping
         Fitted logs, by their place, as they are if commands act one standard deviation of the
         delay later than found.
+    rolled : Rollouts or None
+        On which torque of commands was calibrated.
     """
 
     fitted: tuple[Recording, ...]
@@ -80,6 +83,7 @@ class Recordings:
     read: tuple[tuple[str, str], ...] = ()
     commands: str = ""
     later: Mapping[int, Log] = field(default_factory=dict)
+    rolled: "Rollouts | None" = None
 
     @property
     def commanded(self) -> bool:
@@ -87,23 +91,35 @@ class Recordings:
         return any(isinstance(x, Log) and x.servo_delay is not None for x in self.fitted)
 
     def follow(
-        self, structure: Structure, how: Preparation, rng: np.random.Generator, say: Progress
+        self,
+        structure: Structure,
+        how: Preparation,
+        rng: np.random.Generator,
+        say: Progress,
+        values: Mapping[str, float] | None = None,
     ) -> "Recordings":
-        """Return the logs with calibrated torque where it comes from commands."""
+        """Return the logs with calibrated torque where it comes from commands.
+
+        What moves by them has the file's bodies, or those of the standard parameters that were
+        fitted to such torque before.
+        """
         if not self.commanded:
             return self
         from identifiability.workflows.commanded import follow_commands  # noqa: PLC0415 - MuJoCo
 
         say("rolling out commands", 0.1)
-        fitted, held, said, later = follow_commands(structure, self.fitted, self.held, how, rng)
+        fitted, held, said, later, found = follow_commands(
+            structure, self.fitted, self.held, how, rng, values or {}, self.rolled
+        )
         rolled = any(isinstance(x, Log) and x.rollout is not None for x in fitted)
         return replace(
             self,
             fitted=fitted,
             held=held,
-            hints=(said, *self.hints),
+            hints=(said, *self.hints[bool(values) :]),
             commands=said if rolled else "",
             later=later,
+            rolled=found,
         )
 
     def measure_rollouts(self, robot: Robot, values: Mapping[str, float]) -> "Moved | None":

@@ -7,24 +7,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
-from identifiability.estimation.estimate import forget_noise, weigh_logs
+from identifiability.estimation.estimate import Kind, Method, forget_noise, settle_noise, weigh_logs
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.evidence import Folds, Held, Score, near_best
 from identifiability.estimation.least_squares import Noise, leave_open
 from identifiability.estimation.outliers import Outliers, weigh_outliers
 from identifiability.estimation.prediction import Task
 from identifiability.estimation.torque_errors import take_turns
+from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation, Samples, prepare_samples
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.longsamples import Prepared, prepare_log
 from identifiability.physical.cad_prior import SHARE, WEAK, WEIGHTS, share_weight
 from identifiability.physical.feasibility import (
     PhysicalResult,
@@ -37,9 +39,10 @@ from identifiability.physical.feasibility import (
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Rung, full_rung
 from identifiability.regression.structure import Structure
-from identifiability.workflows.opening import Opening, Recordings
+from identifiability.workflows.instruments import add_instruments
+from identifiability.workflows.opening import Opening, Progress, Recordings, open_logs
 
 # What rows count: by their noise, and outlying stretches less.
 
@@ -136,6 +139,66 @@ def settle_prior(
     if share is None:
         share = SHARE if commanded and cad_weight is None else 0.0
     return share, share_weight(share) if share else cad_weight
+
+
+#: A robot is fitted to what commands make of torque, and this is calibrated on it, so often.
+ROUNDS = 5
+
+#: Share of the squared error of rollouts that is worth another one.
+GAINED = 0.1
+
+
+def follow_fitted(
+    recordings: Recordings,
+    structure: Structure,
+    how: Preparation,
+    method: Method,
+    kind: Kind,
+    cad_weight: float | None,
+    rng: np.random.Generator,
+    say: Progress,
+    engine: Engine,
+) -> Recordings:
+    """Return logs with torque of commands, calibrated on rollouts of a robot that is fitted to it.
+
+    Bodies that the file weighs wrongly move the delay with which its rollouts follow, and servos
+    that are stiff make much torque of that: so it is found again with the bodies fitted, until it
+    moves by less than its own error. Rollouts that err more are refused. Where all that moved it
+    by less than the error it was first stated with, the first is as good.
+    """
+    first = recordings.follow(structure, how, rng, say)
+    if first.rolled is None or not first.rolled.delay_errors.any():  # none, or delays are known
+        return first
+    recordings, before = first, first.rolled
+    for _ in range(ROUNDS):
+        own = replace(recordings, held=())
+        opening = open_logs(
+            structure, own, partial(prepare_log, structure.robot, how=how, engine=engine)
+        )
+        if opening.silence or opening.misread:
+            break
+        opening, estimator = add_instruments(opening, own.fitted, method, kind)
+        information = gather_information(opening.regression, engine=engine)
+        information, _ = weigh_rows(structure.robot.joints, opening.samples, information, estimator)
+        estimator = settle_noise(estimator, information)
+        rung = full_rung(opening.structure.base)
+        model = FittedModel.of(opening.structure, rung, information, estimator)
+        values = find_nearest(model, cad_weight or WEAK).parameters()
+        if not values:
+            break
+        better = recordings.follow(structure, how, rng, say, values)
+        after = better.rolled
+        if after is None:
+            break
+        gained = 1 - float(np.mean((after.errors / before.errors) ** 2))
+        if gained < 0:
+            break
+        settled = np.abs(after.delays - before.delays) <= after.delay_errors
+        recordings, before = better, after
+        if settled.all() and gained < GAINED:
+            break
+    moved = np.abs(before.delays - first.rolled.delays) > first.rolled.delay_errors
+    return recordings if moved.any() else first
 
 
 def move_by_delay(

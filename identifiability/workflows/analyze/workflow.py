@@ -42,6 +42,7 @@ from identifiability.workflows.analyze.belief import believe
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
 from identifiability.workflows.analyze.fit import (
     fit_ladder,
+    follow_fitted,
     move_by_delay,
     settle_prior,
     weigh_rows,
@@ -148,7 +149,10 @@ def analyze(
             )
             structure = Structure.of(robot, ladder_model(source.entry), streams[0])
             how = settle_band(structure, recordings.fitted, preparation)
-            recordings = recordings.follow(structure, how, streams[0], say)
+            share_, cad_prior = settle_prior(prior, cad_prior, recordings.commanded)
+            recordings = follow_fitted(
+                recordings, structure, how, base, estimator, cad_prior, streams[0], say, runner
+            )
             reading = share(say, "reading logs", 0.1, 0.3)
             opening = open_logs(
                 structure,
@@ -170,7 +174,6 @@ def analyze(
                 late = move_by_delay(opening, recordings, rungs, information, chosen, how)
                 information, burst = weigh_rows(robot.joints, opening.samples, information, chosen)
                 chosen = settle_noise(chosen, information)
-            share_, cad_prior = settle_prior(prior, cad_prior, recordings.commanded)
             ladder_ = fit_ladder(structure, rungs, information, chosen, cad_prior, silence)
             models, values = ladder_.models, ladder_.values
             tasks = [Task(values[None])]
