@@ -38,9 +38,6 @@ class Effect(ABC):
     #: Whether the columns at a sample depend on that sample alone and take long: of samples that
     #: are met again they are taken from where they were.
     pointwise: ClassVar[bool] = False
-    #: How many smooth curves the columns at a place are, one after the other, where they are
-    #: splines; none where what they say changes most at one point, as friction does at rest.
-    curves_apart: ClassVar[int] = 1
 
     #: How many numbers its shape is, behind the colon of a ladder file.
     shape_size: ClassVar[int] = 0
@@ -355,8 +352,6 @@ class Family:
         Whether joints stick by it, as by Coulomb friction.
     remembers : bool
         Whether it depends on the way that led to a state, not on that and the time alone.
-    late : bool
-        Whether a diagnosis asks for it only in a second pass, where something depends on position.
     unnamed : bool
         Whether it is a function without an equation, for what no name explains.
     flexible : bool
@@ -391,7 +386,6 @@ class Family:
     native: bool = False
     dry: bool = False
     remembers: bool = False
-    late: bool = False
     unnamed: bool = False
     flexible: bool = False
     continuous: bool = False

@@ -310,7 +310,6 @@ class PassiveJointFriction(AlongAxes):
     needs="viscous_friction",
     against="time",
     separate=True,
-    late=True,
     told_by="repeat the motion later",
     rank=22.5,
 )

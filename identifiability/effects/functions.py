@@ -105,8 +105,6 @@ class SmoothFunction(Shaped):
 class WithVelocity(SmoothFunction):
     """``τ = f₀(u) + f₁(u) sign q̇ + f₂(u) q̇``: splines of a coordinate, each for itself."""
 
-    curves_apart = 3
-
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
         """Return one for every spline and part."""
         del robot, axis
@@ -175,7 +173,6 @@ class FunctionOfVelocity(SmoothFunction):
     name = "function_of_velocity"
     equation = "τ = f(q̇), f = Σ cₖ Bₖ(√|q̇/v| sign q̇) + c sign q̇"
     units = (("fv", "N·m", "N"),)
-    curves_apart = 0
 
     def coordinate(self, at: Along) -> Array:
         """Return the root of the speed."""
@@ -370,7 +367,6 @@ class FunctionOfOtherVelocity(FromJoint):
     units = (("f", "N·m", "N"),)
     crossed = ("N·m", "N")
     supersedes = CONTAINED
-    curves_apart = 0
 
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
         """Return one for every spline, with the joint that it comes from."""

@@ -71,7 +71,6 @@ class TorqueOffset(AlongAxes):
     actuated_joints,
     refuse=in_motor,
     against="time",
-    late=True,
     told_by="repeat the motion later",
     rank=21.5,
 )

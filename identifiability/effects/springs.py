@@ -63,7 +63,7 @@ def _same_as_offset(robot: Robot, place: str) -> str:
     return "there it is a torque offset" if place in robot.joints else ""
 
 
-@declare("constant force", every_axis, refuse=_same_as_offset, told_by=RESTS, rank=22, late=True)
+@declare("constant force", every_axis, refuse=_same_as_offset, told_by=RESTS, rank=22)
 class ConstantForce(AlongAxes):
     """``τ = F₀`` along a joint or a tendon: a constant-force spring, a weight on a rope.
 
@@ -95,7 +95,6 @@ class ConstantForce(AlongAxes):
     against="position",
     told_by=POSTURES,
     rank=20,
-    late=True,
 )
 class FreeSpring(AlongAxes):
     """``τ = k (q − q₀) = k q − k q₀``: one spring by two parameters, linear in both.
@@ -133,7 +132,6 @@ def _hinges(robot: Robot) -> tuple[str, ...]:
     against="position",
     told_by=POSTURES,
     rank=21,
-    late=True,
 )
 class GravitySpring(AlongAxes):
     """``τ = k sin(q − q₀) = ks sin q + kc cos q``: a spring that balances gravity about a joint.
@@ -203,7 +201,6 @@ def cubic_piece(away: Array) -> Array:
     against="position",
     told_by=POSTURES,
     rank=23,
-    late=True,
     flexible=True,
 )
 class PositionTorque(Shaped):
@@ -278,10 +275,6 @@ class PositionTorque(Shaped):
 # Dry friction that is not the same everywhere along a joint.
 
 
-#: Pieces that are tried over the range that was moved through.
-FRICTION_PIECES = (1, 2, 3, 4, 6)
-
-
 @declare(
     "friction that depends on the position",
     shapes=_spacings,
@@ -289,7 +282,6 @@ FRICTION_PIECES = (1, 2, 3, 4, 6)
     against="position",
     needs="coulomb_friction",
     dry=True,
-    late=True,
     flexible=True,
     told_by="pass each position in both directions",
     rank=6.5,

@@ -88,7 +88,6 @@ def _ways(span: Span) -> tuple[float, ...]:
     needs="coulomb_friction",
     dry=True,
     remembers=True,
-    late=True,
     told_by="reverse often, after short ways and after long ones,",
     rank=6.3,
 )
@@ -181,7 +180,6 @@ def _widths(span: Span) -> tuple[float, ...]:
     refuse=needs_masses,
     loaded=True,
     remembers=True,
-    late=True,
     told_by="reverse under load and without,",
     rank=6.4,
 )
@@ -288,7 +286,6 @@ def _unknown(robot: Robot, place: str) -> str:
     shapes=_turns,
     refuse=_unknown,
     against="position",
-    late=True,
     told_by="run slowly through the whole range",
     rank=11.5,
 )

@@ -544,11 +544,6 @@ class Evidence:
         return tuple(self._level(gain, len(self.joint_errors)) for gain in self.joint_errors)
 
     @property
-    def vetoed(self) -> bool:
-        """Whether A is worse than B over all joints, or at any one."""
-        return Level.WORSE in (self.level, *self.joint_levels)
-
-    @property
     def replaceable(self) -> bool:
         """Whether A may stand for B: as good over all joints, and none surely errs much more."""
         lost = -float(np.log1p(self.levels.rise))

@@ -10,7 +10,6 @@ import math
 
 import numpy as np
 import scipy
-from scipy.special import chdtrc, gammaln
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -23,9 +22,6 @@ LEVEL = 0.95
 
 #: Standard deviations to each side of a normal interval of that level, and quantiles at its ends.
 REACH, ENDS = 1.96, (0.025, 0.975)
-
-#: Values of χ² beyond which its tail is taken from the asymptotic series.
-FAR = 1000.0
 
 
 @frozen
@@ -102,32 +98,6 @@ def each_share(events: np.ndarray) -> tuple[Share, ...]:
     trials, count = events.shape
     level = 1 - (1 - LEVEL) / max(count, 1)
     return tuple(exact_share(float(c), float(trials), level) for c in events.sum(0))
-
-
-def tail_of_sum(value: float, drawn: Array) -> float:
-    """Return how likely a weighted sum of squares is as large, from draws of it (B,).
-
-    Beyond the largest of them it is a multiple of χ² with their mean and variance [Satterthwaite
-    1946].
-    """
-    reached = (1 + np.count_nonzero(drawn >= value)) / (1 + len(drawn))
-    if (drawn >= value).any():
-        return float(reached)
-    mean, variance = float(np.mean(drawn)), float(np.var(drawn, ddof=1))
-    beyond = scipy.stats.chi2.sf(2 * mean / variance * value, 2 * mean**2 / variance)
-    return float(min(reached, beyond))
-
-
-def log_tail(x: Array, dof: int) -> Array:
-    """Return the logarithm of the upper tail of χ², also where the tail itself underflows."""
-    far = np.maximum(x / 2, 1.0)
-    shape = dof / 2
-    series = np.log1p(np.maximum((shape - 1) / far, -0.5))
-    asymptotic = -far + (shape - 1) * np.log(far) - gammaln(shape) + series
-    with np.errstate(divide="ignore"):
-        exact = np.log(chdtrc(dof, x))
-    tail: Array = np.where(x > FAR, asymptotic, exact)
-    return tail
 
 
 # Numbers as sentences have them: beside how uncertain they are, and in percent.

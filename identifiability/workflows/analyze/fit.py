@@ -309,19 +309,56 @@ def fit_ladder(
         return FittedLadder(open_, undecided, none, None, np.zeros(len(rungs), bool))
     models = tuple(FittedModel.of(structure, rung, information, estimator) for rung in rungs)
     held, short = hold_folds(information, estimator)
-    found: list[tuple[PhysicalResult, Score, Array]] = []
+    found: list[Settled] = []
     for model in models:  # a smaller one asks for no heavier prior than the unpruned
-        heaviest = found[0][0].cad_weight if found else np.inf
+        heaviest = found[0].robot.cad_weight if found else np.inf
         found.append(settle_robot(model, held, cad_weight, heaviest, choose=not short))
     robots = tuple(
-        robot.with_certificate(*certify_model(model))
-        for (robot, *_), model in zip(found, models, strict=True)
+        one.robot.with_certificate(*certify_model(model))
+        for one, model in zip(found, models, strict=True)
     )
-    crossed = np.concatenate([values for *_, values in found], 2)
+    crossed = np.concatenate([one.crossed for one in found], 2)
     m = len(models)
     order = [*range(0, 2 * m, 2), *range(1, 2 * m, 2)]
-    near = near_best([score for _, score, _ in found])
+    near = near_best([one.free for one in found])
+    near |= stand_for_impossible(near, [len(r) for r in rungs], robots, [one.real for one in found])
     return FittedLadder(models, robots, crossed[:, :, order], held.folds, near, short)
+
+
+def stand_for_impossible(
+    near: np.ndarray,
+    sizes: Sequence[int],
+    robots: Sequence[PhysicalResult],
+    real: Sequence[Score | None],
+) -> np.ndarray:
+    """Return which model stands where none that folds choose is possible, (m,) bool.
+
+    What a model with impossible values says of the robot is its nearest real robot, and that of a
+    smaller one has what its bodies cannot do without: the two are compared, as `prune` does.
+
+    Parameters
+    ----------
+    near : (m,) bool
+        What folds choose.
+    sizes : sequence of int
+        Parameters of the m models.
+    robots : sequence of PhysicalResult
+        With their certificates.
+    real : sequence of Score or None
+        What the nearest real robots predict of the folds.
+    """
+    out = np.zeros(len(near), bool)
+    good = [int(k) for k in np.flatnonzero(near)]
+    chosen = [k for k in good if real[k] is not None]
+    if not chosen or any(robots[k].feasible for k in good):
+        return out
+    best = min(chosen, key=lambda k: sizes[k])
+    smaller = [k for k, r in enumerate(robots) if r.feasible and sizes[k] < sizes[best]]
+    if smaller:
+        at = max(smaller, key=lambda k: sizes[k])
+        own, other = real[at], real[best]
+        out[at] = own is not None and other is not None and near_best([own, other])[0]
+    return out
 
 
 def hold_folds(information: Information, estimator: Estimator) -> tuple[Held, str]:
@@ -338,6 +375,27 @@ def hold_folds(information: Information, estimator: Estimator) -> tuple[Held, st
         return Held.of(information, noise, Folds.short(information)), short
 
 
+@frozen
+class Settled:
+    """The nearest real robot of a model, and what both predict.
+
+    Attributes
+    ----------
+    robot : PhysicalResult
+    free : Score
+        Of the estimated values, on the folds.
+    real : Score or None
+        Of the nearest real robot; None where there is none.
+    crossed : (F, b, 2)
+        Base parameters of both, found from each fold's rest.
+    """
+
+    robot: PhysicalResult
+    free: Score
+    real: Score | None
+    crossed: Array
+
+
 def settle_robot(
     model: FittedModel,
     held: Held,
@@ -345,8 +403,8 @@ def settle_robot(
     heaviest: float = np.inf,
     *,
     choose: bool = True,
-) -> tuple[PhysicalResult, Score, Array]:
-    """Return the nearest real robot of a model, what this predicts, and both in turns, (F, b, 2).
+) -> Settled:
+    """Return the nearest real robot of a model, and what both predict in turns.
 
     Parameters
     ----------
@@ -376,4 +434,5 @@ def settle_robot(
             not good and nearest.nearest is not None and stands_elsewhere(model, nearest.base)
         )
         nearest = replace(nearest, as_good=good, elsewhere=elsewhere)
-    return nearest, score, np.stack([free, values], 2)
+    real = None if chosen is None else chosen.score
+    return Settled(nearest, score, real, np.stack([free, values], 2))

@@ -162,7 +162,7 @@ def fit_physical(
     found = find_nearest(model)
     if unseen:
         held, short = hold_folds(information, wls)
-        found, *_ = settle_robot(model, held, None, choose=not short)
+        found = settle_robot(model, held, None, choose=not short).robot
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())
     return Physical(structure, found.parameters(), found.cad_weight)

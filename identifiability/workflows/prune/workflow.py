@@ -301,8 +301,7 @@ def _choose(
     if not feasible and criterion == "identifiable":
         feasible = _find_possible(question, steps, asked[0][0], held)
     k, model, proved = (feasible or asked)[0]
-    robot, *_ = settle_robot(model, held, cad_prior)
-    return k, robot.with_certificate(*proved)
+    return k, settle_robot(model, held, cad_prior).robot.with_certificate(*proved)
 
 
 def _find_possible(

@@ -9,11 +9,13 @@ import pytest
 from identifiability.estimation.bootstrap import merge_blocks
 from identifiability.estimation.decide import column_noise, column_rms
 from identifiability.estimation.estimate import find_estimator
+from identifiability.estimation.evidence import Score
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import Class, Thresholds
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import Rung
 from identifiability.workflows.analyze.assessment import assess_ladder, select_model
+from identifiability.workflows.analyze.fit import stand_for_impossible
 
 from .made import gather
 
@@ -45,6 +47,27 @@ def test_the_smallest_model_that_folds_leave_is_used():
     assert choose(models) == 2
     assert choose(models, [True, True, False]) == 1
     assert choose(models, [True, False, False]) == 0
+
+
+def test_where_all_that_folds_choose_is_impossible_nearest_real_robots_are_compared():
+    """The largest smaller model that can exist stands, if its real robot predicts as well."""
+
+    def score(density, square=1.0):
+        return Score(np.full(10, density), np.full((10, 1), square), np.ones(1), 1 / 9)
+
+    sizes, near = (9, 7, 5, 3), np.array([True, True, False, False])
+    possible = [SimpleNamespace(feasible=x) for x in (False, False, True, True)]
+    alike = [score(-3.0), score(-3.0), score(-3.1), score(-3.0)]
+    found = stand_for_impossible(near, sizes, possible, alike)
+    assert found.tolist() == [False, False, True, False]
+    worse = [*alike[:2], score(-5.0, 1.5), alike[3]]
+    assert not stand_for_impossible(near, sizes, possible, worse).any()
+    assert not stand_for_impossible(near, sizes, possible, [None] * 4).any()
+    # A larger possible one stands for none, and one among those that folds choose needs no other.
+    first = [SimpleNamespace(feasible=x) for x in (True, False, False, False)]
+    assert not stand_for_impossible(~near, sizes, first, alike).any()
+    among = [SimpleNamespace(feasible=x) for x in (False, True, True, True)]
+    assert not stand_for_impossible(near, sizes, among, alike).any()
 
 
 def test_motion_that_is_held_out_vetoes_what_surely_errs_more_and_chooses_nothing():
