@@ -39,6 +39,7 @@ from identifiability.report.skeleton import sketch_robot
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.report.torque import section_budget, section_confused
 from identifiability.report.words import columns, note, picture, section, sentence, words
+from identifiability.workflows.analyze.words import state_physics
 from identifiability.workflows.commands import (
     held_back,
     name_export,
@@ -97,11 +98,7 @@ def answer_pruning(ladder: Ladder) -> Answers:
         use = Answer(question, short, f"Because {ladder.nothing}.", "vermilion")
     else:
         short = f"{size} of {len(full)} parameters, {found} of them identifiable."
-        real = (
-            "A real robot can have its values."
-            if ladder.feasible
-            else ladder.result.physical.sentence
-        )
+        real = state_physics(ladder.result)  # the formula of the certificate is in the note
         again = f"{whole_percent(share.same)} of {format_count(share.replicates, 'resampled log')}"
         text = f"{real} {again} choose exactly this model." if share.replicates else real
         use = Answer(question, short, text, "green" if ladder.feasible else "amber")

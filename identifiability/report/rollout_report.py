@@ -63,16 +63,15 @@ def _delay(result: RolledOut) -> Answer:
     return Answer("When do commands act?", short, text, "blue")
 
 
-#: Colours of the robots, in their order.
-TONES = ("vermilion", "blue", "purple")
+#: Colours of the robots, in their order: those of their lines below (`traces.js`).
+TONES = ("blue", "vermilion", "purple")
 
 
 def section_motion(result: RolledOut) -> tuple[Section, ...]:
     """Return the robots as they move along the first log, if they can be drawn."""
     log = result.logs[0]
     motions = {"recording": ("grey", log.q)}
-    tones = TONES if len(result.runs) > 1 else TONES[1:]
-    motions |= {run.name: (tones[k % 3], run.q[0]) for k, run in enumerate(result.runs)}
+    motions |= {run.name: (TONES[k % 3], run.q[0]) for k, run in enumerate(result.runs)}
     errors = [
         1e3 * np.sqrt(np.mean((run.q[0] - log.q)[:, result.alike] ** 2, axis=1))
         for run in result.runs
