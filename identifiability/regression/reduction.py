@@ -3,7 +3,7 @@
 Each model zeroes, ties or keeps base parameters of the one it starts from. Names are those of base
 parameters (the parameter that represents a group); in every list and in ``hold`` a pattern stands
 for all that fit it (``leg*_lower.Ixx``; ``*`` is any letters, ``?`` one). A model file
-(``model.toml``) is a ladder of one rung. ``docs/reference/ladders.md`` is written from the keys.
+(``model.toml``) is a ladder of one model. ``docs/reference/ladders.md`` is written from the keys.
 """
 
 from __future__ import annotations
