@@ -8,12 +8,13 @@ from hashlib import sha256
 
 import clarabel
 
+from identifiability import __version__
 from identifiability.foundation.engines.resume import NUMERICS, find_version
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.reduction import LadderSource
 from identifiability.robot import Robot
 
-_PACKAGES = ("identifiability", *NUMERICS, "pandas")
+_PACKAGES = (*NUMERICS, "pandas")
 
 
 def state_provenance(
@@ -24,7 +25,7 @@ def state_provenance(
     options: Mapping[str, object] | None = None,
 ) -> dict[str, str]:
     """Return everything that decided the numbers: versions, seed, options, hashes of the inputs."""
-    out = {"python": platform.python_version()}
+    out = {"python": platform.python_version(), "identifiability": __version__}
     for package in _PACKAGES:
         out[package] = find_version(package) or "not installed"
     out["seed"] = str(seed)

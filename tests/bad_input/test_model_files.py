@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import identifiability
 from identifiability import Model, Robot, analyze, diagnose, excite, prune, simulate
 from identifiability.cli import app
 from identifiability.effects import Placed
@@ -153,6 +154,7 @@ def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(besid
     assert found[f"sha256 {beside.sidecar.name}"] == sidecar
     assert {"pin", "mujoco", "numpy", "scipy", "clarabel", "emcee"} <= set(found)
     assert "not installed" not in found.values()
+    assert found["identifiability"] == identifiability.__version__
     assert "tol_gap_rel" in found["solver"]
     decided = ("method", "cad_prior", "replicates", "seed")
     assert [found[k] for k in decided] == ["ols", "0.5", "0", "0"]
