@@ -1,6 +1,7 @@
 """Robots that are commanded and have no torque: logs, servos, rollouts, what is found of them."""
 
 import json
+import re
 import shutil
 import sys
 from dataclasses import replace
@@ -10,7 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from identifiability import Log, Robot, analyze
+from identifiability import Log, Robot, analyze, diagnose, prune
 from identifiability.estimation.rollouts import find_delay, fit_rollouts
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.foundation.names import INERTIAL_KINDS
@@ -315,21 +316,39 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     assert found.write_report(tmp_path / "rollout.html").stat().st_size > 10_000
 
 
-def test_a_file_that_weighs_too_much_does_not_move_the_delay_of_stiff_servos(arm):
+@pytest.fixture(scope="module")
+def heavy(arm):
+    """Return a log of a robot a fifth lighter than its file, its delay, and true parameters."""
     rng = np.random.default_rng(5)
     bodies = {f"{b}.{k}": 0.8 * arm.nominal[f"{b}.{k}"] for b in arm.bodies for k in INERTIAL_KINDS}
     how = servos.Recorder(rate=100.0, delay=0.007, bits=14)
     moves = servos.draw_commands(arm, 8.0, how.command_rate, 0.5, rng)
     log = read(arm, servos.record(arm, TRUTH | bodies, moves, 8.0, how, rng))
-    own = CommandedRobot(arm, TRUTH | bodies)
-    assert abs(fit_rollouts(arm, [log]).delays[0] - find_delay(own, [log])) > 2e-4  # with its file
+    return log, find_delay(CommandedRobot(arm, TRUTH | bodies), [log]), {**TRUTH, **bodies}
+
+
+def test_every_verb_finds_the_delay_again_with_the_bodies_fitted(arm, heavy):
+    log, delay, _ = heavy
+    reduced = prune(arm, log, quick=True, replicates=0)
+    named = diagnose(arm, log, quick=True, forward=False, replicates=19)
+    for result in (reduced, named):
+        (said,) = (h for h in result.hints if "holds commands and no torque" in h)
+        late = float(re.search(r"commands act (\S+) ms (after|before)", said)[1])
+        assert abs(late - 1e3 * abs(delay)) < 0.05
+    assert not named.effects
+    assert np.abs(reduced.late).max() > 0  # what it leaves open counts in every verb
+
+
+def test_a_file_that_weighs_too_much_does_not_move_the_delay_of_stiff_servos(arm, heavy):
+    log, delay, truth = heavy
+    assert abs(fit_rollouts(arm, [log]).delays[0] - delay) > 2e-4  # with its file
     result = analyze(arm, log, quick=True)
-    assert abs(result.recordings[0].servo_delay - find_delay(own, [log])) < 5e-5
+    assert abs(result.recordings[0].servo_delay - delay) < 5e-5
     assert result.commands in result.hints
     assert sum("holds commands and no torque" in hint for hint in result.hints) == 1
     assert "errs by" in result.commands
     table, structure = result.to_frame().set_index("name"), result.structure
-    phi = np.array([{**arm.nominal, **TRUTH, **bodies}.get(n, 0.0) for n in structure.columns])
+    phi = np.array([{**arm.nominal, **truth}.get(n, 0.0) for n in structure.columns])
     true = dict(zip(structure.base.names, structure.G @ phi, strict=True))
     sure = table.index[table["verdict"] == "identifiable"]
     inside = [table["interval95"][n][0] <= true[n] <= table["interval95"][n][1] for n in sure]
@@ -344,7 +363,7 @@ def test_bodies_are_within_a_share_of_the_file_where_there_is_no_torque(arm, fra
     assert result.chosen.physical.cad_weight == pytest.approx(12.5)
     assert analyze(arm, frames[1], quick=True, prior=0).settings["prior"] == 0.0
     # A delay that is known to some microseconds leaves damping open by kp times as much.
-    late = dict(zip(result.full.rung.columns, result.full.uncertainty.late, strict=True))
+    late = dict(zip(result.structure.base.names, np.abs(result.late[0]), strict=True))
     unsure = fit_rollouts(arm, [read(arm, frames[1])]).delay_errors[0]
     assert 1e-6 < unsure < 2e-4
     np.testing.assert_allclose(late["shoulder.Fv"], 1200 * unsure, rtol=0.5)

@@ -123,6 +123,8 @@ def measure_spread(
     swallowed = np.sqrt(independent / dof)
     low, raw = (np.fmax(own * swallowed, other) for own, other in zip(rms, unseen, strict=True))
     covariance, unknown = measure_errors(information, fit, widening(information, fit, uncertainty))
+    if uncertainty.late is not None:
+        covariance = covariance + uncertainty.late.T @ uncertainty.late
     return Spread(covariance=covariance, unknown=unknown, low=low, raw=raw, dof=dof)
 
 
@@ -147,17 +149,18 @@ def measure_errors(
 
 
 def widening(information: Information, fit: Estimate, uncertainty: Uncertainty) -> float:
-    """Return by how much variances are larger than by formula, as resampling and scores say.
+    """Return by how much variances differ from those by formula, as resampling and scores say.
 
     One factor for all of them keeps how they depend on each other: what few parameters do not know
-    of each other, torque may know well.
+    of each other, torque may know well. It is below 1 where noise swings back from sample to
+    sample, as steps of encoders do behind a derivative.
     """
     kept = list(fit.kept)
-    variance, wide = fit.sigma[kept] ** 2, uncertainty.robust[kept] ** 2
+    variance, wide = fit.sigma[kept] ** 2, uncertainty.scatter[kept] ** 2
     if kept:
         variance = np.diag(remembering_covariance(information, fit))
     known = np.isfinite(wide) & (variance > 0)
-    return max(float(np.mean(wide[known] / variance[known])) if known.any() else 1.0, 1.0)
+    return float(np.mean(wide[known] / variance[known])) if known.any() else 1.0
 
 
 def _never_shown(information: Information, fit: Estimate) -> Array:

@@ -359,8 +359,9 @@ class Uncertainty:
         Why something is missing, if it is.
     motions : Motions or None
         What logs by themselves say of each other; None of one log, or of too short ones.
-    late : (k,) or None
-        Standard deviations that the delays of commands add, which all samples of a log share.
+    late : (L, k) or None
+        What one standard deviation of the delay of a log's commands moves, which all its samples
+        share.
     """
 
     white: Array
@@ -374,6 +375,14 @@ class Uncertainty:
 
     @property
     def robust(self) -> Array:
+        """What noise, delays and logs leave open, (k,)."""
+        if self.late is None:
+            return self.scatter
+        both: Array = np.hypot(self.scatter, np.linalg.norm(self.late, axis=0))
+        return both
+
+    @property
+    def scatter(self) -> Array:
         """The larger of the estimates that allow for autocorrelation, and what logs add, (k,).
 
         Infinite where neither resampling nor scores could be asked: a formula is believed only as
@@ -384,8 +393,6 @@ class Uncertainty:
         roads += [] if self.scores is None else [self.scores.widened]
         largest = np.max(roads, axis=0) if roads else np.inf
         largest = np.where(np.isfinite(self.white), largest, np.inf)
-        if self.late is not None:
-            largest = np.hypot(largest, self.late)
         return largest if self.motions is None else np.hypot(largest, self.motions.between)
 
     def why_unjudged(self, rules: Thresholds) -> tuple[str, ...]:

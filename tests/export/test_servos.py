@@ -140,9 +140,9 @@ def test_every_draw_is_possible_and_loads_back(made):
 def test_what_logs_determine_hardly_varies_and_what_they_leave_open_does(made):
     robot, _, result, path = made
     narrow, wide = (draw_robots(robot, path, 300, prior=share).to_frame() for share in (0.1, 0.3))
-    sigma = result.to_frame("full model").set_index("name")["sigma"]["elbow.Fv"]
+    low, high = result.to_frame("full model").set_index("name")["interval95"]["elbow.Fv"]
     for table in (narrow, wide):
-        assert table["elbow.Fv"].std() == pytest.approx(sigma, rel=0.25)
+        assert table["elbow.Fv"].std() == pytest.approx((high - low) / 3.92, rel=0.4)
     idle = next(n for n in narrow if n.endswith(".m") and robot.nominal[n] > 0)
     for table, share in ((narrow, 0.1), (wide, 0.3)):
         assert table[idle].std() == pytest.approx(share * robot.nominal[idle], rel=0.3)

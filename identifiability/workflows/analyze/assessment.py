@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
@@ -259,7 +259,7 @@ def assess_ladder(
     doubt: Doubt = NO_DOUBT,
     *,
     veto: bool = True,
-    late: Sequence[Array] = (),
+    late: Callable[[Rung], Array] | None = None,
 ) -> tuple[RungResult, ...]:
     """Return the results of all m models.
 
@@ -280,6 +280,8 @@ def assess_ladder(
     veto : bool
         Whether the others are logs that were held out; stretches of the fitted ones have been asked
         already, where they could be.
+    late : callable(Rung), optional
+        What errors of delays do to the values of a model, (L, k).
     """
     m = len(models)
     error, held_error = fitted.relative_error(), held_out.relative_error()
@@ -298,13 +300,14 @@ def assess_ladder(
         rung, reduced, fit = model.rung, model.information, model.estimate
         residual = fitted.residual[:, :, k]
         uncertainty = assess_uncertainty(reduced, fit, residual, fitted.series, rng, replicates)
-        if len(late) and late[k].any():
-            uncertainty = replace(uncertainty, late=late[k])
         told, spread_told = model.told, uncertainty
         if told is not model:
             spread_told = assess_uncertainty(
                 told.information, told.estimate, residual, fitted.series, rng, replicates
             )
+        if late is not None:
+            uncertainty = replace(uncertainty, late=late(rung))
+            spread_told = replace(spread_told, late=late(told.rung))
         result = RungResult(
             rung=rung,
             estimate=fit,
@@ -642,6 +645,9 @@ class Laddered(Result, Opening, Predicts):
         Functions of a joint's motion or load that are missing beside the unpruned model.
     moved : Moved or None
         How far rollouts of the nearest real robot are off, of logs of commands.
+    late : (L, b)
+        By how much base parameters move if commands of a log act one standard deviation of its
+        delay later.
     """
 
     information: Information
@@ -655,6 +661,7 @@ class Laddered(Result, Opening, Predicts):
     nothing: str = ""
     missing: Doubt = NO_DOUBT
     moved: Moved | None = None
+    late: Array
 
     @property
     @abstractmethod
@@ -707,7 +714,7 @@ class Laddered(Result, Opening, Predicts):
             values=used.recommended,
             spread=measure_spread(part, used.estimate, used.uncertainty, own, unseen),
             preparation=settled(self.settings.get("preparation"), self.samples),
-            base_covariance=M @ covariance @ M.T,
+            base_covariance=M @ covariance @ M.T + self.late.T @ self.late,
             base_unknown=M @ unknown,
             errors=(self._real_robot["error_ra"], self._real_robot["error_ra_files"]["mjcf"]),
             missing=tuple(f.text for f in self.missing.functions),

@@ -19,6 +19,7 @@ from identifiability.estimation.least_squares import Noise, leave_open
 from identifiability.estimation.outliers import Outliers, weigh_outliers
 from identifiability.estimation.prediction import Task
 from identifiability.estimation.torque_errors import take_turns
+from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
@@ -152,12 +153,13 @@ def follow_fitted(
     recordings: Recordings,
     structure: Structure,
     how: Preparation,
-    method: Method,
-    kind: Kind,
-    cad_weight: float | None,
     rng: np.random.Generator,
     say: Progress,
-    engine: Engine,
+    *,
+    method: Method = "wls",
+    kind: Kind = "auto",
+    cad_weight: float | None = share_weight(SHARE),
+    engine: Engine | None = None,
 ) -> Recordings:
     """Return logs with torque of commands, calibrated on rollouts of a robot that is fitted to it.
 
@@ -173,7 +175,9 @@ def follow_fitted(
     for _ in range(ROUNDS):
         own = replace(recordings, held=())
         opening = open_logs(
-            structure, own, partial(prepare_log, structure.robot, how=how, engine=engine)
+            structure,
+            own,
+            partial(prepare_log, structure.robot, how=how, engine=engine or Serial()),
         )
         if opening.silence or opening.misread:
             break
@@ -201,40 +205,50 @@ def follow_fitted(
     return recordings if moved.any() else first
 
 
-def move_by_delay(
-    opening: Opening,
-    recordings: Recordings,
-    rungs: Sequence[Rung],
-    information: Information,
-    estimator: Estimator,
-    how: Preparation,
-) -> list[Array]:
-    """Return by how much the delays of commands leave the values of each model open, (k,) each.
+@frozen
+class DelayErrors:
+    """What errors of the delays of commands do to values: all samples of a log share them.
 
-    Parameters
+    Attributes
     ----------
-    opening : Opening
-        With the samples that are fitted.
-    recordings : Recordings
-    rungs : sequence of Rung
     information : Information
         About all columns, before rows were weighed.
+    later : tuple of Information
+        The same, had commands of one log acted one standard deviation of its delay later.
     estimator : Estimator
-    how : Preparation
     """
-    total = [np.zeros(len(rung)) for rung in rungs]
-    robot = opening.structure.robot
-    for k, later in recordings.later.items():
-        samples = list(opening.samples)
-        own, moved = samples[k], prepare_samples(robot, later, how)
-        if not isinstance(own, Samples) or moved.tau.shape != own.tau.shape:
-            continue
-        samples[k] = replace(own, tau=moved.tau)
-        other = gather_information(opening.structure.regression(samples))
-        for at, rung in enumerate(rungs):
-            a, b = (estimator.fit(rung.reduce(x)).value for x in (other, information))
-            total[at] += (a - b) ** 2
-    return [np.sqrt(squares) for squares in total]
+
+    information: Information
+    later: tuple[Information, ...]
+    estimator: Estimator
+
+    @classmethod
+    def of(
+        cls,
+        opening: Opening,
+        recordings: Recordings,
+        information: Information,
+        estimator: Estimator,
+        how: Preparation,
+    ) -> DelayErrors:
+        """Return them for samples that are fitted; none where torque comes from no command."""
+        robot, later = opening.structure.robot, list[Information]()
+        for k, log in () if opening.silence else recordings.later.items():
+            samples = list(opening.samples)
+            own, moved = samples[k], prepare_samples(robot, log, how)
+            if isinstance(own, Samples) and moved.tau.shape == own.tau.shape:
+                samples[k] = replace(own, tau=moved.tau)
+                later.append(gather_information(opening.structure.regression(samples)))
+        return cls(information, tuple(later), estimator)
+
+    def move(self, rung: Rung) -> Array:
+        """Return by how much each of them moves the values of a model, (L, k)."""
+        if not self.later:
+            return np.zeros((0, len(rung)))
+        first, *others = (
+            self.estimator.fit(rung.reduce(x)).value for x in (self.information, *self.later)
+        )
+        return np.array(others) - first
 
 
 @frozen

@@ -11,7 +11,6 @@ from identifiability.estimation.estimate import Kind, Method, find_estimator, se
 from identifiability.estimation.prediction import Task, predict, predict_all
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.engines.mapping import Engine, one_thread
-from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
     NotNegative,
     Replicates,
@@ -41,9 +40,9 @@ from identifiability.workflows.analyze.assessment import (
 from identifiability.workflows.analyze.belief import believe
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
 from identifiability.workflows.analyze.fit import (
+    DelayErrors,
     fit_ladder,
     follow_fitted,
-    move_by_delay,
     settle_prior,
     weigh_rows,
 )
@@ -151,7 +150,15 @@ def analyze(
             how = settle_band(structure, recordings.fitted, preparation)
             share_, cad_prior = settle_prior(prior, cad_prior, recordings.commanded)
             recordings = follow_fitted(
-                recordings, structure, how, base, estimator, cad_prior, streams[0], say, runner
+                recordings,
+                structure,
+                how,
+                streams[0],
+                say,
+                method=base,
+                kind=estimator,
+                cad_weight=cad_prior,
+                engine=runner,
             )
             reading = share(say, "reading logs", 0.1, 0.3)
             opening = open_logs(
@@ -169,9 +176,8 @@ def analyze(
                 progress=share(say, "building the regression", 0.3, 0.6),
             )
             say("fitting models", 0.6)
-            burst, late = "", list[Array]()
+            burst, late = "", DelayErrors.of(opening, recordings, information, chosen, how)
             if not silence:
-                late = move_by_delay(opening, recordings, rungs, information, chosen, how)
                 information, burst = weigh_rows(robot.joints, opening.samples, information, chosen)
                 chosen = settle_noise(chosen, information)
             ladder_ = fit_ladder(structure, rungs, information, chosen, cad_prior, silence)
@@ -197,7 +203,7 @@ def analyze(
             draws,
             missing := find_missing(opening),
             veto=bool(opening.validation),
-            late=late,
+            late=late.move,
         )
         at = select_model(results, ladder_.near)
         results, contradicted = tell_with_file(models, results, share_, thresholds)
@@ -265,6 +271,7 @@ def analyze(
             missing=missing,
             commands=opening.commands,
             moved=recordings.measure_rollouts(robot, results[at].physical.parameters()),
+            late=late.move(models[0].rung) @ models[0].rung.M.T,
         )
 
 

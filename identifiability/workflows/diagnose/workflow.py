@@ -46,7 +46,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.kinematics import shortest_turn
 from identifiability.workflows.analyze.cutoff_check import say_band
-from identifiability.workflows.analyze.fit import weigh_rows
+from identifiability.workflows.analyze.fit import follow_fitted, weigh_rows
 from identifiability.workflows.band import settle_band
 from identifiability.workflows.diagnose.conclude import conclude, null_odds
 from identifiability.workflows.diagnose.earlier import Before, Earlier, read_earlier
@@ -178,10 +178,10 @@ def diagnose(
             logs, validate = before.find_logs(list_logs(logs), list_logs(validate))
             model = list(before.model) if model is None and fixed is False else model
         given = read_recordings(logs, validate, Conventions.of(robot), preparation, commands=True)
-        structure, known = _settle_values(robot, model, fixed)
+        structure, known = _settle_values(robot, model, fixed, commanded=given.commanded)
         if given.commanded:
             first = settle_band(structure, given.fitted, preparation)
-            given = given.follow(structure, first, np.random.default_rng(seed), say)
+            given = follow_fitted(given, structure, first, np.random.default_rng(seed), say)
         roles = assign_roles(given.fitted, given.held)
         settled = settle_band(structure, roles.fit, preparation)
         how = preparation if settled.cutoff is None else settled
@@ -340,14 +340,16 @@ def _doubt_logs(opening: Opening) -> tuple[OddLog | None, str]:
 
 
 def _settle_values(
-    robot: Robot, model: ModelLike | None, fixed: Given
+    robot: Robot, model: ModelLike | None, fixed: Given, *, commanded: bool
 ) -> tuple[Structure, KnownValues | None]:
     """Return what is diagnosed, and what is known of the values that it keeps."""
     fit, name = read_given(fixed, robot)
     if fit is not None and model is None:
         structure = fit.structure
     else:
-        structure = Structure.of(robot, choose_model(model, usual_effects(robot)))
+        structure = Structure.of(
+            robot, choose_model(model, usual_effects(robot, commanded=commanded))
+        )
     if fit is not None:
         return structure, know_fit(fit, structure, name)
     if isinstance(fixed, int | float) and not isinstance(fixed, bool):
@@ -355,9 +357,14 @@ def _settle_values(
     return structure, None
 
 
-def usual_effects(robot: Robot) -> tuple[str, ...]:
-    """Return the effects of the model that is diagnosed when none is given."""
-    return default_effects(robot, BASE_EFFECTS)
+def usual_effects(robot: Robot, *, commanded: bool = False) -> tuple[str, ...]:
+    """Return the effects of the model that is diagnosed when none is given.
+
+    Zeros of commands and encoders differ, of which servos make torque: logs of commands have
+    offsets, as they have in every verb.
+    """
+    offsets = ("torque_offset",) if commanded else ()
+    return default_effects(robot, (*BASE_EFFECTS, *offsets))
 
 
 def settle_named(found: Diagnosis) -> Diagnosis:

@@ -52,6 +52,7 @@ from identifiability.workflows.analyze.assessment import (
     decide_told,
     forbidden_signs,
 )
+from identifiability.workflows.analyze.fit import DelayErrors
 from identifiability.workflows.analyze.words import WORSE
 from identifiability.workflows.opening import Opening, find_missing
 from identifiability.workflows.prune.elimination import (
@@ -421,12 +422,14 @@ class Question:
     start : Rung
         The model that pruning starts from.
     estimator : Estimator
+    delays : DelayErrors
     """
 
     opening: Opening
     information: Information
     start: Rung
     estimator: Estimator
+    delays: DelayErrors
 
     @cached_property
     def full(self) -> Estimate | None:
@@ -519,7 +522,7 @@ def measure_rungs(
     missing = find_missing(opening)
     (result,) = assess_ladder(
         own_model, [physical], own, own_held, Thresholds(), rng, replicates, missing,
-        veto=bool(opening.validation),
+        veto=bool(opening.validation), late=question.delays.move,
     )  # fmt: skip
     spread = result.uncertainty
     error, error_unseen = fitted.relative_error(), unseen.relative_error()
@@ -534,7 +537,10 @@ def measure_rungs(
     first = first_allowed(steps)
     weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
     spreads = [
-        resample(told.information, told.estimate, spread.block, rng, replicates)
+        replace(
+            resample(told.information, told.estimate, spread.block, rng, replicates),
+            late=question.delays.move(told.rung),
+        )
         for told in (model.told for model in starmap(question.recall, fits))
     ]
     own_told = own_model[0].told

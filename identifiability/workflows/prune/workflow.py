@@ -36,13 +36,20 @@ from identifiability.regression.reduction import (
     Rung,
     build_ladder,
     find_ladder,
+    full_rung,
     ladder_model,
     unused_ladder,
 )
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.fit import settle_prior, settle_robot, weigh_rows
+from identifiability.workflows.analyze.fit import (
+    DelayErrors,
+    follow_fitted,
+    settle_prior,
+    settle_robot,
+    weigh_rows,
+)
 from identifiability.workflows.analyze.words import compare_logs, state_weak
 from identifiability.workflows.band import settle_band
 from identifiability.workflows.instruments import add_instruments
@@ -172,7 +179,18 @@ def prune(
         structure = Structure.of(robot, ladder_model(source.entry), streams[0])
         reading = share(say, "reading logs", 0.0, 0.1)
         how = settle_band(structure, recordings.fitted, preparation)
-        recordings = recordings.follow(structure, how, streams[0], say)
+        prior, cad_prior = settle_prior(prior, cad_prior, recordings.commanded)
+        recordings = follow_fitted(
+            recordings,
+            structure,
+            how,
+            streams[0],
+            say,
+            method=base,
+            kind=estimator,
+            cad_weight=cad_prior,
+            engine=runner,
+        )
         prepare = partial(prepare_log, robot, how=how, engine=runner, progress=reading)
         opening = open_logs(structure, recordings, prepare, "pruned")
         opening, asked = add_instruments(opening, recordings.fitted, base, estimator)
@@ -180,9 +198,12 @@ def prune(
         information = gather_information(opening.regression, engine=runner, progress=building)
         start = build_ladder(LadderEntry(models=source.entry.models[:1]), structure)[0]
         variation = information.variation * find_signal([s.survey for s in opening.samples])
+        delays = DelayErrors.of(opening, recordings, information, asked, how)
         information, burst = weigh_rows(robot.joints, opening.samples, information, asked)
         asked = settle_noise(asked, start.reduce(information))
-        question = Question(opening=opening, information=information, start=start, estimator=asked)
+        question = Question(
+            opening=opening, information=information, start=start, estimator=asked, delays=delays
+        )
         say("walking down the ladder", 0.4)
         _check_wishes(start, forbid, force)
         suggest = propose_moves if propose else merge_moves
@@ -195,7 +216,6 @@ def prune(
             force=force,
             method=asked,
         )
-        prior, cad_prior = settle_prior(prior, cad_prior, recordings.commanded)
         selected, physical = _choose(question, search, criterion, cad_prior)
         measuring = share(say, "measuring errors", 0.5, 0.7)
         measured = measure_rungs(
@@ -259,6 +279,7 @@ def prune(
                 "preparation": preparation or Preparation(),
             },
             moved=recordings.measure_rollouts(robot, result.physical.parameters()),
+            late=delays.move(full_rung(structure.base)),
             **vars(measured),
         )
 
