@@ -10,6 +10,7 @@ What to use when:
 - `payload` weighs what hangs on a body of a robot that was fitted without it, `compare` says what
   changed between two logs or results;
 - `rollout` moves robots by logged commands and says by how much their positions err;
+- `batch` asks the same of many robots: one table, and a page each;
 - `calibrate` measures how far the answers can be trusted, `export` writes them as a robot file;
 - `Robot.load` and `Log.read` read files; `simulate` makes logs of a robot that is known;
 - `plot` draws the figures of a report one by one;
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from identifiability.robot import Motion, Robot
     from identifiability.simulation import Noise, Trajectory, simulate
     from identifiability.workflows.analyze import Analysis, analyze
+    from identifiability.workflows.batch import Batch, batch
     from identifiability.workflows.calibrate.calibration import Calibration, calibrate
     from identifiability.workflows.compare import Comparison, compare
     from identifiability.workflows.diagnose import Diagnosis, diagnose
@@ -76,6 +78,7 @@ _HOMES = {
         "robot": ("Motion", "Robot"),
         "simulation": ("Noise", "Trajectory", "simulate"),
         "workflows.analyze": ("Analysis", "analyze"),
+        "workflows.batch": ("Batch", "batch"),
         "workflows.calibrate.calibration": ("Calibration", "calibrate"),
         "workflows.compare": ("Comparison", "compare"),
         "workflows.diagnose": ("Diagnosis", "diagnose"),
@@ -95,6 +98,7 @@ _HOMES = {
 __all__ = [
     "Analysis",
     "BaseParameters",
+    "Batch",
     "Calibration",
     "Comparison",
     "Diagnosis",
@@ -125,6 +129,7 @@ __all__ = [
     "Verdict",
     "__version__",
     "analyze",
+    "batch",
     "calibrate",
     "compare",
     "diagnose",

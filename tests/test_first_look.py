@@ -94,6 +94,7 @@ WRITTEN = {
     "demo": ([], ["--folder"]),
     "paper": ([], ["--out"]),
     "new": (["x.pdf"], []),
+    "batch": (["study.toml"], ["--out"]),
 }
 
 

@@ -11,6 +11,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from identifiability.cli.analyze import analyze
+from identifiability.cli.batch import batch
 from identifiability.cli.calibrate import calibrate
 from identifiability.cli.compare import compare
 from identifiability.cli.convert import convert
@@ -37,7 +38,7 @@ app = typer.Typer(
 )
 verbs = (
     *(new, demo, inspect, analyze, prune, diagnose, simulate, excite, predict, export, calibrate),
-    *(payload, compare, rollout, gain, convert, paper),
+    *(payload, compare, rollout, gain, convert, batch, paper),
 )
 for command in verbs:
     app.command(cls=Command)(command)

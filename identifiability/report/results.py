@@ -15,6 +15,7 @@ from identifiability.report.page import render_page
 #: answers what the page answers first.
 PAGES = {
     "identifiability/analysis/1": ("analysis_report", "build_analysis_page", "answer_analysis"),
+    "identifiability/batch/1": ("batch_report", "build_batch_page", "answer_batch"),
     "identifiability/pruning/1": ("pruning_report", "build_pruning_page", "answer_pruning"),
     "identifiability/diagnosis/1": ("diagnosis_report", "build_diagnosis_page", "answer_missing"),
     "identifiability/calibration/1": (

@@ -1,0 +1,88 @@
+"""``identifiability batch``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Argument, Exit, Option
+
+from identifiability.cli import common, options
+from identifiability.cli.common import Reads, Writes
+
+if TYPE_CHECKING:
+    from identifiability.workflows.batch import Batch
+
+
+@options.command
+def batch(
+    study: Annotated[str, Argument(metavar="STUDY.toml"), Reads("study", "TOML")],
+    place: options.Place,
+    out: Annotated[Path | None, Option(), Writes()] = None,
+) -> None:
+    """Ask the same of many robots: one table and one page over all, and a page each.
+
+    **You give** a TOML file that says what is asked (*analyze*, *prune* or *diagnose*), of which
+    robots, and which of their logs are fitted and judge, by pattern:
+
+    ```
+    verb = "analyze"
+
+    [options]
+    quick = true
+
+    [[robots]]
+    each = "fleet/*"
+    file = "{each}/robot.urdf"
+    train = "{each}/fit*.csv"
+    validate = "{each}/unseen*.csv"
+    ```
+
+        identifiability batch fleet.toml --out results
+
+    **You get** in the folder index.html, with a link to the page of each robot, and the same table
+    as table.csv and table.json: verdicts, the model to use, its error on unseen motion, warnings.
+    A robot that cannot be asked has one sentence in its row, and the command ends with code 1.
+
+    **Interrupted?** The same command goes on: what is finished is not done again, and what has
+    another log, robot file, option or program is.
+
+    Parameters
+    ----------
+    study
+        TOML file with verb, options and robots.
+    out
+        Folder of the answers; default: the study's name with -results, beside it.
+    """
+    with common.sentences(), common.progress() as say, place.running() as runner:
+        from identifiability.workflows.batch import batch as run  # noqa: PLC0415
+
+        result = run(study, out, engine=runner, progress=say)
+    print_batch(result)
+    if result.failed:
+        raise Exit(1)
+
+
+def print_batch(result: Batch) -> None:
+    """Print a row a robot, the statement, and where the page and the tables are."""
+    from identifiability.workflows.batch import PAGE, TABLE  # noqa: PLC0415
+
+    rows = [
+        (
+            row.robot,
+            row.model,
+            str(row.verdicts.get("identifiable", 0)) if row.verdicts else "–",
+            "–" if row.parameters is None else str(row.parameters),
+            "–" if row.error_unseen is None else common.percent(row.error_unseen),
+            row.failed or "; ".join(row.missing),
+            str(len(row.warnings)) if row.warnings else "",
+        )
+        for row in result.rows
+    ]
+    headings = ("robot", "model", "identifiable", "of", "unseen error", "missing", "warnings")
+    common.print_table(
+        f"{result.name}: {result.verb}", headings, rows, ("robot", "model", "missing")
+    )
+    table = result.folder / TABLE
+    written = [table, table.with_suffix(".json"), result.folder / PAGE]
+    common.print_end([result.statement], written)
