@@ -10,12 +10,14 @@ from identifiability.foundation.errors import LogError, RobotError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare.longsamples import prepare_samples
+from identifiability.logs.signals import lowpass
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.excite import excite
 from identifiability.workflows.oddities import MeasuredLogs, find_always
+from identifiability.workflows.oddities.contacts import find_aliases
 
 BODY = """<mujoco model="body"><option timestep="0.001" integrator="RK4"/><worldbody>
 <body name="body" pos="0 0 1"><freejoint name="free"/>
@@ -230,3 +232,32 @@ def test_what_does_not_know_bases_that_move_says_so(body, tmp_path):
     saved = Robot.load(stands.save(tmp_path / "saved.xml"))
     assert saved.base is None
     assert Robot.load(robot.save(tmp_path / "moves.xml")).joints == robot.joints
+
+
+def impacts(dt, rng):
+    """Accelerations of a trunk that rings at 300 Hz after each step, every 0.5 ms, in m/s²."""
+    t = np.arange(0, 8, dt)
+    slow = 3 * np.sin(2 * np.pi * (1.1 * t[:, None] + [0.1, 0.4, 0.7])) + [0, 0, 9.81]
+    since = (t + 0.01 * rng.standard_normal()) % 0.25
+    ringing = 60 * np.exp(-since / 0.02) * np.sin(2 * np.pi * 300 * since)
+    return t, slow + ringing[:, None] * [0.2, 0.3, 1.0]
+
+
+@pytest.mark.parametrize("case", ["aliased", "low-passed", "white", "share"])
+def test_impacts_sampled_without_a_low_pass_are_told_and_noise_is_not(case, tmp_path):
+    rng = np.random.default_rng(6)
+    t, acc = impacts(0.0005, rng)
+    if case == "low-passed":
+        acc = lowpass(acc, 0.0005, 80.0)
+    if case in ("white", "share"):
+        acc = lowpass(acc, 0.0005, 20.0)
+    acc = acc[::10]
+    acc *= 1 + 0.03 * rng.standard_normal(acc.shape) * (case == "share")
+    acc += 0.05 * rng.standard_normal(acc.shape)
+    frame = steps()
+    frame["t"], frame[axes("base.acc.")] = t[::10], acc
+    robot = walker(tmp_path, "")
+    log = read(robot, frame)
+    structure = Structure.of(robot, Model.of("rigid_body"))
+    told = find_aliases(MeasuredLogs(structure, (log,), (prepare_samples(robot, log),)))
+    assert any("without a low-pass" in hint for hint in told) == (case == "aliased")

@@ -43,8 +43,8 @@ if TYPE_CHECKING:
 
 #: Why no verdict stands on columns that are read as what they are not, for after "because".
 MISREAD = (
-    "a column seems to have the wrong sign, unit or joint, as the first remark says: mend that, "
-    "and run again"
+    "a column seems to have the wrong sign, unit or joint, or to be aliased, as the first remark "
+    "says: mend that, and run again"
 )
 
 LogLike = Log | LogFile | str | Path | pd.DataFrame | Mapping[str, Any]

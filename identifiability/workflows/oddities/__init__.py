@@ -31,8 +31,8 @@ class Oddities:
     explains : bool
         Whether the first of them explains whatever else contradicts.
     misread : bool
-        Whether it says that columns have the wrong sign, unit or joint: values found from them are
-        those of another robot.
+        Whether it says that columns have the wrong sign, unit or joint, or are aliased: values
+        found from them are those of another robot.
     """
 
     hints: tuple[str, ...] = ()
