@@ -31,6 +31,10 @@ from identifiability.foundation.values import frozen, remember
 #: are held there sooner, by this factor.
 MOST_BYTES, SOONER = 2**28, 8
 
+#: Rows that take more [bytes] are squared for their factor: columns of a basis are at right angles,
+#: so that nothing is lost, and a triangular factor takes three times as long.
+LARGE = 2**22
+
 #: Directions that a basis' rows do not excite get this share of their column's length.
 FLOOR = 1e-6
 
@@ -65,10 +69,11 @@ class ActuatorBlocks:
     @cached_property
     def root(self) -> Array:
         """A factor of ``Zᵀ Z`` over all blocks, (r, r) or fewer rows."""
-        if self.squared:
-            values, vectors = np.linalg.eigh(self.blocks.sum(0))
-            return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
         rows = self.blocks.reshape(-1, self.blocks.shape[2])
+        if self.squared or rows.nbytes > LARGE:
+            gram = self.blocks.sum(0) if self.squared else rows.T @ rows
+            values, vectors = np.linalg.eigh(gram)
+            return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
         root = rows[:0]
         for at in few_at_once(len(rows), rows[:1].nbytes):
             root = triangular_factor(np.vstack([root, rows[at]]))

@@ -616,7 +616,8 @@ class Regression:
     def _find_kept(self, log: int, start: int, samples: Prepared | Stretch) -> Kept | None:
         """Return where chunks of a part are kept; None if they take too much memory."""
         shown = sum(int(np.sum(w[:, 1] - w[:, 0])) for w in self.windows)
-        size = 8 * shown * len(self.robot.actuated) * len(self.parameters)
+        width = len(self.parameters) * (1 if self.instruments is None else 2)
+        size = 8 * shown * len(self.robot.actuated) * width
         if isinstance(samples, LongSamples) or size >= KEEP_BYTES:
             return None
         # What is kept is what is looked at: only all of a log is the same in each regression.

@@ -25,12 +25,18 @@ from identifiability.logs.spectrum import NARROW
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
 
 #: Bands differ if cut-offs do by this factor: that of the refits that values must stay within.
 APART = 2.0
 
-#: Rows of all logs together that are asked.
-ENOUGH = 16_384
+#: Samples of all logs together that are asked, and rows of all joints where these are many.
+ENOUGH, ROWS = 16_384, 98_304
+
+
+def enough_samples(robot: Robot) -> int:
+    """Return how many samples of all logs together are asked."""
+    return min(ENOUGH, ROWS // len(robot.actuated))
 
 
 def settle_band(
@@ -79,7 +85,8 @@ def _score(
     structure: Structure, logs: Sequence[Recording], asked: Sequence[Preparation]
 ) -> list[Score]:
     """Return the errors of measured torque on blocked folds, fitted in each band."""
-    parts = [log.rows(0, min(len(log), ENOUGH // len(logs))) for log in logs]
+    few = enough_samples(structure.robot) // len(logs)
+    parts = [log.rows(0, min(len(log), few)) for log in logs]
     wls, out = find_estimator("wls"), []
     folds: Folds | None = None
     for how in asked:

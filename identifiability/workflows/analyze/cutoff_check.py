@@ -27,15 +27,15 @@ from identifiability.logs.spectrum import NARROW, Band
 from identifiability.regression.gather import gather_information
 from identifiability.workflows.analyze.assessment import RungResult
 from identifiability.workflows.analyze.fit import weigh_rows
-from identifiability.workflows.band import settle_band
+from identifiability.workflows.band import enough_samples, settle_band
 from identifiability.workflows.instruments import follow
 from identifiability.workflows.opening import Opening, Recordings
 
 #: Multiples of the cut-off that are tried.
 FACTORS = (0.5, 2.0)
 
-#: Rows that are fitted again, over all logs, and windows that they lie in where logs are longer.
-ENOUGH, WINDOWS = 16_384, 4
+#: Windows in which samples lie that are fitted again, where logs are longer.
+WINDOWS = 4
 
 #: A move must also be this many times its own standard deviation: there are many parameters.
 SURE = 4.0
@@ -120,7 +120,7 @@ def vary_cutoff(
     cutoffs, structure = [s.cutoff for s in opening.samples], opening.structure
     if not known.any() or None in cutoffs:
         return ""
-    windows = _windows([len(log) for log in logs])
+    windows = _windows([len(log) for log in logs], enough_samples(structure.robot))
 
     def refit(factor: float) -> Estimate | None:
         cut = [replace(how, cutoff=factor * (cutoffs[k] or np.inf)) for k, _, _ in windows]
@@ -182,12 +182,12 @@ def _moves(result: RungResult, base: Estimate, other: Estimate) -> Array:
     return sizes
 
 
-def _windows(lengths: Sequence[int]) -> list[tuple[int, int, int]]:
+def _windows(lengths: Sequence[int], enough: int) -> list[tuple[int, int, int]]:
     """Return log, first and last (exclusive) row of what is fitted again: all, or evenly spaced."""
-    if sum(lengths) <= ENOUGH:
+    if sum(lengths) <= enough:
         return [(k, 0, length) for k, length in enumerate(lengths)]
     pieces = []
     for k, length in enumerate(lengths):
-        edges = np.linspace(0, length, -(-length * WINDOWS // ENOUGH) + 1).astype(int).tolist()
+        edges = np.linspace(0, length, -(-length * WINDOWS // enough) + 1).astype(int).tolist()
         pieces += [(k, a, b) for a, b in pairwise(edges)]
-    return pieces[:: -(-sum(lengths) // ENOUGH)]
+    return pieces[:: -(-sum(lengths) // enough)]
