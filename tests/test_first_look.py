@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 import subprocess
 import sys
 
@@ -11,11 +13,14 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from identifiability.cli import app
+from identifiability.effects import FAMILIES
+from identifiability.estimation.estimate import ESTIMATORS
 from identifiability.foundation.errors import LogError
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.source import check_header
 from identifiability.robot import Robot
 from identifiability.robot.locate import shipped_folder
+from identifiability.simulation.forces import hideable
 
 #: Each takes a tenth of a second or more to import.
 LARGE = ("pandas", "scipy.stats", "matplotlib", "cvxpy", "mujoco", "joblib")
@@ -23,16 +28,23 @@ LARGE = ("pandas", "scipy.stats", "matplotlib", "cvxpy", "mujoco", "joblib")
 
 #: What is typed, the sentence that refuses it, and what is not imported before, beside the above.
 REFUSED = [
-    (["analyze", "missing.urdf", "run.csv"], "There is no robot file", ["pinocchio"]),
+    (["analyze", "missing.urdf", "run.csv"], "There is no robot file", ["numpy"]),
     (["diagnose", "two-link", "no.csv"], "There is no log file", ["pinocchio"]),
     (["predict", "two-link", "result.json", "no.mcap"], "There is no bag", ["pinocchio"]),
     (["prune", "six-dof-arm", "run.csv"], "numbers its joints otherwise", []),
-    (["payload", "two-link", "no.json", "run.csv"], "There is no result file", ["pinocchio"]),
+    (["payload", "two-link", "no.json", "run.csv"], "There is no result file", ["numpy"]),
     (["simulate", "two-link", "no.csv", "--out", "x.csv"], "no motion file", ["pinocchio"]),
-    (["new", "x", "--robot", "no.urdf"], "There is no robot file", ["pinocchio"]),
-    (["excite", "no.urdf", "--out", "x.json"], "There is no robot file", ["pinocchio"]),
+    (["new", "x", "--robot", "no.urdf"], "There is no robot file", ["numpy"]),
+    (["excite", "no.urdf", "--out", "x.json"], "There is no robot file", ["numpy"]),
     (["compare", "two-link", "run.csv", "no.csv"], "There is no log file", ["pinocchio"]),
 ]
+
+#: Verbs whose help names what is registered, where it does, and those names.
+HELPED = {
+    "diagnose": (r"Effects: (.*)", FAMILIES),
+    "simulate": (r"Effects: (.*)", hideable()),
+    "analyze": (r"(\S+) +Weight actuators", ESTIMATORS),
+}
 
 #: Each command in a process of its own, which has imported what every command imports.
 SCRIPT = """
@@ -55,14 +67,17 @@ for words, large in json.load(sys.stdin):
 
 @pytest.fixture(scope="module")
 def said(tmp_path_factory):
-    """What each command of `REFUSED` writes to its two streams."""
+    """What each command of `REFUSED` and `HELPED` writes to its two streams."""
     folder = tmp_path_factory.mktemp("first")
     (folder / "run.csv").write_text("t,q1,tau1\n0,0,0\n")
     (folder / "result.json").write_text("{}")
-    asked = json.dumps([(words, [*LARGE, *also]) for words, _, also in REFUSED])
+    asked = [(words, [*LARGE, *also]) for words, _, also in REFUSED]
+    asked += [([verb, "--help"], [*LARGE, "numpy"]) for verb in HELPED]
+    asked = json.dumps(asked)
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT],
         cwd=folder, input=asked, capture_output=True, text=True, check=True,
+        env={**os.environ, "COLUMNS": "1000"},
     )  # fmt: skip
     streams = (stream.split("<next>\n")[1:] for stream in (done.stdout, done.stderr))
     return list(zip(*streams, strict=True))
@@ -73,6 +88,15 @@ def test_it_is_refused_before_anything_large_is_imported(which, said):
     stdout, stderr = said[which]
     assert REFUSED[which][1] in " ".join(stderr.split())
     assert stdout.split() == ["2"]
+
+
+@pytest.mark.parametrize("which", range(len(HELPED)), ids=list(HELPED))
+def test_a_help_names_what_is_registered_and_imports_none_of_it(which, said):
+    stdout, _ = said[len(REFUSED) + which]
+    text, _, imported = stdout.rstrip("\n").rpartition("\n")
+    assert imported == "0"
+    where, names = list(HELPED.values())[which]
+    assert sorted(re.findall(r"\w+", re.search(where, text)[1])) == sorted(names)
 
 
 #: Options that are written, with what else the verb must be told.

@@ -7,11 +7,12 @@ its options, with help from docstrings.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import asdict, astuple, dataclass, fields, is_dataclass
-from functools import partial, wraps
+from functools import cache, partial, wraps
 from inspect import Parameter, Signature, getdoc, signature
 from pathlib import Path
 from shutil import rmtree
@@ -59,11 +60,29 @@ def shipped_robots() -> list[str]:
     return locate.shipped_robots()
 
 
+#: What a help names, where it is written, and the pattern that finds it there: a help does not
+#: wait the second that importing it takes.
+_NAMED = {
+    "estimation.estimate": ("estimation/least_squares.py", r'^    name: str = "(\w+)"'),
+    "effects.registry": ("effects/*.py", r'^@declare\(.*?^    name = "(\w+)"'),
+    "simulation.forces": ("simulation/forces.py", r'^(?:    |HIDDEN\w* = )"(\w+)"[:,\n]'),
+}
+
+
+def _named(home: str, registered: Callable[[Any], Iterable[str]]) -> list[str]:
+    """Return the names that a module knows, if it is imported, as it is by a plugin, or holds."""
+    module = sys.modules.get(f"identifiability.{home}")
+    if module is not None:
+        return list(registered(module))
+    places, pattern = _NAMED[home]
+    folder, find = Path(__file__).parents[1], re.compile(pattern, re.MULTILINE | re.DOTALL)
+    return [n for p in sorted(folder.glob(places)) for n in find.findall(p.read_text("utf-8"))]
+
+
 def estimators(typed: str = "") -> list[str]:
     """Return the registered estimators that begin so, a plugin's among them."""
-    from identifiability.estimation.estimate import ESTIMATORS  # noqa: PLC0415
-
-    return [name for name in ESTIMATORS if name.startswith(typed)]
+    names = _named("estimation.estimate", lambda module: module.ESTIMATORS)
+    return [name for name in names if name.startswith(typed)]
 
 
 def grouped(
@@ -109,6 +128,7 @@ def grouped(
     return called
 
 
+@cache
 def _options(holder: Any) -> list[Parameter]:
     """Return the parameters of a function or group as typer reads them, with help."""
     told = _HELP.split(getdoc(holder) or "")[-1]
@@ -127,6 +147,7 @@ def _options(holder: Any) -> list[Parameter]:
     return found
 
 
+@cache
 def _marks(holder: Any) -> dict[str, tuple[Any, ...]]:
     """Return what stands beside the options of a function or group in their annotations."""
     hints = get_type_hints(holder, include_extras=True)
@@ -137,13 +158,10 @@ def _marks(holder: Any) -> dict[str, tuple[Any, ...]]:
 def effects(option: str) -> list[str]:
     """Return the effects that an option takes, a plugin's among them."""
     if option == "hide":
-        from identifiability.effects import effect_laws  # noqa: PLC0415
-        from identifiability.simulation.forces import hideable  # noqa: PLC0415
-
-        return hideable(effect_laws())
-    from identifiability.effects.registry import FAMILIES  # noqa: PLC0415
-
-    return list(FAMILIES)
+        registry = sys.modules.get("identifiability.effects.registry")
+        own = () if registry is None else registry.effect_laws()
+        return [*_named("simulation.forces", lambda module: module.hideable()), *own]
+    return _named("effects.registry", lambda module: module.FAMILIES)
 
 
 class Command(typer.core.TyperCommand):

@@ -17,13 +17,24 @@ from inspect import Parameter, signature
 from numbers import Integral, Real
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Literal,
+    ParamSpec,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+)
 from typing import get_type_hints as resolve
-
-import numpy as np
 
 from identifiability.foundation.errors import IdentifiabilityError, near_match
 from identifiability.foundation.values import frozen
+
+if TYPE_CHECKING:  # what is refused at once waits for no library
+    import numpy as np
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -67,7 +78,7 @@ Replicates = Annotated[
 Names = Annotated[Sequence[str], Expected("a list of names")]
 FilePath = Annotated[str | Path, Expected("the path of a file")]
 Rng = Annotated[
-    np.random.Generator, Expected("a random generator, such as numpy.random.default_rng(0)")
+    "np.random.Generator", Expected("a random generator, such as numpy.random.default_rng(0)")
 ]
 
 Levels = Annotated[
@@ -202,6 +213,8 @@ def allows(kind: Any, value: Any) -> bool:
         number = isinstance(value, Integral if kind is int else Real)
         return number and not isinstance(value, bool) and math.isfinite(value)
     if kind is bool:
+        import numpy as np  # noqa: PLC0415
+
         return isinstance(value, (bool, np.bool_))
     if origin is None or origin is Callable:
         return callable(value) if Callable in (kind, origin) else isinstance(value, kind)
@@ -244,7 +257,7 @@ def _words(kind: Any) -> list[str]:
 def _shown(value: Any) -> str:
     """Return a value as the sentence quotes it: short ones as they are, others by their type."""
     plain = isinstance(value, (str, Real, NoneType, bool, list, tuple))
-    text = repr(value.item() if isinstance(value, np.generic) else value) if plain else ""
+    text = repr(value.item() if hasattr(value, "item") else value) if plain else ""
     return text if 0 < len(text) <= _LONGEST else _with_article(type(value).__name__)
 
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field, fields
 from functools import partial
 from typing import Any, TypeVar, dataclass_transform, overload
 
-import numpy as np
-
+# NumPy is imported where there are arrays: what is refused at once waits for no library.
 # `frozen`: what passes between stages, frozen in fact.
 
 
@@ -46,6 +45,7 @@ def _freeze(cls: type[T], *, kw_only: bool) -> type[T]:
     arrays = tuple(n for n, a in annotations.items() if "ndarray" in str(a) or "Array" in str(a))
     own = getattr(cls, "__post_init__", None)
     if arrays:
+        import numpy as np  # noqa: PLC0415
 
         def freeze(self: Any) -> None:
             for name in arrays:
@@ -76,6 +76,8 @@ def _short(self: Any) -> str:
 
 
 def _brief(held: Any) -> str:
+    import numpy as np  # noqa: PLC0415
+
     if isinstance(held, np.ndarray):
         return f"<{'×'.join(map(str, held.shape)) or 'scalar'} {held.dtype}>"
     if isinstance(held, (tuple, list)) and len(held) > 3:
