@@ -1,7 +1,7 @@
 """Write the reference pages that the code itself holds: `python docs/written.py [check]`.
 
-Sidecars and ladders from the models that read them, effects from the registry. `make docs` writes
-them; a test says when a page is no longer what the code says.
+Sidecars and ladders from the models that read them, effects and messages from their registries.
+`make docs` writes them; a test says when a page is no longer what the code says.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from identifiability.foundation.documents import toml_text
 from identifiability.regression.reduction import LadderEntry
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.sidecar import Sidecar
+from identifiability.workflows.oddities.check import CHECKS, Does
 
 DOCS = Path(__file__).resolve().parent
 
@@ -195,6 +196,27 @@ def write_effects() -> tuple[str, dict[str, str]]:
     return "\n".join(out), pictures
 
 
+def write_messages() -> str:
+    """Return the page of what data-quality checks say, by what follows from it."""
+    follows = {
+        Does.MISREADS: "Columns that are read as what they are not",
+        Does.EXPLAINS: "What explains other contradictions",
+        Does.HINTS: "What is only said",
+    }
+    out = []
+    for does, heading in follows.items():
+        out += [f"## {heading}", ""]
+        out += [f"{does[0].upper()}{does[1:]}.", ""] if does is not Does.HINTS else []
+        out += ["| it says | it means | what to do |", "|---|---|---|"]
+        out += [
+            f"| {' | '.join(_cell(x) for x in (c.says, c.means, c.do))} |"
+            for c in CHECKS
+            if c.does is does
+        ]
+        out.append("")
+    return "\n".join(out)
+
+
 #: What stands at the head of each page; it is in lines as docstrings are.
 NOTE = "<!-- Written by docs/written.py from the code: change that, not this page. -->\n"
 SIDECAR = """# The sidecar
@@ -213,6 +235,13 @@ What a model can be made of, by the name that ladders, `--effects` and results u
 effect is one class in a file of its own (`--plugin`). Pictures: torque per unit of each parameter,
 at a joint of an arm that swings.
 """
+MESSAGES = """# Messages
+
+What `inspect` and every verb that reads logs say where a log contradicts the robot file, the limits
+or physics. Each sentence names its columns; … is what changes from log to log. Of two explanations
+the first in this order is given. A message says what was seen, not what is certain: the first
+column is the evidence, the second its usual cause. A check is one function under `@check`.
+"""
 
 
 def pages() -> dict[Path, str]:
@@ -226,6 +255,7 @@ def pages() -> dict[Path, str]:
             write_schema(LadderEntry),
         ),
         "effects": (EFFECTS, effects),
+        "messages": (MESSAGES, write_messages()),
     }
     return {
         **{

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import pandas as pd
 import pytest
 
 from identifiability import Log, Robot, analyze, diagnose, prune
@@ -174,6 +175,16 @@ def test_a_log_with_neither_torque_nor_command_is_refused(arm, frames):
 def test_commands_without_gains_are_refused(frames):
     with pytest.raises(LogError, match="nothing states the gains"):
         read(Robot.load("two-link"), frames[1])
+
+
+def test_commands_of_a_robot_that_floats_by_its_file_are_refused_with_the_option():
+    robot = Robot.load(MODELS / "quadruped" / "robot.xml", base="floating")
+    table = {
+        "t": [0.0, 0.1],
+        **{f"{j}.{k}": [0.0, 0.1] for j in robot.motor_joints for k in ("q", "cmd")},
+    }
+    with pytest.raises(LogError, match=r"'trunk' floats.* add --base fixed"):
+        Log.from_frame(pd.DataFrame(table), conventions=Conventions.of(robot))
 
 
 def test_measured_torque_goes_before_commands(arm, frames):

@@ -188,3 +188,20 @@ def test_what_is_a_copy_does_not_depend_on_the_size_of_the_robot(scale):
     log = measured(noise=0.01, scale=scale)
     assert drop_repeats([log]) == ([log], [], ())
     assert drop_repeats([log, log.cut(700, 1900, "cut")])[0] == [log]
+
+
+def test_coarse_columns_that_come_again_are_no_copies_where_measured_speeds_differ(log):
+    """Encoders and commands have few steps; what a speed sensor adds is new each time."""
+    frame = tiled(log, 3).to_frame()
+    for column in frame.columns[1:]:
+        if column.endswith((".q", ".tau")):
+            step = 0.02 * frame[column].std()
+            frame[column] = np.round(frame[column] / step) * step
+    assert len(drop_repeats([Log.from_frame(frame, "coarse")])[0][0]) == len(log)
+    rng = np.random.default_rng(0)
+    for joint in log.joints:
+        frame[f"{joint}.dq"] = np.gradient(frame[f"{joint}.q"], frame["t"]) + rng.normal(
+            0, 0.02, len(frame)
+        )
+    kept, _, hints = drop_repeats([Log.from_frame(frame, "coarse")])
+    assert (len(kept[0]), hints) == (3 * len(log), ())

@@ -84,6 +84,13 @@ def choose_commands(
     whole = any(f.name.endswith((".q_ref", ".dq_ref")) for f in found.values())
     torque = has_torque([c for c in columns if c not in found], known)
     if whole and (known.commands or not torque):
+        if not torque and known.servo is None and known.base is not None:
+            raise LogError(
+                f"{source} has commands ({listing([repr(c) for c in found], 2)}) and no torque, "
+                f"and the robot file says that '{known.base.body}' floats: torque is made of "
+                "commands only of a robot that is held. If it hung on a stand, add --base fixed "
+                '(or base = "fixed" in the sidecar); if it did not, log the torque.'
+            )
         if not torque and known.servo is None:
             raise LogError(
                 f"{source} has commands ({listing([repr(c) for c in found], 2)}) and no torque, "

@@ -20,12 +20,12 @@ from identifiability.logs.logfile import LogFile
 
 # Rows that are given more than once: copies are no new evidence, however often they come.
 #
-# A measurement that is repeated has noise of its own. Rows whose positions and torques all agree
-# to a ten-thousandth of how much they vary, many rows on end, are therefore copies: a log joined
-# to itself, a cut of another log, a log that was written again with fewer digits. Torque that
-# saturates or has few steps agrees many rows on end by chance, too, where a motion is repeated:
-# only rows in which the torque changes are counted, and how often it then agrees nearby, where the
-# motion does, says how many of them chance explains.
+# A measurement that is repeated has noise of its own. Rows whose positions, torques and, where all
+# logs have them, measured speeds agree to a ten-thousandth of how much they vary, many rows on end,
+# are therefore copies: a log joined to itself, a cut of another log, a log that was written again
+# with fewer digits. Torque that saturates or has few steps agrees many rows on end by chance, too,
+# where a motion is repeated: only rows in which torque or speed changes are counted, and how often
+# these then agree nearby, where the motion does, says how many of them chance explains.
 
 
 #: Values agree within this share of their standard deviation.
@@ -137,8 +137,9 @@ def _first_pass(log: Recording) -> Recording:
     if isinstance(log, Log) or len(_shown(log)) < 2:
         return log
     windows = signals.spread_windows(len(log))
-    shown = [_values(part, log.joints) for part in _shown(log)]
-    near = _near(np.concatenate(shown))
+    kinds = _kinds([log])
+    shown = [_values(part, log.joints, kinds) for part in _shown(log)]
+    near = _near(np.concatenate(shown), len(kinds))
     for (at, _), window in zip(windows, shown, strict=True):
         differs = np.asarray((np.abs(np.diff(window, axis=0)) > near).any(1))
         moves = differs[: len(window) - RUN]
@@ -150,18 +151,19 @@ def _first_pass(log: Recording) -> Recording:
         return log
     # Most rows are told apart by the one column that changes most often there, the last of such: a
     # motion may be repeated, the noise of a torque is not.
-    kinds = [f"{joint}.{kind}" for kind in ("q", "tau") for joint in log.joints]
+    names = [f"{joint}.{kind}" for kind in kinds for joint in log.joints]
     changes = [len(np.unique(x)) for x in np.rint(begin / near).T]
-    one = max(range(len(kinds)), key=lambda k: (changes[k], k))
+    one = max(range(len(names)), key=lambda k: (changes[k], k))
     held, first = np.empty(0), start + 1
-    for values in log.column(kinds[one], first, len(log)):
+    for values in log.column(names[one], first, len(log)):
         held = np.concatenate([held, values])
         like = _where(held[:, None], begin[:, [one]], near[[one]])
         if len(like):
-            rows = _values(log.rows(first, first + len(held)), log.joints)
+            rows = _values(log.rows(first, first + len(held)), log.joints, kinds)
             for k in np.intersect1d(like, _where(rows, begin, near)).tolist():
                 period = first + k - start
-                return log.cut(0, period, log.name) if _comes_again(log, period, near) else log
+                again = _comes_again(log, period, near, kinds)
+                return log.cut(0, period, log.name) if again else log
         first, held = first + max(0, len(held) - RUN + 1), held[1 - RUN :]
     return log
 
@@ -174,18 +176,18 @@ def _where(rows: Array, run: Array, near: Array) -> np.ndarray:
     return at
 
 
-def _comes_again(log: LogFile, period: int, near: Array) -> bool:
+def _comes_again(log: LogFile, period: int, near: Array, kinds: Sequence[str]) -> bool:
     """Return whether all that is looked at from a row on is what came so many rows before."""
     for a, b in signals.spread_windows(len(log)):
         stop = min(b, len(log) - period)
         if stop > a:
             pair = (
-                _values(log.rows(s, e), log.joints)
+                _values(log.rows(s, e), log.joints, kinds)
                 for s, e in ((a, stop), (a + period, stop + period))
             )
             now, then = pair
             same = np.asarray((np.abs(now - then) <= near).all(1))
-            told = _torque_changes(now, near)
+            told = _noise_changes(now, near, len(log.joints))
             if min(same.mean(), same[told].mean() if told.any() else 1.0) < COPY:
                 return False
     return True
@@ -199,7 +201,9 @@ def _find_copies(logs: Sequence[Recording]) -> list[np.ndarray]:
     if not joints or not len(owner):
         return [np.zeros(int((owner == k).sum()), bool) for k in range(len(logs))]
     starts = np.cumsum([0, *(len(p) for _, p in parts)])[:-1]
-    copied = _match(np.concatenate([_values(p, joints) for _, p in parts]), starts)
+    kinds = _kinds(logs)
+    rows = np.concatenate([_values(p, joints, kinds) for _, p in parts])
+    copied = _match(rows, starts, len(joints))
     return [copied[owner == k] for k in range(len(logs))]
 
 
@@ -209,25 +213,33 @@ def _shown(log: Recording) -> list[Log]:
     return [log.rows(a, b) for a, b in signals.spread_windows(len(log))]
 
 
-def _values(log: Log, joints: Sequence[str]) -> Array:
+def _kinds(logs: Sequence[Recording]) -> tuple[str, ...]:
+    """Return the channels in which rows are compared; positions come first."""
+    speeds = all(
+        "dq" in log.channels if isinstance(log, LogFile) else log.dq is not None for log in logs
+    )
+    return ("q", "tau", "dq") if speeds else ("q", "tau")
+
+
+def _values(log: Log, joints: Sequence[str], kinds: Sequence[str]) -> Array:
     at = [log.joints.index(j) for j in joints]
-    return np.concatenate([log.q[:, at], log.tau[:, at]], axis=1)
+    return np.concatenate([getattr(log, kind)[:, at] for kind in kinds], axis=1)
 
 
-def _near(rows: Array) -> Array:
-    """Return how close the values of rows (N, 2n) are taken as equal: positions, then torques."""
-    spread = rows.std(0).reshape(2, -1)
+def _near(rows: Array, kinds: int) -> Array:
+    """Return how close the values of rows (N, kinds · n) are taken as equal."""
+    spread = rows.std(0).reshape(kinds, -1)
     floor = FINEST * spread.max(1, initial=0.0, keepdims=True)
     near: Array = np.maximum(AGREES * spread, np.maximum(floor, np.finfo(float).tiny)).ravel()
     return near
 
 
-def _match(rows: Array, starts: np.ndarray) -> np.ndarray:
-    """Return which rows (N, 2n) continue a run of copies of earlier ones, (N,) bool.
+def _match(rows: Array, starts: np.ndarray, joints: int) -> np.ndarray:
+    """Return which rows continue a run of copies of earlier ones, (N,) bool.
 
-    Runs do not reach over `starts`.
+    Rows are (N, k · joints), positions first; runs do not reach over `starts`.
     """
-    near = _near(rows)
+    near = _near(rows, rows.shape[1] // joints)
     cells = np.rint((rows - rows.mean(0)) / near).astype(np.int64)
     mix = np.random.default_rng(0).integers(1, 2**63, rows.shape[1], np.uint64) | np.uint64(1)
     keys = (cells.astype(np.uint64) * mix).sum(1, dtype=np.uint64)
@@ -245,7 +257,7 @@ def _match(rows: Array, starts: np.ndarray) -> np.ndarray:
     behind = back[since]
     begins = np.diff(behind, prepend=-1) != 0
     begins[starts] = True
-    told = _torque_changes(rows, near)
+    told = _noise_changes(rows, near, joints)
     copied = np.zeros(len(rows), bool)
     for a, b in pairwise([*np.flatnonzero(begins).tolist(), len(rows)]):
         lag, count = int(behind[a]), np.count_nonzero(told[a:b] & ~still[a:b])
@@ -253,16 +265,15 @@ def _match(rows: Array, starts: np.ndarray) -> np.ndarray:
             beside = np.r_[max(lag, a - NEARBY) : a, b : min(len(rows), b + NEARBY)]
             beside = beside[told[beside]]
             same = np.abs(rows[beside] - rows[beside - lag]) <= near
-            moved, again = (np.asarray(half.all(1)) for half in np.hsplit(same, 2))
+            moved, again = (np.asarray(part.all(1)) for part in np.hsplit(same, [joints]))
             chance = again[moved].mean() if moved.any() else 0.0
             copied[a:b] = chance >= COPY or len(rows) * chance**count < CHANCE
     return copied
 
 
-def _torque_changes(rows: Array, near: Array) -> np.ndarray:
-    """Return in which rows (N, 2n) a torque is another than in the row before, (N,) bool."""
-    tau = rows[:, rows.shape[1] // 2 :]
-    changes = np.abs(np.diff(tau, axis=0)) > near[rows.shape[1] // 2 :]
+def _noise_changes(rows: Array, near: Array, joints: int) -> np.ndarray:
+    """Return in which rows a torque or speed is another than in the row before, (N,) bool."""
+    changes = np.abs(np.diff(rows[:, joints:], axis=0)) > near[joints:]
     return np.concatenate([[True], np.asarray(changes.any(1))])
 
 

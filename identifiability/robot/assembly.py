@@ -214,9 +214,13 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     if names is not None and stated.floating is not None:
         names = [*BASE_JOINTS, *(n for n in names if n not in BASE_JOINTS)]
     if extra.actuated is None and stated.undriven:
+        actuator, *pulled = stated.undriven
+        locks = " ".join(f"--lock {j}=…" for j in pulled)
+        held = f" What stands still, as a gripper may, is locked where it does: {locks}."
         raise RobotError(
-            f"{robot.path}: the actuator '{stated.undriven}' drives no single joint; name the "
-            'joints whose torque is measured in the sidecar: actuated = ["joint1", …].'
+            f"{robot.path}: the actuator '{actuator}' drives no single joint; name the joints "
+            'whose torque is measured in the sidecar: actuated = ["joint1", …].'
+            f"{held if pulled else ''}"
         )
     pulling = {cable.name for cable in robot.cables}
     names = [n for n in robot.tree.single if n not in pulling] if names is None else names
@@ -523,7 +527,10 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         speed_limits=np.array([np.inf if limit.v is None else limit.v for limit in limits]),
         acceleration_limits=np.array([np.inf if limit.a is None else limit.a for limit in limits]),
         transmission=_transmission(robot, extra),
-        servo=read_servo(path, extra.servo, stated.servos, robot.joints),
+        # Torque is made of commands of a robot that is held.
+        servo=None
+        if robot.base is not None
+        else read_servo(path, extra.servo, stated.servos, robot.joints),
     )
     lines = (a.name for a in (*(x for x in robot.axes if x.row is not None), *robot.passive_axes))
     along = [k.along for k in extra.known_torque]

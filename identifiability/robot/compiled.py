@@ -123,8 +123,10 @@ def read_forces(path: Path, m: Any, locked: Mapping[str, float]) -> Forces:
     return forces
 
 
-def find_drives(m: Any, locked: Mapping[str, float]) -> tuple[list[str] | None, str]:
+def find_drives(m: Any, locked: Mapping[str, float]) -> tuple[list[str] | None, tuple[str, ...]]:
     """Return the joints that actuators drive (None without actuators), and one that drives none.
+
+    That one's joints, if it pulls some by a tendon, stand behind it.
 
     A joint may have several actuators, say one that holds a position and one that damps; an
     actuator whose joints are all locked drives nothing.
@@ -142,7 +144,14 @@ def find_drives(m: Any, locked: Mapping[str, float]) -> tuple[list[str] | None, 
         for a, j in joints.items()
         if j is None and m.actuator_trntype[a] != _ON_BODY and not _pulls(m, a)
     ]
-    other = (m.actuator(idle[0]).name or f"number {idle[0] + 1}") if idle else ""
+    other: tuple[str, ...] = ()
+    if idle:
+        pulled = m.actuator_trntype[idle[0]] == mujoco.mjtTrn.mjTRN_TENDON
+        arms = (pulled and find_arms(m, int(m.actuator_trnid[idle[0], 0]))) or ()
+        other = (
+            m.actuator(idle[0]).name or f"number {idle[0] + 1}",
+            *(m.joint(j).name for j in arms),
+        )
     return list(dict.fromkeys(names)) if names or other else None, other
 
 

@@ -119,7 +119,9 @@ def test_a_topic_shared_with_a_gripper_is_read_by_naming_the_joints(frame, state
     log = Log.from_frame(read_bag(bag, joints=JOINTS))
     pd.testing.assert_frame_equal(log.to_frame()[COLUMNS], frame[COLUMNS])
     assert refused(bag, joints=["elbow", "finger"]) == (
-        f"{bag} has no joint states on /joint_states that tell of elbow, finger together."
+        f"{bag}: the messages on /joint_states that tell of elbow do not tell of finger, which the "
+        "robot has a motor for. If it does not move (a gripper, say), lock it where it stands: "
+        f"--lock finger={finger[0].position[0]:.4g}."
     )
 
 

@@ -94,6 +94,10 @@ REFUSED = {
             after='<tendon><spatial name="rope" stiffness="1"><site site="s"/><geom geom="drum"/>'
             '<site site="t"/></spatial></tendon>'),
         "the tendon 'rope' has stiffness and bends around a geom"),
+    "gripper on a tendon": (
+        arm(after=TENDON.format("").replace("<joint", '<joint joint="shoulder" coef="1"/><joint'),
+            actuator='<actuator><position tendon="cable" kp="9"/></actuator>'),
+        r"'number 1' drives no single joint; .* --lock shoulder=… --lock elbow=…\."),
     "actuator of a site": (
         arm(inside='<site name="s"/>', actuator=JET),
         r"the actuator 'jet' drives no single joint; .* actuated = \[\"joint1\""),

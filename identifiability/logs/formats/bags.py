@@ -18,12 +18,12 @@ from __future__ import annotations
 import hashlib
 import sqlite3
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -343,12 +343,12 @@ def _collect(
     import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
 
     wanted = () if joints is None else tuple(joints)
-    clocks, rows, all_names = [], [], dict[tuple[str, ...], None]()
+    clocks, rows, groups = [], [], dict[tuple[str, ...], Array]()
     for recorded, message in messages:
         names = tuple(message.name)
+        groups.setdefault(names, np.asarray(message.position, float))
         if joints is None:
             wanted = wanted or names
-            all_names[names] = None
             if sorted(names) != sorted(wanted) or len(set(names)) < len(names):
                 continue
         if wanted and set(wanted) <= set(names):
@@ -358,10 +358,10 @@ def _collect(
             if not len(rows) % 100_000:
                 check_values(path, len(rows) * len(wanted) * len(FIELDS))
             clocks.append((measured.sec * 10**9 + measured.nanosec, recorded))
-    _check_same(path, topic, list(all_names))
+    if joints is None:
+        _check_same(path, topic, list(groups))
     if not rows:
-        together = f" that tell of {listing(joints)} together" if joints else ""
-        raise LogError(f"{path} has no joint states on {topic}{together}.")
+        _refuse_parts(path, topic, groups, wanted)
     stamped, recordings = np.array(clocks, dtype=np.int64).T
     stamp = stamped if stamped.min() > 0 else recordings
     sequence = np.argsort(stamp, kind="stable")
@@ -407,6 +407,28 @@ def _check_same(path: Path, topic: str, groups: Sequence[Sequence[str]]) -> None
             )
             error.joints = {name for group in groups for name in group}
             raise error
+
+
+def _refuse_parts(
+    path: Path, topic: str, groups: Mapping[tuple[str, ...], Array], wanted: Sequence[str]
+) -> NoReturn:
+    """Refuse a topic of which no message tells of all joints; say which those lack that tell most.
+
+    Raises
+    ------
+    LogError
+    """
+    most = max(groups, key=lambda names: len(set(names) & set(wanted)), default=())
+    there, lacking = ([j for j in wanted if (j in most) is told] for told in (True, False))
+    if not there:
+        raise LogError(f"{path} has no joint states on {topic} that tell of {listing(wanted, 4)}.")
+    at = {n: p for names, position in groups.items() for n, p in zip(names, position, strict=False)}
+    locks = " ".join(f"--lock {j}={at.get(j, 0.0):.4g}" for j in lacking)
+    raise LogError(
+        f"{path}: the messages on {topic} that tell of {listing(there, 3)} do not tell of "
+        f"{listing(lacking, 4)}, which the robot has a motor for. If it does not move (a gripper, "
+        f"say), lock it where it stands: {locks}."
+    )
 
 
 def _pick(values: Any, names: Sequence[str], order: Sequence[int]) -> Array | None:

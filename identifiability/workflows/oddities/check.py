@@ -36,6 +36,9 @@ class Check:
     always : bool
         Whether it also looks at logs that have nothing to explain; what it says is of the robot
         file, or of all logs together.
+    says, means, do : str
+        How its sentence begins (… is what changes from log to log), what that means, and the
+        remedy, for the page of messages.
     """
 
     title: str
@@ -43,13 +46,25 @@ class Check:
     find: Find
     rank: int
     always: bool = False
+    says: str = ""
+    means: str = ""
+    do: str = ""
 
 
 #: All checks, by rank.
 CHECKS: list[Check] = []
 
 
-def check(title: str, does: Does, rank: int, *, always: bool = False) -> Callable[[Find], Find]:
+def check(
+    title: str,
+    does: Does,
+    rank: int,
+    *,
+    always: bool = False,
+    says: str = "",
+    means: str = "",
+    do: str = "",
+) -> Callable[[Find], Find]:
     """Register a check; parameters as in `Check`.
 
     Example
@@ -63,7 +78,7 @@ def check(title: str, does: Does, rank: int, *, always: bool = False) -> Callabl
     """
 
     def decorate(find: Find) -> Find:
-        CHECKS.append(Check(title, does, find, rank, always))
+        CHECKS.append(Check(title, does, find, rank, always, says, means, do))
         CHECKS.sort(key=lambda one: one.rank)
         return find
 

@@ -18,7 +18,16 @@ from identifiability.workflows.oddities.measured_logs import MeasuredLogs
 SLIPS, LOOKED = 1 / 3, 5000
 
 
-@check("closed contacts that move", Does.HINTS, 57, always=True)
+@check(
+    "closed contacts that move",
+    Does.HINTS,
+    57,
+    always=True,
+    says="… against the other closed contacts, at up to … % of how fast they do while open",
+    means="A foot or support that is said to stand slips, or its flag, schedule or frame is wrong.",
+    do="Look at the flags of the contact that is named; slipping stretches are left out by "
+    "`schedule`.",
+)
 def find_slips(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return which contacts move while they are said to be closed; nothing if none does."""
     robot = logs.robot

@@ -15,19 +15,47 @@ from identifiability.workflows.oddities.measured_logs import MeasuredLogs
 TURNED = 0.01
 
 
-@check("bodies that cannot exist", Does.HINTS, 51, always=True)
+@check(
+    "bodies that cannot exist",
+    Does.HINTS,
+    51,
+    always=True,
+    says="The robot file states a body that cannot exist. …",
+    means="A mass or moment of the file is negative, or its moments violate the triangle "
+    "inequality: no density has them.",
+    do="Correct `<inertial>` of that body; the nearest real robot and its prior rest on it.",
+)
 def find_bodies(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on bodies of the file that cannot exist, or none."""
     return tuple(filter(None, [find_impossible_bodies(logs.robot)]))
 
 
-@check("a closing position that was computed", Does.HINTS, 52, always=True)
+@check(
+    "a closing position that was computed",
+    Does.HINTS,
+    52,
+    always=True,
+    says="… states no home position: the nearest one that closes its loops is used (…)",
+    means="A closed chain can be assembled in several ways, and the file does not say in which "
+    "it is.",
+    do='State the home position: `<key name="home">` in an MJCF, `[home]` in the sidecar.',
+)
 def find_assembly(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on how loops were closed that the file leaves open, or none."""
     return tuple(filter(None, [logs.robot.describe_assembly()]))
 
 
-@check("noise that turns velocities", Does.HINTS, 53, always=True)
+@check(
+    "noise that turns velocities",
+    Does.HINTS,
+    53,
+    always=True,
+    says="Noise turns the sign of the velocity in … at up to … % of the samples",
+    means="Near standstill the measured speed is noise; the direction of dry friction is then "
+    "taken of the smoothed speed.",
+    do="Nothing must be done. A better speed sensor, or faster motion, tells more of Coulomb "
+    "friction.",
+)
 def find_turned_signs(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return where measured and smoothed velocity disagree in sign; nothing if noise is small."""
     turned = np.zeros(len(logs.joints))
@@ -46,7 +74,16 @@ def find_turned_signs(logs: MeasuredLogs) -> tuple[str, ...]:
     )
 
 
-@check("bodies that no joint reaches", Does.HINTS, 54, always=True)
+@check(
+    "bodies that no joint reaches",
+    Does.HINTS,
+    54,
+    always=True,
+    says="Of …, … and what hangs there was left out: no actuated joint reaches it.",
+    means="The scene holds objects (a table, a free cube) that are no part of the robot.",
+    do="Nothing, unless a joint's actuator is missing: name it in `<actuator>`, or by "
+    "`actuated` in the sidecar.",
+)
 def find_outside(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on bodies that were left out, or none."""
     robot = logs.robot
@@ -58,7 +95,16 @@ def find_outside(logs: MeasuredLogs) -> tuple[str, ...]:
     )
 
 
-@check("torque that never changes", Does.HINTS, 55, always=True)
+@check(
+    "torque that never changes",
+    Does.HINTS,
+    55,
+    always=True,
+    says="The torque in … never changes",
+    means="The column holds one number: it was not measured, or not recorded.",
+    do="Give the right column; where there is none, lock the joint (`--lock`), or log "
+    "commands (a robot with servos).",
+)
 def find_dead(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque columns of one value, or none."""
     surveys = [s.survey for s in logs.samples]
@@ -73,7 +119,15 @@ def find_dead(logs: MeasuredLogs) -> tuple[str, ...]:
     )
 
 
-@check("joints that never move", Does.HINTS, 56, always=True)
+@check(
+    "joints that never move",
+    Does.HINTS,
+    56,
+    always=True,
+    says="… never moves in these logs, so its torque is no data",
+    means="At rest dry friction takes any torque, so that nothing about that joint follows.",
+    do="Move the joint in a log, or lock it: `--lock elbow=0.3`.",
+)
 def find_still(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on joints that stand still, or none."""
     surveys = [s.survey for s in logs.samples]

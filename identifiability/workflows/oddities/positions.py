@@ -23,7 +23,15 @@ OUTSIDE, MARGIN = 0.2, 0.05
 TURN = 2 * np.pi
 
 
-@check("beyond limits", Does.HINTS, 21)
+@check(
+    "beyond limits",
+    Does.HINTS,
+    21,
+    says="Positions leave the limits of the robot file: …",
+    means="The zero, the direction or the unit of a position is another one than the file's.",
+    do="`--angles deg`, another zero (`[columns] elbow = {offset = 1.57}` in the sidecar), "
+    "or better limits in the file.",
+)
 def find_beyond_limits(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on positions beyond the limits that no whole turn explains, or none."""
     robot, said = logs.robot, []
@@ -70,7 +78,14 @@ CHANGES = 12.0
 JUMPS = 6.0
 
 
-@check("hung", Does.HINTS, 22)
+@check(
+    "hung",
+    Does.HINTS,
+    22,
+    says="A column repeats one value and then jumps, although the robot goes on (…)",
+    means="A sensor or its bus stopped for a moment (a stuck sensor); the robot did not.",
+    do="Cut these rows out and give the parts as two logs.",
+)
 def find_hung(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on stretches in which columns hang, or none."""
     said = [

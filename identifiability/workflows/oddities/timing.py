@@ -54,7 +54,16 @@ LONG, STRETCHES, BYTES, EACH = 4096, 24, 3e7, 2
 SLOW = (0.05, 0.2)
 
 
-@check("late", Does.EXPLAINS, 9)
+@check(
+    "late",
+    Does.EXPLAINS,
+    9,
+    says="Torque and motion seem to be apart in time: …",
+    means="Columns were recorded with different delays, or put together from different clocks; "
+    "a millisecond at speed looks like friction or inertia.",
+    do="Shift the columns by what is said, or log what was measured together. Of a base that "
+    "moves, let all channels pass one filter.",
+)
 def find_late(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque or positions that are late or early, or none."""
     said, parts = [], []
@@ -392,7 +401,14 @@ FOLLOWS = 0.6
 SLOW_CLOCK = 0.5
 
 
-@check("time in another unit", Does.MISREADS, 4)
+@check(
+    "time in another unit",
+    Does.MISREADS,
+    4,
+    says="The time may be in another unit than s: …",
+    means="The robot would move far faster or slower than its file allows, or hardly be sampled.",
+    do="`--time-unit ms` (or `us`, `ns`, `min`), or `[time]` in the sidecar.",
+)
 def find_time_scale(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on time in another unit, or none."""
     why = _by_limits(logs) or _by_inertia(logs) or _by_rate(logs)
@@ -463,7 +479,16 @@ def _by_rate(logs: MeasuredLogs) -> str:
 # Velocities or accelerations that contradict what they are derived from.
 
 
-@check("derivative of another motion", Does.MISREADS, 1)
+@check(
+    "derivative of another motion",
+    Does.MISREADS,
+    1,
+    says="A derivative contradicts its position: …",
+    means="A velocity or acceleration column is of another joint, in another unit, late, or "
+    "filtered until little of the motion is left.",
+    do="Leave the column out (it is then computed), or give the right one; `--derivatives "
+    "given` uses it all the same.",
+)
 def find_wrong_rates(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on given derivatives of another motion, or none."""
     found = [f"in {s.name} {note}" for s in logs.samples for note in s.notes if CONTRADICTS in note]

@@ -27,7 +27,15 @@ CARRIED = 0.1
 FELT = 0.05
 
 
-@check("no force", Does.EXPLAINS, 8)
+@check(
+    "no force",
+    Does.EXPLAINS,
+    8,
+    says="By the masses of the robot file, the torque does not carry the weight (…)",
+    means="A joint has to hold weight, and its torque column does not show it.",
+    do="Check what the column is. If a counterweight, spring or brake holds the load, say so "
+    "(a spring in the model, `locked` joints); else leave the joint out.",
+)
 def find_weightless(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on joints whose torque does not carry the file's weight, or none."""
     if not logs.weighs:
@@ -162,7 +170,17 @@ def regress(X: Array, y: Array) -> tuple[Array, Array]:
     return out, halves
 
 
-@check("another share of the weight", Does.MISREADS, 5)
+@check(
+    "another share of the weight",
+    Does.MISREADS,
+    5,
+    says="By the masses of the robot file, …",
+    means="The effort does not carry the robot's weight as it should: it lacks gravity, has the "
+    "other sign, or is that of the motor before its gear.",
+    do="The sentence has the line to write: `compensated = true`, `sign = -1`, or `side = "
+    '"motor"` with `ratio`, under `[torque]` in the sidecar. Where the column is right, '
+    "`gain = 1` there says so.",
+)
 def find_gravity(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque that does not carry the file's weight as it should, or none.
 
@@ -282,7 +300,16 @@ ROUNDS = 3
 UNITS = {"mN·m (or mN)": 1e3, "N·cm": 1e2, "N·mm": 1e3, "kN·m (or kN)": 1e-3}
 
 
-@check("torque in another unit", Does.MISREADS, 6)
+@check(
+    "torque in another unit",
+    Does.MISREADS,
+    6,
+    says="The measured torque … what the masses of the robot file ask for, …",
+    means="The torque column is a current, a percentage, before the gear, or in another unit; "
+    "or the file's masses are guesses.",
+    do="State what one unit gives at the joint: `[torque] gain = {elbow = 110}` (torque "
+    "constant × ratio), or find it from a weighed load (`identifiability gain`).",
+)
 def find_torque_scale(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque whose size contradicts the file's masses, or none.
 
@@ -324,7 +351,15 @@ def find_torque_scale(logs: MeasuredLogs) -> tuple[str, ...]:
     )
 
 
-@check("other masses", Does.EXPLAINS, 7)
+@check(
+    "other masses",
+    Does.EXPLAINS,
+    7,
+    says="The measured torque of … what the masses of the robot file ask for, and bodies of "
+    "other masses explain it better …",
+    means="The robot carries something that its file does not state, and the column is right.",
+    do="Put the tool or load into the robot file. Values are fitted to what moved all the same.",
+)
 def find_other_masses(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on joints that carry bodies of quite other masses than the file's."""
     if not logs.weighs:
@@ -434,7 +469,15 @@ CROWDED = 6.0
 BAND = 0.01
 
 
-@check("at a limit", Does.HINTS, 23)
+@check(
+    "at a limit",
+    Does.HINTS,
+    23,
+    says="Torque stops at an extreme value (…)",
+    means="A drive or sensor saturated: what the torque would have been is not in the log.",
+    do="Leave these stretches out, or move less fast; `limit` in `[servo]` states it for "
+    "commanded robots, whose saturated samples have no weight.",
+)
 def find_saturation(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque columns with flat tops, or none."""
     found: dict[str, tuple[float, float]] = {}
@@ -511,7 +554,16 @@ class _Change:
     says: str = ""
 
 
-@check("exchanged joints, degrees", Does.MISREADS, 2)
+@check(
+    "exchanged joints, degrees",
+    Does.MISREADS,
+    2,
+    says="…: read so, the unpruned model would err by … % instead of … %.",
+    means="Joints, signs or units of columns are other ones than the robot file's: read "
+    "otherwise, the same log makes sense.",
+    do="Look at the joint that is named; `--map OLD=NEW` exchanges columns, `--angles deg` "
+    "reads degrees, and a sign is turned in the log or in the file.",
+)
 def find_exchanged(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on joints that are exchanged, turned, or in degrees, or none."""
     robot, n = logs.robot, len(logs.joints)
@@ -590,7 +642,15 @@ def _error(logs: MeasuredLogs, change: _Change) -> float:
 # Torque columns that are exchanged or have the wrong sign (`regression.mix_up`).
 
 
-@check("exchanged or turned torque", Does.MISREADS, 3)
+@check(
+    "exchanged or turned torque",
+    Does.MISREADS,
+    3,
+    says="The torque columns seem to be exchanged: …",
+    means="Two torque columns are exchanged, or one has the other sign: friction or rotor "
+    "inertia would come out negative.",
+    do="`--map OLD=NEW` for columns, `[torque] sign = -1` in the sidecar for a sign.",
+)
 def find_turned_torque(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque columns that are mixed up, or none."""
     structure = logs.structure
