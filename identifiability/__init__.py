@@ -25,6 +25,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from identifiability.foundation import __version__
 from identifiability.foundation.handed import hand_down
 
 if TYPE_CHECKING:
@@ -57,7 +58,6 @@ if TYPE_CHECKING:
     from identifiability.workflows.rollout import RolledOut, rollout
     from identifiability.workflows.study import Study, new_study
 
-__version__ = "0.1.0"
 
 #: Where each public name stands.
 _HOMES = {

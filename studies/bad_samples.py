@@ -56,7 +56,7 @@ from identifiability.simulation import (
     simulate,
 )
 from identifiability.workflows.analyze import Analysis, analyze
-from identifiability.workflows.analyze.fit import weigh_rows
+from identifiability.workflows.session import weigh_rows
 
 ROBOTS = {"3-rps": "601", "five-bar": "a", "two-link": "a", "six-dof-arm": "a"}
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")

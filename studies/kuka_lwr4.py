@@ -30,7 +30,7 @@ from identifiability.regression.reduction import Rung, build_ladder, ladder_mode
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis, analyze
-from identifiability.workflows.analyze.fit import weigh_rows
+from identifiability.workflows.session import weigh_rows
 
 #: Known relative errors [%], lowest and highest: (model, fitted to, validated on).
 KNOWN = {

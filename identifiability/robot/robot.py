@@ -97,6 +97,11 @@ class Robot(Description):
         return Robot(**{**stated, **own, "time_unit": time_unit or known.time_unit})
 
     @staticmethod
+    def of(robot: Robot | str | Path) -> Robot:
+        """Return the robot, read as by `load` where a file or a shipped name is given."""
+        return robot if isinstance(robot, Robot) else Robot.load(robot)
+
+    @staticmethod
     @checked
     def from_dh(table: DhSource, out: FilePath | None = None) -> Robot:
         """Write the robot file of a table of Denavit and Hartenberg, and read it.

@@ -78,7 +78,7 @@ def simulate(
     """
     rng = rng or np.random.default_rng(seed)
     noise = Noise.parse(noise) if isinstance(noise, str) else noise or Noise()
-    robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+    robot = Robot.of(robot)
     robot.check_stands("simulation")
     campaign = Campaign.of(robot, [motion], parameters)
     move = campaign.moves[0]

@@ -332,7 +332,7 @@ def identify_gains(
     LogError, OptionError
     """
     with threadpool_limits(1):
-        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        robot = Robot.of(robot)
         robot.check_stands("identifying gains")
         if robot.known_torque:  # in N·m, and what the columns are in is what is asked
             raise OptionError(

@@ -57,6 +57,10 @@ Progress = Annotated[
 ]
 
 
+def quiet(_text: str, _share: float) -> None:
+    """Tell no progress."""
+
+
 @frozen
 class Recordings:
     """Logs as they were measured, every row once.

@@ -8,7 +8,7 @@ from hashlib import sha256
 
 import clarabel
 
-from identifiability import __version__
+from identifiability.foundation import __version__
 from identifiability.foundation.engines.resume import NUMERICS, find_version
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.reduction import LadderSource

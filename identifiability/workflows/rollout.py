@@ -252,7 +252,7 @@ def rollout(
         With one sentence on what to do.
     """
     with one_thread("blas"):
-        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        robot = Robot.of(robot)
         robot.check_stands("rolling out commands")
         if robot.servo is None:
             raise RobotError(f"{robot.path} {NO_SERVO}")

@@ -26,10 +26,10 @@ from identifiability.logs.repeats import Recording
 from identifiability.logs.spectrum import NARROW, Band
 from identifiability.regression.gather import gather_information
 from identifiability.workflows.analyze.assessment import RungResult
-from identifiability.workflows.analyze.fit import weigh_rows
 from identifiability.workflows.band import enough_samples, settle_band
 from identifiability.workflows.instruments import follow
 from identifiability.workflows.opening import Opening, Recordings
+from identifiability.workflows.session import weigh_rows
 
 #: Multiples of the cut-off that are tried.
 FACTORS = (0.5, 2.0)

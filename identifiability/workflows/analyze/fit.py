@@ -1,34 +1,22 @@
-"""Fit the models of a ladder, and find the real robots nearest to them; predict in turns.
-
-Rows count by their noise, and outlying stretches less.
-"""
+"""Fit the models of a ladder, and find the real robots nearest to them; predict in turns."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
-from itertools import pairwise
 
 import numpy as np
 
-from identifiability.estimation.estimate import Kind, Method, forget_noise, settle_noise, weigh_logs
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.evidence import Folds, Held, Score, near_best
 from identifiability.estimation.least_squares import Noise, leave_open
-from identifiability.estimation.outliers import Outliers, weigh_outliers
 from identifiability.estimation.prediction import Task
 from identifiability.estimation.torque_errors import take_turns
-from identifiability.foundation.engines.local import Serial
-from identifiability.foundation.engines.mapping import Engine
-from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import REACH
-from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Preparation, Samples, prepare_samples
-from identifiability.logs.prepare.longsamples import Prepared, prepare_log
-from identifiability.physical.cad_prior import SHARE, WEAK, WEIGHTS, share_weight
+from identifiability.logs.prepare import Samples, prepare_samples
+from identifiability.physical.cad_prior import WEAK, WEIGHTS
 from identifiability.physical.feasibility import (
     PhysicalResult,
     certify_model,
@@ -40,169 +28,9 @@ from identifiability.physical.feasibility import (
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import Rung, full_rung
+from identifiability.regression.reduction import Rung
 from identifiability.regression.structure import Structure
-from identifiability.workflows.instruments import add_instruments
-from identifiability.workflows.opening import Opening, Progress, Recordings, open_logs
-
-# What rows count: by their noise, and outlying stretches less.
-
-
-#: Stretches that are listed.
-LISTED = 3
-
-
-def weigh_rows(
-    joints: Sequence[str],
-    samples: Sequence[Prepared],
-    information: Information,
-    estimator: Estimator,
-) -> tuple[Information, str]:
-    """Return the information with rows weighed by their noise, and a sentence on outliers if any.
-
-    Outlying stretches are weighed down, and logs count by their noise. Said is what would have
-    moved a value out of its interval.
-
-    Parameters
-    ----------
-    joints : sequence of str
-        The n actuated ones.
-    samples : sequence of Samples
-        The logs that are fitted.
-    information : Information
-        About all columns.
-    estimator : Estimator
-    """
-    weighed, found = weigh_outliers(information, forget_noise(estimator))
-    weighed = weigh_logs(weighed, estimator)
-    if found is None or found.moved.max() <= REACH:
-        return weighed, ""
-    most = int(np.argmax(found.moved))
-    return weighed, (
-        f"{_where(joints, samples, found)} is weighed down in the fit: with its whole weight "
-        f"{information.columns[most]} moves by {found.moved[most]:.1f} of its standard deviations. "
-        "Errors count it. Look at what happened there."
-    )
-
-
-def _where(joints: Sequence[str], samples: Sequence[Prepared], found: Outliers) -> str:
-    """Return where outliers are, the farthest first, and how far from the model."""
-    ends = np.flatnonzero((np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])) + 1
-    stretches = list(pairwise([0, *ends.tolist(), len(found.log)]))
-    stretches.sort(key=lambda ab: -float(found.beyond[ab[0] : ab[1]].max()))
-    named = []
-    for a, b in stretches:
-        log = samples[int(found.log[a])]
-        start, stop = _times(log, int(found.first[a]), int(found.last[b - 1]))
-        named.append(f"{log.name} from t = {start:.5g} to {stop:.5g} s")
-    beyond = found.beyond.max(0)
-    worst = int(np.argmax(beyond))
-    return (
-        f"{listing(named, LISTED)}: the torque of {joints[worst]} is up to "
-        f"{np.sqrt(beyond[worst]):.0f} times farther from the model than usual, and"
-    )
-
-
-def _times(samples: Prepared, first: int, last: int) -> Array:
-    """Return the times of two outputs [s], of the second the one before it; of long logs about."""
-    if isinstance(samples, Samples):
-        return samples.output_times()[[first, last - 1]]
-    survey, at = samples.survey, np.array([first, last])
-    times: Array = survey.start + (survey.stop - survey.start) * at / survey.outputs
-    return times
-
-
-# Fit the models of a ladder, and find the real robots nearest to them; predict in turns.
-
-
-def settle_prior(
-    share: float | None, cad_weight: float | None, commanded: bool
-) -> tuple[float, float | None]:
-    """Return the share within which bodies are the file's, 0 for none, and its prior's weight.
-
-    Parameters
-    ----------
-    share, cad_weight : float or None
-        As asked for.
-    commanded : bool
-        Whether torque comes from commands: then there is a share where nobody says otherwise.
-
-    Raises
-    ------
-    OptionError
-        If both are asked for.
-    """
-    if share is not None and cad_weight is not None:
-        raise OptionError(
-            "--prior and --cad-prior say the same twice: a share of 0.2 is the weight "
-            f"{share_weight(0.2):g}; give one."
-        )
-    if share is None:
-        share = SHARE if commanded and cad_weight is None else 0.0
-    return share, share_weight(share) if share else cad_weight
-
-
-#: A robot is fitted to what commands make of torque, and this is calibrated on it, so often.
-ROUNDS = 5
-
-#: Share of the squared error of rollouts that is worth another one.
-GAINED = 0.1
-
-
-def follow_fitted(
-    recordings: Recordings,
-    structure: Structure,
-    how: Preparation,
-    rng: np.random.Generator,
-    say: Progress,
-    *,
-    method: Method = "wls",
-    kind: Kind = "auto",
-    cad_weight: float | None = share_weight(SHARE),
-    engine: Engine | None = None,
-) -> Recordings:
-    """Return logs with torque of commands, calibrated on rollouts of a robot that is fitted to it.
-
-    Bodies that the file weighs wrongly move the delay with which its rollouts follow, and servos
-    that are stiff make much torque of that: so it is found again with the bodies fitted, until it
-    moves by less than its own error. Rollouts that err more are refused. Where all that moved it
-    by less than the error it was first stated with, the first is as good.
-    """
-    first = recordings.follow(structure, how, rng, say)
-    if first.rolled is None or not first.rolled.delay_errors.any():  # none, or delays are known
-        return first
-    recordings, before = first, first.rolled
-    for _ in range(ROUNDS):
-        own = replace(recordings, held=())
-        opening = open_logs(
-            structure,
-            own,
-            partial(prepare_log, structure.robot, how=how, engine=engine or Serial()),
-        )
-        if opening.silence or opening.misread:
-            break
-        opening, estimator = add_instruments(opening, own.fitted, method, kind)
-        information = gather_information(opening.regression, engine=engine)
-        information, _ = weigh_rows(structure.robot.joints, opening.samples, information, estimator)
-        estimator = settle_noise(estimator, information)
-        rung = full_rung(opening.structure.base)
-        model = FittedModel.of(opening.structure, rung, information, estimator)
-        values = find_nearest(model, cad_weight or WEAK).parameters()
-        if not values:
-            break
-        better = recordings.follow(structure, how, rng, say, values)
-        after = better.rolled
-        if after is None:
-            break
-        gained = 1 - float(np.mean((after.errors / before.errors) ** 2))
-        if gained < 0:
-            break
-        settled = np.abs(after.delays - before.delays) <= after.delay_errors
-        recordings, before = better, after
-        if settled.all() and gained < GAINED:
-            break
-    moved = np.abs(before.delays - first.rolled.delays) > first.rolled.delay_errors
-    return recordings if moved.any() else first
+from identifiability.workflows.session import Session, Weighed
 
 
 @frozen
@@ -223,23 +51,16 @@ class DelayErrors:
     estimator: Estimator
 
     @classmethod
-    def of(
-        cls,
-        opening: Opening,
-        recordings: Recordings,
-        information: Information,
-        estimator: Estimator,
-        how: Preparation,
-    ) -> DelayErrors:
+    def of(cls, session: Session, rows: Weighed) -> DelayErrors:
         """Return them for samples that are fitted; none where torque comes from no command."""
-        robot, later = opening.structure.robot, list[Information]()
-        for k, log in () if opening.silence else recordings.later.items():
+        opening, later = rows.opening, list[Information]()
+        for k, log in () if opening.silence else session.recordings.later.items():
             samples = list(opening.samples)
-            own, moved = samples[k], prepare_samples(robot, log, how)
+            own, moved = samples[k], prepare_samples(opening.robot, log, session.how)
             if isinstance(own, Samples) and moved.tau.shape == own.tau.shape:
                 samples[k] = replace(own, tau=moved.tau)
                 later.append(gather_information(opening.structure.regression(samples)))
-        return cls(information, tuple(later), estimator)
+        return cls(rows.alike, tuple(later), rows.estimator)
 
     def move(self, rung: Rung) -> Array:
         """Return by how much each of them moves the values of a model, (L, k)."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from identifiability.estimation.estimate import Kind, Method, find_estimator, settle_noise
-from identifiability.estimation.prediction import Task, predict, predict_all
+from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.options import (
@@ -19,13 +19,13 @@ from identifiability.foundation.options import (
     renamed,
     settle_count,
 )
-from identifiability.logs.conventions import Conventions
+from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.repeats import Recording
-from identifiability.regression.gather import gather_information
+from identifiability.regression.information import Information
 from identifiability.regression.reduction import (
     LadderLike,
+    Rung,
     build_comparison,
     find_ladder,
     ladder_model,
@@ -39,29 +39,21 @@ from identifiability.workflows.analyze.assessment import (
 )
 from identifiability.workflows.analyze.belief import believe
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.fit import (
-    DelayErrors,
-    fit_ladder,
-    follow_fitted,
-    settle_prior,
-    weigh_rows,
-)
+from identifiability.workflows.analyze.fit import DelayErrors, FittedLadder, fit_ladder
 from identifiability.workflows.analyze.result import Analysis
 from identifiability.workflows.analyze.words import compare_logs, doubt, state_weak
-from identifiability.workflows.band import settle_band
 from identifiability.workflows.gravity import Leaning, find_leaning, state_leaning
-from identifiability.workflows.instruments import add_instruments
 from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.opening import (
     Logs,
     Opening,
     Progress,
     find_missing,
-    open_logs,
-    read_recordings,
+    quiet,
     running,
     share,
 )
+from identifiability.workflows.session import Session, Weighed, settle_prior
 
 
 @renamed(cad_weight="cad_prior")
@@ -135,144 +127,170 @@ def analyze(
     IdentifiabilityError
         With one sentence on what to do.
     """
-    say = progress or (lambda _text, _share: None)
-    base, draws = find_estimator(method), settle_count(replicates, 2000, 200, quick=quick)
+    say, base = progress or quiet, find_estimator(method)
+    draws = settle_count(replicates, 2000, 200, quick=quick)
     streams = np.random.default_rng(seed).spawn(3)
     with one_thread("blas"):
-        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        robot = Robot.of(robot)
         source = find_ladder(robot, ladder, beside=True)
         with running(engine) as runner:  # workers are gone when their memory is wanted elsewhere
-            say("reading logs", 0.0)
-            recordings = read_recordings(
-                logs, validate, Conventions.of(robot), preparation, commands=True
-            )
             structure = Structure.of(robot, ladder_model(source.entry), streams[0])
-            how = settle_band(structure, recordings.fitted, preparation)
-            share_, cad_prior = settle_prior(prior, cad_prior, recordings.commanded)
-            recordings = follow_fitted(
-                recordings,
-                structure,
-                how,
-                streams[0],
-                say,
-                method=base,
-                kind=estimator,
-                cad_weight=cad_prior,
-                engine=runner,
-            )
-            reading = share(say, "reading logs", 0.1, 0.3)
-            opening = open_logs(
-                structure,
-                recordings,
-                partial(prepare_log, robot, how=how, engine=runner, progress=reading),
-            )
-            opening, chosen = add_instruments(opening, recordings.fitted, base, estimator)
-            structure = opening.structure
-            rungs = build_comparison(source.settle(commanded=recordings.commanded), structure)
-            regression, silence = opening.regression, opening.silence
-            information = gather_information(
-                regression,
-                engine=runner,
-                progress=share(say, "building the regression", 0.3, 0.6),
-            )
-            say("fitting models", 0.6)
-            burst, late = "", DelayErrors.of(opening, recordings, information, chosen, how)
-            if not silence:
-                information, burst = weigh_rows(robot.joints, opening.samples, information, chosen)
-                chosen = settle_noise(chosen, information)
-            ladder_ = fit_ladder(structure, rungs, information, chosen, cad_prior, silence)
-            models, values = ladder_.models, ladder_.values
-            tasks = [Task(values[None])]
-            if not opening.validation and not silence:
-                tasks.append(ladder_.in_turns())
-            predicting = share(say, "predicting torque", 0.65, 0.9)
-            fitted, *crossed = predict_all(regression, tasks, engine=runner, progress=predicting)
-            del tasks  # with the folds, whose memory the judging needs
-            if opening.validation:
-                held = structure.regression(opening.validation)
-                crossed = [predict(held, values[:, : 2 * len(models)], engine=runner)]
-        say("judging parameters", 0.9)
-        thresholds, (out,) = Thresholds(), crossed or (fitted,)
-        results = assess_ladder(
-            models,
-            ladder_.robots,
-            fitted,
-            out,
-            thresholds,
-            streams[1],
-            draws,
-            missing := find_missing(opening),
-            veto=bool(opening.validation),
-            late=late.move,
-        )
-        at = select_model(results, ladder_.near)
-        results, contradicted = tell_with_file(models, results, share_, thresholds)
-        results, nothing = doubt(silence or opening.misread, results, at, out)
-        leaning, leans = _seek_leaning(opening, recordings.fitted, nothing)
-        several = compare_logs(robot.joints, opening.samples, information, results[at])
-        belief = None
-        if posterior:
-            results, belief = believe(
-                structure, information, results, at, streams[2], say, silence or opening.misread
-            )
-        # Exchanged columns, a wrong unit or late torque explain whatever else is odd.
-        after = (
-            ()
-            if opening.explained
-            else (state_weak(results[at]), several.hint, results[at].warning)
-        )
-        return Analysis(
-            structure=structure,
-            samples=opening.samples,
-            validation=opening.validation,
-            hints=tuple(
-                filter(
-                    None,
-                    (
-                        *leans,
-                        *opening.hints,
-                        burst,
-                        contradicted[at],
-                        ladder_.short,
-                        # Torque that was calibrated at one cut-off is not that of another.
-                        *(
-                            ()
-                            if recordings.commanded
-                            else check_cutoff(opening, recordings, results[at], how)
-                        ),
-                        *after,
-                        belief.hint if belief else None,
-                    ),
-                )
-            ),
-            information=information,
-            folds=ladder_.folds,
-            models=results,
-            selected=at,
-            fitted=fitted.select(range(len(rungs))),
-            held_out=out.select(range(len(rungs))),
-            method=base.name,
-            seed=seed,
-            belief=belief,
-            thresholds=thresholds,
-            source=source,
-            settings={
-                "estimator": estimator,
-                "replicates": draws,
-                "posterior": posterior,
-                "cad_prior": cad_prior,
-                "prior": share_,
-                "preparation": preparation or Preparation(),
-            },
-            nothing=nothing,
-            recordings=recordings.fitted,
-            several=several,
-            leaning=leaning,
-            missing=missing,
-            commands=opening.commands,
-            moved=recordings.measure_rollouts(robot, results[at].physical.parameters()),
-            late=late.move(models[0].rung) @ models[0].rung.M.T,
-        )
+            session = Session.read(structure, logs, validate, preparation, say, runner)
+            commanded = session.recordings.commanded
+            share_, cad_prior = settle_prior(prior, cad_prior, commanded)
+            session = session.follow_fitted(streams[0], base, estimator, cad_prior)
+            rows = session.weigh(session.open(), base, estimator)
+            rungs = build_comparison(source.settle(commanded=commanded), rows.opening.structure)
+            fitted = _fit(session, rows, rungs, cad_prior)
+        settings = {
+            "estimator": estimator,
+            "replicates": draws,
+            "posterior": posterior,
+            "cad_prior": cad_prior,
+            "prior": share_,
+            "preparation": preparation or Preparation(),
+        }
+        found = _judge(session, fitted, streams[1], draws, share_, base.name, seed, settings)
+        moved = session.recordings.measure_rollouts(robot, found.chosen.physical.parameters())
+        found = replace(found, source=source, moved=moved)
+        return _sample(found, streams[2], say) if posterior else found
+
+
+def _sample(found: Analysis, rng: np.random.Generator, say: Progress) -> Analysis:
+    """Return the analysis with the posteriors of the selected model."""
+    known = found.structure, found.information, found.models, found.selected
+    models, belief = believe(*known, rng, say, found.silence or found.misread)
+    hint = (belief.hint,) if belief and belief.hint else ()
+    return replace(found, models=models, belief=belief, hints=(*found.hints, *hint))
+
+
+@frozen
+class _Fitted:
+    """Models that were fitted, and what they predict.
+
+    Attributes
+    ----------
+    opening : Opening
+    information : Information
+    ladder : FittedLadder
+    within, out : Prediction
+        On the fitted logs, and on others, or in turns.
+    late : DelayErrors
+    burst : str
+        A sentence on outliers, if any.
+    """
+
+    opening: Opening
+    information: Information
+    ladder: FittedLadder
+    within: Prediction
+    out: Prediction
+    late: DelayErrors
+    burst: str
+
+
+def _fit(
+    session: Session, rows: Weighed, rungs: Sequence[Rung], cad_prior: float | None
+) -> _Fitted:
+    """Fit the models, and predict torque by them."""
+    say, engine, opening = session.say, session.engine, rows.opening
+    say("fitting models", 0.6)
+    late, estimator = DelayErrors.of(session, rows), rows.estimator
+    if not opening.silence:
+        estimator = settle_noise(estimator, rows.information)
+    ladder = fit_ladder(
+        opening.structure, rungs, rows.information, estimator, cad_prior, opening.silence
+    )
+    values = ladder.values
+    tasks = [Task(values[None])]
+    if not opening.validation and not opening.silence:
+        tasks.append(ladder.in_turns())
+    predicting = share(say, "predicting torque", 0.65, 0.9)
+    within, *out = predict_all(opening.regression, tasks, engine=engine, progress=predicting)
+    if opening.validation:
+        held = opening.structure.regression(opening.validation)
+        out = [predict(held, values[:, : 2 * len(ladder.models)], engine=engine)]
+    return _Fitted(
+        opening, rows.information, ladder, within, (out or [within])[0], late, rows.burst
+    )
+
+
+def _judge(
+    session: Session,
+    fitted: _Fitted,
+    rng: np.random.Generator,
+    draws: int,
+    within: float,
+    method: str,
+    seed: int,
+    settings: Mapping[str, object],
+) -> Analysis:
+    """Judge every parameter of every model, and choose one of these.
+
+    Parameters
+    ----------
+    session : Session
+    fitted : _Fitted
+    rng : numpy.random.Generator
+    draws : int
+        Of the bootstrap.
+    within : float
+        Share within which bodies are the file's, 0 for none.
+    method : str
+    seed : int
+    settings : mapping
+        As asked for.
+    """
+    opening, ladder, out = fitted.opening, fitted.ladder, fitted.out
+    recordings, thresholds = session.recordings, Thresholds()
+    whole = ladder.models[0].rung
+    missing, unseen = find_missing(opening), bool(opening.validation)
+    results = assess_ladder(
+        ladder.models,
+        ladder.robots,
+        fitted.within,
+        out,
+        thresholds,
+        rng,
+        draws,
+        missing,
+        veto=unseen,
+        late=fitted.late.move,
+    )
+    at = select_model(results, ladder.near)
+    results, contradicted = tell_with_file(ladder.models, results, within, thresholds)
+    results, nothing = doubt(opening.silence or opening.misread, results, at, out)
+    leaning, leans = _seek_leaning(opening, recordings.fitted, nothing)
+    joints = session.structure.robot.joints
+    several = compare_logs(joints, opening.samples, fitted.information, results[at])
+    hints = [*leans, *opening.hints, fitted.burst, contradicted[at], ladder.short]
+    if not recordings.commanded:  # torque that was calibrated at one cut-off is not that of another
+        hints += check_cutoff(opening, recordings, results[at], session.how)
+    if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest
+        hints += [state_weak(results[at]), several.hint, results[at].warning]
+    return Analysis(
+        structure=opening.structure,
+        samples=opening.samples,
+        validation=opening.validation,
+        hints=tuple(filter(None, hints)),
+        information=fitted.information,
+        folds=ladder.folds,
+        models=results,
+        selected=at,
+        fitted=fitted.within.select(range(len(results))),
+        held_out=out.select(range(len(results))),
+        method=method,
+        seed=seed,
+        settings=settings,
+        thresholds=thresholds,
+        nothing=nothing,
+        recordings=recordings.fitted,
+        several=several,
+        leaning=leaning,
+        missing=missing,
+        commands=opening.commands,
+        late=fitted.late.move(whole) @ whole.M.T,
+    )
 
 
 def _seek_leaning(

@@ -58,7 +58,7 @@ from identifiability.workflows.calibrate.world import (
     repeat,
 )
 from identifiability.workflows.diagnose import FalseNames, measure_false_names
-from identifiability.workflows.opening import Progress, in_memory, require_signal, share
+from identifiability.workflows.opening import Progress, in_memory, quiet, require_signal, share
 
 # `Answer`: may the intervals and verdicts of the model to use be trusted? In three lines.
 
@@ -522,71 +522,30 @@ def calibrate(
     result = analysis.models[analysis.find_model(model or _asked(analysis))]
     *streams, last, making = np.random.default_rng(seed).spawn(len(noise) * len(rho) + 2)
     world, own = _world(analysis, result, refits, making)
+    runner, say = engine or Serial(), progress or quiet
+    trial = _Trials(world, runner, result.rung.columns)
     pairs = [(level, r) for r in rho for level in noise]
     counts = [FIRST * trials, *[trials] * (len(pairs) - 1)]
-    seeds = [spawn_seeds(rng, count) for rng, count in zip(streams, counts, strict=True)]
-    runner, say = engine or Serial(), progress or (lambda _text, _share: None)
-    sizes = world.noise.sd
-
-    def simulate(
-        wanted: Sequence[tuple[ResidualNoise, Cause, Seeds]], steps: Steps
-    ) -> list[list[tuple[Outcome, Array]]]:
-        """Return the repetitions of each cell."""
-        items = [
-            (like, causes, own[k : k + BATCH])
-            for like, causes, own in wanted
-            for k in range(0, len(own), BATCH)
-        ]
-        found = chain.from_iterable(runner.map(partial(repeat, world), items, progress=steps))
-        return [list(islice(found, len(own))) for _, _, own in wanted]
-
-    def count(trials: Sequence[tuple[Outcome, Array]], level: float, r: float) -> Cell:
-        outcomes, truths = zip(*trials, strict=True)
-        return count_outcomes(outcomes, result.rung.columns, np.array(truths), level, r)
-
-    like = [world.noise if np.isnan(r) else ResidualNoise.first_order(sizes, r) for _, r in pairs]
     wanted = [
-        (n.scaled(level), EVERYTHING, own_seeds)
-        for n, (level, _), own_seeds in zip(like, pairs, seeds, strict=True)
+        (_noise_like(world, r).scaled(level), EVERYTHING, spawn_seeds(rng, count))
+        for (level, r), rng, count in zip(pairs, streams, counts, strict=True)
     ]
-    found = simulate(wanted, share(say, "simulating repetitions", 0.0, 0.7))
-    cells = tuple(count(f, *pair) for f, pair in zip(found, pairs, strict=True))
+    found = trial.simulate(wanted, share(say, "simulating repetitions", 0.0, 0.7))
+    cells = tuple(trial.count(f, *pair) for f, pair in zip(found, pairs, strict=True))
     effects: tuple[Effect, ...] = ()
     if not analysis.nothing and decide(cells[0]) == "no":
-        again = [(wanted[0][0], EVERYTHING & ~cause, seeds[0][: 2 * trials]) for cause in Cause]
-        remedy = partial(
-            find_remedy,
-            instruments=isinstance(result.estimate.estimator, InstrumentalVariables),
-            record=all(m.exact for m in world.motion),
-            rates=all(m.log.dq is not None and m.log.ddq is not None for m in world.motion),
-        )
+        like, _, seeds = wanted[0]
+        first = found[0][: 2 * trials], (like, EVERYTHING, seeds[: 2 * trials]), pairs[0]
         looking = share(say, "looking for the cause", 0.7, 0.9)
-        effects = tuple(
-            compare(cause, count(f, *pairs[0]), found[0][: 2 * trials], f, cells[0], remedy(cause))
-            for cause, f in zip(Cause, simulate(again, looking), strict=True)
-        )
+        effects = _find_causes(trial, result, cells[0], *first, looking)
     ranks, named, unmeasured = None, None, ""
     if sbc:
         ranking = share(say, "ranking planted values", 0.9, 1.0)
         part = result.rung.reduce(analysis.information)
         ranks = check_ranks(result, part, last, replicates=sbc, engine=runner, progress=ranking)
     if names:
-        asked = analysis.settings.get("preparation")
-        how = asked if isinstance(asked, Preparation) and asked != Preparation() else None
-        try:
-            named = measure_false_names(
-                analysis.robot,
-                analysis.recordings,
-                model=analysis.effects,
-                trials=names,
-                seed=seed,
-                preparation=how,
-                progress=progress,
-                engine=runner,
-            )
-        except LogError as error:  # too short a log has no part to verify names on
-            unmeasured = f"How often a name is false was not measured: {error}"
-    numbers = {"replicates": trials, "refits": refits, "sbc": sbc, "names": names}
+        named, unmeasured = _count_names(analysis, names, seed, progress, runner)
+    numbers = {"seed": seed, "replicates": trials, "refits": refits, "sbc": sbc, "names": names}
     return Calibration(
         robot=analysis.robot.name,
         model=result.name,
@@ -598,12 +557,116 @@ def calibrate(
         own=own,
         false_names=named,
         unmeasured=unmeasured,
-        provenance=analysis.provenance | {k: str(v) for k, v in {"seed": seed, **numbers}.items()},
+        provenance=analysis.provenance | {k: str(v) for k, v in numbers.items()},
         hints=analysis.hints,
         effects=effects,
         nothing=analysis.nothing,
         analysis=analysis,
     )
+
+
+#: Noise, causes and seeds of the repetitions of a cell.
+Wanted = tuple[ResidualNoise, Cause, Seeds]
+
+#: What came of each repetition, and the truth.
+Found = list[tuple[Outcome, Array]]
+
+
+@frozen
+class _Trials:
+    """Repetitions in a world, simulated by an engine.
+
+    Attributes
+    ----------
+    world : World
+    engine : Engine
+    columns : tuple of str
+        Parameters of the model.
+    """
+
+    world: World
+    engine: Engine
+    columns: tuple[str, ...]
+
+    def simulate(self, wanted: Sequence[Wanted], steps: Steps) -> list[Found]:
+        """Return the repetitions of each cell."""
+        items = [
+            (like, causes, own[k : k + BATCH])
+            for like, causes, own in wanted
+            for k in range(0, len(own), BATCH)
+        ]
+        each = self.engine.map(partial(repeat, self.world), items, progress=steps)
+        found = chain.from_iterable(each)
+        return [list(islice(found, len(own))) for _, _, own in wanted]
+
+    def count(self, trials: Found, level: float, r: float) -> Cell:
+        """Return what was counted in a cell, of a level and a correlation of noise."""
+        outcomes, truths = zip(*trials, strict=True)
+        return count_outcomes(outcomes, self.columns, np.array(truths), level, r)
+
+
+def _noise_like(world: World, rho: float) -> ResidualNoise:
+    return world.noise if np.isnan(rho) else ResidualNoise.first_order(world.noise.sd, rho)
+
+
+def _find_causes(
+    trial: _Trials,
+    result: RungResult,
+    failed: Cell,
+    found: Found,
+    wanted: Wanted,
+    pair: tuple[float, float],
+    steps: Steps,
+) -> tuple[Effect, ...]:
+    """Return what each cause does: the same repetitions without it.
+
+    Parameters
+    ----------
+    trial : _Trials
+    result : RungResult
+    failed : Cell
+        With all causes.
+    found : list of (Outcome, truth)
+        What came of the wanted repetitions with all causes.
+    wanted : Wanted
+    pair : (level, rho)
+    steps : callable
+    """
+    like, causes, seeds = wanted
+    motion = trial.world.motion
+    remedy = partial(
+        find_remedy,
+        instruments=isinstance(result.estimate.estimator, InstrumentalVariables),
+        record=all(m.exact for m in motion),
+        rates=all(m.log.dq is not None and m.log.ddq is not None for m in motion),
+    )
+    again = trial.simulate([(like, causes & ~cause, seeds) for cause in Cause], steps)
+    return tuple(
+        compare(cause, trial.count(f, *pair), found, f, failed, remedy(cause))
+        for cause, f in zip(Cause, again, strict=True)
+    )
+
+
+def _count_names(
+    analysis: Analysis, trials: int, seed: int, progress: Progress | None, engine: Engine
+) -> tuple[FalseNames | None, str]:
+    """Return how often a diagnosis names what is not there, or why that was not measured."""
+    asked = analysis.settings.get("preparation")
+    how = asked if isinstance(asked, Preparation) and asked != Preparation() else None
+    try:
+        named = measure_false_names(
+            analysis.robot,
+            analysis.recordings,
+            model=analysis.effects,
+            trials=trials,
+            seed=seed,
+            preparation=how,
+            progress=progress,
+            engine=engine,
+        )
+    except LogError as error:  # too short a log has no part to verify names on
+        return None, f"How often a name is false was not measured: {error}"
+    return named, ""
 
 
 def _asked(analysis: Analysis) -> str:

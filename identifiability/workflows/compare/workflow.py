@@ -346,7 +346,7 @@ def compare(
         If a log does not fit the robot, or is on both sides.
     """
     with one_thread("blas"):
-        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        robot = Robot.of(robot)
         results = [_is_result(side) for side in (before, after)]
         if any(results):
             if not all(results):

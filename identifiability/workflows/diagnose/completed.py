@@ -24,10 +24,11 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import full_rung
 from identifiability.regression.structure import Structure
-from identifiability.workflows.analyze.fit import hold_folds, settle_robot, weigh_rows
+from identifiability.workflows.analyze.fit import hold_folds, settle_robot
 from identifiability.workflows.diagnose.findings import Findings
 from identifiability.workflows.diagnose.forward import Physical
 from identifiability.workflows.predict.fit import Fit, settled
+from identifiability.workflows.session import weigh_rows
 
 
 def keep_completed(d: Findings) -> Fit:

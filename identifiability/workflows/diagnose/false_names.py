@@ -136,7 +136,7 @@ def measure_false_names(
         Where the logs are diagnosed; by default here. The result does not depend on it.
     """
     say = progress or (lambda what, share: None)
-    robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+    robot = Robot.of(robot)
     known = Conventions.of(robot)
     train, held = (in_memory(mend_logs(read_logs(x, known))[0], Log) for x in (logs, validate))
     found = diagnose(

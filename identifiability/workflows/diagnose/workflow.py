@@ -20,7 +20,7 @@ from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.registry import title_of
 from identifiability.estimation.estimate import estimate, find_estimator
 from identifiability.estimation.prediction import Prediction, predict
-from identifiability.foundation.engines.mapping import Engine, one_thread
+from identifiability.foundation.engines.mapping import Engine, Serial, one_thread
 from identifiability.foundation.names import BASE
 from identifiability.foundation.options import (
     Names,
@@ -46,8 +46,6 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.kinematics import shortest_turn
 from identifiability.workflows.analyze.cutoff_check import say_band
-from identifiability.workflows.analyze.fit import follow_fitted, weigh_rows
-from identifiability.workflows.band import settle_band
 from identifiability.workflows.diagnose.conclude import conclude, null_odds
 from identifiability.workflows.diagnose.earlier import Before, Earlier, read_earlier
 from identifiability.workflows.diagnose.findings import NamedEffect, Placement, Shown
@@ -82,11 +80,12 @@ from identifiability.workflows.opening import (
     Recordings,
     in_memory,
     list_logs,
-    open_logs,
+    quiet,
     read_recordings,
     require_signal,
 )
 from identifiability.workflows.provenance import state_provenance
+from identifiability.workflows.session import Session, weigh_rows
 
 #: Simulated noises, and those without which no p-value falls below 5 %.
 DRAWS, FEWEST = 199, 19
@@ -167,69 +166,32 @@ def diagnose(
     ------
     IdentifiabilityError
     """
-    say = progress or (lambda what, share: None)
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)]
+    say, draws = progress or quiet, settle_count(replicates, DRAWS, DRAWS // 2, quick=quick)
+    streams = tuple(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6))
     with one_thread():
-        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        robot = Robot.of(robot)
         robot.check_stands("diagnosis")
-        say("reading logs", 0.0)
-        before = None if earlier is None else read_earlier(earlier)
-        if before is not None:
+        before = None
+        if earlier is not None:
+            before = read_earlier(earlier)
             logs, validate = before.find_logs(list_logs(logs), list_logs(validate))
             model = list(before.model) if model is None and fixed is False else model
+        say("reading logs", 0.0)
         given = read_recordings(logs, validate, Conventions.of(robot), preparation, commands=True)
         structure, known = _settle_values(robot, model, fixed, commanded=given.commanded)
-        if given.commanded:
-            first = settle_band(structure, given.fitted, preparation)
-            given = follow_fitted(given, structure, first, np.random.default_rng(seed), say)
-        roles = assign_roles(given.fitted, given.held)
-        settled = settle_band(structure, roles.fit, preparation)
-        how = preparation if settled.cutoff is None else settled
-        most = samples_each(map(len, roles.fit))
-        opening = open_logs(
-            structure,
-            Recordings(roles.fit, roles.verify, given.hints),
-            partial(prepare_rows, robot, how=how, most=most),
-            "diagnosed",
-            engine,
-        )
-        fit, verify = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
-        require_signal(verify, "verified")
-        leaning = None
-        if fixed is False:
-            leaning = find_leaning(MeasuredLogs(opening.structure, roles.fit, opening.samples))
-        upright = opening.structure
-        opening = opening if leaning is None else opening.under(leaning.structure, roles.fit)
-        say("building columns", 0.1)
-        setting = Setting(
-            structure=opening.structure,
-            samples=tuple(fit),
-            validation=tuple(verify),
-            fixed=fixed is not False,
-            known=known,
-            rules=rules or Rules(),
-            seed=seed,
-            chosen_by="by the evidence of the fitted logs",
-            verified_on=roles.verified_on,
-            preparation=how or Preparation(),
-        )
-        odd, decided = (None, "") if setting.fixed else _doubt_logs(opening)
+        session = Session(structure, given, preparation, say, engine or Serial())
+        given = session.follow_fitted(np.random.default_rng(seed)).recordings
+        setting, opening, leaning = _open(session, given, fixed=fixed is not False)
+        setting = replace(setting, known=known, rules=rules or Rules(), seed=seed)
         # Values that are kept are those of the file, and a wrong scale or sign is an effect.
         nothing = "" if setting.fixed else opening.misread
-        draws = settle_count(replicates, DRAWS, DRAWS // 2, quick=quick)
-        asked = _Asked((), say) if nothing else _Asked(effects, say)
-        asked = replace(asked, draws=draws, streams=tuple(streams), earlier=before)
-        doubts = [EXACT] * (fixed is True)
-        if odd is None:
-            found = asked.run(setting)
-        else:
-            found, said = asked.run_doubted(setting, odd)
-            doubts = [said]
-        if leaning is not None:
-            least = 1.0 / (draws + 1)
-            found = lead_with_tilt(found, upright, leaning, least, streams[2])
-        else:
-            found = settle_named(found)
+        asked = _Asked(() if nothing else effects, say, draws, streams, before)
+        found, doubts = _name(asked, setting, opening)
+        found = (
+            settle_named(found)
+            if leaning is None
+            else lead_with_tilt(found, session.structure, leaning, 1.0 / (draws + 1), streams[2])
+        )
         options = {
             "effects": "all" if effects is None else list(effects),
             "fixed": fixed is True if known is None else known.words,
@@ -239,23 +201,63 @@ def diagnose(
             "quick": quick,
             "preparation": preparation or Preparation(),
         }
+        used = [*setting.samples, *setting.validation]
+        exact = (EXACT,) if fixed is True else ()
+        hints = (*exact, *doubts, *opening.hints, *say_band(setting.preparation))
         found = replace(
             found,
             nothing=nothing,
-            hints=(
-                *doubts,
-                *([decided] if decided else []),
-                *opening.hints,
-                *say_band(how),
-                *free_again(model),
-                *unused_ladder(robot, model),
-            ),
-            provenance=state_provenance(robot, [*fit, *verify], seed, None, options),
+            hints=(*hints, *free_again(model), *unused_ladder(robot, model)),
+            provenance=state_provenance(robot, used, seed, None, options),
         ).moved_by(given)
         if not (forward and found.effects):
             return found
         say("simulating forward", 0.95)
         return replace(found, forward=simulate_forward(found, streams[3]))
+
+
+def _open(
+    session: Session, given: Recordings, *, fixed: bool
+) -> tuple[Setting, Opening, Leaning | None]:
+    """Return what is diagnosed, from what, and where gravity points if not where the file says.
+
+    Values that are fixed are those of the file, and its direction of gravity is one of them.
+    """
+    roles, robot = assign_roles(given.fitted, given.held), session.structure.robot
+    parts = Recordings(roles.fit, roles.verify, given.hints)
+    session = replace(session, recordings=parts)
+    how = session.preparation if session.how.cutoff is None else session.how
+    most = samples_each(map(len, roles.fit))
+    opening = session.open("diagnosed", partial(prepare_rows, robot, how=how, most=most))
+    fit, verify = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
+    require_signal(verify, "verified")
+    leaning = None
+    if not fixed:
+        leaning = find_leaning(MeasuredLogs(opening.structure, roles.fit, opening.samples))
+    if leaning is not None:
+        opening = opening.under(leaning.structure, roles.fit)
+    session.say("building columns", 0.1)
+    setting = Setting(
+        structure=opening.structure,
+        samples=tuple(fit),
+        validation=tuple(verify),
+        fixed=fixed,
+        chosen_by="by the evidence of the fitted logs",
+        verified_on=roles.verified_on,
+        preparation=how or Preparation(),
+    )
+    return setting, opening, leaning
+
+
+def _name(asked: _Asked, setting: Setting, opening: Opening) -> tuple[Diagnosis, list[str]]:
+    """Name effects, and say which logs and stretches of them are doubted."""
+    if setting.fixed:
+        return asked.run(setting), []
+    odd, decided = _doubt_logs(opening)
+    if odd is None:
+        return asked.run(setting), [decided] * bool(decided)
+    found, said = asked.run_doubted(setting, odd)
+    return found, [said, *([decided] if decided else [])]
 
 
 @frozen

@@ -148,7 +148,7 @@ def excite_commands(
     RobotError
         If it has no servos, or no commands keep the limits.
     """
-    robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+    robot = Robot.of(robot)
     if robot.servo is None:
         raise RobotError(f"{robot.path} {NO_SERVO}")
     known = find_limits(robot, limits)

@@ -50,7 +50,7 @@ from identifiability.workflows.excite.limits import (
 )
 from identifiability.workflows.excite.result import Excitation, Merit
 from identifiability.workflows.excite.search import OPEN, Objective, Search, Series, search
-from identifiability.workflows.opening import Logs, Progress, read_logs
+from identifiability.workflows.opening import Logs, Progress, quiet, read_logs
 from identifiability.workflows.provenance import state_provenance
 
 #: Samples at which the search looks, for each harmonic; the regressor has harmonics of its own.
@@ -141,12 +141,12 @@ def excite(
     >>> motion.after.figure < motion.before.figure
     True
     """
-    say = progress or (lambda _text, _share: None)
+    say = progress or quiet
     check_option("samples", samples, Annotated[int, counted(4 * harmonics + 1, MOST_SAMPLES)])
     if at_rest and harmonics < 2:
         raise OptionError("To begin and end at rest takes at least 2 harmonics; give more.")
     with one_thread("blas"):
-        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        robot = Robot.of(robot)
         robot.check_stands("designing motion")
         rule = criterion or _suggested(parameters, start_from, separate)
         say("reading logs", 0.0)

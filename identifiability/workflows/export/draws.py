@@ -143,7 +143,7 @@ def draw_robots(
     IdentifiabilityError
         If the file is no result or one of another robot, or the robot file's bodies cannot exist.
     """
-    robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+    robot = Robot.of(robot)
     fit = result if isinstance(result, Fit) else read_fit(result, robot)
     share = prior
     if share is None:

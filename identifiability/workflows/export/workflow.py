@@ -447,7 +447,7 @@ def export(
         If the file is no result, one of another robot, or has no masses; if code was asked for
         that cannot be generated; if a robot file alone errs much more than all that was fitted.
     """
-    robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+    robot = Robot.of(robot)
     content = read_document(result, Result, "JSON", "result", IdentifiabilityError)
     if content.nothing:
         raise IdentifiabilityError(

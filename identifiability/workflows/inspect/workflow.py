@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, field
-from functools import partial
+from dataclasses import asdict, field, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any, ClassVar
@@ -13,17 +12,15 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from identifiability.foundation.engines.mapping import Engine
+from identifiability.foundation.engines.mapping import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing
 from identifiability.foundation.options import checked
 from identifiability.foundation.output import check_ending, check_writable, csv_text, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
-from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared, prepare_log
 from identifiability.logs.prepare.samples import explain_silence
-from identifiability.logs.repeats import Recording
 from identifiability.regression.base_parameters import group_columns
 from identifiability.regression.reduction import (
     ModelLike,
@@ -33,7 +30,6 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.band import settle_band
 from identifiability.workflows.inspect.contents import (
     JointFact,
     Need,
@@ -51,13 +47,12 @@ from identifiability.workflows.oddities import MeasuredLogs, find_oddities
 from identifiability.workflows.opening import (
     Logs,
     Progress,
-    Recordings,
-    open_logs,
-    read_recordings,
+    quiet,
     running,
     share,
 )
 from identifiability.workflows.provenance import state_provenance
+from identifiability.workflows.session import Session
 
 # `Inspection`: what a robot file says, what its logs must have, and what is in some logs.
 
@@ -316,9 +311,9 @@ def inspect(
     >>> inspect("two-link").columns
     ('t', 'shoulder.q', 'shoulder.tau', 'elbow.q', 'elbow.tau')
     """
-    say = progress or (lambda _text, _share: None)
+    say = progress or quiet
     with threadpool_limits(1, "blas"):
-        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        robot = Robot.of(robot)
         say("reading the robot", 0.0)
         whole = ladder_model(find_ladder(robot, None, beside=True).entry)
         structure = Structure.of(robot, whole if model is None else choose_model(model, ()))
@@ -338,29 +333,28 @@ def _with_logs(
     found: Inspection, logs: Logs, how: Preparation | None, say: Progress, engine: Engine
 ) -> Inspection:
     """Return the inspection with what is in logs."""
-    structure, robot = found.structure, found.robot
-    say("reading logs", 0.1)
-    recordings = read_recordings(logs, (), Conventions.of(robot), how, commands=True)
+    robot = found.robot
+    session = Session.read(found.structure, logs, (), how, say, engine)
+    recordings, settled = session.recordings, _settle(session)
     reading = share(say, "reading logs", 0.2, 0.6)
     prepared: dict[int, Prepared] = {}
     refused: dict[int, str] = {}
-    settled = _settle(structure, recordings.fitted, how)
-    prepare = partial(prepare_log, robot, how=settled, engine=engine, progress=reading)
     for k, log in enumerate(recordings.fitted):
         try:
-            prepared[k] = prepare(log)
+            prepared[k] = prepare_log(robot, log, settled, engine=engine, progress=reading)
         except IdentifiabilityError as error:
             refused[k] = str(error)
     hints, excited = recordings.hints, None
     say("looking for what is odd", 0.6)
     if prepared:
-        good = Recordings(tuple(recordings.fitted[k] for k in prepared), (), recordings.hints)
+        good = replace(recordings, fitted=tuple(recordings.fitted[k] for k in prepared))
         waiting = iter(prepared.values())
-        opening = open_logs(structure, good, lambda _log: next(waiting))
+        sound = replace(session, recordings=good, engine=Serial())
+        opening = sound.open(prepare=lambda _log: next(waiting))
         hints = opening.hints
-        excited = _measure(MeasuredLogs(structure, good.fitted, opening.samples))
+        excited = _measure(MeasuredLogs(found.structure, good.fitted, opening.samples))
     alone = {
-        k: MeasuredLogs(structure, (recordings.fitted[k],), (samples,))
+        k: MeasuredLogs(found.structure, (recordings.fitted[k],), (samples,))
         for k, samples in prepared.items()
     }
     if len(alone) > 1:
@@ -372,7 +366,7 @@ def _with_logs(
     )
     hashes = {f"sha256 {log.name}": log.sha256 for log in recordings.fitted}
     return Inspection(
-        structure=structure,
+        structure=found.structure,
         joints=found.joints,
         needs=found.needs,
         records=records,
@@ -383,14 +377,12 @@ def _with_logs(
     )
 
 
-def _settle(
-    structure: Structure, logs: tuple[Recording, ...], how: Preparation | None
-) -> Preparation:
+def _settle(session: Session) -> Preparation:
     """Return the preparation with one cut-off for all logs, or each with its own if one is odd."""
     try:
-        return settle_band(structure, logs, how)
+        return session.how
     except IdentifiabilityError:
-        return how or Preparation()
+        return session.preparation or Preparation()
 
 
 def _odd_alone(logs: MeasuredLogs, said: tuple[str, ...]) -> list[str]:

@@ -284,7 +284,7 @@ def payload(
         If the result is about another robot, or a log does not fit it.
     """
     with one_thread("blas"):
-        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        robot = Robot.of(robot)
         robot.check_stands("weighing payloads")
         fit = find_fit(result, robot)
         place, columns = choose_body(fit.structure, body)

@@ -317,7 +317,7 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
     IdentifiabilityError
         If the file is no such result, keeps no fitted model, or is about another robot.
     """
-    robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+    robot = Robot.of(robot)
     content = read_document(path, ResultEntry, "JSON", "result", IdentifiabilityError)
     if content.nothing:
         raise IdentifiabilityError(

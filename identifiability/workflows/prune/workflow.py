@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -22,14 +23,11 @@ from identifiability.foundation.options import (
     renamed,
     settle_count,
 )
-from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.samples import find_signal
 from identifiability.physical.certify import Certificate
 from identifiability.physical.feasibility import PhysicalResult, certify_model, choose_prior
 from identifiability.physical.fitted_model import FittedModel
-from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import (
     LadderEntry,
     LadderLike,
@@ -43,24 +41,9 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.fit import (
-    DelayErrors,
-    follow_fitted,
-    settle_prior,
-    settle_robot,
-    weigh_rows,
-)
+from identifiability.workflows.analyze.fit import DelayErrors, settle_robot
 from identifiability.workflows.analyze.words import compare_logs, state_weak
-from identifiability.workflows.band import settle_band
-from identifiability.workflows.instruments import add_instruments
-from identifiability.workflows.opening import (
-    Logs,
-    Progress,
-    open_logs,
-    read_recordings,
-    running,
-    share,
-)
+from identifiability.workflows.opening import Logs, Progress, quiet, running, share
 from identifiability.workflows.prune.elimination import (
     Criterion,
     Search,
@@ -72,7 +55,9 @@ from identifiability.workflows.prune.elimination import (
 from identifiability.workflows.prune.moves import merge_moves, propose_moves
 from identifiability.workflows.prune.result import Ladder
 from identifiability.workflows.prune.rung import (
+    Measured,
     Question,
+    Stability,
     absorb,
     assess_stability,
     contradicts,
@@ -80,6 +65,7 @@ from identifiability.workflows.prune.rung import (
     state_disagreement,
     state_foreign,
 )
+from identifiability.workflows.session import Session, Weighed, settle_prior
 
 #: A step, its model, and the certificate with its sentence.
 Candidate = tuple[int, FittedModel, tuple[Certificate | None, str]]
@@ -166,67 +152,30 @@ def prune(
     IdentifiabilityError
         With one sentence on what to do.
     """
-    say = progress or (lambda _text, _share: None)
-    base, draws = find_estimator(method), settle_count(replicates, 200, 20, quick=quick)
+    say, base = progress or quiet, find_estimator(method)
+    draws = settle_count(replicates, 200, 20, quick=quick)
     streams = np.random.default_rng(seed).spawn(4)
-    with one_thread("blas"), running(engine) as runner:
-        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
-        source = find_ladder(robot, ladder, beside=False)
-        say("reading logs", 0.0)
-        recordings = read_recordings(
-            logs, validate, Conventions.of(robot), preparation, commands=True
-        )
-        structure = Structure.of(robot, ladder_model(source.entry), streams[0])
-        reading = share(say, "reading logs", 0.0, 0.1)
-        how = settle_band(structure, recordings.fitted, preparation)
-        prior, cad_prior = settle_prior(prior, cad_prior, recordings.commanded)
-        recordings = follow_fitted(
-            recordings,
-            structure,
-            how,
-            streams[0],
-            say,
-            method=base,
-            kind=estimator,
-            cad_weight=cad_prior,
-            engine=runner,
-        )
-        prepare = partial(prepare_log, robot, how=how, engine=runner, progress=reading)
-        opening = open_logs(structure, recordings, prepare, "pruned")
-        opening, asked = add_instruments(opening, recordings.fitted, base, estimator)
-        building = share(say, "building the regression", 0.1, 0.4)
-        information = gather_information(opening.regression, engine=runner, progress=building)
-        start = build_ladder(LadderEntry(models=source.entry.models[:1]), structure)[0]
-        variation = information.variation * find_signal([s.survey for s in opening.samples])
-        delays = DelayErrors.of(opening, recordings, information, asked, how)
-        information, burst = weigh_rows(robot.joints, opening.samples, information, asked)
-        asked = settle_noise(asked, start.reduce(information))
-        question = Question(
-            opening=opening, information=information, start=start, estimator=asked, delays=delays
-        )
-        say("walking down the ladder", 0.4)
-        _check_wishes(start, forbid, force)
-        suggest = propose_moves if propose else merge_moves
-        search = find_path(
-            start.reduce(information),
-            start.nonnegative,
-            variation=variation,
-            suggested=suggest(structure, start.columns),
-            forbid=forbid,
-            force=force,
-            method=asked,
-        )
-        selected, physical = _choose(question, search, criterion, cad_prior)
-        measuring = share(say, "measuring errors", 0.5, 0.7)
-        measured = measure_rungs(
-            question, search, selected, physical, draws, streams[2], runner, measuring
-        )
     with one_thread("blas"):
+        with running(engine) as runner:
+            robot = Robot.of(robot)
+            source = find_ladder(robot, ladder, beside=False)
+            structure = Structure.of(robot, ladder_model(source.entry), streams[0])
+            session = Session.read(structure, logs, validate, preparation, say, runner)
+            commanded = session.recordings.commanded
+            share_, cad_prior = settle_prior(prior, cad_prior, commanded)
+            session = session.follow_fitted(streams[0], base, estimator, cad_prior)
+            rows = session.weigh(session.open("pruned"), base, estimator)
+            question = _ask(session, rows, source.entry)
+            search = _walk(session, rows, question, forbid, force, propose=propose)
+            selected, physical = _choose(question, search, criterion, cad_prior)
+            measuring = share(say, "measuring errors", 0.5, 0.7)
+            measured = measure_rungs(
+                question, search, selected, physical, draws, streams[2], runner, measuring
+            )
         say("resampling", 0.7)
-        chosen = measured.rungs[selected]
         stability = assess_stability(
             search,
-            chosen.step.partition,
+            measured.rungs[selected].step.partition,
             criterion,
             streams[3],
             replicates=draws,
@@ -234,54 +183,113 @@ def prune(
             progress=share(say, "resampling", 0.7, 1.0),
             engine=engine,
         )
-        bands = check_cutoff(opening, recordings, measured.result, how)
-        compared = compare_logs(robot.joints, opening.samples, information, measured.result)
-        several = filter(None, [compared.hint])
-        part, full = start.reduce(information), measured.rungs[0].estimate
-        result = measured.result
-        said = filter(None, (burst, state_weak(result)))
-        idle = (IDLE_REACH,) if reach != 1.0 else ()
-        return Ladder(
-            structure=structure,
-            samples=opening.samples,
-            validation=opening.validation,
-            hints=(
-                *idle,
-                *state_foreign(measured),
-                *state_disagreement(measured),
-                *said,
-                *opening.hints,
-                *bands,
-                *several,
-                *unused_ladder(robot, ladder),
-            ),
-            commands=opening.commands,
-            information=information,
-            start=start,
-            selected=selected,
-            least=best_step(search.path.steps),
-            refused=search.path.refused,
-            stability=stability,
-            absorption=absorb(part, full, chosen.estimate, chosen.step.partition),
-            criterion=criterion,
-            method=base.name,
-            seed=seed,
-            source=source,
-            settings={
-                "estimator": estimator,
-                "forbid": list(forbid),
-                "force": list(force),
-                "propose": propose,
-                "reach": reach,
-                "replicates": draws,
-                "cad_prior": cad_prior,
-                "prior": prior,
-                "preparation": preparation or Preparation(),
-            },
-            moved=recordings.measure_rollouts(robot, result.physical.parameters()),
-            late=delays.move(full_rung(structure.base)),
-            **vars(measured),
+        settings = {
+            "estimator": estimator,
+            "forbid": list(forbid),
+            "force": list(force),
+            "propose": propose,
+            "reach": reach,
+            "replicates": draws,
+            "cad_prior": cad_prior,
+            "prior": share_,
+            "preparation": preparation or Preparation(),
+        }
+        known = {"method": base.name, "seed": seed, "source": source, "settings": settings}
+        found = _tell(
+            session, rows, question, search, selected, measured, stability, criterion, known
         )
+        idle = (IDLE_REACH,) if reach != 1.0 else ()
+        return replace(found, hints=(*idle, *found.hints, *unused_ladder(robot, ladder)))
+
+
+def _ask(session: Session, rows: Weighed, entry: LadderEntry) -> Question:
+    """Return where pruning starts, and by what it fits."""
+    start = build_ladder(LadderEntry(models=entry.models[:1]), session.structure)[0]
+    return Question(
+        opening=rows.opening,
+        information=rows.information,
+        start=start,
+        estimator=settle_noise(rows.estimator, start.reduce(rows.information)),
+        delays=DelayErrors.of(session, rows),
+    )
+
+
+def _tell(
+    session: Session,
+    rows: Weighed,
+    question: Question,
+    search: Search,
+    selected: int,
+    measured: Measured,
+    stability: Stability,
+    criterion: Criterion,
+    known: Mapping[str, Any],
+) -> Ladder:
+    """Return the result, with where the effect of removed parameters went and what seems wrong."""
+    rungs, part = measured.rungs, question.start.reduce(rows.information)
+    chosen, result = rungs[selected], measured.result
+    return Ladder(
+        structure=session.structure,
+        samples=rows.opening.samples,
+        validation=rows.opening.validation,
+        hints=_hint(session, rows, measured),
+        commands=rows.opening.commands,
+        information=rows.information,
+        start=question.start,
+        selected=selected,
+        least=best_step(search.path.steps),
+        refused=search.path.refused,
+        stability=stability,
+        absorption=absorb(part, rungs[0].estimate, chosen.estimate, chosen.step.partition),
+        criterion=criterion,
+        moved=session.recordings.measure_rollouts(
+            session.structure.robot, result.physical.parameters()
+        ),
+        late=question.delays.move(full_rung(session.structure.base)),
+        **known,
+        **vars(measured),
+    )
+
+
+def _walk(
+    session: Session,
+    rows: Weighed,
+    question: Question,
+    forbid: Sequence[str],
+    force: Sequence[str],
+    *,
+    propose: bool,
+) -> Search:
+    """Return the path down from the model where pruning starts."""
+    start, surveys = question.start, [s.survey for s in rows.opening.samples]
+    session.say("walking down the ladder", 0.4)
+    _check_wishes(start, forbid, force)
+    suggest = propose_moves if propose else merge_moves
+    return find_path(
+        start.reduce(question.information),
+        start.nonnegative,
+        variation=rows.alike.variation * find_signal(surveys),
+        suggested=suggest(session.structure, start.columns),
+        forbid=forbid,
+        force=force,
+        method=question.estimator,
+    )
+
+
+def _hint(session: Session, rows: Weighed, measured: Measured) -> tuple[str, ...]:
+    """Return what seems to be wrong with robot file, logs and their cut-off."""
+    result, opening = measured.result, rows.opening
+    joints = session.structure.robot.joints
+    said = (
+        *state_foreign(measured),
+        *state_disagreement(measured),
+        rows.burst,
+        state_weak(result),
+        *opening.hints,
+        *check_cutoff(opening, session.recordings, result, session.how),
+        compare_logs(joints, opening.samples, rows.information, result).hint,
+    )
+    return tuple(filter(None, said))
 
 
 def _check_wishes(start: Rung, forbid: Sequence[str], force: Sequence[str]) -> None:

@@ -9,7 +9,7 @@ from identifiability.estimation.estimate import find_estimator, weigh_logs
 from identifiability.estimation.outliers import weigh_outliers
 from identifiability.foundation.numbers import REACH
 from identifiability.regression.information import Information
-from identifiability.workflows.analyze.fit import weigh_rows
+from identifiability.workflows.session import weigh_rows
 
 from .made import ar1
 

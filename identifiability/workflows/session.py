@@ -1,0 +1,303 @@
+"""`Session`: what every verb that fits does first: read, check, prepare, open, weigh.
+
+`Session.read` checks logs and reads them, every row once; `Session.follow` gives logs of commands
+their torque; `Session.open` prepares them and refuses what has nothing to explain; `Session.weigh`
+gathers the information of their rows, each by its noise, and outlying stretches less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property, partial
+from itertools import pairwise
+from typing import Self
+
+import numpy as np
+
+from identifiability.estimation.estimate import Kind, Method, forget_noise, settle_noise, weigh_logs
+from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.outliers import Outliers, weigh_outliers
+from identifiability.foundation.engines.mapping import Engine
+from identifiability.foundation.errors import listing
+from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import REACH
+from identifiability.foundation.options import OptionError
+from identifiability.foundation.values import frozen
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.prepare import Preparation, Samples
+from identifiability.logs.prepare.longsamples import Prepared, prepare_log
+from identifiability.logs.repeats import Recording
+from identifiability.physical.cad_prior import SHARE, WEAK, share_weight
+from identifiability.physical.feasibility import find_nearest
+from identifiability.physical.fitted_model import FittedModel
+from identifiability.regression.gather import gather_information
+from identifiability.regression.information import Information
+from identifiability.regression.reduction import full_rung
+from identifiability.regression.structure import Structure
+from identifiability.workflows.band import settle_band
+from identifiability.workflows.instruments import add_instruments
+from identifiability.workflows.opening import (
+    Logs,
+    Opening,
+    Progress,
+    Recordings,
+    open_logs,
+    read_recordings,
+    share,
+)
+
+#: A robot is fitted to what commands make of torque, and this is calibrated on it, so often.
+ROUNDS = 5
+
+#: Share of the squared error of rollouts that is worth another one.
+GAINED = 0.1
+
+#: Stretches that are listed.
+LISTED = 3
+
+
+@frozen
+class Session:
+    """A robot under a model, logs of it, and where and how they are worked on.
+
+    Attributes
+    ----------
+    structure : Structure
+    recordings : Recordings
+    preparation : Preparation or None
+        How derivatives are made, as asked for.
+    say : callable(str, float)
+        Told what is being done and the share that is done.
+    engine : Engine
+        Where stretches of logs that are too long for memory are worked on.
+    settled : Preparation or None
+        How derivatives are made, where that is known before the logs are asked.
+    """
+
+    structure: Structure
+    recordings: Recordings
+    preparation: Preparation | None
+    say: Progress
+    engine: Engine
+    settled: Preparation | None = None
+
+    @classmethod
+    def read(
+        cls,
+        structure: Structure,
+        logs: Logs,
+        validate: Logs,
+        preparation: Preparation | None,
+        say: Progress,
+        engine: Engine,
+    ) -> Self:
+        """Return the session of a verb, with its logs, which may hold commands and no torque.
+
+        Raises
+        ------
+        LogError
+        """
+        say("reading logs", 0.0)
+        known = Conventions.of(structure.robot)
+        given = read_recordings(logs, validate, known, preparation, commands=True)
+        return cls(structure, given, preparation, say, engine)
+
+    @cached_property
+    def how(self) -> Preparation:
+        """How derivatives are made, with one cut-off for all fitted logs."""
+        if self.settled is not None:
+            return self.settled
+        return settle_band(self.structure, self.recordings.fitted, self.preparation)
+
+    def follow(self, rng: np.random.Generator, values: dict[str, float] | None = None) -> Session:
+        """Return the session with calibrated torque of commands (`Recordings.follow`)."""
+        if not self.recordings.commanded:
+            return self
+        followed = self.recordings.follow(self.structure, self.how, rng, self.say, values)
+        return replace(self, recordings=followed, settled=self.how)
+
+    def follow_fitted(
+        self,
+        rng: np.random.Generator,
+        method: Method = "wls",
+        kind: Kind = "auto",
+        cad_weight: float | None = share_weight(SHARE),
+    ) -> Session:
+        """Return logs with torque of commands, calibrated on rollouts of a robot fitted to it.
+
+        Bodies that the file weighs wrongly move the delay with which its rollouts follow, and
+        servos that are stiff make much torque of that: so it is found again with the bodies fitted,
+        until it moves by less than its own error. Rollouts that err more are refused. Where all
+        that moved it by less than the error it was first stated with, the first is as good.
+        """
+        first = self.follow(rng)
+        start = first.recordings.rolled
+        if start is None or not start.delay_errors.any():  # none, or delays are known
+            return first
+        session, before = first, start
+        for _ in range(ROUNDS):
+            fitted = replace(session, recordings=replace(session.recordings, held=()))
+            opening = fitted.open()
+            if opening.silence or opening.misread:
+                break
+            rows = fitted.weigh(opening, method, kind)
+            estimator = settle_noise(rows.estimator, rows.information)
+            rung = full_rung(rows.opening.structure.base)
+            model = FittedModel.of(rows.opening.structure, rung, rows.information, estimator)
+            values = find_nearest(model, cad_weight or WEAK).parameters()
+            if not values:
+                break
+            better = session.follow(rng, values)
+            after = better.recordings.rolled
+            if after is None:
+                break
+            gained = 1 - float(np.mean((after.errors / before.errors) ** 2))
+            if gained < 0:
+                break
+            settled = np.abs(after.delays - before.delays) <= after.delay_errors
+            session, before = better, after
+            if settled.all() and gained < GAINED:
+                break
+        moved = np.abs(before.delays - start.delays) > start.delay_errors
+        return session if moved.any() else first
+
+    def open(
+        self, done: str = "", prepare: Callable[[Recording], Prepared] | None = None
+    ) -> Opening:
+        """Return the prepared logs, and what is odd about them (`open_logs`).
+
+        Parameters
+        ----------
+        done : str
+            What cannot be done with logs that have nothing to explain, as a participle.
+        prepare : callable(Log or LogFile) -> Samples, optional
+            Of a whole log, each where the engine puts it; by default `prepare_log`, which puts
+            stretches of one there.
+        """
+        if prepare is not None:
+            return open_logs(self.structure, self.recordings, prepare, done, self.engine)
+        reading = share(self.say, "reading logs", 0.1, 0.2)
+        robot = self.structure.robot
+        prepare = partial(prepare_log, robot, how=self.how, engine=self.engine, progress=reading)
+        return open_logs(self.structure, self.recordings, prepare, done)
+
+    def weigh(self, opening: Opening, method: Method, kind: Kind) -> Weighed:
+        """Return the rows of opened logs, with instruments where the estimator takes them."""
+        opening, estimator = add_instruments(opening, self.recordings.fitted, method, kind)
+        building = share(self.say, "building the regression", 0.2, 0.4)
+        alike = gather_information(opening.regression, engine=self.engine, progress=building)
+        if opening.silence:
+            return Weighed(opening, estimator, alike, alike)
+        joints = self.structure.robot.joints
+        information, burst = weigh_rows(joints, opening.samples, alike, estimator)
+        return Weighed(opening, estimator, alike, information, burst)
+
+
+@frozen
+class Weighed:
+    """Rows of the fitted logs, each by its noise.
+
+    Attributes
+    ----------
+    opening : Opening
+    estimator : Estimator
+        For them; it measures the noise by itself as yet.
+    alike, information : Information
+        About all columns: with every row alike, and weighed.
+    burst : str
+        A sentence on outliers, if any.
+    """
+
+    opening: Opening
+    estimator: Estimator
+    alike: Information
+    information: Information
+    burst: str = ""
+
+
+def weigh_rows(
+    joints: Sequence[str],
+    samples: Sequence[Prepared],
+    information: Information,
+    estimator: Estimator,
+) -> tuple[Information, str]:
+    """Return the information with rows weighed by their noise, and a sentence on outliers if any.
+
+    Outlying stretches are weighed down, and logs count by their noise. Said is what would have
+    moved a value out of its interval.
+
+    Parameters
+    ----------
+    joints : sequence of str
+        The n actuated ones.
+    samples : sequence of Samples
+        The logs that are fitted.
+    information : Information
+        About all columns.
+    estimator : Estimator
+    """
+    weighed, found = weigh_outliers(information, forget_noise(estimator))
+    weighed = weigh_logs(weighed, estimator)
+    if found is None or found.moved.max() <= REACH:
+        return weighed, ""
+    most = int(np.argmax(found.moved))
+    return weighed, (
+        f"{_where(joints, samples, found)} is weighed down in the fit: with its whole weight "
+        f"{information.columns[most]} moves by {found.moved[most]:.1f} of its standard deviations. "
+        "Errors count it. Look at what happened there."
+    )
+
+
+def _where(joints: Sequence[str], samples: Sequence[Prepared], found: Outliers) -> str:
+    """Return where outliers are, the farthest first, and how far from the model."""
+    ends = np.flatnonzero((np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])) + 1
+    stretches = list(pairwise([0, *ends.tolist(), len(found.log)]))
+    stretches.sort(key=lambda ab: -float(found.beyond[ab[0] : ab[1]].max()))
+    named = []
+    for a, b in stretches:
+        log = samples[int(found.log[a])]
+        start, stop = _times(log, int(found.first[a]), int(found.last[b - 1]))
+        named.append(f"{log.name} from t = {start:.5g} to {stop:.5g} s")
+    beyond = found.beyond.max(0)
+    worst = int(np.argmax(beyond))
+    return (
+        f"{listing(named, LISTED)}: the torque of {joints[worst]} is up to "
+        f"{np.sqrt(beyond[worst]):.0f} times farther from the model than usual, and"
+    )
+
+
+def _times(samples: Prepared, first: int, last: int) -> Array:
+    """Return the times of two outputs [s], of the second the one before it; of long logs about."""
+    if isinstance(samples, Samples):
+        return samples.output_times()[[first, last - 1]]
+    survey, at = samples.survey, np.array([first, last])
+    times: Array = survey.start + (survey.stop - survey.start) * at / survey.outputs
+    return times
+
+
+def settle_prior(
+    share: float | None, cad_weight: float | None, commanded: bool
+) -> tuple[float, float | None]:
+    """Return the share within which bodies are the file's, 0 for none, and its prior's weight.
+
+    Parameters
+    ----------
+    share, cad_weight : float or None
+        As asked for.
+    commanded : bool
+        Whether torque comes from commands: then there is a share where nobody says otherwise.
+
+    Raises
+    ------
+    OptionError
+        If both are asked for.
+    """
+    if share is not None and cad_weight is not None:
+        raise OptionError(
+            "--prior and --cad-prior say the same twice: a share of 0.2 is the weight "
+            f"{share_weight(0.2):g}; give one."
+        )
+    if share is None:
+        share = SHARE if commanded and cad_weight is None else 0.0
+    return share, share_weight(share) if share else cad_weight
