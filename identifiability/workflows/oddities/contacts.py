@@ -63,7 +63,17 @@ QUIET, SHARE, NOISE = 0.2, 0.45, 2.0
 FOLDED = 0.06
 
 
-@check("impacts sampled without a low-pass", Does.MISREADS, 7)
+@check(
+    "impacts sampled without a low-pass",
+    Does.MISREADS,
+    10,
+    says="The acceleration of the base in … comes in bursts that reach up to half the sampling "
+    "rate",
+    means="Feet hit the ground, and the sensor's ringing was sampled too slowly: what is above "
+    "half the rate appears (aliased) as motion that never was.",
+    do="Let acceleration, angular velocity and torque pass the same low-pass, below 0.4 of the "
+    "sampling rate, before they are sampled; or sample faster. Such a log cannot be mended.",
+)
 def find_aliases(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return which logs hold impacts that were sampled without a low-pass; nothing if none does."""
     if logs.robot.base is None:
