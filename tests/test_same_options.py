@@ -1,5 +1,6 @@
 """The same preparation, engine and progress options in every verb; `--quick` overrides nothing."""
 
+import inspect
 import io
 from types import SimpleNamespace
 
@@ -7,6 +8,7 @@ import pytest
 import typer
 from rich.console import Console
 
+import identifiability
 from identifiability.cli import app, common, options
 
 #: Verbs that take logs, and options that mean the same in each.
@@ -28,6 +30,29 @@ def test_every_verb_has_them(verb, commands):
     for name in set(SHARED) - own.get(verb, set()):
         assert known[name].help == usual[name].help
         assert known[name].opts == usual[name].opts
+
+
+@pytest.mark.parametrize(
+    ("verb", "names"),
+    [
+        ("analyze", "validate ladder posterior replicates seed quick"),
+        ("prune", "validate ladder forbid force propose replicates seed quick"),
+        ("diagnose", "validate model seed quick"),
+        ("calibrate", "model seed quick"),
+        ("payload", "without body"),
+        ("inspect", "model"),
+        ("compare", "ladder"),
+    ],
+)
+def test_options_have_names_defaults_and_help_of_the_library(verb, names, commands):
+    known = {p.name: p for p in commands[verb].params}
+    library = inspect.signature(getattr(identifiability, verb)).parameters
+    told = " ".join(inspect.getdoc(getattr(identifiability, verb)).replace("``", "`").split())
+    for name in names.split():
+        assert (known[name].default or None) == (library[name].default or None)
+        assert (
+            name == "seed" or known[name].help.removesuffix(" May be given several times.") in told
+        )
 
 
 def arguments_of(verb, monkeypatch, *words):

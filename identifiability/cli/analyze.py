@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import astuple
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from identifiability.cli import common, options
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.analyze import Analysis
 
 
-@options.command
+@options.command("workflows/analyze/workflow.py")
 def analyze(
     machine: options.Machine,
     recorded: options.Recorded,
@@ -22,12 +22,7 @@ def analyze(
     fitting: options.Fitting,
     derived: options.Derived,
     place: options.Place,
-    validate: options.Validate = None,
-    ladder: options.Ladder = None,
-    posterior: bool = False,
-    replicates: options.Replicates = None,
-    seed: options.Seed = 0,
-    quick: bool = False,
+    **own: Any,
 ) -> None:
     """Say which parameters the logs determine, and which model of a ladder to use.
 
@@ -56,37 +51,22 @@ def analyze(
     Too few identifiable? Move faster and in other directions, log longer, or let *prune* look for
     the smaller model that these logs support. Error much above the noise? Something is missing in
     the model: *diagnose* names it.
-
-    Parameters
-    ----------
-    posterior
-        Also sample the posteriors of the selected model; costs two to three times the rest.
-    replicates
-        Refits of the bootstrap, 0: none; default 2000, quick 200.
-    quick
-        Fewer replicates, where nobody says how many.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.analyze import analyze as run  # noqa: PLC0415
 
-        held = validate or ()
         result = run(
             machine.load(recorded),
             logs,
-            held,
-            ladder,
-            quick=quick,
-            replicates=replicates,
-            posterior=posterior,
-            seed=seed,
             progress=say,
             # Left to itself it ends the processes as soon as the logs have been read.
             engine=runner if any(astuple(place)) else None,
             preparation=derived.preparation(),
             **fitting.arguments(),
+            **own,
         )
         written = outputs.write(result, say)
-    print_analysis(result, written, [machine.robot, *logs, *held])
+    print_analysis(result, written, [machine.robot, *logs, *own["validate"]])
 
 
 def print_analysis(result: Analysis, written: Sequence[Path], typed: Sequence[str] = ()) -> None:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.batch import Batch
 
 
-@options.command
+@options.command()
 def batch(
     study: Annotated[str, Argument(metavar="STUDY.toml"), Reads("study", "TOML")],
     place: options.Place,

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import astuple
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from typer import Option
 
 from identifiability.cli import common, options
 
 
-@options.command
+@options.command("workflows/calibrate/calibration.py")
 def calibrate(
     machine: options.Machine,
     recorded: options.Recorded,
@@ -19,13 +19,11 @@ def calibrate(
     derived: options.Derived,
     place: options.Place,
     ladder: options.Ladder = None,
-    model: str | None = None,
     replicates: Annotated[int | None, Option(min=4)] = None,
     sbc: bool = True,
     names: Annotated[int | None, Option(min=0)] = None,
     estimator: Literal["auto", "ls", "iv"] = "auto",
-    seed: options.Seed = 0,
-    quick: bool = False,
+    **own: Any,
 ) -> None:
     """Say whether the intervals and verdicts of the model to use can be trusted here.
 
@@ -46,8 +44,6 @@ def calibrate(
 
     Parameters
     ----------
-    model
-        Model of the ladder; default: the one to use, of a model file its only one.
     replicates
         Simulated repetitions a row, four times as many in the first; default 60, quick 8.
     sbc
@@ -56,8 +52,6 @@ def calibrate(
         Repetitions with nothing missing that are diagnosed, 0: none; default 40, quick 4.
     estimator
         As for analyze.
-    quick
-        Fewer repetitions, where nobody says how many: a wide Monte-Carlo error.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.analyze import analyze  # noqa: PLC0415
@@ -70,18 +64,16 @@ def calibrate(
             ladder,
             estimator=estimator,
             preparation=derived.preparation(),
-            seed=seed,
+            seed=own["seed"],
             progress=lambda text, share: say(text, 0.2 * share),
             engine=runner if any(astuple(place)) else None,
         )
         result = run(
             analysis,
-            model=model,
             replicates=replicates,
             sbc=None if sbc else 0,
             names=names,
-            quick=quick,
-            seed=seed,
+            **own,
             progress=lambda text, share: say(text, 0.2 + 0.8 * share),
             engine=runner,
         )

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Argument, Option
 
 from identifiability.cli import common, options
 
 
-@options.command
+@options.command("workflows/compare/workflow.py")
 def compare(
     machine: options.Machine,
     recorded: options.Recorded,
@@ -20,7 +20,7 @@ def compare(
     outputs: options.Outputs,
     more_before: Annotated[list[str] | None, Option("--before", metavar="LOG")] = None,
     more_after: Annotated[list[str] | None, Option("--after", metavar="LOG")] = None,
-    ladder: options.Ladder = None,
+    **own: Any,
 ) -> None:
     """Say what changed between two logs, or two results, of one robot.
 
@@ -64,9 +64,7 @@ def compare(
                 )
             sides.append(side[0] if results else side)
         say("comparing", 0.3)
-        found = find(
-            machine.load(recorded), *sides, ladder=ladder, preparation=derived.preparation()
-        )
+        found = find(machine.load(recorded), *sides, preparation=derived.preparation(), **own)
         written = outputs.write(found, say)
     common.print_end([found.answer])
     headings = ("what", "number", "change", "from", "to", "unit", "p")

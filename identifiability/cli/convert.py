@@ -12,7 +12,7 @@ from identifiability.cli import common, options
 from identifiability.cli.common import Reads, Writes
 
 
-@options.command
+@options.command()
 def convert(
     table: Annotated[Path, Argument(), Reads("DH table", "TOML")],
     out: Annotated[Path, Option(), Writes(".xml")],

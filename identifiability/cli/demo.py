@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.analyze import Analysis
 
 
-@options.command
+@options.command()
 def demo(
     quick: bool = False,
     folder: Annotated[Path, Option(), Writes()] = Path("reports"),

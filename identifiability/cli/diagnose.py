@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import astuple
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Option
 
@@ -13,7 +13,7 @@ from identifiability.cli.common import Reads, Writes
 from identifiability.foundation.errors import IdentifiabilityError
 
 
-@options.command
+@options.command("workflows/diagnose/workflow.py", but=("forward",))
 def diagnose(
     machine: options.Machine,
     recorded: options.Recorded,
@@ -21,9 +21,7 @@ def diagnose(
     outputs: options.Outputs,
     derived: options.Derived,
     place: options.Place,
-    validate: options.Validate = None,
     effects: str | None = None,
-    model: options.Model = None,
     out: Annotated[Path | None, Option(), Writes(".toml")] = None,
     motion: Annotated[Path | None, Option("--next"), Writes(".json")] = None,
     limits: options.Limits = None,
@@ -32,8 +30,7 @@ def diagnose(
     fixed_from: Annotated[Path | None, Option(), Reads("result", "JSON")] = None,
     fixed_share: Annotated[float | None, Option("--fixed-share", "--prior")] = None,
     replicates: options.Replicates = None,
-    seed: options.Seed = 0,
-    quick: bool = False,
+    **own: Any,
 ) -> None:
     """Find where model and logs disagree, name the missing effect, add it, show the gap shrink.
 
@@ -81,8 +78,6 @@ def diagnose(
         Keep the robot file's values, which may be off by this share, such as 0.1.
     replicates
         Simulated noises that p-values come from; default 199, quick 99.
-    quick
-        Fewer replicates, where nobody says how many: coarser p-values.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415
@@ -90,7 +85,6 @@ def diagnose(
         from identifiability.workflows.diagnose.result import next_commands  # noqa: PLC0415
         from identifiability.workflows.diagnose.words import weight_text  # noqa: PLC0415
 
-        held = validate or ()
         ways = [w for w in (fixed_from, fixed_share, fixed or None) if w is not None]
         if len(ways) > 1:
             raise IdentifiabilityError(
@@ -100,23 +94,20 @@ def diagnose(
         result = run(
             machine.load(recorded),
             logs,
-            held,
             effects=options.split_names(effects),
-            model=options.split_model(model),
             fixed=ways[0] if ways else False,
             earlier=earlier,
-            seed=seed,
-            quick=quick,
             replicates=replicates,
             preparation=derived.preparation(),
             engine=runner if any(astuple(place)) else None,
             progress=say,
+            **own,
         )
         model_file = [] if out is None else [result.write_model(out)]  # of which the page knows
         written = [*model_file, *outputs.write(result, say)]
         told = [result.statement]
         if motion is not None:
-            found = find_next(result, limits=limits, seed=seed, progress=say)
+            found = find_next(result, limits=limits, seed=own["seed"], progress=say)
             told.append(found.statement)
             if not found.same:
                 written.append(found.to_json(motion))
@@ -149,5 +140,5 @@ def diagnose(
         title, ("joint", "before", "after", "rms after", "raw after"), table, left=("joint",)
     )
     common.print_end(told)
-    common.print_next(next_commands(result), [machine.robot, *logs, *held, *written])
+    common.print_next(next_commands(result), [machine.robot, *logs, *own["validate"], *written])
     common.print_end([], written)

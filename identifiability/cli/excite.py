@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.excite import Excitation
 
 
-@options.command
+@options.command()
 def excite(
     machine: options.Machine,
     recorded: options.Recorded,

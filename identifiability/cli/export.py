@@ -14,7 +14,7 @@ from identifiability.cli.common import Writes
 ENDINGS = (".xml", ".urdf", ".json", ".py", ".c", ".csv", ".parquet", ".pq")
 
 
-@options.command
+@options.command()
 def export(
     machine: options.Machine,
     result: options.JsonResult,

@@ -12,7 +12,7 @@ from identifiability.cli import common, options
 from identifiability.cli.common import Writes
 
 
-@options.command
+@options.command()
 def gain(
     machine: options.Machine,
     recorded: options.Recorded,

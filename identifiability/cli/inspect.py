@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import astuple
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.inspect import Inspection
 
 
-@options.command
+@options.command("workflows/inspect/workflow.py")
 def inspect(
     machine: options.Machine,
     recorded: options.Recorded,
@@ -26,7 +26,7 @@ def inspect(
     place: options.Place,
     logs: Annotated[list[str] | None, Argument()] = None,
     template: Annotated[Path | None, Option(), Writes(".csv")] = None,
-    model: options.Model = None,
+    **own: Any,
 ) -> None:
     """Say what a robot file holds, what its logs must have, and what is in logs and odd about them.
 
@@ -55,10 +55,10 @@ def inspect(
         result = run(
             machine.load(recorded),
             given,
-            model=options.split_model(model),
             preparation=derived.preparation(),
             progress=say,
             engine=runner if any(astuple(place)) else None,
+            **own,
         )
         written = [result.write_template(template)] if template is not None else []
         written += outputs.write(result, say)

@@ -11,7 +11,7 @@ from identifiability.cli import common, options
 from identifiability.cli.common import Writes
 
 
-@options.command
+@options.command()
 def new(
     folder: Annotated[Path, Argument(), Writes()],
     logs: Annotated[list[str] | None, Argument()] = None,

@@ -6,9 +6,10 @@ its options, with help from docstrings.
 
 from __future__ import annotations
 
+import ast
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import asdict, astuple, dataclass, fields, is_dataclass
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 
 #: Where a docstring begins to speak of parameters, and what it says of one.
 _HELP = re.compile(r"\n*^(?:Parameters|Attributes)\n-+\n", re.MULTILINE)
-_ENTRY = re.compile(r"^(\w+)\n((?: {4}.*\n)+)", re.MULTILINE)
+_ENTRY = re.compile(r"^(\w+)(?: : .*)?\n((?: {4}.*\n)+)", re.MULTILINE)
 
 
 #: Options that take effects, and verbs in which an option of that name takes something else.
@@ -90,6 +91,8 @@ def grouped(
     first: Callable[[dict[str, Any], dict[str, tuple[Any, ...]]], None] = lambda _given, _marks: (
         None
     ),
+    library: str = "",
+    but: Sequence[str] = (),
 ) -> Callable[..., None]:
     """Return the function as a command: groups become their options, with help from docstrings.
 
@@ -99,6 +102,9 @@ def grouped(
     An option of the command itself stands before one of a group with its name. What a docstring
     says of its parameters or attributes is the help of these options, and the rest of the
     function's is the help of the command.
+
+    A command that takes ``**own`` has each option of the function of its name in the file `library`
+    of the package, as that declares and explains it, `but` some and those that it has itself.
     """
     hints = get_type_hints(function)
     groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
@@ -106,12 +112,17 @@ def grouped(
     flat = [
         option
         for name in signature(function).parameters
-        for option in (_options(groups[name]) if name in groups else [own[name]])
+        for option in (_options(groups[name]) if name in groups else filter(None, [own.get(name)]))
         if name not in groups or option.name not in own
     ]
+    names = {*(option.name for option in flat), *but}
+    taken = [o for o in _declared(library, function.__name__) if o.name not in names]
+    usual = {o.name: o.default for o in taken}
 
     holders = (function, *groups.values())
     marks = {name: found for holder in holders for name, found in _marks(holder).items()}
+    marks |= {o.name: get_args(o.annotation)[2:] for o in taken}
+    flat += [o.replace(default=o.default or None) if o.default == () else o for o in taken]
 
     @wraps(function)
     def called(**options: Any) -> None:
@@ -120,7 +131,11 @@ def grouped(
             for name, kind in groups.items()
         }
         first({**whole, **options}, marks)
-        function(**whole, **options)
+        for name in usual:
+            if any(isinstance(m, Reads) and m.what == "model" for m in marks[name]):
+                options[name] = split_model(options[name])
+        left = {name: usual[name] for name in usual if options[name] is None}
+        function(**whole, **{**options, **left})
 
     called.__doc__ = _HELP.split(getdoc(function) or "")[0]
     called.__signature__ = Signature(flat)  # type: ignore[attr-defined]
@@ -131,20 +146,61 @@ def grouped(
 @cache
 def _options(holder: Any) -> list[Parameter]:
     """Return the parameters of a function or group as typer reads them, with help."""
-    told = _HELP.split(getdoc(holder) or "")[-1]
-    helps = {name: " ".join(text.split()) for name, text in _ENTRY.findall(f"{told}\n")}
-    kinds = get_type_hints(holder, include_extras=True)
-    found = []
-    for name, given in signature(holder).parameters.items():
-        kind, notes = kinds[name], getattr(kinds[name], "__metadata__", ())
-        if notes:
-            kind, note = get_args(kind)[0], copy(notes[0])
-        else:
-            note = Argument() if given.default is given.empty else Option()
-        if name in helps:
-            note.help = helps[name]
-        found.append(given.replace(kind=Parameter.KEYWORD_ONLY, annotation=Annotated[kind, note]))
-    return found
+    helps, kinds = _helps(getdoc(holder) or ""), get_type_hints(holder, include_extras=True)
+    return [
+        _option(given, kinds[name], helps.get(name))
+        for name, given in signature(holder).parameters.items()
+        if given.kind is not Parameter.VAR_KEYWORD
+    ]
+
+
+def _option(given: Parameter, kind: Any, told: str | None) -> Parameter:
+    """Return a parameter as typer reads it."""
+    notes = getattr(kind, "__metadata__", ())
+    if notes:
+        kind, note = get_args(kind)[0], copy(notes[0])
+    else:
+        note = Argument() if given.default is given.empty else Option()
+    note.help = told or note.help
+    as_typer = Annotated[(kind, note, *notes[1:])]
+    return given.replace(kind=Parameter.KEYWORD_ONLY, annotation=as_typer)
+
+
+def _helps(told: str) -> dict[str, str]:
+    """Return what a docstring says of each parameter or attribute, without its type."""
+    texts = _ENTRY.findall(f"{_HELP.split(told)[-1]}\n")
+    return {name: " ".join(text.split()).replace("``", "`") for name, text in texts}
+
+
+#: Arguments of the library that groups of options make.
+_MADE = ("robot", "logs", "preparation")
+
+
+@cache
+def _declared(library: str, verb: str) -> list[Parameter]:
+    """Return the options of a function of the library, read from its source.
+
+    It is not imported: a help does not wait a second for all that it needs.
+    """
+    if not library:
+        return []
+    tree = ast.parse((Path(__file__).parents[1] / library).read_text("utf-8"))
+    found = next(n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == verb)
+    helps, given = _helps(ast.get_docstring(found) or ""), found.args
+    defaults = [*given.defaults, *given.kw_defaults]
+    arguments = [*given.args, *given.kwonlyargs][-len(defaults) :]
+    options = []
+    for argument, default in zip(arguments, defaults, strict=True):
+        kind = KINDS.get(ast.unparse(argument.annotation)) if argument.annotation else None
+        if kind is None or default is None or argument.arg in _MADE:
+            continue
+        usual = ast.literal_eval(default)
+        told = None if kind is Seed else helps.get(argument.arg)
+        if kind == list[str] | None:
+            told = f"{told} May be given several times."
+        option = Parameter(argument.arg, Parameter.KEYWORD_ONLY, default=usual)
+        options.append(_option(option, kind, told))
+    return options
 
 
 @cache
@@ -227,7 +283,6 @@ Logs = Annotated[
 ]
 _LADDER = "TOML ladder of models; default: the one beside the robot."
 _MODEL = "Effects of the model, such as rigid_body,viscous_friction, or a model file (.toml)."
-Validate = Annotated[list[str] | None, Option(help="Held-out log; may be given several times.")]
 Ladder = Annotated[str | None, Option(help=_LADDER), Reads("ladder", "TOML")]
 Model = Annotated[str | None, Option(help=_MODEL), Reads("model", "TOML", always=False)]
 Limits = Annotated[Path | None, Option(), Reads("limits", "TOML")]
@@ -237,6 +292,16 @@ Report = Annotated[Path | None, Option(), Writes(".html", ".htm")]
 #: How often what judges an answer is repeated; each verb says of what.
 Replicates = Annotated[int | None, Option(min=0)]
 Seed = Annotated[int, Option(min=0, help="Seed of every random choice.")]
+#: What an annotation of the library is on a command line; a verb has options of other kinds itself.
+KINDS: dict[str, Any] = {
+    "bool": bool,
+    "str | None": str | None,
+    "Seed": Seed,
+    "Replicates | None": Replicates,
+    **dict.fromkeys(("Logs", "Logs | None", "Names", "Names | None"), list[str] | None),
+    "LadderLike | None": Ladder,
+    "ModelLike | None": Model,
+}
 
 
 @dataclass(frozen=True)
@@ -468,10 +533,20 @@ class Place:
             )
 
 
-#: Makes a function a command: groups become their options, and files are looked at first.
-command = partial(grouped, first=look)
-#: The same for one that takes logs without torque.
-command_along_motion = partial(grouped, first=partial(look, motion_alone=True))
+def command(
+    library: str = "", but: Sequence[str] = (), *, motion_alone: bool = False
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Make a function a command, as by `grouped`; files are looked at first.
+
+    Parameters
+    ----------
+    library, but
+        As for `grouped`.
+    motion_alone
+        Whether it takes logs without torque.
+    """
+    looked = partial(look, motion_alone=motion_alone)
+    return partial(grouped, first=looked, library=library, but=but)
 
 
 def split_names(text: str | None) -> list[str] | None:

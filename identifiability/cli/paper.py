@@ -16,7 +16,7 @@ from identifiability.cli.common import Writes
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 
 
-@options.command
+@options.command()
 def paper(
     place: options.Place,
     tables: Annotated[list[str] | None, Argument()] = None,

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from typer import Option
+from typing import Any
 
 from identifiability.cli import common, options
 
 
-@options.command
+@options.command("workflows/payload/workflow.py")
 def payload(
     machine: options.Machine,
     recorded: options.Recorded,
     result: options.JsonResult,
     logs: options.Logs,
     outputs: options.Outputs,
-    without: Annotated[list[str] | None, Option()] = None,
-    body: str | None = None,
+    **own: Any,
 ) -> None:
     """Weigh what hangs on a body: its mass, centre and inertia, with intervals.
 
@@ -39,17 +36,13 @@ def payload(
         JSON that analyze, prune or diagnose wrote, of logs without the load.
     logs
         Logs with the load, with columns as for analyze.
-    without
-        Log without the load, best along the same motion; may be given several times.
-    body
-        Which carries the load; default: the last of a chain, or the platform.
     """
     with common.sentences(), common.progress() as say:
         from identifiability.foundation.numbers import measured  # noqa: PLC0415
         from identifiability.workflows.payload import payload as weigh  # noqa: PLC0415
 
         say("reading logs", 0.0)
-        found = weigh(machine.load(recorded), result, logs, without or [], body=body)
+        found = weigh(machine.load(recorded), result, logs, **own)
         written = outputs.write(found, say)
     common.print_end([found.answer])
     headings = ("quantity", "value", "unit", "from", "to", "told")

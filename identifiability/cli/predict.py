@@ -11,7 +11,7 @@ from identifiability.cli import common, options
 from identifiability.cli.common import Writes
 
 
-@options.command_along_motion
+@options.command(motion_alone=True)
 def predict(
     machine: options.Machine,
     recorded: options.Recorded,

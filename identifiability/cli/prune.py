@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Option
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.prune import Ladder
 
 
-@options.command
+@options.command("workflows/prune/workflow.py")
 def prune(
     machine: options.Machine,
     recorded: options.Recorded,
@@ -24,17 +24,10 @@ def prune(
     fitting: options.Fitting,
     derived: options.Derived,
     place: options.Place,
-    validate: list[str] | None = None,
-    ladder: str | None = None,
-    forbid: list[str] | None = None,
-    force: list[str] | None = None,
     criterion: Literal["identifiable", "one-se-of-difference", "one-se", "best"] = "identifiable",
-    propose: bool = True,
     reach: Annotated[float, Option(min=0.1)] = 1.0,
     out: Annotated[Path | None, Option(), Writes(".toml")] = None,
-    replicates: options.Replicates = None,
-    seed: options.Seed = 0,
-    quick: bool = False,
+    **own: Any,
 ) -> None:
     """Reduce the full model of a robot to the one worth using, from logs alone.
 
@@ -55,48 +48,26 @@ def prune(
 
     Parameters
     ----------
-    validate
-        Log that is only reported on; may be given several times.
-    ladder
-        TOML ladder; pruning starts from its first model.
-    forbid
-        Parameter that must stay; may be given several times.
-    force
-        Parameter that must go; may be given several times.
     criterion
         How much predictive density a smaller model may cost: by default 2 nats.
-    propose
-        Try the symmetries that the robot's joints suggest.
     reach
         Does nothing any more: models are chosen by what they predict of the logs.
     out
         Write the chosen model here, as a model file for every other verb.
-    replicates
-        Resampled logs that are pruned again; default 200, quick 20.
-    quick
-        Fewer replicates, where nobody says how many.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.prune import prune as run  # noqa: PLC0415
 
-        held = validate or ()
         result = run(
             machine.load(recorded),
             logs,
-            held,
-            ladder,
-            forbid=forbid or (),
-            force=force or (),
             criterion=criterion,
-            propose=propose,
             reach=reach,
-            quick=quick,
-            replicates=replicates,
-            seed=seed,
             progress=say,
             engine=runner,
             preparation=derived.preparation(),
             **fitting.arguments(),
+            **own,
         )
         model_file = [] if out is None else [result.write_model(out)]  # of which the page knows
         written = [*model_file, *outputs.write(result, say)]

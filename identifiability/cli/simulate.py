@@ -12,7 +12,7 @@ from identifiability.cli import common, options
 from identifiability.cli.common import Reads, Writes
 
 
-@options.command
+@options.command()
 def simulate(
     machine: options.Machine,
     recorded: options.Recorded,

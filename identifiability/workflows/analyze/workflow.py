@@ -84,7 +84,7 @@ def analyze(
     logs : log, path, DataFrame, or several
         Fitted to.
     validate : the same, optional
-        Held out; without them errors come from blocked cross-validation.
+        Logs held out; without them errors come from blocked cross-validation.
     ladder : path, LadderEntry or result of `prune`, optional
         Models to compare, each also with the unpruned one; by default the ladder beside the robot
         file, else the default one, with torque offsets and without (of logs that hold commands and

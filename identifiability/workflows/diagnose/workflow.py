@@ -129,8 +129,8 @@ def diagnose(
     logs : log, path, DataFrame, or several
         What the model is fitted to and effects are named from.
     validate : the same, optional
-        Not fitted: may refute a name, and measures the gap. Without any, the last log (or the last
-        quarter of the only one) is set aside.
+        Logs that are not fitted: they may refute a name, and measure the gap. Without any, the last
+        log (or the last quarter of the only one) is set aside.
     effects : iterable of str, optional
         Families that may be named; all that are registered by default.
     model : Model, sequence of str, path of a model file or result of `prune`, optional

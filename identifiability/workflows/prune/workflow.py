@@ -111,7 +111,7 @@ def prune(
     logs : log, path, DataFrame, or several
         The size of the model is chosen on these only.
     validate : the same, optional
-        Held out from everything; only reported.
+        Logs held out from everything, which are only reported on.
     ladder : path, LadderEntry or result of `prune`, optional
         Its first model is where pruning starts; by default every base parameter, with
         torque offsets.
