@@ -212,22 +212,24 @@ def test_a_cluster_of_this_machine_that_cannot_be_started_is_one_sentence(monkey
         choose_engine("dask", workers=1)
 
 
-def test_what_interrupts_the_start_of_a_cluster_ends_it_once_it_is_there():
+@needs_dask
+def test_what_interrupts_the_start_of_a_cluster_ends_it_once_it_is_there(monkeypatch):
     ended = []
 
-    def start():
+    def start(**_):
         time.sleep(0.1)
         os.kill(os.getpid(), signal.SIGINT)
         time.sleep(0.1)
-        return SimpleNamespace(close=lambda: ended.append(True))
+        return SimpleNamespace(close=lambda: ended.append("closed"), sync=ended.append, workers={})
 
+    monkeypatch.setattr(distributed, "LocalCluster", start)
     usual = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
     try:
         with pytest.raises(KeyboardInterrupt):
-            clusters._start_whole(start)
+            choose_engine("dask", workers=1)
     finally:
         signal.signal(signal.SIGINT, usual)
-    assert ended == [True]
+    assert ended[-1] == "closed"
 
 
 @needs_dask

@@ -1,7 +1,7 @@
 """Work on a cluster: the only module that knows Dask.
 
 A worker that dies is no loss: the scheduler gives its items to another one. What workers need is
-this package, in the same version; modules of a study are sent to them.
+this package, in the same version; modules of a study go with what is sent.
 """
 
 from __future__ import annotations
@@ -9,12 +9,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import shutil
+import sys
 import sysconfig
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import CancelledError, ThreadPoolExecutor
-from functools import partial
+from concurrent.futures import CancelledError
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from identifiability.foundation.engines.mapping import (
     Result,
     in_order,
     run_limited,
+    uninterrupted,
 )
 from identifiability.foundation.engines.resume import root_module, source_digest
 from identifiability.foundation.errors import EngineError
@@ -50,6 +51,16 @@ _INSTALL = (
     "The engine 'dask' needs the package distributed, which is not installed; install it with "
     "pip install 'robot-identifiability[distributed]', here and on every worker."
 )
+
+
+class OtherProgramError(EngineError):
+    """A worker would compute something else."""
+
+    def __init__(self, _sentence: str = "") -> None:
+        super().__init__(
+            "A worker of the cluster had another version of identifiability; install the same one "
+            "on every worker and run again. Work that a resume folder holds is not done again."
+        )
 
 
 class Dask(Engine):
@@ -83,7 +94,6 @@ class Dask(Engine):
             raise EngineError(_INSTALL) from None
         self.scheduler = scheduler or "this machine"
         self._stack = contextlib.ExitStack()
-        self._sent: set[str] = set()
         # Dask's client writes on standard error what we say in a sentence.
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         try:
@@ -100,38 +110,45 @@ class Dask(Engine):
         from distributed.core import CommClosedError, RPCClosed  # noqa: PLC0415
 
         with self._reached(OSError):
-            self._send_module(function)
-            submit = self._submitter(function)
+            task = partial(run_pickled, source_digest("identifiability"))
+            sent = self._send(function)
             window = AHEAD * max(1, sum(self._await(self.client.ncores).values()))
+
+        def submit(item: Item) -> _Watched:
+            return _Watched(self.client.submit(task, sent, item, pure=False), self._ask)
+
         try:
             with self._reached(CancelledError, CommClosedError, RPCClosed):
                 yield from in_order(submit, items, window, self._abandon)
-        except (OtherProgramError, ImportError, AttributeError) as error:
+        except (ImportError, AttributeError):
             with self._reached(OSError):
                 self._check()  # a worker of another version has joined, or the work itself fails
-            if not isinstance(error, OtherProgramError):
-                raise
-            raise EngineError(
-                f"A worker of the cluster at {self.scheduler} had another version of "
-                "identifiability and has left again; run again. Work that a resume folder holds is "
-                "not done again."
-            ) from None
+            raise
         except KilledWorker:
             raise EngineError(
                 f"The workers of the cluster at {self.scheduler} died again and again on the same "
                 "item, most likely for lack of memory; give workers that have more."
             ) from None
 
-    def _submitter(self, function: Callable[[Item], Result]) -> Callable[[Item], Any]:
-        sent: Any = function
-        if len(cloudpickle.dumps(function)) > LARGE:
-            # A regressor in a partial is sent once. Small functions go with each item, because the
-            # scheduler prefers workers that have what an item needs, and a new worker has nothing.
-            with warnings.catch_warnings():
-                warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
-                sent = self.client.submit(_keep, function, pure=False)
-        task = partial(run_checked, source_digest("identifiability"))
-        return lambda item: _Watched(self.client.submit(task, sent, item, pure=False), self._ask)
+    def _send(self, function: Callable[..., Any]) -> Any:
+        """Return a pickled function, with the module of a study that workers do not have.
+
+        A large one, such as a regressor in a partial, is sent once. Small ones go with each item:
+        the scheduler prefers workers that have what an item needs, and a new worker has nothing.
+        """
+        name, path = root_module(function)
+        if (
+            path is not None
+            and name not in ("__main__", "identifiability")
+            and not _installed(path)
+        ):
+            cloudpickle.register_pickle_by_value(sys.modules[name])
+        pickled = cloudpickle.dumps(function)
+        if len(pickled) <= LARGE:
+            return pickled
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
+            return self.client.submit(bytes, pickled, pure=False)
 
     def _ask(self) -> None:
         """Say in a sentence that the scheduler is silent, if it is."""
@@ -177,43 +194,19 @@ class Dask(Engine):
                 f"The scheduler at {self.scheduler} has no workers; start some with "
                 f"'dask worker {self.scheduler}'."
             )
-        try:
-            found = self._digests("identifiability")
-        except (ImportError, AttributeError):
-            found = {""}
-        if found != {source_digest("identifiability")}:
-            raise EngineError(
-                f"Workers of the cluster at {self.scheduler} do not have this version of "
-                "identifiability; install the same one on every worker and start them again."
-            )
-
-    def _digests(self, name: str) -> set[str]:
-        """Return the digests of a module that workers have."""
-        return set(self._await(partial(self.client.run, source_digest, name)).values())
-
-    def _send_module(self, function: Callable[..., Any]) -> None:
-        """Send the module of a function to workers that do not have it as it is here."""
-        name, path = root_module(function)
-        carried = name in ("__main__", "identifiability")  # pickled by value, checked already
-        if path is None or carried or name in self._sent or _installed(path):
-            return
-        self._sent.add(name)
-        if self._digests(name) == {source_digest(name)}:
-            return
-        with temporary_folder() as folder:
-            if path.name == "__init__.py":
-                whole = (path.parent.parent, path.parent.name)
-                path = Path(shutil.make_archive(str(Path(folder, name)), "zip", *whole))
-            self._await(partial(self.client.upload_file, str(path)))
+        with contextlib.suppress(ImportError, AttributeError):
+            asked = partial(self.client.run, source_digest, "identifiability")
+            if set(self._await(asked).values()) == {source_digest("identifiability")}:
+                return
+        raise EngineError(
+            f"Workers of the cluster at {self.scheduler} do not have this version of "
+            "identifiability; install the same one on every worker and start them again."
+        )
 
     def close(self) -> None:
         """Leave the cluster; end it if it was started here."""
         with contextlib.suppress(CancelledError, OSError):
             self._stack.close()
-
-
-class OtherProgramError(Exception):
-    """A worker would compute something else."""
 
 
 def run_checked(digest: str, function: Callable[[Item], Result], item: Item) -> Result:
@@ -226,15 +219,20 @@ def run_checked(digest: str, function: Callable[[Item], Result], item: Item) -> 
     return run_limited(function, item)
 
 
+def run_pickled(digest: str, function: bytes, item: Any) -> Any:
+    """Call a pickled function; a worker reads it, and the robot in it, once."""
+    return run_checked(digest, _read(function), item)
+
+
+_read = lru_cache(maxsize=2)(cloudpickle.loads)
+
+
 class _Watched:
     """A future whose scheduler is asked whether it is there while one waits for the result."""
 
     def __init__(self, future: Any, ask: Callable[[], None]) -> None:
-        self.future = future
+        self.future, self.done = future, future.done
         self._ask = ask
-
-    def done(self) -> bool:
-        return bool(self.future.done())
 
     def result(self) -> Any:
         while True:
@@ -246,11 +244,6 @@ class _Watched:
                 self._ask()
 
 
-def _keep(value: Any) -> Any:
-    """Return a value: as a task, so that the scheduler can make it again on another worker."""
-    return value
-
-
 def _installed(path: Path) -> bool:
     """Return whether a file belongs to the installation, which workers have as well."""
     library = [Path(sysconfig.get_path(k)).resolve() for k in ("stdlib", "purelib", "platlib")]
@@ -258,11 +251,14 @@ def _installed(path: Path) -> bool:
 
 
 def _connect(distributed: Any, target: Any) -> Any:
-    """Return a client; a scheduler that is not there is noticed before a client waits for it."""
+    """Return a client.
+
+    Raises
+    ------
+    EngineError
+        If no scheduler answers.
+    """
     try:
-        if isinstance(target, str):
-            with ThreadPoolExecutor(1) as thread:  # a notebook has a running loop of its own
-                thread.submit(asyncio.run, _probe(distributed, target)).result()
         return distributed.Client(target, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, RuntimeError, TypeError) as error:  # TypeError: no certificate
         over_tls = str(target).startswith("tls://")
@@ -275,59 +271,35 @@ def _connect(distributed: Any, target: Any) -> Any:
         ) from None
 
 
-async def _probe(distributed: Any, address: str) -> None:
-    security = distributed.Security().get_connection_args("client")
-    async with asyncio.timeout(PATIENCE):
-        comm = await distributed.connect(address, timeout=PATIENCE, **security)
-        await comm.close()
-
-
 @contextlib.contextmanager
 def _local_cluster(workers: int | None) -> Iterator[Any]:
     """Start a cluster of processes of this machine, one thread each, and end it without delay."""
     import dask  # noqa: PLC0415
-    from distributed import LocalCluster  # noqa: PLC0415
+    import distributed  # noqa: PLC0415
+
+    async def end() -> None:
+        await asyncio.gather(*(n.close(timeout=GRACE) for n in cluster.workers.values()))
 
     with (
         temporary_folder() as folder,  # else Dask leaves one of its own
         dask.config.set({"temporary-directory": folder}),
+        contextlib.ExitStack() as ending,
     ):
-        start = partial(
-            LocalCluster,
-            n_workers=workers or joblib.cpu_count(),
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address="127.0.0.1:0",
-            silence_logs=logging.CRITICAL,
-            preload=[_DEAF],
-        )
         try:
-            cluster = _start_whole(start)
+            with uninterrupted():  # Dask cannot end half of one
+                cluster = distributed.LocalCluster(
+                    n_workers=workers or joblib.cpu_count(),
+                    threads_per_worker=1,
+                    processes=True,
+                    dashboard_address="127.0.0.1:0",
+                    silence_logs=logging.CRITICAL,
+                    preload=[_DEAF],
+                )
+                ending.callback(cluster.close)
+                ending.callback(cluster.sync, end)  # an item at work is not waited for
         except (OSError, RuntimeError):
             raise EngineError(
                 "The cluster of this machine could not be started: a worker ended before it was "
                 "there, most likely for lack of memory; give fewer (--workers) or run again."
             ) from None
-
-        async def end() -> None:
-            await asyncio.gather(*(n.close(timeout=GRACE) for n in cluster.workers.values()))
-
-        try:
-            yield cluster
-        finally:
-            cluster.sync(end)  # an item may still be at work, and Ctrl-C must not wait for it
-            cluster.close()
-
-
-def _start_whole(start: Callable[[], Any]) -> Any:
-    """Return a cluster; Ctrl-C meanwhile ends it once it is there: Dask cannot end half of one."""
-    made: list[Any] = []
-    try:
-        with ThreadPoolExecutor(1) as thread:  # leaving it waits
-            thread.submit(lambda: made.append(start())).result()
-        return made[0]
-    except (KeyboardInterrupt, SystemExit):
-        for cluster in made:
-            with contextlib.suppress(OSError, RuntimeError):
-                cluster.close()
-        raise
+        yield cluster

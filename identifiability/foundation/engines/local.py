@@ -12,7 +12,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
-from contextlib import contextmanager
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -29,6 +28,7 @@ from identifiability.foundation.engines.mapping import (
     Serial,
     in_order,
     run_limited,
+    uninterrupted,
 )
 from identifiability.foundation.engines.resume import Resumed
 from identifiability.foundation.errors import EngineError
@@ -124,7 +124,7 @@ class Processes(Engine):
         """Return the pool of workers."""
         if self._pool is None:
             own = {"initializer": _start_worker, "initargs": (os.getpid(),), "env": _ONE_THREAD}
-            with _uninterrupted():
+            with uninterrupted():
                 self._pool = ProcessPoolExecutor(self.workers, **own)
                 self._pool.submit(os.getpid)  # the processes start now
         return self._pool
@@ -139,22 +139,6 @@ class Processes(Engine):
         for worker in list((pool._processes or {}).values()):
             worker.terminate()
         pool.shutdown(wait=True)
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Hold Ctrl-C back while workers start: half-started ones would never be told to end."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    held: list[Any] = []
-    usual = signal.signal(signal.SIGINT, lambda *what: held.append(what))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, signal.SIG_DFL if usual is None else usual)
-        if held and callable(usual):
-            usual(*held[0])
 
 
 def _start_worker(parent: int) -> None:
