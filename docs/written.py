@@ -202,6 +202,7 @@ def write_messages() -> str:
         Does.MISREADS: "Columns that are read as what they are not",
         Does.EXPLAINS: "What explains other contradictions",
         Does.HINTS: "What is only said",
+        Does.MENDS: "What is mended",
     }
     out = []
     for does, heading in follows.items():

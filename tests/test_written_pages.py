@@ -40,7 +40,7 @@ def test_every_key_has_an_example_that_its_table_takes_and_that_toml_reads_back(
 def sentences(declared):
     """Every text of the library, … for what is filled in, but for what checks declare."""
     library = DOCS.parent / "identifiability"
-    speak = ("workflows/oddities", "robot", "physical", "regression")
+    speak = ("workflows", "logs", "robot", "physical", "regression")
     for path in (path for folder in speak for path in (library / folder).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.JoinedStr):

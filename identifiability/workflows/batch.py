@@ -18,7 +18,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import asdict, field, fields, replace
 from glob import escape, glob, has_magic
-from importlib import import_module
 from inspect import Parameter, signature
 from pathlib import Path
 from statistics import median
@@ -48,7 +47,10 @@ from identifiability.logs.prepare import Preparation
 from identifiability.logs.tables import write_table
 from identifiability.robot import Robot
 from identifiability.robot.locate import locate_robot
+from identifiability.workflows.analyze import analyze
+from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.opening import Progress
+from identifiability.workflows.prune import prune
 
 if sys.platform != "win32":
     import fcntl
@@ -251,7 +253,7 @@ def _digest(task: Task, logs: Sequence[str]) -> str:
 
 
 def _function(verb: str) -> Any:
-    return getattr(import_module(f"identifiability.workflows.{verb}"), verb)
+    return {"analyze": analyze, "prune": prune, "diagnose": diagnose}[verb]
 
 
 def _check_options(verb: str, given: dict[str, Any], folder: Path) -> dict[str, Any]:

@@ -26,16 +26,21 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import frame_of
 from identifiability.logs.formats.reader import find_parts
 from identifiability.logs.logfile import LogFile, open_log
-from identifiability.logs.mend import drop_contradictions, mend_logs, unwrap_logs
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.longsamples import LongSamples, Prepared
 from identifiability.logs.prepare.samples import explain_silence
-from identifiability.logs.repeats import Recording, check_held_out, drop_repeats, share_clock
+from identifiability.logs.repeats import Recording, check_held_out, share_clock
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.workflows.gravity import about_gravity
-from identifiability.workflows.oddities import MeasuredLogs, find_always, find_oddities
+from identifiability.workflows.oddities import (
+    MeasuredLogs,
+    Reading,
+    find_always,
+    find_oddities,
+    mend,
+)
 
 if TYPE_CHECKING:
     from identifiability.estimation.rollouts import Rollouts
@@ -268,26 +273,18 @@ def read_recordings(
     if not train:
         raise LogError("No log was given; give at least one.")
     check_held_out(train, held)
-    whole, turned = unwrap_logs(share_clock([*train, *held]))
-    mended, wrong = mend_logs(whole)
-    if known.servo is not None:
-        from identifiability.workflows.commanded import give_torque  # noqa: PLC0415 - MuJoCo
-
-        mended = give_torque(mended, known.servo)
-    alone = [x.name for x in mended if isinstance(x, Log) and x.servo_delay is not None]
+    whole, n = share_clock([*train, *held]), len(train)
+    mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, known.servo))
+    every = (*mended.fitted, *mended.held)
+    alone = [x.name for x in every if isinstance(x, Log) and x.servo_delay is not None]
     if alone and not commands:
         raise LogError(
             f"{listing(alone, 4)} {'holds' if len(alone) == 1 else 'hold'} commands and no torque, "
             "which analyze, prune, diagnose, inspect and rollout take; here give logs of measured "
             "torque."
         )
-    if how is None or how.derivatives != "given":
-        mended, contradicting = drop_contradictions(mended)
-        wrong = (*wrong, *contradicting)
-    fitted, unseen, hints = drop_repeats(mended[: len(train)], mended[len(train) :])
     read = tuple((log.name, "; ".join(log.notes)) for log in (*train, *held) if log.notes)
-    said = (*state_reading(read), *turned, *wrong, *hints)
-    return Recordings(tuple(fitted), tuple(unseen), said, read)
+    return Recordings(mended.fitted, mended.held, (*state_reading(read), *mended.hints), read)
 
 
 def state_reading(read: Sequence[tuple[str, str]]) -> list[str]:

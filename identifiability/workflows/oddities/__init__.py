@@ -2,8 +2,7 @@
 
 One file a family of checks, which are found by themselves (`check.check`); each gives sentences
 that name the column and the remedy, and none for good logs (`studies/foreign_logs.py` counts). What
-can be mended is mended when logs are read, and said there: wrong samples (`logs.mend`), wrapped
-angles (`logs.spikes`), repeated rows (`logs.repeats`).
+can be mended is mended when logs are read, and said there (`mends`).
 """
 
 from __future__ import annotations
@@ -14,11 +13,12 @@ from pkgutil import iter_modules
 from identifiability.foundation.values import frozen
 from identifiability.workflows.oddities.check import CHECKS, Does
 from identifiability.workflows.oddities.measured_logs import MeasuredLogs
+from identifiability.workflows.oddities.mends import Reading, mend
 
 for _module in iter_modules(__path__):
     import_module(f"{__name__}.{_module.name}")
 
-__all__ = ["MeasuredLogs", "Oddities", "find_always", "find_oddities"]
+__all__ = ["MeasuredLogs", "Oddities", "Reading", "find_always", "find_oddities", "mend"]
 
 
 @frozen
@@ -47,7 +47,7 @@ def find_oddities(logs: MeasuredLogs) -> Oddities:
     ]
     # Torque that servos made of commands has no column that could be another one.
     commanded = any(getattr(log, "servo_delay", None) is not None for log in logs.recordings)
-    asked = [] if commanded else [c for c in CHECKS if c.does is not Does.HINTS]
+    asked = [] if commanded else [c for c in CHECKS if c.does in (Does.MISREADS, Does.EXPLAINS)]
     found = ((c, c.find(logs)) for c in asked)
     which, first = next((pair for pair in found if pair[1]), (None, ()))
     misread = which is not None and which.does is Does.MISREADS

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import StrEnum
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from identifiability.foundation.values import frozen
-from identifiability.workflows.oddities.measured_logs import MeasuredLogs
 
-#: Returns sentences that name the column and the remedy; none for sound logs.
-Find: TypeAlias = Callable[[MeasuredLogs], tuple[str, ...]]
+#: Returns sentences that name the column and the remedy, none for sound logs, of `MeasuredLogs`;
+#: what mends returns logs that are being read with these sentences (`mends.Reading`).
+Find: TypeAlias = Callable[[Any], Any]
 
 
 class Does(StrEnum):
@@ -19,6 +19,7 @@ class Does(StrEnum):
     MISREADS = "columns are read as what they are not: no verdict stands"
     EXPLAINS = "whatever else contradicts physics follows from it, and is not said"
     HINTS = "it is said"
+    MENDS = "it is mended when logs are read, and said"
 
 
 @frozen
@@ -30,7 +31,7 @@ class Check:
     title : str
         What it looks for.
     does : Does
-    find : callable(MeasuredLogs) -> tuple of str
+    find : callable(MeasuredLogs) -> tuple of str, or callable(Reading) -> Reading
     rank : int
         Of two explanations the one of lower rank is given; hints are said in this order.
     always : bool
