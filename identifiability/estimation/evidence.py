@@ -266,6 +266,10 @@ class Score:
         found: Array = np.sqrt(self.shares.sum(0))
         return found
 
+    def gain(self, other: Score) -> Gain:
+        """Return the gain of its predictive log density over another's of the same folds [nats]."""
+        return _sum_gain(self.density - other.density, max(self.ratio, other.ratio))
+
 
 @frozen
 class Held:
@@ -527,11 +531,10 @@ class Evidence:
     ) -> Evidence:
         """Return the evidence of two scores of the same folds."""
         ratio = max(a.ratio, b.ratio)
-        density = _sum_gain(a.density - b.density, ratio)
-        error = _error_gain(a.shares.sum(1), b.shares.sum(1), ratio)
-        pairs = zip(a.shares.T, b.shares.T, strict=True)
-        joints = tuple(_error_gain(x, y, ratio) for x, y in pairs)
-        return Evidence(density, error, joints, len(a.density), levels)
+        ours, theirs = a.shares, b.shares
+        error = _error_gain(ours.sum(1), theirs.sum(1), ratio)
+        joints = tuple(_error_gain(x, y, ratio) for x, y in zip(ours.T, theirs.T, strict=True))
+        return Evidence(a.gain(b), error, joints, len(a.density), levels)
 
     @property
     def level(self) -> Level:
@@ -583,7 +586,8 @@ class Evidence:
 def _sum_gain(each: Array, ratio: float) -> Gain:
     """Return the sum of gains of K folds, (K,), with its standard error."""
     K = len(each)
-    spread = float(np.var(each, ddof=1)) if K > 1 else np.inf
+    apart = each - each.mean()  # np.var of a few numbers takes four times as long
+    spread = float(apart @ apart) / (K - 1) if K > 1 else np.inf
     return Gain(float(each.sum()), float(K * np.sqrt(spread * (1.0 / K + ratio))))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
-from identifiability.workflows.prune.elimination import find_path
+from identifiability.workflows.prune.elimination import find_path, walk
 from identifiability.workflows.prune.folds import whiten_regression
 from identifiability.workflows.prune.moves import Kind, Move, Partition
 
@@ -38,6 +38,26 @@ def test_planted_parameters_are_mostly_recovered_under_autocorrelated_noise():
     kept, more = recovered(0.9, 40.0)
     assert kept >= 22 / 24
     assert more <= 1.5
+
+
+def test_a_walk_that_tells_nothing_finds_the_same_models():
+    information, _ = plant(np.random.default_rng(0))
+    moves = [Move(Kind.TIE, tie=(("p1", "p2", "p9"),)), Move(Kind.ZERO, ("p3",))]
+    search = find_path(information, FREE, suggested=moves)
+    counts = np.random.default_rng(1).multinomial(
+        len(information.counts), np.full(len(information.counts), 1 / len(information.counts))
+    )
+    told, silent = (
+        walk(search.whitened.fit(counts.astype(float)), search.plan, told=told)
+        for told in (True, False)
+    )
+    assert told.refused
+    for a, b in zip(told.steps, silent.steps, strict=True):
+        assert a.partition.group.tolist() == b.partition.group.tolist()
+        assert a.move == b.move
+        np.testing.assert_allclose(b.score.density, a.score.density, atol=1e-6)
+        np.testing.assert_allclose(b.values, a.values, atol=1e-8)
+    assert silent.steps[1].evidence is None
 
 
 def test_the_constrained_fit_by_updates_is_the_refit():

@@ -10,11 +10,11 @@ from dataclasses import field, replace
 from typing import Literal
 
 import numpy as np
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc
 
 from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.evidence import Evidence, Score, near_best
+from identifiability.estimation.evidence import Evidence, Gain, Score, near_best
 from identifiability.estimation.least_squares import MIXED, dependence
 from identifiability.estimation.refits import UpdatedRefits
 from identifiability.foundation.errors import listing
@@ -57,7 +57,9 @@ class Descent:
     held: Array
 
 
-def descend(fit: Fit, pairs: Sequence[Move], kept: Collection[str]) -> Iterator[Descent]:
+def descend(
+    fit: Fit, pairs: Sequence[Move], kept: Collection[str], *, told: bool = True
+) -> Iterator[Descent]:
     """Yield the cheapest moves until nothing is left that may go.
 
     Parameters
@@ -68,6 +70,8 @@ def descend(fit: Fit, pairs: Sequence[Move], kept: Collection[str]) -> Iterator[
         Merges of Coulomb levels; such columns are dropped in pairs only.
     kept : collection of str
         Columns that must not be dropped.
+    told : bool
+        Whether costs and what can hardly be told apart are wanted.
     """
     fit, X = fit.alone, fit.whitened.inverse
     square, spread = (X**2).sum(1), measure_spread(fit)
@@ -81,9 +85,8 @@ def descend(fit: Fit, pairs: Sequence[Move], kept: Collection[str]) -> Iterator[
         before, then = (f.refits for f in (fit, after))
         assert isinstance(before, UpdatedRefits)
         assert isinstance(then, UpdatedRefits)
-        yield Descent(
-            move, fit.cost(move), find_either(fit, move, spread), after.partition, then.held
-        )
+        said = (fit.cost(move), find_either(fit, move, spread)) if told else (np.nan, "")
+        yield Descent(move, *said, after.partition, then.held)
         if then.solved == before.solved:
             new = then.held[len(before.held) :]
             gone = before.C @ new.T
@@ -314,7 +317,7 @@ class Path:
     refused: tuple[Refusal, ...] = ()
 
 
-def walk(fit: Fit, plan: Plan) -> Path:
+def walk(fit: Fit, plan: Plan, *, told: bool = True) -> Path:
     """Return the path from a fit down.
 
     Parameters
@@ -322,34 +325,54 @@ def walk(fit: Fit, plan: Plan) -> Path:
     fit : Fit
         Of all columns.
     plan : Plan
+    told : bool
+        Whether each step says what the data say of it, and what was refused; who walks again on
+        resampled logs asks for the models alone, which takes half as long.
     """
-    walker = _Walker(fit, plan)
+    walker = _Walker(fit, plan, told=told)
     for move in plan.forced:
         walker.make(move)
     for kind in (Kind.OFFSET, Kind.MERGE, Kind.ZERO, Kind.TIE):
         walker.suggest([m for m in plan.suggested if m.kind is kind])
     walker.descend()
-    return Path(tuple(walker.steps), tuple(walker.refused))
+    return Path(walker.path(), tuple(walker.refused))
 
 
 class _Walker:
     """The state of a walk; it lives as long as `walk`."""
 
-    def __init__(self, fit: Fit, plan: Plan) -> None:
-        self.fit, self.plan = fit, plan
+    def __init__(self, fit: Fit, plan: Plan, *, told: bool) -> None:
+        self.start = self.fit = fit
+        self.plan = plan
+        #: Fits of an estimator that has its own refits are scored one by one in any case.
+        self.told = told or not isinstance(fit.refits, UpdatedRefits)
         self.base = max(fit.whitened.scale**2, 1e-300)
-        self.steps = [Step.of(fit)]
+        self.steps = [Step.of(fit)] if self.told else []
+        #: Moves, and the models and constraints after them, of steps that say nothing.
+        self.made: list[tuple[Move | None, Partition, Array]] = []
+        if isinstance(fit.refits, UpdatedRefits):
+            self.made.append((None, fit.partition, fit.refits.held))
         self.refused: list[Refusal] = []
+
+    def path(self) -> tuple[Step, ...]:
+        """Return the steps; those that say nothing are scored here, all at once."""
+        if self.told:
+            return tuple(self.steps)
+        moves, partitions, held = zip(*self.made, strict=True)
+        fits = self.start.along(held[-1], list(zip(partitions, map(len, held), strict=True)))
+        return tuple(Step.of(fit, move) for fit, move in zip(fits, moves, strict=True))
 
     def make(self, move: Move) -> None:
         """Make a move, if there is anything left for it to do."""
         if len(self.fit.rows(move)):
-            after = self.fit.after(move)
-            self._step(after, move, self._evidence(move, after))
+            self._step(self.fit.after(move), move)
 
-    def _step(self, after: Fit, move: Move, evidence: MoveTest) -> None:
+    def _step(self, after: Fit, move: Move) -> None:
+        if self.told:
+            self.steps.append(Step.of(after, move, self._evidence(move, after)))
+        elif isinstance(after.refits, UpdatedRefits):
+            self.made.append((move, after.partition, after.refits.held))
         self.fit = after
-        self.steps.append(Step.of(after, move, evidence))
 
     def suggest(self, moves: Sequence[Move]) -> None:
         """Make those moves that the data do not contradict, cheapest first."""
@@ -358,20 +381,22 @@ class _Walker:
             self._try(left.pop(int(np.argmin(self.fit.costs(left)))))
 
     def _try(self, move: Move) -> None:
-        after = self.fit.after(move)
-        evidence = self._evidence(move, after)
-        sure = evidence.p_value < LEVEL
-        if sure and evidence.gain < -evidence.gain_se:
-            reason = (
-                f"The data contradict it: {evidence.say_gain('would ')}, and what it denies is "
-                f"significant (p = {evidence.p_value:.2g})."
-            )
-        elif sure and after.violations() > self.fit.violations():
+        after, contradicted, forbidden = self.fit.after(move), False, False
+        if self._significance(move)[0] < LEVEL:
+            gain = self._gain(after)
+            contradicted = gain.value < -gain.se
+            forbidden = after.violations() > self.fit.violations()
+        if not (contradicted or forbidden):
+            self._step(after, move)
+        elif self.told:
+            evidence = self._evidence(move, after)
             reason = "It would give another parameter a sign that physics forbids."
-        else:
-            self._step(after, move, evidence)
-            return
-        self.refused.append(Refusal(move, evidence, reason))
+            if contradicted:
+                reason = (
+                    f"The data contradict it: {evidence.say_gain('would ')}, and what it denies is "
+                    f"significant (p = {evidence.p_value:.2g})."
+                )
+            self.refused.append(Refusal(move, evidence, reason))
 
     def descend(self) -> None:
         """Make the cheapest moves until nothing is left that may go."""
@@ -380,20 +405,24 @@ class _Walker:
             while (move := find_cheapest(self.fit, plan.pairs, plan.kept)) is not None:
                 self.make(move)
             return
-        made = list(descend(fit, plan.pairs, plan.kept))
+        made = list(descend(fit, plan.pairs, plan.kept, told=self.told))
+        if not self.told:
+            self.made += [(d.move, d.after, d.held) for d in made]
+            return
         held = made[-1].held if made else fit.refits.held
         for d, after in zip(
             made, fit.along(held, [(d.after, len(d.held)) for d in made]), strict=True
         ):
-            self._step(after, d.move, self._weigh(d.move, after, d.cost, d.either))
+            evidence = self._weigh(d.move, after, d.cost, d.either)
+            self.steps.append(Step.of(after, d.move, evidence))
+            self.fit = after
 
     def _evidence(self, move: Move, after: Fit) -> MoveTest:
         fit = self.fit
         return self._weigh(move, after, fit.cost(move), find_either(fit, move))
 
     def _weigh(self, move: Move, after: Fit, cost: float, either: str) -> MoveTest:
-        gain = Evidence.of(after.score, self.fit.score).density
-        p_value, percent = _significance(*self.fit.jackknife(move), self.fit.whitened.folds.count)
+        gain, (p_value, percent) = self._gain(after), self._significance(move)
         return MoveTest(
             cost=cost / self.base,
             p_value=p_value,
@@ -402,6 +431,13 @@ class _Walker:
             gain_se=gain.se,
             either=either,
         )
+
+    def _gain(self, after: Fit) -> Gain:
+        """Return the gain in predictive log density of a model after the present one [nats]."""
+        return after.score.gain(self.fit.score)
+
+    def _significance(self, move: Move) -> tuple[float, float]:
+        return _significance(*self.fit.jackknife(move), self.fit.whitened.folds.count)
 
 
 def _significance(denied: Array, covariance: Array, folds: int) -> tuple[float, float]:
@@ -418,9 +454,9 @@ def _significance(denied: Array, covariance: Array, folds: int) -> tuple[float, 
     single = float(np.mean(denied**2 / np.maximum(np.diag(covariance), 1e-300)))
     percent = 100.0 / np.sqrt(max(single, 1e-300))
     if r + 1 >= F:  # too few folds for their covariance: the mean of the single tests
-        return float(f_distribution.sf(single, 1, max(F - 1, 1))), percent
+        return float(fdtrc(1, max(F - 1, 1), single)), percent
     t2 = float(denied @ np.linalg.pinv(covariance, hermitian=True) @ denied)
-    return float(f_distribution.sf(t2 * (F - r) / (r * (F - 1)), r, F - r)), percent
+    return float(fdtrc(r, F - r, t2 * (F - r) / (r * (F - 1)))), percent
 
 
 # The path of a regression, and which rung of it to use: the smallest as good as the best.

@@ -57,6 +57,7 @@ from identifiability.workflows.analyze.words import WORSE
 from identifiability.workflows.opening import Opening, find_missing
 from identifiability.workflows.prune.elimination import (
     Criterion,
+    Path,
     Search,
     Step,
     best_step,
@@ -294,9 +295,9 @@ def _walk_again(
     """Return what some replicates choose; `draws` (r, units) says how often they draw a unit."""
     chosen = []
     for row in draws:
-        path = walk(search.whitened.fit(row[unit].astype(float)), search.plan)
-        steps = search.embed(path).steps
-        chosen.append(steps[choose_step(steps, criterion)].partition)
+        steps = walk(search.whitened.fit(row[unit].astype(float)), search.plan, told=False).steps
+        path = Path((steps[choose_step(steps, criterion)],))
+        chosen.append(search.embed(path).steps[0].partition)
     return chosen
 
 
