@@ -301,13 +301,17 @@ class Beside:
         at = [n for n, k in enumerate(self.rest) if k in gone]
         own = self._inverse[:, at]
         F = np.linalg.cholesky(own.T @ own)
-        both = np.column_stack([own.T @ self._C, own.T @ self._u])
-        back = np.linalg.solve(F, both)
-        U, u = back[:, :-1], back[:, -1]
+        inner = solve_triangular(F, own.T, lower=True, check_finite=False)
+        U, u = inner @ self._C, inner @ self._u
         rest = tuple(k for k in self.rest if k not in gone)
         nothing = np.empty((0, 0))
         return Beside(self.evidence, rest, self.z + U.T @ u, self.left + (U**2).sum(0),
                       nothing, nothing, nothing, (self, U))  # fmt: skip
+
+    def volume(self, gone: Collection[int]) -> float:
+        """Return half the log-determinant of some of the columns, beside the others with them."""
+        own = self._inverse[:, [n for n, k in enumerate(self.rest) if k in gone]]
+        return -0.5 * float(np.linalg.slogdet(own.T @ own)[1])
 
     def _products(self, number: int, several: np.ndarray) -> Array:
         """Return the products of columns with one another, of many candidates, (m, k, k)."""
@@ -322,7 +326,14 @@ class Beside:
             self._blocks[number] = blocks - own @ own.transpose(0, 2, 1)
         return self._blocks[number]
 
-    def gains(self, options: Options, alias: float, allowed: np.ndarray | None = None) -> Array:
+    def gains(
+        self,
+        options: Options,
+        alias: float,
+        allowed: np.ndarray | None = None,
+        *,
+        signed: bool = True,
+    ) -> Array:
         """Return the log Bayes factors of candidates, (k,) or (k, T).
 
         Minus infinity where less than a share `alias` of a candidate is outside of what is there,
@@ -333,6 +344,8 @@ class Beside:
         options : Options
         alias : float
         allowed : (k,) bool, optional
+        signed : bool
+            Whether values of known sign that come out with the other one count against.
         """
         evidence, z, left = self.evidence, self.z, self.left
         out = np.full((options.count, *z.shape[1:]), -np.inf)
@@ -340,7 +353,7 @@ class Beside:
         s, y = np.maximum(left[at], 0.0), z[at]
         wide = s.reshape(-1, *[1] * (y.ndim - 1))
         value = 0.5 * y**2 / (1 + wide) - 0.5 * np.log1p(wide)
-        signs = options.positive.reshape(wide.shape)
+        signs = options.positive.reshape(wide.shape) & signed
         value = np.where(signs, value + np.log(2) + log_ndtr(y / np.sqrt(1 + wide)), value)
         seen = (s > alias**2 * evidence.own[at]) & (evidence.own[at] > 0)
         out[options.of_single[seen]] = value[seen]
@@ -357,7 +370,7 @@ class Beside:
             u = np.linalg.solve(L, z[several[visible]].reshape(len(S), k, -1))
             volume = np.log(np.einsum("mii->mi", L)).sum(1)
             value = 0.5 * (u**2).sum(1) - volume[:, None]
-            if z.ndim == 1:
+            if z.ndim == 1 and signed:
                 inside = options.forbidden[number][visible]
                 value[:, 0] -= _lost_to_signs(L, u[:, :, 0], inside & (value[:, 0] > 0))
             out[of[visible]] = value.reshape(-1, *z.shape[1:])

@@ -9,7 +9,7 @@ together as all that only some joints have.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -102,23 +102,36 @@ class Catalogue:
         )
         return total + self.rules.crowd * sum(count - 1 for count in crowd.values())
 
-    def further(self, rest: Sequence[int]) -> Callable[[int], float]:
-        """Return what a candidate costs beside some parts, as a function of its number."""
+    def further(self, rest: Sequence[int]) -> Array:
+        """Return what each candidate costs beside some parts, (c,) [nat]."""
         counts = Counter(family for family, _ in {self.of[k] for k in rest})
-        special = [self.candidates[k] for k in rest if not self.candidates[k].family.basic]
-        crowd = {(c.place, c.family.against) for c in special}
-        own = {
-            family: self._of_family(family, counts[family] + 1)
-            - self._of_family(family, counts[family])
+        own = np.array([
+            self._of_family(family, counts[family] + 1) - self._of_family(family, counts[family])
             for family in self.places
-        }
-
-        def cost(k: int) -> float:
-            c = self.candidates[k]
-            crowded = not c.family.basic and (c.place, c.family.against) in crowd
-            return own[self.of[k][0]] + self.rules.crowd * crowded
-
+        ])  # fmt: skip
+        family, over = self._family_and_curve
+        taken = over[[k for k in rest if not self.candidates[k].family.basic]]
+        cost: Array = own[family] + self.rules.crowd * np.isin(over, taken)
         return cost
+
+    @cached_property
+    def _family_and_curve(self) -> tuple[np.ndarray, np.ndarray]:
+        """Number of each candidate's family, and of the curve that it adds to; -1 of basic ones."""
+        families = {family: n for n, family in enumerate(self.places)}
+        curves: dict[tuple[str, str], int] = {}
+        over = [
+            -1 if c.family.basic else curves.setdefault((c.place, c.family.against), len(curves))
+            for c in self.candidates
+        ]
+        return np.array([families[family] for family, _ in self.of], int), np.array(over, int)
+
+    def with_group(self, some: np.ndarray) -> np.ndarray:
+        """Return some candidates (c,) bool with all others of their groups."""
+        order, starts, *_ = self._order
+        any_of = np.logical_or.reduceat(some[order], starts)
+        out: np.ndarray = np.empty(len(order), bool)
+        out[order] = np.repeat(any_of, np.diff(np.r_[starts, len(order)]))
+        return out
 
     def _of_family(self, family: str, k: int) -> float:
         """Return what a family costs in k of its places."""

@@ -8,8 +8,9 @@ name and the nearest name are swapped for one another like any two.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -24,6 +25,8 @@ from identifiability.workflows.diagnose.rows import Candidate
 BETWEEN, ROUNDS = (0.25, 0.5, 0.75), 2
 
 Say = Callable[[str, float], None]
+#: Neighbours of a hypothesis in a view that may have a score at least.
+Moves = Callable[[Hypothesis, View, float], Iterator[Hypothesis]]
 
 
 @dataclass
@@ -88,16 +91,12 @@ class Search:
         beam, view = [start], self.problem.settled(start.parts)
         seen: dict[frozenset[int], float] = {}
         expanded: set[frozenset[int]] = set()
+        swapped: set[frozenset[int]] = set()
         while len(beam[0].parts) < rules.most:
             best = beam[0]
-            found = {h.key: h for h in beam}
-            for h in [h for h in beam if h is best or h.key not in expanded]:
-                expanded.add(h.key)
-                found.update((n.key, n) for n in self._moves(h, view, functions=functions))
-            view.evidence.square(p.columns({k for key in found for k in key}))
-            score = {key: self.score(h, view) for key, h in found.items()}
-            order = sorted(found, key=lambda key: -score[key])
-            beam = [found[key] for key in order[: rules.beam]]
+            beam = self._widen(beam, view, expanded, partial(self._moves, functions=functions))
+            if beam[0].key == best.key:  # an addition that gains goes before a swap: it leads there
+                beam = self._widen(beam, view, swapped, partial(self._swaps, functions=functions))
             odds = self.options(best.parts, view, functions=functions)
             now = beam[0]
             if now.key == best.key:  # what no move betters may have better shapes
@@ -151,6 +150,28 @@ class Search:
         value = view.evidence.log_bayes(p.columns(h.parts))
         return value - sum(h.shaped) - self.catalogue.price(h.parts)
 
+    def _widen(
+        self, beam: list[Hypothesis], view: View, done: set[frozenset[int]], moves: Moves
+    ) -> list[Hypothesis]:
+        """Return the best of a beam and of what moves lead to, from the first and the new ones."""
+        most, found = self.problem.setting.rules.beam, {h.key: h for h in beam}
+        score = self._scores(found, view)
+        for h in [h for h in beam if h is beam[0] or h.key not in done]:
+            done.add(h.key)
+            least = sorted(score.values())[-most] if len(score) >= most else -np.inf
+            new = {n.key: n for n in moves(h, view, least)}
+            found.update(new)
+            score.update(self._scores(new, view))
+        order = sorted(found, key=lambda key: -score[key])
+        return [found[key] for key in order[:most]]
+
+    def _scores(
+        self, found: Mapping[frozenset[int], Hypothesis], view: View
+    ) -> dict[frozenset[int], float]:
+        """Return the scores of several hypotheses."""
+        view.evidence.square(self.problem.columns({k for key in found for k in key}))
+        return {key: self.score(h, view) for key, h in found.items()}
+
     def gains(self, rest: Sequence[int], view: View) -> Array:
         """Return the log Bayes factor of every candidate beside some parts, (c,)."""
         p = self.problem
@@ -163,36 +184,30 @@ class Search:
         *,
         functions: bool,
         beside: Beside | None = None,
+        among: np.ndarray | None = None,
     ) -> dict[Group, tuple[float, int, float]]:
         """Return for each group that may stand beside some parts: log odds, candidate, shape."""
-        p, allowed = self.problem, self.catalogue.allowed(rest, self.barred, functions=functions)
+        p, cost = self.problem, self.catalogue.further(rest)
+        if among is None:
+            among = self.catalogue.allowed(rest, self.barred, functions=functions)
         beside = beside or self._beside(rest, view)
-        gains = beside.gains(p.options, p.setting.rules.alias / 3, allowed)
-        found = self.catalogue.best_of(gains, allowed)
-        cost = self.catalogue.further(rest)
-        return {g: (value - cost(k), k, shaped) for g, (value, k, shaped) in found.items()}
+        gains = beside.gains(p.options, p.setting.rules.alias / 3, among)
+        found = self.catalogue.best_of(gains, among)
+        return {g: (value - cost[k], k, shaped) for g, (value, k, shaped) in found.items()}
 
     def _beside(self, rest: Sequence[int], view: View) -> Beside:
         return view.evidence.beside(self.problem.columns(rest))
 
-    def _moves(self, h: Hypothesis, view: View, *, functions: bool) -> Iterator[Hypothesis]:
-        """Yield the neighbours of a hypothesis."""
+    def _moves(
+        self, h: Hypothesis, view: View, _worth: float, *, functions: bool
+    ) -> Iterator[Hypothesis]:
+        """Yield the neighbours of a hypothesis, swaps apart."""
         p, most = self.problem, self.problem.setting.rules.options
         odds = self.options(h.parts, view, functions=functions)
         ranked = sorted(odds.values(), reverse=True)
         adding = [(k, shaped) for value, k, shaped in ranked[:most] if value > 0]
         yield from (h.add(k, shaped) for k, shaped in adding)
-        for gone in h.parts:
-            rest = h.without({gone})
-            while not self.catalogue.fits(rest.parts):
-                rest = rest.without({k for k in rest.parts if not self.catalogue.fits([
-                    k, *(o for o in rest.parts if o != k)])})  # fmt: skip
-            yield rest
-            away = p.columns(h.key - rest.key)
-            beside = self._beside(h.parts, view).without(away)
-            near = self.options(rest.parts, view, functions=functions, beside=beside)
-            likeliest = sorted(near.values())[-3:]
-            yield from (rest.add(k, shaped) for _, k, shaped in likeliest if k != gone)
+        yield from (self._drop(h, gone) for gone in h.parts)
         # One part in the stead of all that act where it does, and are of its kind.
         for k, shaped in adding:
             joints, own = set(p.acts(k)), p.candidates[k].family
@@ -205,6 +220,49 @@ class Search:
             if len(several) > 1 or (several and len(joints) > 1):
                 yield h.without(several).add(k, shaped)
         yield from self._everywhere(h, view, odds)
+
+    def _drop(self, h: Hypothesis, gone: int) -> Hypothesis:
+        """Return a hypothesis without a part, and without what refines it."""
+        rest, fits = h.without({gone}), self.catalogue.fits
+        while not fits(rest.parts):
+            rest = rest.without({
+                k for k in rest.parts if not fits([k, *(o for o in rest.parts if o != k)])
+            })  # fmt: skip
+        return rest
+
+    def _swaps(
+        self, h: Hypothesis, view: View, worth: float, *, functions: bool
+    ) -> Iterator[Hypothesis]:
+        """Yield a hypothesis with another part in the stead of each, if its score may be worth it.
+
+        Where k stands for g, the evidence is that of both, less what g says beside k; and a part
+        says at least what its prior loses. So what k says beside all parts, which is asked once,
+        bounds every swap [branch and bound; Land & Doig 1960].
+        """
+        p = self.problem
+        rests = [(gone, self._drop(h, gone)) for gone in h.parts]
+        may = [
+            self.catalogue.allowed(rest.parts, self.barred, functions=functions)
+            for _, rest in rests
+        ]
+        if not rests:
+            return
+        beside = self._beside(h.parts, view)
+        most = beside.gains(p.options, 0.0, np.any(may, axis=0), signed=False)
+        most = np.where(np.isfinite(most), most, 0.0)  # what is an alias beside all parts
+        whole = view.evidence.log_bayes(p.columns(h.parts))
+        for (gone, rest), allowed in zip(rests, may, strict=True):
+            away = p.columns(h.key - rest.key)
+            bound = whole + most + beside.volume(away) - self.catalogue.further(rest.parts)
+            bound -= sum(rest.shaped) + self.catalogue.price(rest.parts)
+            among = allowed & self.catalogue.with_group(bound > worth)
+            if not among.any():
+                continue
+            near = self.options(
+                rest.parts, view, functions=functions, beside=beside.without(away), among=among
+            )
+            likeliest = sorted(near.values())[-3:]
+            yield from (rest.add(k, shaped) for _, k, shaped in likeliest if k != gone)
 
     def _everywhere(
         self, h: Hypothesis, view: View, odds: dict[Group, tuple[float, int, float]]

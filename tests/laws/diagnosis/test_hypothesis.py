@@ -86,3 +86,21 @@ def test_a_hypothesis_is_what_it_has_whatever_came_first():
     assert one.key == other.key
     assert one.without({3}) == Hypothesis((5,), (1.5,))
     assert one.without({3, 5}) == Hypothesis()
+
+
+def test_the_bound_leaves_out_no_swap_that_is_worth_it(arm):
+    hidden = {"stribeck_friction@shoulder:0.2": 0.3, "joint_stiffness@elbow": 0.2}
+    search = arm.search(arm.samples(hidden))
+    view = search.problem.settled(())
+    ranked = sorted(search.options((), view, functions=True).values(), reverse=True)
+    by_place = {search.problem.candidates[k].place: k for _, k, _ in reversed(ranked)}
+    h = Hypothesis(tuple(by_place.values())[:2], (0.0, 0.0))
+    # Unbounded, and where only what is better than each of the best may be yielded.
+    every = search._scores(
+        {n.key: n for n in search._swaps(h, view, -np.inf, functions=True)}, view
+    )
+    best = sorted(every.values(), reverse=True)
+    for worth in (best[0] - 1e-6, best[1] - 1e-6, best[-1]):
+        found = {n.key for n in search._swaps(h, view, worth, functions=True)}
+        assert {key for key, score in every.items() if score > worth} <= found
+    assert not list(search._swaps(h, view, best[0] + 1e3, functions=True))
