@@ -27,6 +27,7 @@ from identifiability.regression.structure import Structure
 from identifiability.report.analysis_report import answer_notes
 from identifiability.robot.servo import Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot
+from identifiability.workflows.diagnose.known_values import share_spread
 from identifiability.workflows.rollout import rollout
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
@@ -417,6 +418,29 @@ def test_intervals_with_the_file_hold_up_to_its_share_whatever_few_data_say(shar
     assert len(inside) > 40 * 10
     assert np.mean(inside) > 0.93
     assert told <= 1
+
+
+def test_what_the_sidecar_states_of_a_body_or_a_parameter_counts_beside_the_log(tmp_path):
+    shutil.copy(Robot.load("six-dof-arm").path, tmp_path / "arm.urdf")
+    plain = _standard(Robot.load(tmp_path / "arm.urdf"))
+    body = next(iter(plain.robot.bodies))
+    mass = f"{plain.robot.bodies[2]}.m"
+    (tmp_path / "arm.toml").write_text(
+        f'[prior_share]\n"{body}" = 0.01\n[prior]\n"{mass}" = {{mean = 3.0, sd = 0.01}}\n'
+    )
+    stated = _standard(Robot.load(tmp_path / "arm.urdf"))
+    A, aim = np.zeros((1, len(plain.columns))), np.zeros(1)
+    wide, near = (
+        combine_with_file(s, A, aim, np.eye(len(plain.columns)), 0.2) for s in (plain, stated)
+    )
+    own, of = plain.columns.index(f"{body}.m"), plain.columns.index(mass)
+    assert near.sd[own] == pytest.approx(wide.sd[own] / 20, rel=1e-6)
+    assert (near.mean[of], near.sd[of]) == pytest.approx((3.0, 0.01), rel=0.01)
+    told = share_spread(0.2, stated), share_spread(0.2, plain)
+    assert told[0][own] == pytest.approx(told[1][own] / 20)  # as a diagnosis takes them
+    (tmp_path / "arm.toml").write_text("[prior_share]\nnone = 0.1\n")
+    with pytest.raises(RobotError, match="prior_share"):
+        Robot.load(tmp_path / "arm.urdf")
 
 
 def test_a_log_that_contradicts_the_files_bodies_says_so_and_names_the_farthest():

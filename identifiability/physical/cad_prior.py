@@ -189,7 +189,7 @@ class WithFile:
     p_value : float
         Of the log, if the bodies are.
     farthest : str
-        The body that it moves most.
+        The body, or the parameter with a stated prior, that it moves most.
     """
 
     share: float
@@ -199,16 +199,68 @@ class WithFile:
     farthest: str
 
     @property
+    def words(self) -> str:
+        """What is believed of the file."""
+        if not self.share:
+            return "what the sidecar states of bodies and parameters"
+        return f"that bodies are within {100 * self.share:g} % of the robot file's"
+
+    @property
     def hint(self) -> str:
         """That the log contradicts the share; nothing if it does not."""
         if self.p_value >= CONTRADICTED:
             return ""
         chance = "< 1e-6" if self.p_value < 1e-6 else f"= {self.p_value:.1g}"
         return (
-            f"The log contradicts that bodies are within {100 * self.share:g} % of the robot "
-            f"file's (p {chance}; farthest is {self.farthest}): they differ by more, or the model "
+            f"The log contradicts {self.words} "
+            f"(p {chance}; farthest is {self.farthest}): they differ by more, or the model "
             "lacks something that they stand for; give a larger --prior, or look with diagnose."
         )
+
+
+def state_rows(
+    structure: Structure, share: float, weight: float = 0.0
+) -> tuple[Array, Array, np.ndarray]:
+    """Return what is believed beside a log as rows about standard parameters, each of variance 1.
+
+    Bodies are the file's within a share, or within that which the sidecar states of one, and
+    parameters are what its ``[prior]`` says.
+
+    Parameters
+    ----------
+    structure : Structure
+    share : float
+        0 for none of bodies of which nothing is stated.
+    weight : float
+        Of a divergence from the file's bodies that counts besides: what it says is left out.
+
+    Returns
+    -------
+    rows : (r, p)
+    aim : (r,)
+    of : (r,) int
+        Number of the body, behind which come parameters with a stated prior.
+    """
+    robot, p = structure.robot, len(structure.columns)
+    nominal = draw_bodies(structure) if len(structure.inertial) else None
+    rows, aim, of = [np.zeros((0, p))], [np.zeros(0)], [np.zeros(0, int)]
+    for k, (stem, columns) in enumerate(zip(structure.bodies, structure.inertial, strict=True)):
+        own = robot.prior_share.get(stem.removesuffix("."), share)
+        more = (share_weight(own) if own else 0.0) - weight
+        if more <= 0 or nominal is None:
+            continue
+        inverse = np.linalg.inv(np.linalg.cholesky(thick_inertia(nominal.phi[columns], stem)))
+        block = np.zeros((16, p))
+        block[:, columns] = np.einsum("ai,kij,bj->abk", inverse, BASIS, inverse).reshape(16, 10)
+        rows.append(np.sqrt(0.5 * more) * block)
+        aim.append(rows[-1] @ nominal.phi)
+        of.append(np.full(16, k))
+    for k, (name, (mean, sd)) in enumerate(robot.prior.items()):
+        if name in structure.columns:
+            rows.append((np.arange(p) == structure.columns.index(name))[None] / sd)
+            aim.append(np.array([mean / sd]))
+            of.append(np.array([len(structure.inertial) + k]))
+    return np.vstack(rows), np.concatenate(aim), np.concatenate(of)
 
 
 def combine_with_file(
@@ -225,16 +277,7 @@ def combine_with_file(
         The model's parameters.
     share : float
     """
-    nominal = draw_bodies(structure)
-    rows, ends = [], []
-    for stem, columns in zip(structure.bodies, structure.inertial, strict=True):
-        P = np.linalg.cholesky(thick_inertia(nominal.phi[columns], stem))
-        inverse = np.linalg.inv(P)
-        own = np.zeros((16, A.shape[1]))
-        own[:, columns] = np.einsum("ai,kij,bj->abk", inverse, BASIS, inverse).reshape(16, 10)
-        rows.append(np.sqrt(0.5 * share_weight(share)) * own)
-        ends.append(rows[-1] @ nominal.phi)
-    B, prior = np.vstack(rows), np.concatenate(ends)
+    B, prior, of = state_rows(structure, share)
     size = np.maximum(np.linalg.norm(np.vstack([A, B]), axis=0), 1e-300)
     U, s, Vt = np.linalg.svd(np.vstack([A, B]) / size, full_matrices=False)
     known = s > RANK * s[0]
@@ -251,13 +294,14 @@ def combine_with_file(
     Q0 = Q[0][:, Q[1] > RANK * max(Q[1].max(initial=0.0), 1e-300)]
     of_bodies = (A - Q0 @ (Q0.T @ A))[:, ~free] / size[~free]
     dims = int(np.linalg.matrix_rank(of_bodies, tol=RANK))
-    each = (off.reshape(-1, 16) ** 2).sum(1)
+    each = np.bincount(of, off**2)
+    names = [*structure.bodies.values(), *structure.robot.prior]
     return WithFile(
         share,
         to_x @ phi,
         np.where(lost, np.inf, sd),
         float(chdtrc(dims, squares)) if dims else 1.0,
-        list(structure.bodies.values())[int(np.argmax(each))],
+        names[int(np.argmax(each))],
     )
 
 

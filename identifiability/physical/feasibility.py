@@ -15,10 +15,10 @@ from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
-from identifiability.physical.cad_prior import WEAK, WEIGHTS, CadPrior, draw_bodies
+from identifiability.physical.cad_prior import WEAK, WEIGHTS, CadPrior, draw_bodies, state_rows
 from identifiability.physical.certify import Certificate, certify
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import FittedModel, physical_set
+from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
 from identifiability.physical.project import FeasibleEstimate, Projection
 from identifiability.physical.pseudo_inertia import BodyCheck, check_body
 from identifiability.regression.base_parameters import random_motion
@@ -232,7 +232,7 @@ def choose_prior(
         for row in held.folds.train:
             rest = model.whole.take(row)
             part = FittedModel(structure, model.rung, rest, model.rung.reduce(rest), fit)
-            ways.append(projection.follow(part.data.beside(*part.left_out), weights))
+            ways.append(projection.follow(_believe(part, weights[-1]), weights))
         values: list[Array] = []
         scores: list[Score] = []
         for found in zip(*ways, strict=False):
@@ -283,7 +283,7 @@ def _within_reach(
     With the next lighter one the log likelihood of what is fitted rises by more than a nat a
     parameter, and no more than that is a prior worth on what is not fitted.
     """
-    data, before = model.data.beside(*model.left_out), np.inf
+    data, before = _believe(model, weights[-1]), np.inf
     nat = 2.0 * data.unit**2 * model.estimate.memory
     for k, (phi, _) in enumerate(projection.follow(data, weights)):
         misfit = float(data.rss(phi)) / nat
@@ -317,7 +317,7 @@ def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult
     region = physical_set(structure)
     found = _no_answer(region, model.rung, cad_weight)
     bodies = draw_bodies(structure)
-    data = model.data.beside(*model.left_out)
+    data = _believe(model, cad_weight)
     try:
         nearest = _projection(model, cad_weight).solve(data)
     except ValueError as error:
@@ -337,6 +337,19 @@ def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult
     return replace(
         found, nearest=nearest, value=value, base=base[0], in_files=base[1:], sentence=sentence
     )
+
+
+def _believe(model: FittedModel, cad_weight: float) -> LeastSquares:
+    """Return what a fit says, with what is left out and what the sidecar states beside it.
+
+    Bodies that are better known than by the divergence of that weight are held tighter.
+    """
+    data = model.data.beside(*model.left_out)
+    robot = model.structure.robot
+    if not (robot.prior or robot.prior_share):
+        return data
+    rows, aim, _ = state_rows(model.structure, 0.0, cad_weight)
+    return data.beside(data.unit * rows, data.unit * aim)
 
 
 def _possible(nominal: Array, region: PhysicalSet) -> Array:

@@ -492,6 +492,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         inertia_parts=tuple(extra.inertia_parts),
         prior_relative=extra.prior_relative,
         prior={name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
+        prior_share=dict(extra.prior_share),
         ties=tuple(_ties(extra, stated)),
         shapes=extra.shapes,
         reference=extra.reference,
@@ -549,6 +550,7 @@ def _check_sidecar(
         path, "base_parameters.bodies", extra.base_parameters.bodies, (*bodies, *stated.welded)
     )
     _check_known(path, "limits", extra.limits, dofs)
+    _check_known(path, "prior_share", extra.prior_share, bodies)
     _check_known(path, "rest", extra.rest, (*stated.tree.single, *stated.locked))
     tied = [name for tie in _ties(extra, stated) for members in tie.values() for name in members]
     tables = {key: getattr(extra, key) for key in ("nominal", "prior", "shapes", "reference")}

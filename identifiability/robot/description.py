@@ -145,6 +145,8 @@ class Description:
         Positions at which the springs that the file states are relaxed; others are so at home.
     prior_relative, prior
         Width of the default priors relative to the nominal robot, and stated (mean, sd) by name.
+    prior_share : mapping
+        Bodies to the share within which they are the file's, where the sidecar says it.
     inertia_parts : tuple of str
         Kinds that make up the inertia of an actuator (``Ia``, or rotor and screw).
     shapes : mapping
@@ -219,6 +221,7 @@ class Description:
     inertia_parts: tuple[str, ...] = ("Ia",)
     prior_relative: float = 1.0
     prior: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    prior_share: Mapping[str, float] = field(default_factory=dict)
     ties: tuple[Mapping[str, tuple[str, ...]], ...] = ()
     rest: Mapping[str, float] = field(default_factory=dict)
     shapes: Mapping[str, float] = field(default_factory=dict)

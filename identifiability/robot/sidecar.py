@@ -470,6 +470,12 @@ class Sidecar(_Strict):
         gt=0,
     )
     prior: dict[str, _PriorEntry] = {}
+    prior_share: dict[str, Annotated[float, Field(gt=0, le=1)]] = described(
+        "Bodies (or patterns) to the share within which each is the robot file's; of the others "
+        "--prior is.",
+        {"hand": 0.02, "link*": 0.1},
+        dict,
+    )
     bounds: BoundsEntry = BoundsEntry()
 
 
@@ -546,7 +552,12 @@ def spread_patterns(path: Path, extra: Sidecar, owners: Owners) -> Sidecar:
         )
         for s in extra.symmetry
     ]
-    return extra.model_copy(update={**tables, "limits": limits, "symmetry": ties})
+    shares: dict[str, float] = {}
+    for text in sorted(extra.prior_share, key=is_pattern, reverse=True):
+        names = _fitting(path, "prior_share", text, owners.bodies, owners.gone)
+        shares |= dict.fromkeys(names, extra.prior_share[text])
+    own = {"limits": limits, "symmetry": ties, "prior_share": shares}
+    return extra.model_copy(update={**tables, **own})
 
 
 def _spread(path: Path, key: str, table: Mapping[str, V], owners: Owners) -> dict[str, V]:

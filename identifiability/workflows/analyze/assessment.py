@@ -54,6 +54,7 @@ from identifiability.workflows.provenance import state_provenance
 if TYPE_CHECKING:
     import pandas as pd
 
+    from identifiability.estimation.rollouts import Rollouts
     from identifiability.workflows.commanded import Moved
 
 
@@ -387,7 +388,8 @@ def tell_with_file(
         0 for none.
     thresholds : Thresholds
     """
-    if not share or not models[0].estimate.kept:
+    robot = models[0].structure.robot
+    if not (share or robot.prior or robot.prior_share) or not models[0].estimate.kept:
         return tuple(results), ("",) * len(results)
     both = [_add_file(m, r, share, thresholds) for m, r in zip(models, results, strict=True)]
     told, hints = zip(*both, strict=True)
@@ -420,8 +422,8 @@ def _add_file(
             continue
         low, high = float(mean - REACH * sd), float(mean + REACH * sd)
         text = (
-            f"With bodies within {100 * share:g} % of the robot file's {low:.3g} … {high:.3g} "
-            "(95 %) is believed; the file narrows it, not the log."
+            f"With {both.words.removeprefix('that ')} {low:.3g} … {high:.3g} (95 %) is believed; "
+            "the file narrows it, not the log."
         )
         verdicts.append(
             replace(v, verdict=Class.PRIOR, reason=f"{v.reason} {text}", believed=(low, high))
@@ -648,6 +650,8 @@ class Laddered(Result, Opening, Predicts):
     late : (L, b)
         By how much base parameters move if commands of a log act one standard deviation of its
         delay later.
+    rolled : Rollouts or None
+        On which torque of commands was calibrated: delays and their errors.
     """
 
     information: Information
@@ -662,6 +666,7 @@ class Laddered(Result, Opening, Predicts):
     missing: Doubt = NO_DOUBT
     moved: Moved | None = None
     late: Array
+    rolled: Rollouts | None = None
 
     @property
     @abstractmethod

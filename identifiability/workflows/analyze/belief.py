@@ -419,6 +419,7 @@ def believe(
     rng: np.random.Generator,
     say: Callable[[str, float], None],
     silence: str,
+    share: float = 0.0,
 ) -> tuple[tuple[RungResult, ...], Belief]:
     """Sample the posteriors of one model and let its verdicts know.
 
@@ -433,6 +434,7 @@ def believe(
     belief = form_belief(
         model,
         rng,
+        share=share,
         progress=lambda done, total: say("sampling the posterior", 0.9 + 0.09 * done / total),
     )
     verdicts = refine_verdicts(chosen, belief)
@@ -445,6 +447,7 @@ def form_belief(
     rng: np.random.Generator,
     effort: Effort | None = None,
     progress: Progress | None = None,
+    share: float = 0.0,
 ) -> Belief:
     """Sample both posteriors of a model.
 
@@ -464,7 +467,7 @@ def form_belief(
     else:
         notes.append("the motion leaves parameters of the model undetermined")
     try:
-        prior = state_prior(model)
+        prior = state_prior(model, share)
         whole = _sample_physical(model, prior, second, effort, progress)
     except (ValueError, IdentifiabilityError) as error:
         return Belief(signs, None, None, "; ".join([*notes, str(error)]))
@@ -474,8 +477,8 @@ def form_belief(
     return Belief(signs, *whole, "; ".join(notes), prior_sd, data_sd)
 
 
-def state_prior(model: FittedModel) -> Prior:
-    """Return the prior: around the robot file, widened or narrowed by the sidecar's ``[prior]``.
+def state_prior(model: FittedModel, share: float = 0.0) -> Prior:
+    """Return the prior: around the robot file, widened or narrowed by what the sidecar states.
 
     Raises
     ------
@@ -485,13 +488,32 @@ def state_prior(model: FittedModel) -> Prior:
         If the robot file states a body that cannot exist, with its name.
     """
     structure, data = model.structure, model.data
-    robot, names = structure.robot, structure.columns
+    robot = structure.robot
     check_nominal(robot)
     reach = np.linalg.norm(data.R, axis=0)
     size = float(np.linalg.norm(data.z))
     floor = np.where(reach > 0, WIDE * size / np.where(reach > 0, reach, 1.0), 1.0)
-    prior = Prior.around(structure.nominal, structure.inertial, robot.prior_relative, floor)
+    prior = Prior.around(
+        structure.nominal, structure.inertial, share or robot.prior_relative, floor
+    )
+    return add_stated(structure, prior)
+
+
+def add_stated(structure: Structure, prior: Prior) -> Prior:
+    """Return a prior with what the sidecar states of bodies and of parameters.
+
+    Raises
+    ------
+    RobotError
+        As `state_prior`.
+    """
+    robot, names = structure.robot, structure.columns
     mean, sd = np.array(prior.mean), np.array(prior.sd)
+    for stem, columns in zip(structure.bodies, structure.inertial, strict=True):
+        own = robot.prior_share.get(stem.removesuffix("."))
+        if own:
+            known = Prior.around(structure.nominal, columns[None], own, sd)
+            mean[columns], sd[columns] = known.mean[columns], known.sd[columns]
     for name, (m, s) in robot.prior.items():
         if name not in names:
             raise RobotError(

@@ -153,13 +153,15 @@ def analyze(
         found = _judge(session, fitted, streams[1], draws, share_, base.name, seed, settings)
         moved = session.recordings.measure_rollouts(robot, found.chosen.physical.parameters())
         found = replace(found, source=source, moved=moved)
-        return _sample(found, streams[2], say) if posterior else found
+        return _sample(found, streams[2], say, share_) if posterior else found
 
 
-def _sample(found: Analysis, rng: np.random.Generator, say: Progress) -> Analysis:
-    """Return the analysis with the posteriors of the selected model."""
+def _sample(
+    found: Analysis, rng: np.random.Generator, say: Progress, within: float
+) -> Analysis:
+    """Return the analysis with the posteriors of the selected model, bodies within a share."""
     known = found.structure, found.information, found.models, found.selected
-    models, belief = believe(*known, rng, say, found.silence or found.misread)
+    models, belief = believe(*known, rng, say, found.silence or found.misread, within)
     hint = (belief.hint,) if belief and belief.hint else ()
     return replace(found, models=models, belief=belief, hints=(*found.hints, *hint))
 
@@ -289,6 +291,7 @@ def _judge(
         leaning=leaning,
         missing=missing,
         commands=opening.commands,
+        rolled=recordings.rolled,
         late=fitted.late.move(whole) @ whole.M.T,
     )
 

@@ -98,12 +98,15 @@ def know_share(share: float, structure: Structure) -> KnownValues:
 
 def share_spread(share: float, structure: Structure) -> Array:
     """Return the standard deviation of each standard parameter for a share, (p,)."""
-    size = np.abs(structure.nominal)
-    for body in structure.robot.bodies:
+    robot, spread = structure.robot, share * np.abs(structure.nominal)
+    for body in robot.bodies:
         for kinds in VECTORS:
             at = [k for k, p in enumerate(structure.parameters) if _is_of(p, body, kinds)]
-            size[at] = np.linalg.norm(structure.nominal[at])
-    spread: Array = share * size
+            size = float(np.linalg.norm(structure.nominal[at]))
+            spread[at] = robot.prior_share.get(body, share) * size
+    for name, (_, sd) in robot.prior.items():
+        if name in structure.columns:
+            spread[structure.columns.index(name)] = sd
     return spread
 
 

@@ -28,6 +28,7 @@ from identifiability.posterior.ensemble import ENSEMBLES, sample_posterior
 from identifiability.posterior.target import Prior, Target
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
+from identifiability.workflows.analyze.belief import add_stated
 from identifiability.workflows.export.workflow import save_robot
 from identifiability.workflows.predict.fit import Fit, read_fit
 
@@ -195,7 +196,7 @@ def _prior(structure: Structure, data: LeastSquares, share: float) -> Prior:
     reach = np.linalg.norm(data.R, axis=0)
     wide = WIDE * np.linalg.norm(data.z) / np.where(reach > 0, reach, np.inf)
     wide = np.where(wide > 0, wide, 1.0)
-    prior = Prior.around(structure.nominal, structure.inertial, share, wide)
-    bodies = np.zeros(len(structure.columns), bool)
-    bodies[structure.inertial] = True
-    return Prior(prior.mean, np.where(bodies, prior.sd, np.maximum(prior.sd, wide)))
+    prior = add_stated(structure, Prior.around(structure.nominal, structure.inertial, share, wide))
+    known = np.isin(structure.columns, list(structure.robot.prior))
+    known[structure.inertial] = True
+    return Prior(prior.mean, np.where(known, prior.sd, np.maximum(prior.sd, wide)))

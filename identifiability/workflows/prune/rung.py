@@ -51,6 +51,7 @@ from identifiability.workflows.analyze.assessment import (
     assess_ladder,
     decide_told,
     forbidden_signs,
+    tell_with_file,
 )
 from identifiability.workflows.analyze.fit import DelayErrors
 from identifiability.workflows.analyze.words import WORSE
@@ -476,6 +477,24 @@ class Measured:
     held_out: Prediction
     nothing: str = ""
     missing: Doubt = NO_DOUBT
+
+    def beside_file(self, question: Question, share: float) -> tuple[Measured, str]:
+        """Return them with verdicts that say what the file's bodies add, and what the log says.
+
+        Parameters
+        ----------
+        question : Question
+        share : float
+            Within which bodies are the file's.
+        """
+        if self.nothing:
+            return self, ""
+        own = question.recall(self.result.rung, self.result.estimate)
+        (result,), (hint,) = tell_with_file([own], [self.result], share, Thresholds())
+        rungs = tuple(
+            replace(r, verdicts=result.verdicts) if r.rung is result.rung else r for r in self.rungs
+        )
+        return replace(self, rungs=rungs, result=result), hint
 
 
 def measure_rungs(

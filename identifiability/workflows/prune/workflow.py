@@ -173,6 +173,7 @@ def prune(
                 question, search, selected, physical, draws, streams[2], runner, measuring
             )
         say("resampling", 0.7)
+        measured, contradicted = measured.beside_file(question, share_)
         stability = assess_stability(
             search,
             measured.rungs[selected].step.partition,
@@ -199,7 +200,8 @@ def prune(
             session, rows, question, search, selected, measured, stability, criterion, known
         )
         idle = (IDLE_REACH,) if reach != 1.0 else ()
-        return replace(found, hints=(*idle, *found.hints, *unused_ladder(robot, ladder)))
+        told = filter(None, (*idle, contradicted, *found.hints))
+        return replace(found, hints=(*told, *unused_ladder(robot, ladder)))
 
 
 def _ask(session: Session, rows: Weighed, entry: LadderEntry) -> Question:
@@ -245,6 +247,7 @@ def _tell(
         moved=session.recordings.measure_rollouts(
             session.structure.robot, result.physical.parameters()
         ),
+        rolled=session.recordings.rolled,
         late=question.delays.move(full_rung(session.structure.base)),
         **known,
         **vars(measured),
