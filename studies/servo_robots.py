@@ -226,10 +226,10 @@ limit = 900
 """
 
 #: Robots that are judged: who draws the machine, at which rate commands come [Hz], how large they
-#: are. Larger ones keep the hobby arm's servos at their limits for a third of the time.
+#: are. With 0.35 servos of the hobby arm are at their limits for a third of the time.
 JUDGED = {
     "quadruped": (draw_quadruped, 50.0, 0.35),
-    "hobby-arm": (draw_hobby_arm, 25.0, 0.2),
+    "hobby-arm": (draw_hobby_arm, 25.0, 0.1),
     "two-link": (draw_planar_arm, 50.0, 0.35),
 }
 

@@ -207,11 +207,15 @@ class CommandedRobot:
         # A file without rotors may state less inertia than a servo of this rate could hold.
         model.dof_armature[dofs] = numbers["Ia"] - np.minimum(taken, MOST_TAKEN * whole)
         late = dict(zip(self.robot.joints, servo.damping, strict=True))
+        # Inertia that late speeds of a servo seem to take off is there where its torque stands at
+        # an end and follows nothing: that torque pushes the lighter joint by as much less.
+        seeming = np.clip(-servo.lead, 0.0, MOST_TAKEN * whole)
+        less = dict(zip(self.robot.joints, 1 - seeming / whole, strict=True))
         for joint, offset in zip(self.robot.joints, numbers["off"], strict=True):
             actuator = model.actuator(joint).id  # what is taken off at the joint
             model.actuator_biasprm[actuator, 0] = -offset
             model.actuator_biasprm[actuator, 2] = -late[joint]
-            model.actuator_forcerange[actuator] = self._ends[joint] - offset
+            model.actuator_forcerange[actuator] = less[joint] * (self._ends[joint] - offset)
         mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
 

@@ -156,9 +156,7 @@ def analyze(
         return _sample(found, streams[2], say, share_) if posterior else found
 
 
-def _sample(
-    found: Analysis, rng: np.random.Generator, say: Progress, within: float
-) -> Analysis:
+def _sample(found: Analysis, rng: np.random.Generator, say: Progress, within: float) -> Analysis:
     """Return the analysis with the posteriors of the selected model, bodies within a share."""
     known = found.structure, found.information, found.models, found.selected
     models, belief = believe(*known, rng, say, found.silence or found.misread, within)
