@@ -127,7 +127,7 @@ def test_a_name_that_the_verifying_motion_contradicts_is_listed_as_refuted(logs_
     assert (refuted.name, refuted.joints) == ("position_ripple", ("left_shoulder",))
     assert refuted.interval[0] > 0
     assert d.model.names == d.base
-    assert d.held_after == d.held_before == pytest.approx(refuted.before, rel=0.1)
+    assert d.held_after == d.held_before == pytest.approx(refuted.before, rel=1e-9)
     assert refuted.after > refuted.before
     assert d.statement.startswith("No effect can be named")
     assert "Position ripple in left_shoulder (p ≤ " in d.statement

@@ -209,7 +209,11 @@ def _refuted(
     rest = h.without({o for o in h.parts if search.catalogue.of[o] == mine})
     whole = rest.add(k, 0.0)
     seen = p.settled(whole.parts, view)
-    models = [p.left(p.shown, x.parts, p.weighed(x.parts, seen)[0]) for x in (rest, whole)]
+    # Without it the model is the one that stands, weighed as it was for the headline.
+    fits = (p.weighed(x.parts, v)[0] for x, v in ((rest, view), (whole, seen)))
+    models = [
+        p.left(p.shown, x.parts, value) for x, value in zip((rest, whole), fits, strict=True)
+    ]
     gap = Gap(p.shown, np.stack(models, axis=2))
     judged = verdict.refuted[k]
     placement = _place(search, replace(verdict, hypothesis=whole, view=seen,
