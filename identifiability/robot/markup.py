@@ -140,7 +140,7 @@ class _Bounded(ET.TreeBuilder):
 
     def __init__(self, path: Path) -> None:
         super().__init__()
-        self._path, self._elements, self._depth = path, 0, 0
+        self._path, self._elements, self._depth, self._spaces = path, 0, 0, 0
 
     def start(self, tag: Any, attrs: Mapping[Any, Any]) -> ET.Element:
         self._elements += 1
@@ -155,6 +155,15 @@ class _Bounded(ET.TreeBuilder):
                 "element has so many: correct it."
             )
         return super().start(tag, dict(attrs))
+
+    def start_ns(self, prefix: str, uri: str) -> None:
+        """Count a declaration of a namespace, which is none of the attributes."""
+        del prefix, uri
+        self._spaces += 1
+        if self._spaces > MOST_ATTRIBUTES:
+            raise RobotError(
+                f"{self._path} declares more than {MOST_ATTRIBUTES} namespaces; leave them out."
+            )
 
     def end(self, tag: str) -> ET.Element:
         self._depth -= 1

@@ -17,6 +17,8 @@ from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Renames
 from identifiability.logs import sizes, source
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.formats import bags
+from identifiability.logs.formats.reader import find_parts
 from identifiability.logs.tables import LONGEST_CELL
 from identifiability.regression.reduction import read_ladder
 from identifiability.robot import markup as magnitudes
@@ -89,10 +91,17 @@ def including(count, deep):
     return write
 
 
+def many(attribute):
+    """Return a file with an element of so many attributes."""
+    return f"<mujoco {' '.join(attribute.format(k) for k in range(50_000))}/>"
+
+
 ROBOTS = {
     "elements": (arm("<site/>" * xml.MOST_ELEMENTS), "more than 20000 elements"),
     "elements that never end": (b"<mujoco>" + b"<a>" * 2_000_000, "nests elements deeper than 250"),
     "depth": (arm("<frame>" * 260 + "</frame>" * 260), "nests elements deeper than 250 levels"),
+    "attributes": (many('a{}="1"'), "more than 1000 attributes"),
+    "namespaces": (many('xmlns:a{0}="u{0}"'), "declares more than 1000 namespaces"),
     "bodies": (arm("<body/>" * xml.MOST_BODIES), "more bodies than 200"),
     "bytes": (sparse, "larger than 50 MB"),
     "a tag that never ends": (b'<mujoco a="' + b"x" * 40_000_000, "it is not XML"),
@@ -338,6 +347,64 @@ def test_limits_of_bags(refuses):
 
     refuses(Log.read, "bag", described, "is larger than 2 MB")
     refuses(Log.read, "bag.db3", computed, "computes its messages")
+
+
+@pytest.mark.parametrize("compression", ["none", "zstd"])
+def test_what_messages_of_a_bag_hold_together_is_bounded(refuses, compression, monkeypatch):
+    rosbags = pytest.importorskip("rosbags.rosbag2")
+    from rosbags.typesys import Stores, get_typestore
+
+    store, kind = get_typestore(Stores.ROS2_JAZZY), "sensor_msgs/msg/JointState"
+    stamp, head = (store.types[k] for k in ("builtin_interfaces/msg/Time", "std_msgs/msg/Header"))
+    large = np.zeros(bags.MOST_MESSAGE // 8 + 1)
+    message = store.types[kind](head(stamp(1, 0), ""), ["a"], large, large, large)
+
+    def write(path):
+        writer = rosbags.Writer(path, version=9, storage_plugin=rosbags.StoragePlugin.MCAP)
+        if compression != "none":
+            mode = rosbags.CompressionMode.STORAGE
+            writer.set_compression(mode, rosbags.CompressionFormat.ZSTD)
+        with writer:
+            connection = writer.add_connection("/joint_states", kind, typestore=store)
+            writer.write(connection, 1, store.serialize_cdr(message, kind))
+
+    monkeypatch.setattr(bags, "MOST_BYTES", 2_000_000)
+    sentence = (
+        "has 3 MB compressed together; up to 2 MB" if compression == "zstd" else "of 3 MB; up"
+    )
+    refuses(Log.read, "bag", write, sentence)
+
+
+def dataset(info, **columns):
+    """Write a LeRobot folder."""
+
+    def write(path):
+        (path / "meta").mkdir(parents=True)
+        (path / "data").mkdir()
+        (path / "meta" / "info.json").write_text(info)
+        pd.DataFrame({"timestamp": [0.0], "episode_index": [0], **columns}).to_parquet(
+            path / "data" / "a.parquet"
+        )
+
+    return write
+
+
+KNOWN = '"codebase_version": "v2.1", "total_episodes": '
+DATASETS = {
+    "episodes": (f"{{{KNOWN} 100000000}}", "has 100000000 episodes, each a log, and up to 1000"),
+    "episodes without end": (f"{{{KNOWN} 1e400}}", "holds no episode"),
+    "bytes": (f'{{{KNOWN} 1, "x": "{"x" * sizes.MOST_DESCRIBED}"}}', "is larger than 2 MB"),
+    "depth": ("[" * 100_000, "cannot be read as JSON"),
+    "values": (f"{{{KNOWN} 1}}", "holds 40000 values; up to"),
+}
+
+
+@pytest.mark.parametrize("what", DATASETS)
+def test_limits_of_datasets(refuses, what, monkeypatch):
+    monkeypatch.setattr(sizes, "MOST_VALUES", 30_000)
+    info, sentence = DATASETS[what]
+    content = dataset(info, **{"observation.state": [[0.1] * 40_000]})
+    refuses(lambda path: [Log.read(p) for p in find_parts(path)], "data", content, sentence)
 
 
 @pytest.mark.parametrize("name", ["robot.xml", "sidecar.toml", "run.csv", "run.parquet"])

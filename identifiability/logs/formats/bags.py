@@ -31,7 +31,7 @@ from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array, numbered
 from identifiability.logs.form import PLAIN, Form
 from identifiability.logs.formats.reader import Whole, reader
-from identifiability.logs.sizes import MOST_DESCRIBED, check_values
+from identifiability.logs.sizes import MOST_BYTES, MOST_DESCRIBED, check_values
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -185,7 +185,11 @@ def _pass_over(storage: Any) -> None:
     """
     for part in getattr(storage, "storages", [storage]):
         chunks = getattr(part, "chunks", None)
-        if chunks is None or any(c.compression for c in chunks):
+        if chunks is None:
+            continue
+        if any(c.compression for c in chunks):
+            for chunk in chunks:
+                _check_chunk(part.path, chunk.uncompressed_size)
             continue
         if not chunks and not part.statistics.chunk_count:
             part.messages_scan = partial(_scan, part)
@@ -233,6 +237,20 @@ def _check_files(path: Path) -> None:
                     raise LogError(f"{file} computes its messages and holds none; record anew.")
                 if {"messages", "topics"} <= {name for _, name, _ in found}:
                     _check_length(file, base.execute(_LONGEST, JOINT_STATE).fetchone()[0] or 0)
+
+
+def _check_chunk(path: Path, length: int) -> None:
+    """Refuse messages that are compressed together and do not fit in memory.
+
+    Raises
+    ------
+    LogError
+    """
+    if length > MOST_BYTES:
+        raise LogError(
+            f"{path} has {length / 1e6:.0f} MB compressed together; up to "
+            f"{MOST_BYTES // 10**6} MB are read: record joint states alone."
+        )
 
 
 def _check_length(path: Path, length: int) -> None:

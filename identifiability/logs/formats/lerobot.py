@@ -21,7 +21,7 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import numbered
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.reader import Whole, reader
-from identifiability.logs.sizes import check_columns, check_values
+from identifiability.logs.sizes import MOST_DESCRIBED, check_columns, check_values
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,6 +47,9 @@ _ENDS = {
 }
 
 _COMMANDS = {"q": "cmd", "dq": "dq_cmd", "tau": "tau_cmd", "current": "current_cmd"}
+
+#: Episodes that are read together.
+MOST_EPISODES = 1_000
 
 #: Numbers of episodes behind a colon.
 _EPISODES = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?")
@@ -80,7 +83,7 @@ def list_episodes(path: str | Path) -> list[Path]:
     info = _read_info(folder)
     try:
         count = int(info.get("total_episodes", 0))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         count = 0
     if count < 1:
         raise LogError(f"{folder} holds no episode; record one.")
@@ -94,6 +97,11 @@ def list_episodes(path: str | Path) -> list[Path]:
                 f"{folder} has the episodes 0 to {count - 1}, not {text}; name one as "
                 f"'{folder.name}:0', or several as '{folder.name}:0-{count - 1}'."
             )
+    if last - first >= MOST_EPISODES:
+        raise LogError(
+            f"{folder} has {last - first + 1} episodes, each a log, and up to {MOST_EPISODES} are "
+            f"read together; name some, as '{folder.name}:0-99'."
+        )
     return [Path(f"{folder}:{k}") for k in range(first, last + 1)]
 
 
@@ -135,6 +143,7 @@ def read_episode(path: str | Path) -> pd.DataFrame:
         raise LogError(f"{folder} has no row of episode {number}; its files are not complete.")
     columns: dict[str, Any] = {"t": _times(rows["timestamp"], info, folder)}
     for feature in wanted:
+        check_values(path, rows[feature].nbytes // 8)  # Python's numbers are four times as large
         values = np.array(rows[feature].to_pylist(), float)
         values = values.reshape(rows.num_rows, -1)
         check_values(path, values.size)
@@ -145,6 +154,8 @@ def read_episode(path: str | Path) -> pd.DataFrame:
 
 def _read_info(folder: Path) -> Mapping[str, Any]:
     try:
+        if (folder / INFO).stat().st_size > MOST_DESCRIBED:
+            raise LogError(f"{folder / INFO} is larger than {MOST_DESCRIBED // 10**6} MB.")
         info = json.loads((folder / INFO).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         reason = " ".join(str(error).split())[:200].rstrip(".")
