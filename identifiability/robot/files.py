@@ -288,7 +288,9 @@ def _ask_for_base(path: Path, root: ET.Element) -> None:
     children = {child for _, child in ends.values()}
     tops = [link.get("name", "") for link in root.findall("link")]
     (base,) = [name for name in tops if name not in children] or [""]
-    weighs = {link.get("name") for link in root.findall("link") if link.find("inertial")}
+    weighs = {
+        link.get("name") for link in root.findall("link") if link.find("inertial") is not None
+    }
     held, legs, heavy = [base], list[str](), False
     while held:
         link = held.pop()
