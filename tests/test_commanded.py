@@ -28,6 +28,7 @@ from identifiability.report.analysis_report import answer_notes
 from identifiability.robot.servo import Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot
 from identifiability.workflows.diagnose.known_values import share_spread
+from identifiability.workflows.opening import read_recordings
 from identifiability.workflows.rollout import rollout
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
@@ -67,6 +68,19 @@ def frames(arm):
 
 def read(robot, frame):
     return Log.from_frame(frame, conventions=Conventions.of(robot)).select(robot.joints)
+
+
+def test_commands_and_encoder_steps_that_come_again_are_no_copies_where_speeds_differ(arm, frames):
+    frame = pd.concat([frames[1]] * 2, ignore_index=True).assign(
+        t=lambda x: 0.005 * np.arange(len(x))
+    )
+    rng = np.random.default_rng(0)
+    measured = {f"{j}.dq": np.gradient(frame[f"{j}.q"], frame["t"]) for j in arm.joints}
+    sensed = frame.assign(**{k: v + rng.normal(0, 0.02, len(v)) for k, v in measured.items()})
+    for log, copied in ((frame, True), (sensed, False)):
+        read = read_recordings(log, known=Conventions.of(arm), commands=True)
+        assert any("noise and all" in hint for hint in read.hints) == copied
+        assert read.fitted[0].dq is None  # torque is made without them
 
 
 # The servo that files state.

@@ -69,6 +69,7 @@ from identifiability.report.words import GLOSSARY, THRESHOLDS, note, section
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.result import next_commands
 from identifiability.workflows.analyze.words import SeveralLogs
+from identifiability.workflows.opening import is_reading
 
 # The answer: what to use, who is who, and what to keep in mind.
 
@@ -140,7 +141,10 @@ def answer_terms(analysis: Analysis) -> Terms:
 def answer_notes(analysis: Analysis) -> Notes:
     """Return the caveats, gravest first."""
     own = analysis.commands
-    notes = [note("commands" if h == own else "hint", hint=h) for h in analysis.hints]
+    kinds = (
+        "commands" if h == own else "read" if is_reading(h) else "hint" for h in analysis.hints
+    )
+    notes = [note(kind, hint=h) for kind, h in zip(kinds, analysis.hints, strict=True)]
     if analysis.nothing:
         why = f"{analysis.nothing[0].upper()}{analysis.nothing[1:]}"
         notes.append(note("nothing", why=why))

@@ -303,6 +303,11 @@ def state_reading(read: Sequence[tuple[str, str]]) -> list[str]:
     ]
 
 
+def is_reading(hint: str) -> bool:
+    """Whether a hint is how logs were read: what was done, and nothing that is wrong with them."""
+    return hint.startswith("How ") and " read: " in hint
+
+
 Held = TypeVar("Held", Log, Samples)
 
 

@@ -271,27 +271,27 @@ def state_physics(chosen: RungResult) -> str:
         return "A real robot can have its values."
     if chosen.physical.nearest is None:
         return chosen.physical.sentence
-    near = f"the nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %."
+    near = f"The nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %."
     if chosen.physical_used:
         near = (
-            f"the nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %, not surely "
-            "more than they do: its values are those to use, and predictions and exports have them."
+            f"The nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %, not surely "
+            "more. Its values are those to use, and predictions and exports have them."
         )
         if chosen.physical.elsewhere:
             near = (
-                f"the nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %. Along "
+                f"The nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %. Along "
                 "such motion they err surely less, but over the robot's range their own errors "
-                "reach as far as the difference: its values are those to use, and predictions and "
-                "exports have them, unless a log of other motion that is held out objects."
+                "reach as far as the difference. Its values are those to use, and predictions and "
+                "exports have them, unless held-out motion of another kind objects."
             )
     if chosen.infeasible:
         return (
             f"But {len(chosen.infeasible)} of its values have a sign that physics forbids "
-            f"({listing(chosen.infeasible, 4)}); {near}"
+            f"({listing(chosen.infeasible, 4)}). {near}"
         )
     if chosen.physical.certificate is None:
-        return f"The motion leaves some of its parameters open; {near}"
-    return f"Its values are not physically consistent, although each sign is possible; {near}"
+        return f"The motion leaves some of its parameters open. {near}"
+    return f"Its values are not physically consistent, although each sign is possible. {near}"
 
 
 def state_weak(chosen: RungResult) -> str:

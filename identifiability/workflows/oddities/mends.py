@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.logs import Log
 from identifiability.logs.mend import drop_contradictions, mend_logs, unwrap_logs
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.repeats import Recording, drop_repeats
@@ -25,6 +28,8 @@ class Reading:
         Of the robot.
     hints : tuple of str
         What was mended.
+    speeds : tuple of (N, n) or None
+        Of logs of commands those that were measured, in order; their torque is made without.
     """
 
     fitted: tuple[Recording, ...]
@@ -32,6 +37,7 @@ class Reading:
     how: Preparation | None = None
     servo: Servo | None = None
     hints: tuple[str, ...] = ()
+    speeds: tuple[Array | None, ...] = ()
 
     def by(
         self, mend: Callable[[Sequence[Recording]], tuple[list[Recording], tuple[str, ...]]]
@@ -46,7 +52,7 @@ class Reading:
     ) -> Reading:
         """Return the same of other logs, with what is said of them."""
         said = (*self.hints, *hints)
-        return Reading(tuple(fitted), tuple(held), self.how, self.servo, said)
+        return replace(self, fitted=tuple(fitted), held=tuple(held), hints=said)
 
 
 def mend(logs: Reading) -> Reading:
@@ -98,7 +104,19 @@ def compute_torque(logs: Reading) -> Reading:
         return logs
     from identifiability.workflows.commanded import give_torque  # noqa: PLC0415 - MuJoCo
 
-    return logs.by(lambda every: (give_torque(every, servo), ()))
+    before = (*logs.fitted, *logs.held)
+    given = logs.by(lambda every: (give_torque(every, servo), ()))
+    after = (*given.fitted, *given.held)
+    pairs = zip(before, after, strict=True)
+    return replace(
+        given,
+        speeds=tuple(b.dq if _commanded(a) and isinstance(b, Log) else None for b, a in pairs),
+    )
+
+
+def _commanded(log: Recording) -> bool:
+    """Whether the torque of a log was made of commands."""
+    return isinstance(log, Log) and log.servo_delay is not None
 
 
 @check(
@@ -125,5 +143,11 @@ def drop_contradicting(logs: Reading) -> Reading:
     do="Give each measurement once. A held-out log that only repeats fitted ones is refused.",
 )
 def count_once(logs: Reading) -> Reading:
-    """Leave out rows that came before."""
-    return logs.having(*drop_repeats(logs.fitted, logs.held))
+    """Leave out rows that came before; measured speeds tell repetitions from copies."""
+    every: list[Recording] = [*logs.fitted, *logs.held]
+    for k, speed in enumerate(logs.speeds):
+        if isinstance(log := every[k], Log) and speed is not None:
+            every[k] = replace(log, dq=speed)
+    *kept, hints = drop_repeats(every[: len(logs.fitted)], every[len(logs.fitted) :])
+    fitted, held = ([x.without(("dq",)) if _commanded(x) else x for x in some] for some in kept)
+    return logs.having(fitted, held, hints)

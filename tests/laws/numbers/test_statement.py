@@ -139,11 +139,11 @@ def test_physics_says_what_is_impossible_and_how_near_the_nearest_is():
     assert state_physics(Judged()) == "A real robot can have its values."
     signs = state_physics(Judged(feasible=False, infeasible=("a.m", "b.Fv")))
     assert "2 of its values have a sign that physics forbids (a.m" in signs
-    assert "the nearest real robot errs by 20 %." in signs
+    assert "The nearest real robot errs by 20 %." in signs
     bodies = state_physics(Judged(feasible=False))
     assert "Its values are not physically consistent, although each sign is possible" in bodies
     used = state_physics(Judged(feasible=False, physical_used=True))
-    assert "its values are those to use" in used
+    assert "Its values are those to use" in used
     assert "over the robot's range" not in used
     far = state_physics(Judged(feasible=False, physical_used=True, elsewhere=True))
     assert "over the robot's range their own errors reach as far as the difference" in far
