@@ -3,6 +3,7 @@
 import html
 import re
 import shlex
+from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import typer
 from typer.testing import CliRunner
 
 from identifiability import Robot, simulate
-from identifiability.cli import app
+from identifiability.cli import app, common
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.workflows.commands import name_export
 
@@ -102,6 +103,67 @@ def test_every_line_that_is_proposed_works_where_it_is_printed(typed, logs, tmp_
     lines = check(typed, tmp_path)
     if "mine.json" in typed and typed.startswith(("diagnose", "prune")):
         assert not any(line.startswith(f"identifiability {typed.split()[0]}") for line in lines)
+
+
+class Cells(HTMLParser):
+    """Texts of the cells of a page's tables, each without its small print."""
+
+    def __init__(self):
+        super().__init__()
+        self.texts, self.inside = [], 0
+
+    def handle_starttag(self, tag, attrs):
+        self.inside = {"td": 1, "th": 1}.get(tag, self.inside)
+        self.texts += [""] * (tag in ("td", "th"))
+
+    def handle_data(self, data):
+        if self.inside:
+            self.texts[-1] += data
+
+
+def words(text):
+    """A cell without marks, and with the spaces of a terminal."""
+    return " ".join(re.sub("▸", " ", text).split())
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        f"analyze {GIVEN} --report page.html",
+        "predict robot.xml result.json b.csv --report page.html",
+        "payload robot.xml result.json loaded.csv --body link2 --report page.html",
+        "compare robot.xml a.csv loaded.csv --report page.html",
+        *(
+            pytest.param(t, marks=pytest.mark.everything)
+            for t in (
+                f"prune {GIVEN} --report page.html",
+                "excite robot.xml --evaluations 50 --out mine.json --report page.html",
+            )
+        ),
+    ],
+)
+def test_a_terminal_shows_no_number_column_or_next_line_that_the_page_has_not(
+    typed, logs, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "robot.xml").write_bytes(Robot.load("two-link").path.read_bytes())
+    for name, log in logs.items():
+        log.write(tmp_path / f"{name}.csv")
+    if "result.json" in typed:
+        call(shlex.split("analyze robot.xml a.csv --replicates 0 --json result.json"))
+    shown = []
+    monkeypatch.setattr(common, "print_table", lambda title, *told: shown.append(told))
+    said = call(shlex.split(typed))
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    cells = Cells()
+    cells.feed(page)
+    texts = {words(text) for text in cells.texts}
+    headings, rows, _ = shown[0]
+    for text in (*headings, *(cell for row in rows for cell in row)):
+        assert any(words(text) in known for known in texts), text
+    told = re.findall(r"^Next .*?: (identifiability .*)$", said, re.MULTILINE)
+    copied = re.findall('data-copy="(identifiability [^"]*)"', page)
+    assert told == [html.unescape(copied[0])]
 
 
 @pytest.mark.everything

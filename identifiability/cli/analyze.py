@@ -74,31 +74,11 @@ def print_analysis(result: Analysis, written: Sequence[Path], typed: Sequence[st
 
     Robot and logs are called in the next line as they were `typed`.
     """
-    from identifiability.estimation.verdict import Class  # noqa: PLC0415
-
-    rows = [
-        (
-            f"{'▸' if m is result.chosen else ' '} {m.name}",
-            str(len(m.rung)),
-            str(m.paper_identified),
-            "not judged" if m.unjudged else str(m.count(Class.IDENTIFIABLE)),
-            common.percent(m.error_ra),
-            common.percent(m.error_ra_validation),
-            m.possible,
-        )
-        for m in result.models
-    ]
-    common.print_table(
-        f"{result.robot.title}: models (▸ use this one)",
-        ("model", "size", "10× rule", "identifiable", "error", "held out", "real robot"),
-        rows,
-        left=("model", "real robot"),
-    )
+    title = f"{result.robot.title}: models (▸ use this one)"
+    common.print_first(title, result)
     common.print_errors(result.chosen.name, result.error_frame())
     first, *hints = common.apart(result.statement, result.hints)
     common.print_end(filter(None, [first, result.mass_statement, *hints]))
     if typed:
-        from identifiability.workflows.analyze.result import next_commands  # noqa: PLC0415
-
-        common.print_next(next_commands(result), [*typed, *written])
+        common.print_next(result, [*typed, *written])
     common.print_end([], written)

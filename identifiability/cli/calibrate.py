@@ -78,4 +78,6 @@ def calibrate(
             engine=runner,
         )
         written = outputs.write(result, say)
-    common.print_end([result.statement, *result.notes], written)
+    common.print_end([result.statement, *result.notes])
+    common.print_next(result, [machine.robot, *logs, *written])
+    common.print_end([], written)

@@ -171,6 +171,21 @@ def print_table(
     console.print(table)
 
 
+def print_first(title: str, result: Any, most: int | None = None) -> None:
+    """Print the first table of a result's page, `most` rows, without what is detail there."""
+    from identifiability.report.results import first_table  # noqa: PLC0415
+
+    table = first_table(result)
+    shown = [k for k, c in enumerate(table.columns) if not c.detail]
+    rows = [
+        [f"{'▸ ' if at == table.marked and k == 0 else ''}{row[k].text}" for k in shown]
+        for at, row in enumerate(table.rows[:most])
+    ]
+    if rows:
+        left = [c.title for c in table.columns if c.kind not in ("number", "bar")]
+        print_table(title, [table.columns[k].title for k in shown], rows, left)
+
+
 def print_errors(model: str, errors: DataFrame) -> None:
     """Print the errors of a model by joint and by log, the largest where they are many."""
     rows: list[tuple[str, ...]] = []
@@ -195,12 +210,21 @@ def apart(statement: str, hints: Sequence[str]) -> list[str]:
     return [statement.removesuffix(" ".join(hints)).strip(), *hints]
 
 
-def print_next(commands: Sequence[tuple[str, str]], typed: Iterable[str | Path]) -> None:
-    """Print what to do next, with the line to type; files are where they were typed to be."""
+def print_next(result: Any, typed: Iterable[str | Path]) -> None:
+    """Print what the page proposes first, with the line to type; files are where they were typed.
+
+    Parameters
+    ----------
+    result : Result
+    typed : iterable of str or Path
+        Robot, logs and what was written, as they were typed.
+    """
     from rich.console import Console  # noqa: PLC0415
 
+    from identifiability.report.results import propose_next  # noqa: PLC0415
+
     places = {Path(word).name: str(word) for word in typed}
-    for what, command in commands[:1]:
+    for what, command in propose_next(result)[:1]:
         line = " ".join(places.get(word, word) for word in command.split(" "))
         Console().print(
             f"[bold]Next[/bold] {escaped(f'{what[0].lower()}{what[1:]} {line}')}",

@@ -67,18 +67,7 @@ def compare(
         found = find(machine.load(recorded), *sides, preparation=derived.preparation(), **own)
         written = outputs.write(found, say)
     common.print_end([found.answer])
-    headings = ("what", "number", "change", "from", "to", "unit", "p")
-    rows = [
-        (
-            str(r["what"]),
-            str(r["name"]),
-            *(f"{r[key]:.3g}" for key in ("change", "low", "high")),
-            str(r["unit"]),
-            f"{r['p']:.2g}",
-        )
-        for r in found.to_frame().to_dict("records")
-    ]
-    if rows:
-        left = ("what", "number", "unit")
-        common.print_table("What changed, with 95 % intervals", headings, rows, left=left)
-    common.print_end([found.statement.removeprefix(found.answer).strip()], written)
+    common.print_first("What changed, with 95 % intervals", found)
+    common.print_end([found.statement.removeprefix(found.answer).strip()])
+    common.print_next(found, [machine.robot, *first, *second, *written])
+    common.print_end([], written)

@@ -82,7 +82,6 @@ def diagnose(
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415
         from identifiability.workflows.diagnose import find_next  # noqa: PLC0415
-        from identifiability.workflows.diagnose.result import next_commands  # noqa: PLC0415
         from identifiability.workflows.diagnose.words import weight_text  # noqa: PLC0415
 
         ways = [w for w in (fixed_from, fixed_share, fixed or None) if w is not None]
@@ -140,5 +139,5 @@ def diagnose(
         title, ("joint", "before", "after", "rms after", "raw after"), table, left=("joint",)
     )
     common.print_end(told)
-    common.print_next(next_commands(result), [machine.robot, *logs, *own["validate"], *written])
+    common.print_next(result, [machine.robot, *logs, *own["validate"], *written])
     common.print_end([], written)

@@ -152,15 +152,11 @@ def excite(
         json = out.suffix.lower() == ".json"
         first = result.to_json(out) if json else result.write_motion(out, rate, periods)
         written = [first, *options.Outputs(report).write(result, say)]
-    headings = ("joint", "from", "to", "speed", "of", "acceleration", "of")
-    shown = ("least", "largest", "speed", "speed_limit", "acceleration", "acceleration_limit")
-    rows = [
-        (str(row["joint"]), *(f"{row[key]:.3g}" for key in shown))
-        for row in result.to_frame().to_dict("records")
-    ]
-    common.print_table(f"{result.robot.title}: the motion", headings, rows, left=("joint",))
+    common.print_first(f"{result.robot.title}: the motion [SI units]", result)
     rest = "" if json else f"{out.name} begins and ends at rest: {state_rest(result, rate)}."
-    common.print_end([result.statement, *filter(None, [rest]), *result.hints], written)
+    common.print_end([result.statement, *filter(None, [rest]), *result.hints])
+    common.print_next(result, [machine.robot, *written])
+    common.print_end([], written)
 
 
 def state_rest(result: Excitation, rate: float) -> str:

@@ -38,25 +38,14 @@ def payload(
         Logs with the load, with columns as for analyze.
     """
     with common.sentences(), common.progress() as say:
-        from identifiability.foundation.numbers import measured  # noqa: PLC0415
         from identifiability.workflows.payload import payload as weigh  # noqa: PLC0415
 
         say("reading logs", 0.0)
         found = weigh(machine.load(recorded), result, logs, **own)
         written = outputs.write(found, say)
     common.print_end([found.answer])
-    headings = ("quantity", "value", "unit", "from", "to", "told")
-    rows = [
-        (
-            q.name,
-            measured(q.value, q.half) if q.told else f"{q.value:.3g}",
-            q.unit,
-            f"{q.low:.3g}",
-            f"{q.high:.3g}",
-            "yes" if q.told else q.why,
-        )
-        for q in found.quantities
-    ]
     title = f"What hangs on {found.body}; moments about its centre"
-    common.print_table(title, headings, rows, left=("quantity", "unit", "told"))
-    common.print_end([found.statement.removeprefix(found.answer).strip()], written)
+    common.print_first(title, found)
+    common.print_end([found.statement.removeprefix(found.answer).strip()])
+    common.print_next(found, [machine.robot, str(result), *logs, *own["without"], *written])
+    common.print_end([], written)

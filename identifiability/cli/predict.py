@@ -53,17 +53,7 @@ def predict(
         say("predicting torque", 0.2)
         found = fit.predict(logs)
         written = ([] if out is None else [found.write(out)]) + outputs.write(found, say)
-    headings = ("joint", "error", "rms", "unit", "of raw torque", "inside")
-    rows = [
-        (
-            str(row["joint"]),
-            common.percent(row["error"], 1),
-            f"{row['rms']:.3g}",
-            str(row["unit"]),
-            common.percent(row["error_raw"], 1),
-            common.percent(row["inside"], 1),
-        )
-        for row in found.error_frame().to_dict("records")
-    ]
-    common.print_table("Predicted torque by joint", headings, rows, left=("joint", "unit"))
-    common.print_end([found.statement], written)
+    common.print_first("Predicted torque by joint", found)
+    common.print_end([found.statement])
+    common.print_next(found, [machine.robot, str(result), *logs, *written])
+    common.print_end([], written)

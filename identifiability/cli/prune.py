@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -71,35 +71,20 @@ def prune(
         )
         model_file = [] if out is None else [result.write_model(out)]  # of which the page knows
         written = [*model_file, *outputs.write(result, say)]
-    print_pruning(result, written)
+    print_pruning(result, written, [machine.robot, *logs, *own["validate"]])
 
 
-def print_pruning(result: Ladder, written: Iterable[Path]) -> None:
-    """Print the ladder about the rung to use, the statement, and the paths of what was written."""
-    rows = []
-    for rung in result.rungs[: result.selected + 4]:
-        move = rung.step.move
-        row = (
-            f"{'▸ ' if rung is result.chosen else ''}{len(rung)}",
-            "not judged" if rung.unjudged else str(rung.identifiable),
-            common.percent(rung.error_ra),
-            common.percent(rung.error_ra_unseen),
-            common.percent(rung.error_se),
-            "possible" if rung.feasible else "impossible",
-            f"{move.kind.value}: {_short(move.text)}" if move is not None else "",
-        )
-        rows.append(row)
-    common.print_table(
-        f"{result.robot.title}: reduction path (▸ use this model)",
-        ("size", "identifiable", "error", "unseen", "± SE", "signs", "move"),
-        rows,
-        left=("signs", "move"),
-    )
+def print_pruning(result: Ladder, written: Sequence[Path], typed: Sequence[str] = ()) -> None:
+    """Print the ladder about the rung to use, the statement, and the paths of what was written.
+
+    Robot and logs are called in the next line as they were `typed`.
+    """
+    title = f"{result.robot.title}: reduction path (▸ use this model)"
+    common.print_first(title, result, result.selected + 4)
     common.print_errors(result.chosen.name, result.error_frame())
     stability = [] if result.nothing else [result.stability.statement]
     masses = filter(None, [result.mass_statement])
-    common.print_end([result.statement, *masses, *stability], written)
-
-
-def _short(text: str, most: int = 60) -> str:
-    return text if len(text) <= most else f"{text[: most - 1]}…"
+    common.print_end([result.statement, *masses, *stability])
+    if typed:
+        common.print_next(result, [*typed, *written])
+    common.print_end([], written)

@@ -65,16 +65,5 @@ def rollout(
         if fitted is not None and found.fitted is not None:
             written.append(found.fitted.save(fitted))
         written += outputs.write(found, say)
-    names = [run.name for run in found.runs]
-    headings = ("joint", *(h for n in names for h in (n, "1 s windows")), "unit")
-    units = [{"N": "mm"}.get(unit, "mrad") for unit in found.robot.torque_units]
-    cells = [
-        [f"{1e3 * x:.3g}" for pair in zip(whole, short, strict=True) for x in pair]
-        for whole, short in zip(found.errors.T, found.window_errors.T, strict=True)
-    ]
-    rows = [
-        (joint, *own, unit)
-        for joint, own, unit in zip(found.robot.joints, cells, units, strict=True)
-    ]
-    common.print_table("Error of positions (rms)", headings, rows, left=("joint", "unit"))
+    common.print_first("Error of positions (rms)", found)
     common.print_end([found.statement], written)

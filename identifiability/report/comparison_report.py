@@ -171,9 +171,13 @@ def build_comparison_page(result: Comparison) -> Page:
 
 def section_changes(result: Comparison) -> Section | None:
     """Return what changed; None where nothing did."""
-    rows = list(result.to_frame().itertuples())
-    if not rows:
-        return None
+    table = change_table(result)
+    return section("comparison.changes", table) if table.rows else None
+
+
+def change_table(result: Comparison) -> Table:
+    """Return one row a change."""
+    rows: list[Any] = list(result.to_frame().itertuples())
     own = columns(
         "changes",
         Column("what", get="what"),
@@ -184,7 +188,7 @@ def section_changes(result: Comparison) -> Section | None:
         Column("share", rough_percent, "share"),
         Column("p", digits(2), "p"),
     )
-    return section("comparison.changes", Table.of("With 95 % intervals", own, rows))
+    return Table.of("What changed, with 95 % intervals", own, rows)
 
 
 def _half(row: Any) -> float:

@@ -257,11 +257,10 @@ def section_motion(result: Excitation) -> Section:
         lowest = np.array([limits.low[k], -limits.speed[k], -limits.acceleration[k]])
         figure = draw_joint(t, [x[:, k] for x in parts], (lowest, highest), joint, unit)
         pictures.append(picture("joint", figure, joint=joint))
-    caption = "What each joint does, and may do [SI units]"
     return section(
         "excitation.motion",
         Gallery(tuple(pictures)),
-        Table.of(caption, LIMITS, result.to_frame().itertuples()),
+        limits_table(result),
         Fold("Coefficients", (_coefficients(result),)),
     )
 
@@ -281,6 +280,12 @@ LIMITS = (
     Column("acceleration", digits(3), "acceleration"),
     Column("limit", digits(3), "acceleration_limit", "Of the acceleration."),
 )
+
+
+def limits_table(result: Excitation) -> Table:
+    """Return one row a joint."""
+    caption = "What each joint does, and may do [SI units]"
+    return Table.of(caption, LIMITS, result.to_frame().itertuples())
 
 
 def _coefficients(result: Excitation) -> Table:

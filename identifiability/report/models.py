@@ -277,7 +277,7 @@ def draw_survival(names: Sequence[str], share: Array, chosen: np.ndarray) -> Fig
 def section_ladder(analysis: Analysis) -> Section:
     """Return the ladder of models: why the selected one."""
     why, kind = _why(analysis), analysis.validation_kind
-    table = Table.of("", LADDER, analysis.models, marked=analysis.selected)
+    table = ladder_table(analysis)
     return section("analysis.models", ladder_pictures(analysis), table, why=why, kind=kind)
 
 
@@ -347,6 +347,11 @@ LADDER = columns(
     Column("condition", _condition_text, "estimate.condition", detail=True),
     Column("real robot", "badge", _possible_cell),
 )
+
+
+def ladder_table(analysis: Analysis) -> Table:
+    """Return one row a model of the ladder."""
+    return Table.of("", LADDER, analysis.models, marked=analysis.selected)
 
 
 def section_parameters(analysis: Analysis) -> Section:

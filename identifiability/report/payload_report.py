@@ -122,6 +122,11 @@ def build_payload_page(result: Load) -> Page:
 
 def section_quantities(result: Load) -> Section:
     """Return every quantity with its interval, and why some are not told."""
+    return section("payload.quantities", quantity_table(result), body=result.body)
+
+
+def quantity_table(result: Load) -> Table:
+    """Return one row a quantity."""
     own = columns(
         "load",
         Column("quantity", get="name"),
@@ -132,8 +137,7 @@ def section_quantities(result: Load) -> Section:
         Column("unit", get="unit"),
         Column("told", get=_told),
     )
-    table = Table.of("Mass, centre, and moments about the centre", own, result.quantities)
-    return section("payload.quantities", table, body=result.body)
+    return Table.of("Mass, centre, and moments about the centre", own, result.quantities)
 
 
 def _value(quantity: Quantity) -> tuple[Cell, Cell]:

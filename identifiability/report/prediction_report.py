@@ -138,6 +138,11 @@ def section_torque(result: TorquePrediction) -> Section:
 
 def section_joints(result: TorquePrediction) -> Section:
     """Return errors of every joint, and how many samples lie in their intervals."""
+    return section("prediction.joints", joint_table(result))
+
+
+def joint_table(result: TorquePrediction) -> Table:
+    """Return one row a joint."""
     own = columns(
         "predicted",
         Column("joint", get="joint"),
@@ -149,4 +154,4 @@ def section_joints(result: TorquePrediction) -> Section:
         Column("unknown", error_text, "unknown"),
     )
     rows = result.error_frame().itertuples()
-    return section("prediction.joints", Table.of("Each joint by itself", own, rows))
+    return Table.of("Each joint by itself", own, rows)

@@ -167,7 +167,7 @@ def section_ladder(ladder: Ladder) -> Section:
         [(len(r), r.error_ra, r.error_ra_unseen, r.error_se) for r in ladder.rungs]
     ).T
     figure = draw_ladder(sizes, fitted, unseen, spread, ladder.selected, ladder.least)
-    table = Table.of("", MOVES, ladder.rungs, marked=ladder.selected)
+    table = moves_table(ladder)
     why = sentence("pruning.why", ladder.criterion)
     return section("pruning.ladder", picture("ladder", figure), table, why=why)
 
@@ -211,6 +211,11 @@ MOVES = columns(
     Column("worst σ%", "number", _worst_cell),
     Column("signs", "badge", _signs_cell),
 )
+
+
+def moves_table(ladder: Ladder) -> Table:
+    """Return one row a model of the path."""
+    return Table.of("", MOVES, ladder.rungs, marked=ladder.selected)
 
 
 def section_survivors(ladder: Ladder) -> Section:

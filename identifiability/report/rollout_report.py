@@ -101,6 +101,11 @@ def section_positions(result: RolledOut) -> Section:
 
 def section_joints(result: RolledOut) -> Section:
     """Return the errors of every joint."""
+    return section("rollout.joints", joint_table(result))
+
+
+def joint_table(result: RolledOut) -> Table:
+    """Return one row a joint."""
     own, cells = [Column("joint")], list[tuple[object, ...]]([result.robot.joints])
     for run, errors in zip(
         result.runs, zip(result.errors, result.window_errors, strict=True), strict=True
@@ -110,5 +115,4 @@ def section_joints(result: RolledOut) -> Section:
             cells.append(tuple(1e3 * each))
     own.append(Column("unit"))
     cells.append(tuple("mm" if unit == "N" else "mrad" for unit in result.robot.torque_units))
-    table = Table.of("Each joint by itself", tuple(own), list(zip(*cells, strict=True)))
-    return section("rollout.joints", table)
+    return Table.of("Each joint by itself", tuple(own), list(zip(*cells, strict=True)))
