@@ -94,6 +94,11 @@ class TorqueDrift(TorqueOffset):
 # Torque that is recorded later than the motion it belongs to.
 
 
+def motors(robot: Robot) -> range:
+    """Return which actuated joints motors drive: those of a floating base come first."""
+    return range(len(robot.joints) - len(robot.motor_joints), len(robot.joints))
+
+
 @once
 def nominal_torque(robot: Robot, motion: Motion) -> Array:
     """Return the torque by all values that the robot file states, (N, n)."""
@@ -155,8 +160,8 @@ class TimeDelay(Effect):
         for rows in np.split(np.arange(len(motion)), gaps):
             if len(rows) > 2:
                 slope = np.gradient(tau[rows], motion.t[rows], axis=0)
-                for k in range(out.shape[1]):
-                    out[rows, k, k] = -slope[:, k]
+                for k, joint in enumerate(motors(robot)):
+                    out[rows, joint, k] = -slope[:, joint]
 
 
 # Torque that is stamped before the motion it belongs to.
@@ -219,8 +224,8 @@ class TorqueScale(Effect):
         if not out.shape[2]:
             return
         tau = nominal_torque(robot, motion)
-        for k in range(out.shape[1]):
-            out[:, k, k] = tau[:, k]
+        for k, joint in enumerate(motors(robot)):
+            out[:, joint, k] = tau[:, joint]
 
 
 # Torque of another joint that leaks into what is measured at this one.
@@ -279,16 +284,18 @@ class FromJoint(Shaped):
         """
         number = self.shape(robot, axis)
         names = robot.joints
-        if number not in range(1, len(names) + 1) or names[int(number) - 1] == axis.name:
+        first, last = motors(robot).start + 1, len(names)
+        if number not in range(first, last + 1) or names[int(number) - 1] == axis.name:
             raise ModelError(
                 f"{self.name} at '{axis.name}' comes from joint {number:g}; give the number of "
-                f"another joint, from 1 to {len(names)}."
+                f"another joint, from {first} to {last}."
             )
         return int(number) - 1
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return the number of the joint before, of the second one at the first."""
-        return float(robot.joints.index(axis.name) or 2)
+        own, first = robot.joints.index(axis.name), motors(robot).start
+        return float(own if own > first else first + 2)
 
     def fill_from(self, robot: Robot, source: Array, out: Array) -> None:
         """Write what a source (N, n) has at the other joint."""

@@ -96,6 +96,8 @@ def has_masses(robot: Robot) -> bool:
 
 def needs_masses(robot: Robot, _place: str) -> str:
     """Return why an effect that depends on the load makes no sense; empty if it does."""
-    if has_masses(robot):
-        return ""
-    return f"{robot.path.name} states no masses, so the load is not known"
+    if not has_masses(robot):
+        return f"{robot.path.name} states no masses, so the load is not known"
+    if robot.base is not None and robot.base.pressed:
+        return "forces that press on its limbs are part of the load, and no model of them is known"
+    return ""

@@ -140,6 +140,12 @@ class Base:
     at: tuple[int, int] | None = None
     which: int | None = None
 
+    @property
+    def pressed(self) -> bool:
+        """Whether forces from outside act behind joints that motors drive."""
+        points = [c.point for c in self.contacts] + [w.point for w in self.wrenches]
+        return any(point.joint >= SIX for point in points)
+
 
 def base_acceleration(acc: Array, omega: Array, alpha: Array) -> Array:
     """Return the accelerations of the six joints that stand for a base, (N, 6).

@@ -523,6 +523,8 @@ def compute_entries(
         for effect, width, columns in layout:
             W = space[:, :width, :samples_here]
             effect.fill(robot, piece.motion, W.transpose(2, 0, 1))
+            if piece.motion.free is not None:
+                W[:] = piece.motion.freed(W.transpose(2, 0, 1)).transpose(1, 2, 0)
             acts: np.ndarray = np.einsum("jkt,jkt->jk", W, W) != 0  # quicker than to ask each
             for own, column in columns:
                 for j in np.flatnonzero(acts[:, own]).tolist():

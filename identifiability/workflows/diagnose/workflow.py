@@ -170,7 +170,6 @@ def diagnose(
     streams = tuple(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6))
     with one_thread():
         robot = Robot.of(robot)
-        robot.check_stands("diagnosis")
         before = None
         if earlier is not None:
             before = read_earlier(earlier)
@@ -210,7 +209,7 @@ def diagnose(
             hints=(*hints, *free_again(model), *unused_ladder(robot, model)),
             provenance=state_provenance(robot, used, seed, None, options),
         ).moved_by(given)
-        if not (forward and found.effects):
+        if not (forward and found.effects) or found.robot.base is not None:
             return found
         say("simulating forward", 0.95)
         return replace(found, forward=simulate_forward(found, streams[3]))

@@ -285,7 +285,6 @@ def payload(
     """
     with one_thread("blas"):
         robot = Robot.of(robot)
-        robot.check_stands("weighing payloads")
         fit = find_fit(result, robot)
         place, columns = choose_body(fit.structure, body)
         sides = read_sides(logs, without, Conventions.of(robot), fit.preparation, alone=True)

@@ -28,6 +28,7 @@ from identifiability.estimation.evidence import (
     weigh_models,
 )
 from identifiability.estimation.prediction import Prediction, Task, predict_all
+from identifiability.estimation.refits import Equations
 from identifiability.estimation.torque_errors import (
     standard_error,
     standard_error_over_joints,
@@ -288,6 +289,20 @@ def assess_stability(
         same=sets[_set(chosen)] / most if drawn else np.nan,
         models=tuple((m, count / most) for m, count in sets.most_common(5)),
     )
+
+
+#: Columns up to which the path is walked as often as was asked, and how often it is at least. An
+#: estimator that is asked anew at each step takes a time with their fourth power: there are as many
+#: steps, of their third.
+WALKED, FEWEST_WALKS = 64, 8
+
+
+def count_walks(search: Search, draws: int) -> int:
+    """Return how many resampled logs the path is walked on, of so many where it costs little."""
+    if isinstance(search.whitened.refitter, Equations):
+        return draws
+    share = (WALKED / max(len(search.whitened.columns), WALKED)) ** 4
+    return max(min(draws, FEWEST_WALKS), round(draws * share))
 
 
 def _walk_again(

@@ -1,0 +1,75 @@
+"""What verbs say of the shipped robots that nothing holds: a body in a hand, an arm on a cart."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from identifiability import Robot, analyze, compare, diagnose, payload
+from identifiability.robot.locate import shipped_folder
+
+STUDY = Path(__file__).resolve().parents[1] / "studies/floating_bases.py"
+DRIVE = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"]
+
+
+@pytest.fixture(scope="module")
+def made():
+    """The study that makes logs of robots that float."""
+    spec = importlib.util.spec_from_file_location("floating_bases", STUDY)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def log(robot, name):
+    return pd.read_csv(shipped_folder() / robot / "logs" / name)
+
+
+@pytest.fixture(scope="module")
+def pushed(tmp_path_factory):
+    """The arm on its cart, analysed while a hand pushes it, and the file of that."""
+    found = analyze("cart-arm", log("cart-arm", "pushed.csv"), replicates=50)
+    return found, found.to_json(tmp_path_factory.mktemp("cart") / "result.json")
+
+
+def test_a_body_in_a_hand_tells_its_ten_parameters():
+    found = analyze("free-body", shipped_folder() / "free-body/logs/run1.csv", replicates=50)
+    assert "Body in a hand weighs 2.5 ±" in found.statement
+    told = found.to_frame()
+    assert len(told) == 10
+    low, high = np.array(told["interval95"].tolist()).T
+    assert ((low <= told["nominal"]) & (told["nominal"] <= high)).sum() >= 9
+
+
+def test_an_arm_on_a_cart_that_is_pushed_says_what_it_says_bolted_down(pushed):
+    stands = Robot.load("cart-arm", base="fixed")
+    bolted = analyze(stands, log("cart-arm", "bolted.csv"), replicates=50).to_frame()
+    moved = pushed[0].to_frame()
+    for told in (bolted, moved):
+        called = told[told["verdict"] == "identifiable"]
+        low, high = np.array(called["interval95"].tolist()).T
+        inside = (low <= called["nominal"]) & (called["nominal"] <= high)
+        assert inside.mean() > 0.8
+        assert len(called) >= 15
+    both = bolted.merge(moved, on="name", suffixes=("", "_moved"))
+    same = both[np.isclose(both["nominal"], both["nominal_moved"])]  # else they stand for others
+    assert (same["verdict"] == same["verdict_moved"]).mean() > 0.85
+    assert len(same) >= 15
+
+
+def test_a_load_on_a_cart_that_is_pushed_is_weighed(pushed, made):
+    loaded = made.cart_arm(2, pushed=True, load=0.4)
+    found = payload("cart-arm", pushed[1], loaded)
+    assert found.body == "lower"
+    assert found.mass.value == pytest.approx(0.4, rel=0.03)
+
+
+def test_predictions_hold_and_what_changed_or_is_missing_is_named_on_a_moving_base(pushed, made):
+    other = made.cart_arm(1, pushed=True)
+    assert pushed[0].predict(other).error_ra < 0.02
+    rubs = made.cart_arm(3, pushed=True, rubs=0.6)
+    assert "Friction of shoulder rose" in compare("cart-arm", other, rubs).statement
+    model = [*DRIVE[:2], DRIVE[3], "coulomb_friction@yaw+elbow"]
+    assert "Coulomb friction in shoulder" in diagnose("cart-arm", rubs, model=model).statement
