@@ -36,9 +36,9 @@ def find():
 
 
 @pytest.fixture(scope="session")
-def paper():
-    """The 3-RPS inside the limits of the paper's trajectories."""
-    return excite("3-rps", iterations=16)
+def paper(pytestconfig):
+    """The 3-RPS inside the limits of the paper's trajectories; `everything` asks how good it is."""
+    return excite("3-rps", iterations=16 if pytestconfig.getoption("everything") else 4)
 
 
 @pytest.fixture(scope="session")

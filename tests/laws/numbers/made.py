@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.signal import lfilter
 
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.least_squares import OrdinaryLeastSquares
@@ -46,6 +47,5 @@ def fit_of(value, sigma, determined=None, weights=(1.0,), rss=(100.0,), columns=
 def ar1(rng, rho: float, samples: int, columns: int = 1):
     """Return first-order autoregressive noise of unit variance, (samples, columns)."""
     noise = rng.standard_normal((samples, columns))
-    for k in range(1, samples):
-        noise[k] = rho * noise[k - 1] + np.sqrt(1 - rho**2) * noise[k]
-    return noise
+    noise[1:] *= np.sqrt(1 - rho**2)
+    return lfilter([1.0], [1.0, -rho], noise, axis=0)
