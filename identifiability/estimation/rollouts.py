@@ -35,6 +35,9 @@ LATEST = 0.06
 #: Where a third of a log is so long, the search begins on that: steps there cost a third [s].
 ENOUGH = 2.0
 
+#: Share of a joint's motion by which the best rollout errs where gains contradict it.
+CONTRADICTED = 0.5
+
 #: Length of blocks of time whose errors are taken to be independent [s].
 TOGETHER = 1.0
 
@@ -114,11 +117,19 @@ def fit_rollouts(
     before = problem.errors(problem.roll([x])[0])
     thirds = tuple(_middle(log) for log in logs)
     if not fitted and all(t[-1] - t[0] > ENOUGH for t in (log.t for log in thirds)):
-        x = _descend(_Problem(machine, thirds, delay), x, steps)[0]
+        x, errors, taken, *_ = _descend(_Problem(machine, thirds, delay), x, steps)
+        if share_missed(errors, logs).max() > CONTRADICTED:  # nor will whole logs be followed
+            return Rollouts(*problem.unpack(x), errors, before, taken, np.zeros(len(logs)))
     x, errors, taken, J, r = _descend(problem, x, steps)
     numbers, delays = problem.unpack(x)
     sure = np.zeros(len(logs)) if delay is not None else problem.delay_errors(J, r)
     return Rollouts(numbers, delays, errors, before, taken, sure)
+
+
+def share_missed(errors: Array, logs: Sequence[Log]) -> Array:
+    """Return errors of positions (n,) as shares of how the joints of logs move, (n,)."""
+    moved = np.sqrt(np.mean([log.q.var(0) for log in logs], axis=0))
+    return np.asarray(errors / np.maximum(moved, 1e-3))
 
 
 def _middle(log: Log) -> Log:

@@ -32,8 +32,9 @@ from identifiability.simulation.forward import DIVERGED, HARD, ForwardRobot
 #: Longest step of the integrator [s].
 STEP = 1e-3
 
-#: Share of the time in which damping stops a joint that is a step, and no step is shorter [s].
-LITTLE, LEAST = 0.4, 2e-5
+#: Share of the time in which damping stops a joint that is a step, and no step is shorter [s]: a
+#: joint that stops within a fraction of a servo's period is one without inertia to it.
+LITTLE, LEAST = 0.4, 2e-4
 
 #: Share of the inertia of a joint that is taken off for time steps, at most.
 MOST_TAKEN = 0.5

@@ -15,7 +15,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.estimation.rollouts import Rollouts, find_delay, fit_rollouts
+from identifiability.estimation.rollouts import (
+    CONTRADICTED,
+    Rollouts,
+    find_delay,
+    fit_rollouts,
+    share_missed,
+)
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -29,9 +35,6 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot, forgotten
-
-#: Share of a joint's motion by which the best rollout errs where gains contradict it.
-CONTRADICTED = 0.5
 
 #: Recordings of a rollout that differ in where the encoders' steps lie.
 PHASES = 4
@@ -145,8 +148,7 @@ def _check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> None:
     LogError
     """
     assert robot.servo is not None
-    moved = np.sqrt(np.mean([log.q.var(0) for log in logs], axis=0))
-    share = found.errors / np.maximum(moved, 1e-3)
+    share = share_missed(found.errors, logs)
     k = int(np.argmax(share))
     if share[k] > CONTRADICTED:
         raise LogError(
