@@ -7,7 +7,8 @@ What to use when:
 - `certify.certify` proves that base parameters are feasible, or that they are not;
 - `project.project` gives the feasible parameters nearest to the data (`project.Projection` for many
   data sets of one robot), with a `cad_prior.CadPrior` if wanted;
-- `feasibility.assess_feasibility` does all of it for a `fitted_model.FittedModel`.
+- `feasibility.find_nearest` and `feasibility.certify_model` do all of it for a
+  `fitted_model.FittedModel`.
 
 Data enter as a compressed `least_squares.LeastSquares`: `LeastSquares.of_fit` makes it from
 `Information` and an estimate, for programs here and for posteriors.

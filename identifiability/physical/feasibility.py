@@ -152,18 +152,6 @@ def stated_body(robot: Robot, body: str) -> Array:
     return np.array([robot.nominal[f"{body}.{kind}"] for kind in INERTIAL])
 
 
-def assess_feasibility(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult:
-    """Say whether a real robot has the estimated parameters, and find the nearest that has.
-
-    Parameters
-    ----------
-    model : FittedModel
-    cad_weight : float
-        Weight of a log-det prior around the bodies of the robot file, in σ² of the residual.
-    """
-    return find_nearest(model, cad_weight).with_certificate(*certify_model(model))
-
-
 def certify_model(model: FittedModel) -> tuple[Certificate | None, str]:
     """Say whether a real robot has the estimated parameters; None if that is open, and why."""
     try:

@@ -7,7 +7,8 @@ import pytest
 
 from identifiability import Robot, analyze, estimate, simulate
 from identifiability.estimation.estimator import settle_signs
-from identifiability.physical.feasibility import assess_feasibility
+from identifiability.physical.cad_prior import WEAK
+from identifiability.physical.feasibility import certify_model, find_nearest
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows.prune.rung import Stability
@@ -35,9 +36,8 @@ def test_a_rotor_that_is_zero_up_to_rounding_is_possible(arm, exact, rotor, poss
     value[at] = rotor
     fit = replace(model.estimate, value=value)
     reduced = model.rung.reduce(exact.information)
-    found = assess_feasibility(
-        FittedModel(exact.structure, model.rung, exact.information, reduced, fit)
-    )
+    fitted = FittedModel(exact.structure, model.rung, exact.information, reduced, fit)
+    found = find_nearest(fitted, WEAK).with_certificate(*certify_model(fitted))
     assert found.feasible is possible, found.sentence
 
 

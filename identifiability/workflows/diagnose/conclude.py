@@ -211,9 +211,7 @@ def _refuted(
     seen = p.settled(whole.parts, view)
     # Without it the model is the one that stands, weighed as it was for the headline.
     fits = (p.weighed(x.parts, v)[0] for x, v in ((rest, view), (whole, seen)))
-    models = [
-        p.left(p.shown, x.parts, value) for x, value in zip((rest, whole), fits, strict=True)
-    ]
+    models = [p.left(p.shown, x.parts, value) for x, value in zip((rest, whole), fits, strict=True)]
     gap = Gap(p.shown, np.stack(models, axis=2))
     judged = verdict.refuted[k]
     placement = _place(search, replace(verdict, hypothesis=whole, view=seen,

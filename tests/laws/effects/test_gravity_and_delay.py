@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.effects.gravity import ForcesOnBodies, GravityTilt, horizontal_axes
+from identifiability.effects.gravity import GravityTilt, horizontal_axes
 from identifiability.effects.inertia import Payload, RigidBody
 from identifiability.effects.measurement import TimeDelay
-from identifiability.effects.nominal import gravity_torque
 from identifiability.logs.prepare import Samples
 from identifiability.regression.regression import Model, Regression
 
@@ -187,18 +186,3 @@ def test_the_delayed_torque_has_a_level_for_each_direction_where_the_file_states
     expected = by_hand.polar(m.t, m.actuated_q, v, m.actuated_a)[:, 0]
     expected = expected + dry + 0.7 * v[:, 0] + 0.11 * m.actuated_a[:, 0]
     np.testing.assert_allclose(nominal_torque(robot, m)[:, 0], expected, atol=1e-9)
-
-
-@pytest.mark.parametrize("robot", ["polar", "pair"])
-def test_forces_on_bodies_are_gravity_times_what_it_pulls_at(robot, move, columns, request):
-    """Each component of another gravity, body by body, with the file's masses."""
-    robot = request.getfixturevalue(robot)
-    m, g = move(robot, T), np.array([3.0, -4.0, 1.0])
-    found = columns(robot, m, ForcesOnBodies())
-    pulled = {
-        f"{body}.g{axis}": x for axis, x in zip("xyz", g, strict=True) for body in robot.bodies
-    }
-    assert set(found) == set(pulled)
-    assert {unit for unit, _ in found.values()} == {"m/s²"}
-    added = sum(found[name][1] * x for name, x in pulled.items())
-    np.testing.assert_allclose(added, gravity_torque(robot, m, g), atol=1e-9)
