@@ -6,7 +6,8 @@ A case is a folder of plain files: the robot as its maker says it is (masses wro
 `fit1`, `fit2`, `fit3`, `unseen` and `sealed` as Parquet, and `truth.json`. The same stream and
 number give the same bytes. `z` in the truth is what an oracle would get that knows family, place,
 shape and noise: the hidden torque outside the base model over the noise's standard deviation, on
-the three fitted logs, up to `BAND`, without the samples at which a joint stands. Effects are as
+the three fitted logs, up to `BAND`, without the samples at which a joint stands; `z measured` is
+the same with motion as encoders tell it, whose errors are noise, too. Effects are as
 large as machines have them; the level of the noise is set so that z is what was drawn.
 """
 
@@ -28,6 +29,7 @@ import pandas as pd
 from drawn_robots import draw_arm
 from hidden_physics import STEP, Machine, Runs, add_mass, torque_between
 from hidden_physics_laws import INSIDE, OUTSIDE, Hidden, Joint
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.signal import lfilter
 
 from identifiability.effects import FAMILIES, default_effects
@@ -35,6 +37,8 @@ from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.logs.spectrum import HIGHEST
 from identifiability.regression.reduction import USUAL_EFFECTS
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
@@ -50,6 +54,8 @@ KINDS = ("inside", "outside", "null", "inside", "two", "outside", "inside", "nul
 SECONDS, SETTLE, PAUSE = 10.0, 1.0, 5.0
 #: The oracle's band [Hz].
 BAND = 10.0
+#: Frequencies over which the errors of a motion are averaged [Hz], and rounds in which they weigh.
+NEAR, ROUNDS = 1.0, 6
 #: z that is drawn, and noise as a share of the torque's rms.
 Z, NOISE = (3.0, 40.0), (0.002, 0.03)
 #: Sizes as shares of those that `hidden_physics_laws` draws.
@@ -287,6 +293,8 @@ class Case:
         level, wanted = (float(np.exp(rng.uniform(*np.log(x)))) for x in (NOISE, Z))
         level = float(np.clip(min(size) / wanted, *NOISE)) if found else level
         encoder = self._write_logs(path, runs, recorded, level * rms, memory)
+        logs = [Log.read(path / f"{name}.parquet") for name in LOGS[:FITTED]]
+        seen = self.oracle(runs, parts, memory, logs, recorded, level)
         effects = [
             {
                 "family": h.family,
@@ -294,10 +302,11 @@ class Case:
                 "shape": h.shape,
                 "numbers": h.numbers,
                 "z": z / level,
+                "z measured": own,
                 "share": float((np.sqrt((s[:FITTED] ** 2).mean((0, 1))) / rms).max()),
                 "fits": list(OUTSIDE[h.family][1]) if h.family in OUTSIDE else [h.family],
             }
-            for (h, p), z, s in zip(found, size, parts, strict=True)
+            for (h, p), z, own, s in zip(found, size, seen, parts, strict=True)
         ]
         return {
             "joints": list(self.robot.joints),
@@ -369,37 +378,84 @@ class Case:
             machine = replace(machine, limits=limits)
         return machine, since
 
-    def oracle(self, runs: Runs, parts: Sequence[Array], memory: float) -> list[float]:
-        """Return each effect's z at a noise of one rms: its part outside the others and the base.
+    def oracle(
+        self,
+        runs: Runs,
+        parts: Sequence[Array],
+        memory: float,
+        logs: Sequence[Log] = (),
+        recorded: Array | None = None,
+        level: float = 1.0,
+    ) -> list[float]:
+        """Return each effect's z: its part outside the others and the base over the noise.
 
-        Memory is the correlation of the noise of neighbouring samples.
+        Parameters
+        ----------
+        runs : Runs
+        parts : sequence of (L, N, n)
+        memory : float
+            Correlation of the noise of neighbouring samples.
+        logs : sequence of Log, optional
+            As they were measured: what the errors of their motion leave of torque is noise, too, by
+            joint and frequency. Without them motion is exact.
+        recorded : (L, N, n), optional
+            Torque of these logs, without noise.
+        level : float
+            Of the noise of torque, over its rms.
         """
         if not parts:
             return []
         model, blocks = Model.of(*default_effects(self.robot, USUAL_EFFECTS)), []
         rms = np.sqrt((runs.tau[:FITTED] ** 2).mean((0, 1)))
+        how = Preparation(derivatives="given", keep_rest=True)
+        if logs:
+            band = settle_cutoff(self.robot, logs, None).band
+            wide = max(band.cutoff, min(band.limit, HIGHEST * self.rate))
+            how = Preparation(cutoff=wide, decimate=1, keep_rest=True)
         for k in range(FITTED):
-            frame = {"t": runs.t}
-            for j, name in enumerate(self.robot.joints):
-                motion = {"q": runs.q, "dq": runs.v, "ddq": runs.a, "tau": runs.tau}
-                frame |= {f"{name}.{word}": x[k, :, j] for word, x in motion.items()}
-            how = Preparation(derivatives="given", keep_rest=True)
-            motion = prepare_samples(self.robot, Log.from_frame(pd.DataFrame(frame)), how).motion
-            W = model.regressor(self.robot, motion)
+            log = logs[k] if logs else self._exact(runs, k)
+            motion = prepare_samples(self.robot, log, how).motion
             hidden = np.stack([p[k][motion.kept] for p in parts], 2)
+            rest = (runs.tau if recorded is None else recorded)[k][motion.kept] - hidden.sum(2)
+            W = model.regressor(self.robot, motion)
             moves = ~runs.stuck[k][motion.kept][:, : self.n]
             moves[1:-1] &= moves[:-2] & moves[2:]
-            both = np.concatenate([W, hidden], 2) * moves[:, :, None]
+            if logs:  # when friction turns is known no better than the low-pass lets it
+                turns = np.diff(np.sign(motion.actuated_v), axis=0, prepend=0) != 0
+                moves &= ~maximum_filter1d(turns | ~moves, 2 * round(self.rate / wide) + 1, axis=0)
+            both = np.concatenate([rest[:, :, None], W, hidden], 2) * moves[:, :, None]
             blocks.append(whitened(both, rms, memory, self.rate))
         every = np.concatenate(blocks)
         scale = np.linalg.norm(every, axis=0)
-        every = np.linalg.qr(every / np.where(scale > 0, scale, 1.0), mode="r")
+        every /= np.where(scale > 0, scale, 1.0)
+        noise = np.full(len(every), level**2)
+        for _ in range(ROUNDS if logs else 0):  # loud frequencies must not bend the values
+            W, rest = every[:, 1 : -len(parts)], every[:, 0]
+            A = np.column_stack([W, rest]) / np.sqrt(noise)[:, None]
+            left = scale[0] * (rest - W @ np.linalg.lstsq(A[:, :-1], A[:, -1], rcond=1e-8)[0])
+            ends = np.cumsum([len(b) for b in blocks])[:-1]
+            noise = level**2 + np.concatenate([self._power(x) for x in np.split(left, ends)])
+        every = np.linalg.qr(every[:, 1:] / np.sqrt(noise)[:, None], mode="r")
         first, out = every.shape[1] - len(parts), []
         for k in range(first, every.shape[1]):
-            rest, y = np.delete(every, k, axis=1), every[:, k]
-            left = y - rest @ np.linalg.lstsq(rest, y, rcond=1e-8)[0]
-            out.append(float(np.linalg.norm(left) * scale[k]))
+            others, y = np.delete(every, k, axis=1), every[:, k]
+            alone = y - others @ np.linalg.lstsq(others, y, rcond=1e-8)[0]
+            out.append(float(np.linalg.norm(alone) * scale[1 + k]))
         return out
+
+    def _exact(self, runs: Runs, k: int) -> Log:
+        """Return a log of motion and torque as they were."""
+        frame = {"t": runs.t}
+        for j, name in enumerate(self.robot.joints):
+            motion = {"q": runs.q, "dq": runs.v, "ddq": runs.a, "tau": runs.tau}
+            frame |= {f"{name}.{word}": x[k, :, j] for word, x in motion.items()}
+        return Log.from_frame(pd.DataFrame(frame))
+
+    def _power(self, coefficients: Array) -> Array:
+        """Return squares of the coefficients of `whitened` (k,), averaged over `NEAR`, (k,)."""
+        squares = coefficients.reshape(2, -1, self.n) ** 2
+        smooth = uniform_filter1d(squares.mean(0), max(1, round(NEAR * SECONDS)), axis=0)
+        return np.broadcast_to(smooth, squares.shape).ravel()
 
     def _write_logs(
         self, path: Path, runs: Runs, tau: Array, sd: Array, memory: float
