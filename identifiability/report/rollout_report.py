@@ -41,10 +41,10 @@ def _error(result: RolledOut) -> Answer:
     texts = [f"{x:.3g} {unit}" if np.isfinite(x) else "it diverges" for x in totals]
     pairs = zip(result.runs, texts, 1e3 * result.window_totals, strict=True)
     text = " ".join(
-        f"{run.name}: {x} over whole logs, {w:.3g} {unit} over windows of {WINDOW:g} s that begin "
-        "with what was measured."
+        f"{run.name}: {x} over whole logs, {w:.3g} {unit} over windows of {WINDOW:g} s."
         for run, x, w in pairs
     )
+    text = " ".join(filter(None, (text, result.by_joint)))
     short = " → ".join(texts)
     better = len(totals) > 1 and totals[1] < totals[0]
     tone = "blue" if len(totals) == 1 else "green" if better else "amber"

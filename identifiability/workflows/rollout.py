@@ -32,6 +32,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.robot.changed import new_place
 from identifiability.robot.servo import state_delay
 from identifiability.simulation.rollout import NO_SERVO, CommandedRobot, forgotten
+from identifiability.workflows.analyze.assessment import DIFFERENT, list_worst
 from identifiability.workflows.opening import Logs, in_memory, list_logs, read_logs
 
 #: Length of a window [s].
@@ -138,6 +139,15 @@ class RolledOut(Result):
         return "mm" if self.robot.is_prismatic(int(self.robot.actuated[self.alike][0])) else "mrad"
 
     @property
+    def by_joint(self) -> str:
+        """Errors of the last robot by joint, worst first, where that of all together hides them."""
+        each = 1e3 * self.errors[-1, self.alike]
+        if len(each) < 2 or not np.isfinite(each).all() or each.max() <= DIFFERENT * each.min():
+            return ""
+        joints = [j for j, a in zip(self.robot.joints, self.alike, strict=True) if a]
+        return f"By joint of {self.runs[-1].name}: {list_worst(joints, each, self.unit)}."
+
+    @property
     def statement(self) -> str:
         """The answer in plain words."""
         names = listing([log.name for log in self.logs], 3)
@@ -154,7 +164,8 @@ class RolledOut(Result):
             + (", found from these logs" if run.found else "")
             for run in self.runs
         ]
-        return f"{text}. {late[0][0].upper()}{'; '.join(late)[1:]}."
+        late_text = f"{late[0][0].upper()}{'; '.join(late)[1:]}."
+        return " ".join(filter(None, (f"{text}.", self.by_joint, late_text)))
 
     def _tell(self, k: int) -> str:
         run = self.runs[k]

@@ -608,15 +608,20 @@ def state_joints(joints: Sequence[str], each: Array, together: float) -> str:
     """
     if len(joints) < 2 or not np.isfinite(each).all():
         return ""
-    order = np.argsort(-each, kind="stable")
-    if each[order[0]] <= DIFFERENT * min(each[order[-1]], together):
+    if np.max(each) <= DIFFERENT * min(np.min(each), together):
         return ""
-    said = [f"{joints[k]} {100 * each[k]:.2g} %" for k in order[:WORST]]
+    return f"Each joint over its own variation: {list_worst(joints, 100 * each, '%')}."
+
+
+def list_worst(joints: Sequence[str], each: Array, unit: str) -> str:
+    """Return the errors of joints, (n,) in a unit, worst first; the smaller ones together."""
+    order = np.argsort(-each, kind="stable")
+    said = [f"{joints[k]} {each[k]:.2g} {unit}" for k in order[:WORST]]
     if len(order) == WORST + 1:
-        said.append(f"{joints[order[-1]]} {100 * each[order[-1]]:.2g} %")
+        said.append(f"{joints[order[-1]]} {each[order[-1]]:.2g} {unit}")
     elif len(order) > WORST:
-        said.append(f"the other {len(order) - WORST} at most {100 * each[order[WORST]]:.2g} %")
-    return f"Each joint over its own variation: {', '.join(said)}."
+        said.append(f"the other {len(order) - WORST} at most {each[order[WORST]]:.2g} {unit}")
+    return ", ".join(said)
 
 
 # `Laddered`: what analyze and prune answer alike about the model to use of a ladder.
