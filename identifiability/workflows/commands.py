@@ -58,7 +58,7 @@ def preparing_options(how: object) -> str:
 
 def file_names(names: Iterable[str]) -> tuple[str, ...]:
     """Return the files of logs by what the logs are called; parts of one are one file."""
-    return tuple(dict.fromkeys(re.sub(r", part \d+$", "", name) for name in names))
+    return tuple(dict.fromkeys(re.sub(r", (part \d+|rows \d+–\d+)", "", name) for name in names))
 
 
 def name_logs(robot: Robot, names: Iterable[str], option: str = "", how: object = None) -> str:

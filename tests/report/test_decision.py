@@ -158,6 +158,8 @@ def test_parts_of_a_log_are_one_file_in_a_command(paper_analysis):
     names = [f"run.csv, part {k}" for k in (1, 2)]
     assert name_logs(paper_analysis.robot, names) == "run.csv"
     assert file_names([*names, "other.csv"]) == ("run.csv", "other.csv")
+    stretches = ["run.csv, rows 1–20", "run.csv, rows 31–9000", "run.csv, rows 1–20, part 2"]
+    assert file_names(stretches) == ("run.csv",)
     held = [replace(s, name=n) for n in names]
     assert held_back(held) == " --validate run.csv"
     assert held_back(held, [replace(s, name="run.csv")]) == ""  # a part of it was set aside
