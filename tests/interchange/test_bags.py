@@ -191,3 +191,31 @@ def test_a_message_that_no_robot_sends_is_refused_unread(joint_state, write_bag,
     folder = write_bag({"/joint_states": messages}, storage)
     with pytest.raises(LogError, match=r"has a message of joint states of 5 MB; up to 1 MB are"):
         read_bag(folder)
+
+
+def test_inertial_sensor_and_wrenches_are_read_at_the_times_of_the_joint_states(
+    frame, states, write_bag
+):
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores.ROS2_JAZZY).types
+    vector, none = types["geometry_msgs/msg/Vector3"], np.zeros(9)
+    still = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+    start = next(iter(states(frame, JOINTS))).header.stamp
+    imu, hand = [], []
+    for k in range(3 * len(frame)):
+        stamp = types["builtin_interfaces/msg/Time"](start.sec, start.nanosec + 400_000 * k)
+        header = types["std_msgs/msg/Header"](stamp, "base")
+        spin, push = vector(0.1, 0.2, 1e-4 * k), vector(1.0, 2.0, 3.0 + k)
+        imu.append(types["sensor_msgs/msg/Imu"](header, still, none, spin, none, push, none))
+        wrench = types["geometry_msgs/msg/Wrench"](push, spin)
+        hand.append(types["geometry_msgs/msg/WrenchStamped"](header, wrench))
+    topics = {"/joint_states": states(frame, JOINTS), "/imu": imu, "/left/foot": hand}
+    bag = write_bag(topics)
+    read = read_bag(bag)
+    k = (read["t"] / 4e-4).clip(upper=3 * len(frame) - 1)
+    np.testing.assert_allclose(read["base.acc.z"], 3 + k, atol=1e-3)
+    np.testing.assert_allclose(read["base.gyro.z"], 1e-4 * k, atol=1e-6)
+    np.testing.assert_allclose(read["left.foot.force.z"], 3 + k, atol=1e-3)
+    assert (read["left.foot.torque.y"] == 0.2).all()
+    pd.testing.assert_frame_equal(Log.read(bag).to_frame()[COLUMNS], frame[COLUMNS])

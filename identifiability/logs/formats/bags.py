@@ -22,6 +22,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -51,6 +52,28 @@ COMMANDS = {
     "control_msgs/msg/JointTrajectoryControllerState": ("joint_names", "reference", ""),
     "control_msgs/msg/MultiDOFCommand": ("dof_names", "values", "values_dot"),
     "std_msgs/msg/Float64MultiArray": ("", "data", ""),
+}
+
+#: What of messages about a base that floats is a column of logs: where a vector is, and its name.
+BASE = {
+    "sensor_msgs/msg/Imu": (
+        ("linear_acceleration", "base.acc", "xyz"),
+        ("angular_velocity", "base.gyro", "xyz"),
+    ),
+    "nav_msgs/msg/Odometry": (
+        ("pose.pose.position", "odom.position", "xyz"),
+        ("pose.pose.orientation", "odom.orientation", "xyzw"),
+        ("twist.twist.linear", "odom.linear", "xyz"),
+        ("twist.twist.angular", "odom.angular", "xyz"),
+    ),
+    "geometry_msgs/msg/PoseStamped": (
+        ("pose.position", "pose.position", "xyz"),
+        ("pose.orientation", "pose.orientation", "xyzw"),
+    ),
+    "geometry_msgs/msg/WrenchStamped": (
+        ("wrench.force", "{topic}.force", "xyz"),
+        ("wrench.torque", "{topic}.torque", "xyz"),
+    ),
 }
 
 #: Bytes of a message of joint states: some ten thousand joints.
@@ -146,7 +169,8 @@ def read_bag(
             goal = _choose_commands(bag, reader, of)
             messages = _messages(bag, reader, states)
             frame = _collect(bag, states, messages, joints, commanded=bool(goal))
-            return _add_commands(bag, reader, frame, goal) if goal else frame
+            frame = _add_commands(bag, reader, frame, goal) if goal else frame
+            return _add_base(bag, reader, frame)
     except LogError:
         raise
     except MemoryError:  # mostly a length that was spoilt
@@ -339,6 +363,34 @@ def _add_commands(path: Path, reader: Any, frame: pd.DataFrame, topic: str) -> p
         held[last < 0] = np.nan
         for name, column in zip(called, held.T, strict=True):
             frame[f"{name}.{kind}"] = column
+    return frame
+
+
+def _add_base(path: Path, reader: Any, frame: pd.DataFrame) -> pd.DataFrame:
+    """Return a table of joint states with what messages about a base, and of wrenches, hold.
+
+    By their own stamps, on straight lines, at the times of the joint states. Of a type on several
+    topics nothing says which is the base's, but for wrenches, which have the names of theirs.
+    """
+    topics = {str(c.topic): c.msgtype for c in reader.connections if c.msgtype in BASE}
+    several = [kind for kind in topics.values() if [*topics.values()].count(kind) > 1]
+    for topic, kind in topics.items():
+        if kind in several and "{topic}" not in BASE[kind][0][1]:
+            continue
+        connections = [c for c in reader.connections if c.topic == topic and c.msgtype == kind]
+        when, rows = list[float](), list[list[float]]()
+        for connection, _, raw in reader.messages(connections=connections):
+            _check_length(path, len(raw))
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp = message.header.stamp
+            when.append(stamp.sec + 1e-9 * stamp.nanosec - frame.attrs["start"])
+            rows.append([attrgetter(f"{of}.{a}")(message) for of, _, ax in BASE[kind] for a in ax])
+        if len(rows) > 1:
+            names = [f"{name}.{a}" for _, name, ax in BASE[kind] for a in ax]
+            order = np.argsort(when, kind="stable")
+            for name, column in zip(names, np.array(rows, float)[order].T, strict=True):
+                own = name.format(topic=topic.strip("/").replace("/", "."))
+                frame[own] = np.interp(frame["t"], np.array(when)[order], column)
     return frame
 
 
