@@ -23,7 +23,6 @@ from scipy.spatial.transform import Rotation
 from identifiability import analyze
 from identifiability.foundation.names import Array
 from identifiability.logs.signals import lowpass
-from identifiability.robot import Robot
 from identifiability.robot.locate import shipped_folder
 
 XYZ = "xyz"
@@ -289,15 +288,14 @@ def ask(seed: int) -> list[dict[str, object]]:
     walks, found, out = [walking_log(seed, kind) for kind in KINDS], {}, []
     for how, sidecar in SIDECARS.items():
         stands = how == "on a stand"
+        begun = time.process_time()
+        logs = [stand_log(seed, kind) for kind in KINDS] if stands else walks
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder, "robot.xml")
             path.write_text(robot_text(), encoding="utf-8")
-            text = 'base = "fixed"\n' if stands else "".join(map(sidecar.format, LEGS))
+            text = 'base = "fixed"\n' if stands else "".join(sidecar.format(leg) for leg in LEGS)
             path.with_suffix(".toml").write_text(text, encoding="utf-8")
-            robot = Robot.load(path)
-        begun = time.process_time()
-        logs = [stand_log(seed, kind) for kind in KINDS] if stands else walks
-        told = analyze(robot, logs, replicates=100).to_frame().set_index("name")
+            told = analyze(path, logs, replicates=100).to_frame().set_index("name")
         found[how] = told
         called = told[told["verdict"] == "identifiable"]
         low, high = np.array(called["interval95"].tolist()).T

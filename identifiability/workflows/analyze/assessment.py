@@ -36,6 +36,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.physical.cad_prior import (
     combine_with_file,
+    mass_rows,
     real_robot_dict,
     state_mass,
     state_masses,
@@ -777,7 +778,10 @@ class Laddered(Result, Opening, Predicts):
         tilt = self.robot.tilt
         about = "" if tilt is None else f"In this model gravity {tilt.text}."
         moved = "" if self.moved is None else self.moved.statement
-        weight = "" if self.nothing else state_weight(self.structure, self._ladder[0].verdicts)
+        real = {} if self.nothing else self._used.physical.parameters()
+        weight = (
+            "" if self.nothing else state_weight(self.structure, self._ladder[0].verdicts, real)
+        )
         told = (self.mass_warning, weight, answer, each, moved, about, raw, *self.hints)
         return " ".join(filter(None, told))
 
@@ -815,10 +819,13 @@ class Laddered(Result, Opening, Predicts):
         }
 
 
-def state_weight(structure: Structure, verdicts: Sequence[Verdict]) -> str:
+def state_weight(
+    structure: Structure, verdicts: Sequence[Verdict], real: Mapping[str, float]
+) -> str:
     """Return what a robot that floats weighs by its logs, beside its file; nothing of others.
 
-    The mass of all its bodies is one of its base parameters: gravity acts on the whole of it.
+    The mass of all its bodies is one of its base parameters: gravity acts on the whole of it. What
+    its limbs weigh is said of the nearest real robot.
     """
     if structure.robot.base is None:
         return ""
@@ -832,5 +839,21 @@ def state_weight(structure: Structure, verdicts: Sequence[Verdict]) -> str:
     stated = float(structure.nominal @ masses)
     return (
         f"{structure.robot.title} weighs {known[0].value:.4g} ± {(high - low) / 2:.2g} kg, "
-        f"{stated:.4g} by its file."
+        f"{stated:.4g} by its file{state_limbs(structure.robot, real)}."
     )
+
+
+def state_limbs(robot: Robot, real: Mapping[str, float]) -> str:
+    """Return what the limbs of a robot that floats weigh, for after a semicolon, with it."""
+    parents = robot.model.parents
+    limbs: dict[str, list[float]] = {}
+    for row in mass_rows(robot, real):
+        joint = robot.bodies.index(row["body"]) + 1
+        while parents[joint] > 1:  # the first is that of the base
+            joint = int(parents[joint])
+        own = limbs.setdefault(robot.bodies[joint - 1], [0.0, 0.0])
+        own[0], own[1] = own[0] + row["mass"], own[1] + row["mass_file"]
+    each = [f"{name} {mass:.3g} ({file:.3g})" for name, (mass, file) in limbs.items()]
+    if len(each) < 2:
+        return ""
+    return f"; base and limbs, of the nearest real robot (of the file): {listing(each, 6)} kg"
