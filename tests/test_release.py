@@ -56,3 +56,17 @@ def test_every_source_that_code_or_pages_cite_stands_in_the_list():
                 cited |= dict.fromkeys(key.findall(path.read_text()), path.relative_to(ROOT))
     assert len(cited) > 50
     assert not {k: str(path) for k, path in cited.items() if k not in listed}
+
+
+def test_the_recipe_for_conda_is_of_this_version_and_has_the_same_dependencies():
+    recipe = (ROOT / "recipe" / "recipe.yaml").read_text()
+    assert f'version: "{identifiability.__version__}"' in recipe
+    called = {"pin": "pinocchio-python", "mujoco": "mujoco-python", "matplotlib": "matplotlib-base"}
+    run = recipe.partition("  run:")[2].partition("\ntests:")[0]
+    stated = dict(re.findall(r"- ([\w-]+) (\S+)", run))
+    wanted = dict(
+        re.fullmatch(r"([\w-]+)(.*)", d).groups() for d in TOML["project"]["dependencies"]
+    )
+    assert stated == {"python": TOML["project"]["requires-python"]} | {
+        called.get(name, name): bound for name, bound in wanted.items()
+    }
