@@ -105,8 +105,12 @@ def settle_direction(
         value = dict(zip(about.base.names, fit.value, strict=True))
         step = np.array([value.get(name, 0.0) for name in names])
         at = [about.base.names.index(n) for n in names if n in value]
-        each = np.sqrt(np.diag(remembering_covariance(information, fit))[at])
-        size, error = float(np.linalg.norm(step)), float(np.sqrt(np.mean(each**2))) if at else 0.0
+        variance = np.zeros(len(fit.columns))  # of a column that the logs leave out, none
+        variance[list(fit.kept)] = np.diag(remembering_covariance(information, fit))
+        size, error = (
+            float(np.linalg.norm(step)),
+            float(np.sqrt(variance[at].mean())) if at else 0.0,
+        )
         if size <= max(SETTLED * error, 1e-9):
             break
         direction = turn_gravity(about.robot, step * min(1.0, LONGEST / size)).gravity

@@ -10,6 +10,7 @@ import os
 import signal
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from functools import lru_cache, partial
@@ -123,6 +124,8 @@ class Processes(Engine):
     def _started(self) -> Any:
         """Return the pool of workers."""
         if self._pool is None:
+            # A worker whose memory grew is replaced by loky; nobody need be told.
+            warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
             own = {"initializer": _start_worker, "initargs": (os.getpid(),), "env": _ONE_THREAD}
             with uninterrupted():
                 self._pool = ProcessPoolExecutor(self.workers, **own)
