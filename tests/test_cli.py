@@ -40,7 +40,8 @@ def test_simulate_then_analyze_writes_report_and_json(run, few_draws, tmp_path):
 def test_demo_writes_its_report_and_ends_with_the_path(run, tmp_path):
     out = run("demo", "--quick", "--folder", tmp_path / "reports")
     assert out.exit_code == 0, out.output
-    assert out.stdout.strip().splitlines()[-1].endswith("demo.html")
+    opens = out.stdout.strip().splitlines()[-1].split("python -m webbrowser ")[1]
+    assert opens == (tmp_path / "reports" / "demo.html").as_uri()
     assert (tmp_path / "reports" / "demo.html").stat().st_size > 10_000
 
 

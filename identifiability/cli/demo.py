@@ -48,6 +48,8 @@ def demo(
         read = [log.write(folder / log.name) for log in logs]  # what the page's lines are about
         written = [*read, *outputs.write(result, say)]
     print_analysis(result, written, ["3-rps", *map(str, read)])
+    page = (folder / "demo.html").resolve().as_uri()
+    print(f"Open the page: python -m webbrowser {page}")
 
 
 def run_demo(
