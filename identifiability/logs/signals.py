@@ -10,7 +10,7 @@ one side of the equation only.
 
 from __future__ import annotations
 
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -79,84 +79,21 @@ def spread_windows(samples: int) -> list[tuple[int, int]]:
     return [(int(s), int(s) + WINDOW) for s in starts]
 
 
-def lowpass(x: Array, dt: float, cutoff: float) -> Array:
-    """Return x (N, …) filtered forwards and backwards by a Butterworth low-pass (no phase).
-
-    It is of fourth order; the signal is continued by its mirror image through its ends.
-    """
-    along, pad = _along(cutoff * dt), min(len(x) - 1, int(3 / (cutoff * dt)))
-    flat = x.reshape(len(x), -1)
-    before, after = 2 * flat[0] - flat[pad:0:-1], 2 * flat[-1] - flat[-2 : -pad - 2 : -1]
-    wide = np.concatenate([before, flat, after])
-    for _ in range(2):
-        wide = _filter(along, wide)[::-1]
-    return wide[pad : pad + len(x)].reshape(x.shape)
+def lowpass(x: Array, dt: float, cutoff: float, order: int = 4) -> Array:
+    """Return x (N, …) filtered forwards and backwards by a Butterworth low-pass (no phase)."""
+    sos = scipy.signal.butter(order, cutoff, fs=1.0 / dt, output="sos")
+    pad = min(len(x) - 1, int(3 / (cutoff * dt)))
+    filtered: Array = scipy.signal.sosfiltfilt(sos, x, axis=0, padlen=pad)
+    return filtered
 
 
-def _sections(share: float) -> list[tuple[float, float, float]]:
-    """Return gain and feedback of both halves of the low-pass with a cut-off in shares of the rate.
-
-    Their numerators are the gain times (1, 2, 1), their denominators (1, a, b).
-    """
-    found = []
-    for turn in (7 / 8, 5 / 8):
-        pole = np.tan(np.pi * share) * np.exp(1j * np.pi * turn)
-        z = (1 + pole) / (1 - pole)  # bilinear
-        a, b = float(-2 * z.real), float(abs(z) ** 2)
-        found.append(((1 + a + b) / 4, a, b))
-    return found
-
-
-#: Samples that are filtered by one product; a loop over samples would be slow, and `scipy.signal`
-#: takes half a second to import, a quarter of a small analysis.
-BLOCK = 48
-
-
-@lru_cache(maxsize=64)
-def _along(share: float) -> tuple[Array, Array]:
-    """Return the low-pass as a linear map from a block and a state to those behind it.
-
-    Returns
-    -------
-    onward : (BLOCK + 4, BLOCK + 4)
-    rest : (4,)
-        The state to which a constant one leads.
-    """
-    sections = _sections(share)
-    signal, state = np.eye(BLOCK, BLOCK + 4), np.eye(4, BLOCK + 4, BLOCK)
-    for k in range(BLOCK):
-        for (gain, a, b), (first, second) in zip(sections, (state[:2], state[2:]), strict=True):
-            given = gain * signal[k]
-            signal[k] = given + first
-            first[:] = 2 * given - a * signal[k] + second
-            second[:] = given - b * signal[k]
-    rest = np.array([x for gain, _, b in sections for x in (1 - gain, gain - b)])
-    return np.concatenate([signal, state]), rest
-
-
-def _filter(along: tuple[Array, Array], x: Array) -> Array:
-    """Return x (N, m) filtered once, as if it had always been what it is first."""
-    (onward, rest), (N, m) = along, x.shape
-    blocks = np.zeros((-(-N // BLOCK), BLOCK, m))
-    blocks.reshape(-1, m)[:N] = x
-    states = onward[BLOCK:, :BLOCK] @ blocks
-    state, turn = np.outer(rest, x[0]), onward[BLOCK:, BLOCK:]
-    for given in states:
-        after = turn.dot(state)
-        after += given
-        given[:], state = state, after
-    out: Array = onward[:BLOCK, :BLOCK] @ blocks
-    out += onward[:BLOCK, BLOCK:] @ states
-    return out.reshape(-1, m)[:N]
-
-
-def settling_rows(dt: float, cutoff: float) -> int:
+def settling_rows(dt: float, cutoff: float, order: int = 4) -> int:
     """Return after how many samples `lowpass` has forgotten where its input began.
 
     The slowest pole has decayed to `FORGOTTEN` of what it was.
     """
-    slowest = max(b for _, _, b in _sections(cutoff * dt)) ** 0.5
-    return int(np.ceil(np.log(FORGOTTEN) / np.log(slowest)))
+    poles = scipy.signal.butter(order, cutoff, fs=1.0 / dt, output="zpk")[1]
+    return int(np.ceil(np.log(FORGOTTEN) / np.log(np.abs(poles).max())))
 
 
 #: Samples on each side that a difference draws on, and as many times that at the ends of a signal.

@@ -4,7 +4,6 @@ import itertools
 
 import numpy as np
 import pytest
-import scipy
 
 from identifiability.logs import fourier, signals
 from identifiability.logs.spectrum import Spectrum, bandwidth_of_windows, choose_band
@@ -31,18 +30,6 @@ def test_the_low_pass_has_the_gain_of_butterworth_squared(hertz):
     y = signals.lowpass(at(hertz)[:, None], DT, 10.0)[:, 0]
     ratio = np.tan(np.pi * hertz * DT) / np.tan(np.pi * 10.0 * DT)
     assert amplitude(y, hertz) == pytest.approx(1 / (1 + ratio**8), rel=1e-6, abs=1e-9)
-
-
-@pytest.mark.parametrize("samples", [1, 2, signals.BLOCK, signals.BLOCK + 1, 1000])
-@pytest.mark.parametrize("share", [0.01, 0.1, 0.45])
-def test_the_low_pass_is_that_of_scipy(samples, share):
-    x = 5 + np.random.default_rng(0).standard_normal((samples, 3, 2)).cumsum(0)
-    sections = scipy.signal.butter(4, share, fs=1.0, output="sos")
-    pad = min(samples - 1, int(3 / share))
-    known = scipy.signal.sosfiltfilt(sections, x, axis=0, padlen=pad)
-    np.testing.assert_allclose(
-        signals.lowpass(x, 1.0, share), known, atol=1e-12 * np.ptp(x) + 1e-12
-    )
 
 
 def test_the_low_pass_leaves_straight_lines_alone_to_their_ends():

@@ -88,12 +88,10 @@ def test_stretches_are_what_they_are_by_themselves(two):
     for a, b in pairwise(cuts):
         alone = prepared(two, rows[a:b], decimate=1).motion
         own = s.motion[(s.motion.kept >= a) & (s.motion.kept < b)]
-        # That of a later stretch is left out, which tells the others. Ends that are differentiated
-        # twice show how the blocks lie in which the filter sums: 1e-8.
-        first = 1 if a else 0
+        first = 1 if a else 0  # that of a later stretch is left out, which tells the others
         for name in ("actuated_q", "actuated_v", "actuated_a"):
             np.testing.assert_allclose(
-                getattr(own, name), getattr(alone, name)[first:], rtol=0, atol=3e-8
+                getattr(own, name), getattr(alone, name)[first:], rtol=0, atol=1e-9
             )
     assert np.flatnonzero(np.diff(s.motion.kept) > 1).tolist() == [1499, 3098]
 
