@@ -205,6 +205,8 @@ class Band:
         Why the cut-off is there, for the report; nothing where it was given.
     joints : (n,) [Hz]
         Bandwidth of each joint, of the fastest log.
+    widest : float [Hz]
+        The largest cut-off that noise and sampling rate allow, whatever the motion's band.
     """
 
     cutoff: float
@@ -213,6 +215,7 @@ class Band:
     noise: float
     reason: str
     joints: Array
+    widest: float
 
 
 def choose_band(
@@ -256,7 +259,7 @@ def choose_band(
     loud = np.flatnonzero([noise(at) > NOISE_SHARE for at in tried])
     limit = float(tried[max(loud[0] - 1, 0)] if len(loud) else tried[-1])
     if cutoff is not None:
-        return Band(cutoff, band, limit, noise(cutoff), "", joints)
+        return Band(cutoff, band, limit, noise(cutoff), "", joints, cutoff)
     chosen, reason = most, f"10 × the motion's band of {band:.3g} Hz"
     if most == LOWEST_CUTOFF:
         reason = f"the least there is, the motion's band is {band:.2g} Hz"
@@ -269,4 +272,5 @@ def choose_band(
         )
     if highest < chosen:
         chosen, reason = highest, f"a fifth of the sampling rate, the motion reaches {band:.3g} Hz"
-    return Band(chosen, band, limit, noise(chosen), reason, joints)
+    widest = max(chosen, min(limit, highest))
+    return Band(chosen, band, limit, noise(chosen), reason, joints, widest)

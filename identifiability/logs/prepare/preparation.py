@@ -166,6 +166,10 @@ class Preparation:
         Parallel filter and decimation of torque and regressor; None keeps the band up to the
         cut-off where derivatives are computed by Butterworth (torque above it has no acceleration
         left to explain it), else everything.
+    outputs : float or None [Hz]
+        Up to where torque and regressor are kept where `decimate` does not say it; None for the
+        cut-off. Sharp events, as when dry friction turns, are alike in both only where the low-pass
+        of the motion takes nothing.
     keep_rest : bool
         Take the torque of joints that stand, too. Dry friction is anything up to its level there,
         so it is no data for that joint (`identifiability.logs.prepare.plan.DwellRule`), whatever
@@ -177,6 +181,7 @@ class Preparation:
     period: Positive | None = None
     harmonics: Annotated[int, at_least(1)] = 5
     decimate: Annotated[int, at_least(1)] | None = None
+    outputs: Positive | None = None
     keep_rest: bool = False
 
     def __post_init__(self) -> None:
@@ -389,4 +394,4 @@ def _choose_factor(plan: Plan, how: Preparation) -> int:
         return how.decimate
     if plan.cutoff is None:
         return 1
-    return max(1, int(0.5 / (plan.cutoff * plan.step)))
+    return max(1, int(0.5 / ((how.outputs or plan.cutoff) * plan.step)))

@@ -29,11 +29,18 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, checks, signals
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.longsamples import Prepared, prepare_samples
-from identifiability.logs.prepare.preparation import make_plan
+from identifiability.logs.prepare.preparation import SettledPreparation, make_plan
 from identifiability.logs.prepare.samples import check_left, join_motions
 from identifiability.logs.prepare.samples import prepare_rows as prepare_stretch
 from identifiability.logs.repeats import Recording
-from identifiability.logs.spectrum import HIGHEST, LOWEST_CUTOFF, WIDE, bandwidth_of_windows
+from identifiability.logs.spectrum import (
+    HIGHEST,
+    LOWEST_CUTOFF,
+    NARROW,
+    NOISE_SHARE,
+    WIDE,
+    bandwidth_of_windows,
+)
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.regression import Regression
@@ -57,6 +64,9 @@ STRETCH = 300
 #: main lobe of the low-pass. Twice as many cost half of the laws of friction near zero speed, half
 #: as many left names to robots that stick.
 BLUR = 0.25
+#: Share of the low-pass of the motion up to which torque and columns are kept: of fourth order,
+#: there and back, it takes 1 / (1 + .5⁸), .4 %, of what is there.
+KEPT = 0.5
 #: Samples of a long log that are read for each of these: of one that is logged far faster than the
 #: robot moves fewer are looked at, so that neither time nor memory grow without end.
 READ = 40
@@ -154,6 +164,29 @@ def samples_each(lengths: Iterable[int]) -> int:
             break
         left -= length
     return max(STRETCH, min(MOST_SAMPLES, share))
+
+
+def widen(how: Preparation) -> Preparation:
+    """Return a preparation in which the low-pass of the motion takes nothing from what is kept.
+
+    Torque and columns pass the filter of decimation alike, the motion one more. Where that ends in
+    the same band what is sharp differs, as when dry friction turns: inertia lacks what its filter
+    takes, and the sign of a smoothed speed turns late, which looks like an error of clocks. So the
+    motion is low-passed where its noise begins to count, and what is kept ends well below.
+
+    Parameters
+    ----------
+    how : Preparation
+        For an estimate; where its cut-off was given it is left alone.
+    """
+    if not isinstance(how, SettledPreparation) or how.band is None:
+        return how
+    band = how.band
+    if not band.reason or how.decimate is not None:
+        return how
+    kept = max(min(band.cutoff, KEPT * band.widest), min(NARROW * band.bandwidth, band.widest))
+    reason = f"up to there noise has at most {100 * NOISE_SHARE:.2g} % of an acceleration's power"
+    return replace(how, cutoff=band.widest, outputs=kept, band=replace(band, reason=reason))
 
 
 def prepare_rows(

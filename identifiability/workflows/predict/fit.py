@@ -266,6 +266,7 @@ class PreparationEntry(Entry):
     period: float | None = None
     harmonics: int = 5
     decimate: int | None = None
+    outputs: float | None = None
     keep_rest: bool = False
 
 
