@@ -156,7 +156,7 @@ def test_the_table_in_the_terminal_has_no_number_that_is_none(case, arm, tmp_pat
     assert done.exit_code == 0
     check_words(done.output)
     for row in ("full model", "no torque offset"):
-        assert re.search(rf"{row}.*│ +0 │ +0 │ +– │ +– │ open", done.output), done.output
+        assert re.search(rf"{row}.*│ +0 │ +— │ +— │ open", done.output), done.output
 
 
 def test_torque_without_relation_to_motion_prunes_to_nothing(arm, tmp_path):

@@ -71,9 +71,9 @@ def print_batch(result: Batch) -> None:
         (
             row.robot,
             row.model,
-            str(row.verdicts.get("identifiable", 0)) if row.verdicts else "–",
-            "–" if row.parameters is None else str(row.parameters),
-            "–" if row.error_unseen is None else common.percent(row.error_unseen),
+            str(row.verdicts.get("identifiable", 0)) if row.verdicts else "—",
+            "—" if row.parameters is None else str(row.parameters),
+            "—" if row.error_unseen is None else common.percent(row.error_unseen),
             row.failed or "; ".join(row.missing),
             str(len(row.warnings)) if row.warnings else "",
         )

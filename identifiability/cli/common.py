@@ -76,7 +76,7 @@ def harmless(text: str) -> str:
 
 def percent(share: float, digits: int = 2) -> str:
     """Return a relative error in percent, or a dash where there is none."""
-    return f"{100 * share:.{digits}f} %" if math.isfinite(share) else "–"
+    return f"{100 * share:.{digits}f} %" if math.isfinite(share) else "—"
 
 
 class Lines:

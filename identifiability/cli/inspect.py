@@ -81,8 +81,8 @@ def _print_joints(result: Inspection) -> None:
         (
             j.name,
             f"{j.role} {j.remark}".strip(),
-            j.kind or "–",
-            f"{_number(j.low)} … {_number(j.high)} {j.unit}" if math.isfinite(j.low) else "–",
+            j.kind or "—",
+            f"{_number(j.low)} … {_number(j.high)} {j.unit}" if math.isfinite(j.low) else "—",
             _number(j.speed),
         )
         for j in result.joints
@@ -100,7 +100,7 @@ def _print_logs(result: Inspection) -> None:
             f"{r.rate:.4g}",
             common.percent(r.jitter, 1),
             str(r.gaps),
-            "–" if r.cutoff is None else f"{r.cutoff:.3g}",
+            "—" if r.cutoff is None else f"{r.cutoff:.3g}",
             str(r.outputs) if not r.refused else "refused",
         )
         for r in result.records
@@ -127,4 +127,4 @@ def _print_logs(result: Inspection) -> None:
 
 
 def _number(x: float) -> str:
-    return f"{x:.3g}" if math.isfinite(x) else "–"
+    return f"{x:.3g}" if math.isfinite(x) else "—"

@@ -193,7 +193,13 @@ def test_commands_prepare_logs_as_was_asked_and_name_every_log():
 
 def test_a_cutoff_that_was_chosen_is_chosen_again():
     band = Band(
-        cutoff=8.0, bandwidth=0.8, limit=20.0, noise=0.0, reason="it is", joints=np.array([0.8])
+        cutoff=8.0,
+        bandwidth=0.8,
+        limit=20.0,
+        noise=0.0,
+        reason="it is",
+        joints=np.array([0.8]),
+        widest=20.0,
     )
     chosen = SettledPreparation(cutoff=8.0, band=band)
     assert preparing_options(chosen) == ""
