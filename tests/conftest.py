@@ -8,6 +8,7 @@ import os
 import pickle
 import shutil
 import tempfile
+import time
 from contextlib import contextmanager
 from functools import cache, partial
 from importlib import import_module
@@ -154,6 +155,31 @@ def _sketch(figure: Figure, alt: str = "") -> Markup:
 
 
 blocks.svg = _sketch
+
+
+@pytest.fixture(scope="session")
+def at_once():
+    """A context whose work must end before a loop of fifty million additions would (about 6 s).
+
+    A ratio in one run, not seconds: other machines, and this one under load, are slower at both.
+    """
+
+    def spend(turns: int) -> float:
+        start, total = time.process_time(), 0
+        for turn in range(turns):
+            total += turn
+        return time.process_time() - start
+
+    @contextmanager
+    def measured():
+        before = spend(250_000)
+        start = time.process_time()
+        yield
+        spent = time.process_time() - start
+        loops = spent / max(before, spend(250_000))
+        assert loops < 200, f"took as long as {loops:.0f} loops of 250,000 additions"
+
+    return measured
 
 
 @pytest.fixture(

@@ -4,7 +4,6 @@ import math
 import re
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -385,11 +384,9 @@ def test_nominal_values_of_a_sidecar_are_refused_too(tmp_path):
         Robot.load(path)
 
 
-def test_an_element_of_a_hundred_thousand_attributes_is_refused_at_once(tmp_path):
+def test_an_element_of_a_hundred_thousand_attributes_is_refused_at_once(tmp_path, at_once):
     many = " ".join(f'a{k}="1"' for k in range(100_000))
     path = tmp_path / "robot.xml"
     path.write_text(f"<mujoco><worldbody><geom {many}/></worldbody></mujoco>")
-    start = time.process_time()
-    with pytest.raises(RobotError, match="has a <geom> with more than 1000 attributes"):
+    with at_once(), pytest.raises(RobotError, match="has a <geom> with more than 1000 attributes"):
         Robot.load(path)
-    assert time.process_time() - start < 2

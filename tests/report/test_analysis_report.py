@@ -1,7 +1,6 @@
 """The report on an analysis: complete, self-contained, harmless, small, quick, always the same."""
 
 import re
-import time
 from dataclasses import replace
 from html.parser import HTMLParser
 
@@ -99,10 +98,8 @@ def test_nothing_is_loaded_from_anywhere(html):
     assert len(outline.all("script")) == 1
 
 
-def test_the_report_is_small_quick_and_the_same_each_time(html, paper_analysis, tmp_path):
-    start = time.process_time()
+def test_the_report_is_small_and_the_same_each_time(html, paper_analysis, tmp_path):
     path = write_analysis_report(paper_analysis, tmp_path / "again.html")
-    assert time.process_time() - start < 3
     assert path.read_text(encoding="utf-8") == html
     assert len(html.encode()) < 1_000_000
 
