@@ -26,7 +26,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from identifiability.foundation import __version__
-from identifiability.foundation.handed import hand_down
+from identifiability.foundation.result import hand_down
 
 if TYPE_CHECKING:
     from identifiability.effects.effect import Effect

@@ -18,8 +18,7 @@ import pandas as pd
 from scipy.signal import lfilter
 from scipy.special import ndtr
 
-from identifiability.estimation.estimate import find_estimator
-from identifiability.estimation.outliers import weigh_outliers
+from identifiability.estimation.estimate import find_estimator, weigh_outliers
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH, holm
 from identifiability.foundation.output import write_json

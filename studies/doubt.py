@@ -23,7 +23,7 @@ from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
-from identifiability.simulation.noise import ar1
+from identifiability.simulation.simulator import ar1
 
 ROBOTS, SAMPLES, LEVEL = ("two-link", "scara", "3-rrr"), 600, 0.03
 RHO = (0.0, 0.9, 0.98)

@@ -38,7 +38,7 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import build_ladder, ladder_path, read_ladder
 from identifiability.regression.regression import Model, Regression
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
-from identifiability.simulation.noise import ar1
+from identifiability.simulation.simulator import ar1
 from identifiability.workflows.prune import Ladder, prune
 from identifiability.workflows.prune.elimination import find_path
 

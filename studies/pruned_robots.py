@@ -35,7 +35,7 @@ from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import PrescribedMotion
 from identifiability.simulation.motion import random_trajectory
-from identifiability.simulation.noise import ar1
+from identifiability.simulation.simulator import ar1
 from identifiability.workflows.prune import prune
 
 KINDS, RATE, LEVEL, RHO = ("3-rrr", "RRP", "RRRR"), 100, 0.05, 0.9

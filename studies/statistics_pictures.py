@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
 from identifiability import Robot, analyze
-from identifiability.simulation.noise import ar1
+from identifiability.simulation.simulator import ar1
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 STYLE = resources.files("identifiability.report") / "templates" / "page.mplstyle"

@@ -67,7 +67,7 @@ def test_each_figure_is_drawn_by_itself(result, prediction, tmp_path):
 def test_confused_parameters_are_those_that_hang_together(result, robot):
     class Two(type(result.fit).__mro__[1]):
         def covariance_frame(self):
-            from identifiability.workflows.predict.prediction import square_frame
+            from identifiability.workflows.predict import square_frame
 
             return square_frame(np.array([[1, 0.99, 0], [0.99, 1, 0], [0, 0, 1.0]]), "abc")
 

@@ -12,7 +12,7 @@ from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.numbers import holm
 from identifiability.physical import feasibility
 from identifiability.simulation import Noise
-from identifiability.simulation.noise import ar1
+from identifiability.simulation.simulator import ar1
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from identifiability import Log, analyze, diagnose, prune
 from identifiability.logs.prepare import Preparation
 from identifiability.simulation import Noise
 from identifiability.workflows import band
-from identifiability.workflows.analyze import cutoff_check as check
+from identifiability.workflows.analyze import fit as check
 
 
 @pytest.fixture(scope="module")

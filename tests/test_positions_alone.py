@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.bootstrap import scatter_scores
+from identifiability.estimation.instrumental import RenoisedLeastSquares
 from identifiability.estimation.least_squares import WeightedLeastSquares
-from identifiability.estimation.renoised import RenoisedLeastSquares
 from identifiability.foundation.engines.local import Serial
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples

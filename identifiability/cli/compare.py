@@ -10,7 +10,7 @@ from typer import Argument, Option
 from identifiability.cli import common, options
 
 
-@options.command("workflows/compare/workflow.py")
+@options.command("workflows/compare.py")
 def compare(
     machine: options.Machine,
     recorded: options.Recorded,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.inspect import Inspection
 
 
-@options.command("workflows/inspect/workflow.py")
+@options.command("workflows/inspect.py")
 def inspect(
     machine: options.Machine,
     recorded: options.Recorded,

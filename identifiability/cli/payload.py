@@ -7,7 +7,7 @@ from typing import Any
 from identifiability.cli import common, options
 
 
-@options.command("workflows/payload/workflow.py")
+@options.command("workflows/payload.py")
 def payload(
     machine: options.Machine,
     recorded: options.Recorded,

@@ -3,16 +3,35 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from identifiability.foundation.errors import listing, near_match
-from identifiability.foundation.handed import handed
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.output import check_ending, write_json
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+# What rooms above hand down: functions that a lower room calls without knowing whose they are.
+#
+# The package hands them down when it is first imported, so that imports run one way all the same.
+
+
+_HANDED: dict[str, Callable[..., Any]] = {}
+
+
+def hand_down(**functions: Callable[..., Any]) -> None:
+    """Let lower rooms call functions by what they do."""
+    _HANDED.update(functions)
+
+
+def handed(name: str) -> Callable[..., Any]:
+    """Return what was handed down under a name."""
+    return _HANDED[name]
+
 
 #: Letters of a `repr`: one screen.
 SCREEN = 1500

@@ -19,10 +19,15 @@ from identifiability.logs.command_names import choose_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import LINE_END, PLAIN, Form, find_encoding, find_form, judge_end
 from identifiability.logs.formats.bags import hash_files
-from identifiability.logs.formats.reader import MISSING, check_suffix, check_text, find_reader
+from identifiability.logs.formats.reader import (
+    MISSING,
+    check_columns,
+    check_suffix,
+    check_text,
+    find_reader,
+)
 from identifiability.logs.naming import name_columns
 from identifiability.logs.reading import with_index
-from identifiability.logs.sizes import check_columns
 from identifiability.logs.tables import Table, is_parquet, open_parquet, opened, parsing
 from identifiability.logs.to_si import call_currents, missing_torque
 from identifiability.robot.floating import BASE_JOINTS

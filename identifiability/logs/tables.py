@@ -20,8 +20,7 @@ from identifiability.foundation.output import check_ending, csv_text, write_byte
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import to_floats
 from identifiability.logs.form import PLAIN, Form
-from identifiability.logs.formats.reader import find_reader
-from identifiability.logs.sizes import check_columns
+from identifiability.logs.formats.reader import check_columns, find_reader
 
 if TYPE_CHECKING:
     import pandas as pd

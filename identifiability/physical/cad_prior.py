@@ -20,8 +20,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.program import adjoint_inverse, square
+from identifiability.physical.feasible_set import PhysicalSet, adjoint_inverse, square
 from identifiability.physical.pseudo_inertia import (
     BASIS,
     BOUNDARY,

@@ -15,8 +15,7 @@ import numpy as np
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.program import ADVICE, Program, above, adjoint
+from identifiability.physical.feasible_set import ADVICE, PhysicalSet, Program, above, adjoint
 from identifiability.physical.pseudo_inertia import BOUNDARY
 
 #: Margins beyond one body scale are not pursued: the question is whether there is any.

@@ -22,8 +22,7 @@ from identifiability.physical.fitted_model import FittedModel, LeastSquares, phy
 from identifiability.physical.project import FeasibleEstimate, Projection
 from identifiability.physical.pseudo_inertia import BodyCheck, check_body
 from identifiability.regression.base_parameters import random_motion
-from identifiability.regression.functions import leave_to_terms
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Rung, leave_to_terms
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 

@@ -17,9 +17,8 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet, stated_bounds
 from identifiability.physical.pseudo_inertia import natural_scale
-from identifiability.regression.functions import list_functions, tell_with_terms
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Rung, list_functions, tell_with_terms
 from identifiability.regression.structure import Structure
 
 # What the data say about the parameters: a compressed least-squares problem.

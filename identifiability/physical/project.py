@@ -17,10 +17,9 @@ from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import CadPrior, divergence, nominal_cones, prior_gap
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import Held, LeastSquares, Plane
-from identifiability.physical.program import (
+from identifiability.physical.feasible_set import (
     ADVICE,
+    PhysicalSet,
     Program,
     above,
     adjoint,
@@ -28,6 +27,7 @@ from identifiability.physical.program import (
     most_gain,
     semidefinite,
 )
+from identifiability.physical.fitted_model import Held, LeastSquares, Plane
 
 # The nearest real robots under a CAD prior of falling weight, by Newton's method.
 #

@@ -19,9 +19,7 @@ from identifiability.report.skeleton import Part, sketch_parts
 from identifiability.report.tables import Column, Table, measured_cells
 from identifiability.report.words import columns, note, picture, section
 from identifiability.workflows.commands import file_names, name_logs, quote, source_name
-from identifiability.workflows.compare import Comparison
-from identifiability.workflows.compare.changes import LEVEL
-from identifiability.workflows.compare.workflow import describe
+from identifiability.workflows.compare import LEVEL, Comparison, describe
 
 # Values of several things with their intervals, a row each.
 

@@ -47,8 +47,7 @@ from identifiability.report.tables import Cell, Column, Table
 from identifiability.report.torque import plot_runs
 from identifiability.report.words import columns, note, picture, section, sentence
 from identifiability.workflows.commands import name_logs, source_name
-from identifiability.workflows.inspect import Inspection
-from identifiability.workflows.inspect.contents import Record
+from identifiability.workflows.inspect import Inspection, Record
 
 # What a log holds of a joint: position, velocity and torque over time.
 

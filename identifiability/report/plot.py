@@ -30,8 +30,7 @@ from identifiability.report.torque import draw_confusion, draw_shrink, draw_torq
 if TYPE_CHECKING:  # every report loads this module, and few need what prunes or diagnoses
     from identifiability.workflows.analyze import Analysis
     from identifiability.workflows.diagnose import Diagnosis
-    from identifiability.workflows.predict import TorquePrediction
-    from identifiability.workflows.predict.prediction import Covaries
+    from identifiability.workflows.predict import Covaries, TorquePrediction
     from identifiability.workflows.prune import Ladder
 
 __all__ = ["confused", "missing", "models", "precision", "torque", "way_down"]

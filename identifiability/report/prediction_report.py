@@ -13,8 +13,7 @@ from identifiability.report.tables import Column, Table
 from identifiability.report.torque import LINE_POINTS, choose_stretch, draw_torque, fold_gallery
 from identifiability.report.words import columns, picture, section
 from identifiability.workflows.commands import name_logs, quote, source_name
-from identifiability.workflows.predict import TorquePrediction
-from identifiability.workflows.predict.prediction import FEW_INSIDE
+from identifiability.workflows.predict import FEW_INSIDE, TorquePrediction
 
 # What a prediction answers first: of what, how good, may its intervals be trusted, what next.
 

@@ -47,8 +47,7 @@ from identifiability.report.numbers import digits, error_text, format_number, jo
 from identifiability.report.tables import Column, Table
 from identifiability.report.words import columns, gallery, picture, section, sentence
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.predict.fit import PARTS, Fit, torque_budget
-from identifiability.workflows.predict.prediction import correlation_of
+from identifiability.workflows.predict import PARTS, Fit, correlation_of, torque_budget
 
 # Torque along the motion, measured and predicted, and what a model leaves of it.
 

@@ -13,8 +13,7 @@ from identifiability.simulation.motion import (
     shipped_trajectory,
 )
 from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
-from identifiability.simulation.noise import PAPER_NOISE, Noise
-from identifiability.simulation.simulator import Campaign, simulate
+from identifiability.simulation.simulator import PAPER_NOISE, Campaign, Noise, simulate
 
 __all__ = [
     "PAPER_NOISE",

@@ -7,9 +7,8 @@ from dataclasses import replace
 
 from identifiability.estimation.estimate import Kind, Method, choose_estimator
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.instrumental import InstrumentalVariables
+from identifiability.estimation.instrumental import InstrumentalVariables, RenoisedLeastSquares
 from identifiability.estimation.least_squares import OrdinaryLeastSquares
-from identifiability.estimation.renoised import RenoisedLeastSquares
 from identifiability.foundation.errors import LogError, listing
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Samples

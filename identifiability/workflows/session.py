@@ -15,9 +15,16 @@ from typing import Self
 
 import numpy as np
 
-from identifiability.estimation.estimate import Kind, Method, forget_noise, settle_noise, weigh_logs
+from identifiability.estimation.estimate import (
+    Kind,
+    Method,
+    Outliers,
+    forget_noise,
+    settle_noise,
+    weigh_logs,
+    weigh_outliers,
+)
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.outliers import Outliers, weigh_outliers
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array

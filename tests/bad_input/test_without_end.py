@@ -14,9 +14,10 @@ from identifiability.foundation.documents import MOST_BYTES as DOCUMENT
 from identifiability.foundation.documents import MOST_KEYS, MOST_PARTS, MOST_TABLES, MOST_VALUES
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Renames
-from identifiability.logs import sizes, source
+from identifiability.logs import source
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats import bags
+from identifiability.logs.formats import reader as sizes
 from identifiability.logs.formats.reader import find_parts
 from identifiability.logs.tables import LONGEST_CELL
 from identifiability.regression.reduction import read_ladder

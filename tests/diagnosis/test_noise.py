@@ -14,7 +14,7 @@ from identifiability.estimation.noise import (
     levinson,
     whiten,
 )
-from identifiability.simulation.noise import ar1
+from identifiability.simulation.simulator import ar1
 
 PACF = np.array([0.7, -0.4, 0.2])
 RUNS = [(0, 40), (40, 90), (90, 92)]

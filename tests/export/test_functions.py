@@ -11,8 +11,12 @@ from identifiability.cli import app
 from identifiability.effects.vocabulary import held_by_file
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs.prepare import prepare_samples
-from identifiability.regression.functions import leave_to_terms, list_functions
-from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.reduction import (
+    LadderEntry,
+    RungEntry,
+    leave_to_terms,
+    list_functions,
+)
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot

@@ -14,7 +14,7 @@ from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Regression
-from identifiability.simulation.noise import ar1
+from identifiability.simulation.simulator import ar1
 
 
 @pytest.fixture(scope="module")

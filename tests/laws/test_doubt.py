@@ -10,9 +10,9 @@ from identifiability.estimation.noise import LaggedProducts, RestrictedLikelihoo
 from identifiability.estimation.verdict import Class
 from identifiability.report.analysis_report import answer_analysis
 from identifiability.simulation import Noise
-from identifiability.simulation.noise import ar1
+from identifiability.simulation.simulator import ar1
 from identifiability.workflows.analyze.result import next_commands
-from identifiability.workflows.predict.fit import read_fit
+from identifiability.workflows.predict import read_fit
 
 
 def test_the_walk_is_zero_somewhere_in_its_range_nobody_knows_where():

@@ -10,7 +10,7 @@ import pytest
 
 from identifiability.logs.mend import contradictions, looks_like_degrees
 from identifiability.logs.reading import unify_rates
-from identifiability.workflows.analyze import cutoff_check
+from identifiability.workflows.analyze import fit
 from identifiability.workflows.analyze import words as several_logs
 from identifiability.workflows.analyze.words import grade_of
 from identifiability.workflows.oddities import torque as exchanged
@@ -186,7 +186,7 @@ def derived(scale=1.0, unexplained=0.0, stands_out=1e9):
 def band(cutoff=5.0, noise=0.0):
     """A band of one hertz."""
     found = SimpleNamespace(cutoff=cutoff, bandwidth=1.0, noise=noise, limit=9.0)
-    return cutoff_check._say_cut(found, "x") or cutoff_check._say_noise(found)
+    return fit._say_cut(found, "x") or fit._say_noise(found)
 
 
 def follows_cutoff(sure):
@@ -194,7 +194,7 @@ def follows_cutoff(sure):
     one = SimpleNamespace(sigma=np.ones(1), value=np.zeros(1), determined=np.ones(1, bool))
     result = SimpleNamespace(uncertainty=SimpleNamespace(robust=[1.0]), estimate=one)
     moved = {"sigma": np.sqrt([2.0]), "value": np.array([sure]), "correction": None}
-    return cutoff_check._moves(result, one, SimpleNamespace(**vars(one) | moved))[0]
+    return fit._moves(result, one, SimpleNamespace(**vars(one) | moved))[0]
 
 
 def worse_there(times):

@@ -237,7 +237,7 @@ def test_bodies_and_results_that_do_not_fit_are_refused(fit, make_logs):
 def test_the_platform_is_found_by_the_loops_that_end_on_it():
     from identifiability.regression.regression import Model
     from identifiability.regression.structure import Structure
-    from identifiability.workflows.payload.workflow import choose_body
+    from identifiability.workflows.payload import choose_body
 
     structure = Structure.of(Robot.load("3-rps"), Model.of("rigid_body"))
     assert choose_body(structure, None)[0] == "platform"

@@ -5,7 +5,7 @@ import numpy as np
 from identifiability import analyze
 from identifiability.robot import Robot
 from identifiability.simulation import PrescribedMotion, random_trajectory, simulate
-from identifiability.workflows.predict.fit import PARTS, torque_budget
+from identifiability.workflows.predict import PARTS, torque_budget
 
 
 def test_parts_are_those_that_were_put_in():

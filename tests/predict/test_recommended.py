@@ -8,7 +8,7 @@ import pytest
 
 from identifiability import Robot, analyze
 from identifiability.simulation import Noise, random_trajectory, simulate
-from identifiability.workflows.predict.fit import read_fit
+from identifiability.workflows.predict import read_fit
 
 
 @pytest.fixture(scope="module")

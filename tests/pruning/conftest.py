@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.regression.information import Information
-from identifiability.simulation.noise import ar1
+from identifiability.simulation.simulator import ar1
 from identifiability.workflows.prune import prune
 
 

@@ -32,7 +32,7 @@ from identifiability.workflows.commands import (
     reading_options,
     source_name,
 )
-from identifiability.workflows.predict.prediction import correlation_of
+from identifiability.workflows.predict import correlation_of
 
 
 @pytest.mark.parametrize(

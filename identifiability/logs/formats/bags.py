@@ -31,8 +31,13 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array, numbered
 from identifiability.logs.form import PLAIN, Form
-from identifiability.logs.formats.reader import Whole, reader
-from identifiability.logs.sizes import MOST_BYTES, MOST_DESCRIBED, check_values
+from identifiability.logs.formats.reader import (
+    MOST_BYTES,
+    MOST_DESCRIBED,
+    Whole,
+    check_values,
+    reader,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -19,14 +19,15 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import numbered
 from identifiability.logs.aliases import guess_column
 from identifiability.logs.form import PLAIN, Form, find_form
-from identifiability.logs.formats.reader import Whole, reader
-from identifiability.logs.sizes import (
+from identifiability.logs.formats.reader import (
     MOST_SHEET_BYTES,
+    Whole,
     check_archive,
     check_columns,
     check_elements,
     check_sheets,
     check_values,
+    reader,
 )
 
 if TYPE_CHECKING:

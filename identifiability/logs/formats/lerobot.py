@@ -20,8 +20,13 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import numbered
 from identifiability.logs.form import PLAIN
-from identifiability.logs.formats.reader import Whole, reader
-from identifiability.logs.sizes import MOST_DESCRIBED, check_columns, check_values
+from identifiability.logs.formats.reader import (
+    MOST_DESCRIBED,
+    Whole,
+    check_columns,
+    check_values,
+    reader,
+)
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -48,8 +48,7 @@ from identifiability.regression.reduction import LadderSource, Rung
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.opening import Opening
-from identifiability.workflows.predict import Predicts
-from identifiability.workflows.predict.fit import Fit, settled
+from identifiability.workflows.predict import Fit, Predicts, settled
 from identifiability.workflows.provenance import state_provenance
 
 if TYPE_CHECKING:

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.doubt import NO_DOUBT, Doubt
-from identifiability.estimation.instrumental import InstrumentalVariables
+from identifiability.estimation.instrumental import InstrumentalVariables, RenoisedLeastSquares
 from identifiability.estimation.prediction import Prediction
-from identifiability.estimation.renoised import RenoisedLeastSquares
 from identifiability.estimation.uncertainty import LEVEL, Motions, compare_halves
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import listing

@@ -38,8 +38,12 @@ from identifiability.workflows.analyze.assessment import (
     tell_with_file,
 )
 from identifiability.workflows.analyze.belief import believe
-from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.fit import DelayErrors, FittedLadder, fit_ladder
+from identifiability.workflows.analyze.fit import (
+    DelayErrors,
+    FittedLadder,
+    check_cutoff,
+    fit_ladder,
+)
 from identifiability.workflows.analyze.result import Analysis
 from identifiability.workflows.analyze.words import compare_logs, doubt, state_weak
 from identifiability.workflows.gravity import Leaning, find_leaning, state_leaning

@@ -27,7 +27,7 @@ from identifiability.regression.structure import Structure
 from identifiability.workflows.analyze.fit import hold_folds, settle_robot
 from identifiability.workflows.diagnose.findings import Findings
 from identifiability.workflows.diagnose.forward import Physical
-from identifiability.workflows.predict.fit import Fit, settled
+from identifiability.workflows.predict import Fit, settled
 from identifiability.workflows.session import weigh_rows
 
 

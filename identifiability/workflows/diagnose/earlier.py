@@ -27,7 +27,7 @@ from identifiability.workflows.diagnose.hypothesis import Hypothesis
 from identifiability.workflows.diagnose.motion import PART
 from identifiability.workflows.diagnose.rows import Candidate
 from identifiability.workflows.diagnose.search import Search
-from identifiability.workflows.predict.fit import Entry
+from identifiability.workflows.predict import Entry
 
 #: How a diagnosis that is gone on from is given.
 Before = Annotated[Findings | str | Path, Expected("a result of diagnose, or the path of its JSON")]

@@ -45,7 +45,7 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.kinematics import shortest_turn
-from identifiability.workflows.analyze.cutoff_check import say_band
+from identifiability.workflows.analyze.fit import say_band
 from identifiability.workflows.diagnose.conclude import conclude, null_odds
 from identifiability.workflows.diagnose.earlier import Before, Earlier, read_earlier
 from identifiability.workflows.diagnose.findings import NamedEffect, Placement, Shown

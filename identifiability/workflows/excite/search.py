@@ -345,7 +345,7 @@ class _Run:
         try:
             minimize(self._gradient, self.x, callback=self._count, **how)
         except _StoppedError as stop:
-            return cast(End, str(stop))
+            return cast("End", str(stop))
         return "converged"
 
     def _gradient(self, x: Array) -> tuple[float, Array]:

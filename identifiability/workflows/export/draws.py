@@ -30,7 +30,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.belief import add_stated
 from identifiability.workflows.export.workflow import save_robot
-from identifiability.workflows.predict.fit import Fit, read_fit
+from identifiability.workflows.predict import Fit, read_fit
 
 #: Share of their size by which bodies differ from the file's, where logs hold no torque.
 SHARE = 0.2

@@ -44,7 +44,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.robot.other_format import write_twin
 from identifiability.robot.servo import state_delay
 from identifiability.robot.write import write_robot
-from identifiability.workflows.predict.fit import Entry, MissingEntry, RobotEntry, state_missing
+from identifiability.workflows.predict import Entry, MissingEntry, RobotEntry, state_missing
 
 # What is exported of a result: its JSON, checked against the robot.
 

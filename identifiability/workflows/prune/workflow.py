@@ -40,8 +40,7 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.fit import DelayErrors, settle_robot
+from identifiability.workflows.analyze.fit import DelayErrors, check_cutoff, settle_robot
 from identifiability.workflows.analyze.words import compare_logs, state_weak
 from identifiability.workflows.opening import Logs, Progress, quiet, running, share
 from identifiability.workflows.prune.elimination import (

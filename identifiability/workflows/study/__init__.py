@@ -20,7 +20,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.formats.reader import check_there
 from identifiability.robot import Robot
 from identifiability.robot.locate import find_sidecar, locate_robot, shipped_robots
-from identifiability.workflows.inspect.contents import template_frame
+from identifiability.workflows.inspect import template_frame
 
 # `new_study`: copy or write what a study begins with.
 

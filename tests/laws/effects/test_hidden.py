@@ -17,7 +17,7 @@ from identifiability.simulation.forces import (
     stribeck,
 )
 from identifiability.simulation.mujoco_robot import RigidTorque
-from identifiability.simulation.noise import Noise, ar1
+from identifiability.simulation.simulator import Noise, ar1
 
 T = np.linspace(0, 2.5, 400)
 HOME = np.array([0.3, -0.15])

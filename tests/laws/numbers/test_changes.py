@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.workflows.compare.changes import LEVEL, Cause, Difference, find_changes
+from identifiability.workflows.compare import LEVEL, Cause, Difference, find_changes
 
 K = 5
 

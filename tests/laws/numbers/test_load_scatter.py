@@ -3,7 +3,7 @@
 import numpy as np
 
 from identifiability.estimation.estimate import estimate
-from identifiability.workflows.payload.load import _scatter
+from identifiability.workflows.payload import _scatter
 
 from .made import gather
 

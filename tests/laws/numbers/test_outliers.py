@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimate import find_estimator, weigh_logs
-from identifiability.estimation.outliers import weigh_outliers
+from identifiability.estimation.estimate import find_estimator, weigh_logs, weigh_outliers
 from identifiability.foundation.numbers import REACH
 from identifiability.regression.information import Information
 from identifiability.workflows.session import weigh_rows

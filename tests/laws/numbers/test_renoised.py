@@ -7,9 +7,8 @@ import pytest
 
 from identifiability.estimation.bootstrap import bootstrap, scatter_scores
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.instrumental import InstrumentalVariables
+from identifiability.estimation.instrumental import InstrumentalVariables, RenoisedLeastSquares
 from identifiability.estimation.least_squares import OrdinaryLeastSquares
-from identifiability.estimation.renoised import RenoisedLeastSquares
 from identifiability.regression.information import Information
 
 TRUTH = np.array([1.0, -2.0, 0.5, 3.0])
