@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability import Log, analyze, prune
+from identifiability import Log, analyze, excite, prune
 from identifiability.foundation.errors import LogError
 from identifiability.logs import signals
 from identifiability.logs.logfile import LogFile
@@ -52,6 +52,14 @@ def test_rows_given_twenty_times_count_once(log):
     assert f"({19 * len(log)} of {20 * len(log)})" in hint
     assert "they count once; give each measurement once" in hint
     assert hint in many.statement
+
+
+def test_they_count_once_for_the_next_motion_too(log):
+    """What a motion is to add to is read as any log is."""
+    twice = excite("two-link", start_from=tiled(log, 20), iterations=1, evaluations=2, samples=50)
+    once = excite("two-link", start_from=log, iterations=1, evaluations=2, samples=50)
+    np.testing.assert_allclose(twice.before.sigma, once.before.sigma, rtol=1e-9)
+    assert any("they count once" in hint for hint in twice.hints)
 
 
 @pytest.mark.parametrize("copy", [lambda log: shaken(log, 1e-9), lambda log: shaken(log, 1e-7),

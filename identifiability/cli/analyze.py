@@ -19,7 +19,6 @@ def analyze(
     recorded: options.Recorded,
     logs: options.Logs,
     outputs: options.Outputs,
-    fitting: options.Fitting,
     derived: options.Derived,
     place: options.Place,
     **own: Any,
@@ -62,7 +61,6 @@ def analyze(
             # Left to itself it ends the processes as soon as the logs have been read.
             engine=runner if any(astuple(place)) else None,
             preparation=derived.preparation(),
-            **fitting.arguments(),
             **own,
         )
         written = outputs.write(result, say)

@@ -21,7 +21,6 @@ def diagnose(
     outputs: options.Outputs,
     derived: options.Derived,
     place: options.Place,
-    effects: str | None = None,
     out: Annotated[Path | None, Option(), Writes(".toml")] = None,
     motion: Annotated[Path | None, Option("--next"), Writes(".json")] = None,
     limits: options.Limits = None,
@@ -58,8 +57,6 @@ def diagnose(
 
     Parameters
     ----------
-    effects
-        Families that may be named, such as stribeck_friction,time_delay.
     out
         Write the model with the named effects here, as a model file for every other verb.
     motion
@@ -93,7 +90,6 @@ def diagnose(
         result = run(
             machine.load(recorded),
             logs,
-            effects=options.split_names(effects),
             fixed=ways[0] if ways else False,
             earlier=earlier,
             replicates=replicates,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import astuple
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
@@ -15,31 +15,22 @@ if TYPE_CHECKING:
     from identifiability.workflows.excite import Excitation
 
 
-@options.command()
+@options.command("workflows/excite/workflow.py", but=("iterations", "parameters"))
 def excite(
     machine: options.Machine,
     recorded: options.Recorded,
     derived: options.Derived,
     place: options.Place,
     out: Annotated[Path, Option(), Writes(".json", ".csv", ".mcap", ".npz")],
-    harmonics: Annotated[int, Option(min=1, max=50)] = 5,
-    at_rest: Annotated[bool, Option("--at-rest")] = False,
     commands: Annotated[bool, Option("--commands")] = False,
     scale: Annotated[float, Option(min=0.001, max=1)] = 1.0,
     duration: float | None = None,
-    samples: Annotated[int, Option(min=5)] = 750,
     limits: options.Limits = None,
-    criterion: Literal["condition", "information", "separate"] | None = None,
-    start_from: list[str] | None = None,
     parameter: list[str] | None = None,
-    separate: list[str] | None = None,
-    model: options.Model = None,
     rate: Annotated[float | None, Option(min=1, max=100_000)] = None,
     periods: Annotated[int, Option(min=1, max=10_000)] = 1,
-    evaluations: Annotated[int, Option(min=1)] = 15_000,
-    time_limit: float | None = None,
     report: options.Report = None,
-    seed: options.Seed = 0,
+    **own: Any,
 ) -> None:
     """Find a motion that is worth measuring, within the limits of the robot.
 
@@ -76,38 +67,21 @@ def excite(
         a controller plays from rest to rest: .csv (t, JOINT.q, JOINT.dq, JOINT.ddq) or .mcap (a bag
         with a JointTrajectory; extra ros). Commands: .csv (t, JOINT.cmd), .npz or .mcap (a
         Float64MultiArray each).
-    harmonics
-        Harmonics of the Fourier series.
-    at_rest
-        Begin and end without speed and acceleration.
     commands
         Find commands of position servos.
     scale
         Share of what the limits allow, of commands.
     duration
         Period of the motion [s]; default: 7.5, of commands 15 in all.
-    samples
-        Samples a period, all checked.
     limits
         TOML with JOINT = {q = [low, high], v = speed, a = acceleration, tau = torque,
         power = power} and [workspace.BODY] x, y, z = [low, high]; replaces the robot's own.
-    criterion
-        Condition number, information about parameters, or separation of two effects;
-        default: what the other options suggest.
-    start_from
-        Log that was measured already; find what to measure next. Repeatable.
     parameter
         Base parameter that the information is about. Repeatable.
-    separate
-        Effect to tell from another, as NAME or NAME@JOINT; give it twice.
     rate
         Samples a second of .csv and .mcap [Hz]; default: 500, of commands 50.
     periods
         Whole periods in them, between the lead-in from rest and the way back.
-    evaluations
-        Motions that the search looks at, at most.
-    time_limit
-        Stop after this time [s]; the motion then depends on the machine.
     report
         Write an HTML report here.
     """
@@ -124,7 +98,7 @@ def excite(
                 rate=rate or 50.0,
                 limits=limits,
                 scale=scale,
-                seed=seed,
+                seed=own["seed"],
             )
             common.print_end([found.statement], [found.write(out)])
             return
@@ -132,22 +106,13 @@ def excite(
         rate = rate or 500.0
         result = run(
             machine.load(recorded),
-            harmonics=harmonics,
-            at_rest=at_rest,
             duration=duration or 7.5,
-            samples=samples,
             limits=limits,
-            criterion=criterion,
             parameters=parameter,
-            model=options.split_model(model),
-            start_from=start_from or None,
-            separate=separate,
-            evaluations=evaluations,
-            time_limit=time_limit,
-            seed=seed,
             preparation=derived.preparation(),
             progress=say,
             engine=runner if any(astuple(place)) else None,
+            **own,
         )
         json = out.suffix.lower() == ".json"
         first = result.to_json(out) if json else result.write_motion(out, rate, periods)

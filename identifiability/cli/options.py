@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
-from dataclasses import asdict, astuple, dataclass, fields, is_dataclass
+from dataclasses import asdict, astuple, dataclass, fields, is_dataclass, make_dataclass
 from functools import cache, partial, wraps
 from inspect import Parameter, Signature, getdoc, signature
 from pathlib import Path
@@ -76,8 +76,8 @@ def _named(home: str, registered: Callable[[Any], Iterable[str]]) -> list[str]:
     if module is not None:
         return list(registered(module))
     places, pattern = _NAMED[home]
-    folder, find = Path(__file__).parents[1], re.compile(pattern, re.MULTILINE | re.DOTALL)
-    return [n for p in sorted(folder.glob(places)) for n in find.findall(p.read_text("utf-8"))]
+    find = re.compile(pattern, re.MULTILINE | re.DOTALL)
+    return [n for p in sorted(_ROOT.glob(places)) for n in find.findall(p.read_text("utf-8"))]
 
 
 def estimators(typed: str = "") -> list[str]:
@@ -99,9 +99,9 @@ def grouped(
     `first` is called before it, with what was typed (groups and options by name) and with the
     marks that stand beside options in annotations, by name.
 
-    An option of the command itself stands before one of a group with its name. What a docstring
-    says of its parameters or attributes is the help of these options, and the rest of the
-    function's is the help of the command.
+    An option of the command itself, or of the library, stands before one of a group with its name.
+    What a docstring says of its parameters or attributes is the help of these options, and the rest
+    of the function's is the help of the command.
 
     A command that takes ``**own`` has each option of the function of its name in the file `library`
     of the package, as that declares and explains it, `but` some and those that it has itself.
@@ -109,15 +109,15 @@ def grouped(
     hints = get_type_hints(function)
     groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
     own = {option.name: option for option in _options(function)}
+    declared = _declared(library, function.__name__)
+    taken = [o for o in declared if o.name not in {*own, *but}]
+    usual = {o.name: o.default for o in taken}
     flat = [
         option
         for name in signature(function).parameters
         for option in (_options(groups[name]) if name in groups else filter(None, [own.get(name)]))
-        if name not in groups or option.name not in own
+        if name not in groups or option.name not in {*own, *usual}
     ]
-    names = {*(option.name for option in flat), *but}
-    taken = [o for o in _declared(library, function.__name__) if o.name not in names]
-    usual = {o.name: o.default for o in taken}
 
     holders = (function, *groups.values())
     marks = {name: found for holder in holders for name, found in _marks(holder).items()}
@@ -127,11 +127,19 @@ def grouped(
     @wraps(function)
     def called(**options: Any) -> None:
         whole = {
-            name: kind(**{f.name: options.pop(f.name) for f in fields(kind) if f.name not in own})
+            name: kind(
+                **{
+                    f.name: options.pop(f.name)
+                    for f in fields(kind)
+                    if f.name not in {*own, *usual}
+                }
+            )
             for name, kind in groups.items()
         }
         first({**whole, **options}, marks)
         for name in usual:
+            if EFFECTS in marks[name]:
+                options[name] = split_names(options[name])
             if any(isinstance(m, Reads) and m.what == "model" for m in marks[name]):
                 options[name] = split_model(options[name])
         left = {name: usual[name] for name in usual if options[name] is None}
@@ -172,35 +180,107 @@ def _helps(told: str) -> dict[str, str]:
     return {name: " ".join(text.split()).replace("``", "`") for name, text in texts}
 
 
+#: The package.
+_ROOT = Path(__file__).parents[1]
+
 #: Arguments of the library that groups of options make.
 _MADE = ("robot", "logs", "preparation")
 
 
 @cache
 def _declared(library: str, verb: str) -> list[Parameter]:
-    """Return the options of a function of the library, read from its source.
+    """Return the options of a function, or of a class, of the library, read from its source.
 
     It is not imported: a help does not wait a second for all that it needs.
     """
     if not library:
         return []
-    tree = ast.parse((Path(__file__).parents[1] / library).read_text("utf-8"))
-    found = next(n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == verb)
-    helps, given = _helps(ast.get_docstring(found) or ""), found.args
-    defaults = [*given.defaults, *given.kw_defaults]
-    arguments = [*given.args, *given.kwonlyargs][-len(defaults) :]
+    tree = ast.parse(_ROOT.joinpath(library).read_text("utf-8"))
+    kinds = (ast.FunctionDef, ast.ClassDef)
+    found = next(n for n in tree.body if isinstance(n, kinds) and n.name == verb)
+    helps = _helps(ast.get_docstring(found) or "")
     options = []
-    for argument, default in zip(arguments, defaults, strict=True):
-        kind = KINDS.get(ast.unparse(argument.annotation)) if argument.annotation else None
-        if kind is None or default is None or argument.arg in _MADE:
+    for name, annotation, default in _fields(found):
+        kind = _kind(ast.unparse(annotation), tree)
+        if kind is None or name in _MADE:
             continue
-        usual = ast.literal_eval(default)
-        told = None if kind is Seed else helps.get(argument.arg)
+        if isinstance(default, ast.Name):
+            text = _assigned(default.id, tree) or "None"
+            default = ast.parse(text, mode="eval").body  # noqa: PLW2901
+        told = None if kind is Seed else helps.get(name)
         if kind == list[str] | None:
             told = f"{told} May be given several times."
-        option = Parameter(argument.arg, Parameter.KEYWORD_ONLY, default=usual)
-        options.append(_option(option, kind, told))
+        usual = ast.literal_eval(default)
+        options.append(_option(Parameter(name, Parameter.KEYWORD_ONLY, default=usual), kind, told))
     return options
+
+
+def _fields(found: ast.FunctionDef | ast.ClassDef) -> Iterator[tuple[str, ast.expr, ast.expr]]:
+    """Yield name, annotation and default of what has both."""
+    if isinstance(found, ast.ClassDef):
+        for n in found.body:
+            if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name) and n.value:
+                yield n.target.id, n.annotation, n.value
+        return
+    given = found.args
+    defaults = [*given.defaults, *given.kw_defaults]
+    arguments = [*given.args, *given.kwonlyargs][-len(defaults) :]
+    for argument, default in zip(arguments, defaults, strict=True):
+        if argument.annotation is not None and default is not None:
+            yield argument.arg, argument.annotation, default
+
+
+#: Ranges that annotations state, as `foundation.options` makes them.
+_RANGE = re.compile(
+    r"Annotated\[(int|float), (?:at_least|counted|within)\(([^,)]+)(?:, ([^,)]+))?\)\]"
+)
+
+
+def _kind(text: str, tree: ast.Module) -> Any:
+    """Return what an annotation of the library is on a command line; None if nothing."""
+    if text in KINDS:
+        return KINDS[text]
+
+    def value(name: str) -> str:
+        return _assigned(name, tree) or _imported(name, tree) or name
+
+    kind: Any = None
+    plain, note = value(text.removesuffix(" | None")), Option()
+    if plain.startswith("Literal["):
+        kind = Literal[tuple(ast.literal_eval(plain.removeprefix("Literal")))]
+    elif found := _RANGE.fullmatch(plain):
+        number = {"int": int, "float": float}[found[1]]
+        ends = [None if end is None else number(value(end)) for end in found.groups()[1:]]
+        kind, note.min, note.max = number, *ends
+    return kind and Annotated[(kind | None if text.endswith(" | None") else kind, note)]
+
+
+def _assigned(name: str, tree: ast.Module) -> str | None:
+    """Return what a module assigns to a name, by itself or beside others."""
+    for n in tree.body:
+        if isinstance(n, ast.Assign):
+            target = n.targets[0]
+            pairs = (
+                zip(target.elts, n.value.elts, strict=False)
+                if isinstance(target, ast.Tuple) and isinstance(n.value, ast.Tuple)
+                else [(target, n.value)]
+            )
+            for to, value in pairs:
+                if isinstance(to, ast.Name) and to.id == name:
+                    return ast.unparse(value)
+    return None
+
+
+def _imported(name: str, tree: ast.Module) -> str | None:
+    """Return what the module that a name is imported from assigns to it."""
+    for n in tree.body:
+        if isinstance(n, ast.ImportFrom) and n.module and name in [a.name for a in n.names]:
+            place = _ROOT.joinpath(*n.module.split(".")[1:]).with_suffix(".py")
+            if n.module.startswith("identifiability.") and place.exists():  # without a tree of it
+                pattern = rf"^{name} = (.+?)\n(?![ \])])"
+                found = re.search(pattern, place.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+                return found and " ".join(found[1].split())
+    return None
 
 
 @cache
@@ -251,7 +331,6 @@ class Command(typer.core.TyperCommand):
 # A command names a group as one parameter, ``place: Place``, and is made by `command`.
 
 
-_derived = partial(Option, rich_help_panel="Velocity and acceleration")
 _placed = partial(Option, rich_help_panel="Where it runs")
 
 
@@ -292,10 +371,20 @@ Report = Annotated[Path | None, Option(), Writes(".html", ".htm")]
 #: How often what judges an answer is repeated; each verb says of what.
 Replicates = Annotated[int | None, Option(min=0)]
 Seed = Annotated[int, Option(min=0, help="Seed of every random choice.")]
-#: What an annotation of the library is on a command line; a verb has options of other kinds itself.
+#: Beside an option that takes effects as ``a,b``.
+EFFECTS = "effects"
+#: What an annotation of the library is on a command line, beside choices and ranges, which say it
+#: themselves; a verb has options of other kinds itself.
 KINDS: dict[str, Any] = {
     "bool": bool,
+    "int": int,
     "str | None": str | None,
+    "Method": Annotated[str, Option(metavar="NAME", autocompletion=estimators)],
+    "Positive": Annotated[float, Option(min=0)],
+    **dict.fromkeys(
+        ("Positive | None", "NotNegative | None"), Annotated[float | None, Option(min=0)]
+    ),
+    "Effects | None": Annotated[str | None, Option(), EFFECTS],
     "Seed": Seed,
     "Replicates | None": Replicates,
     **dict.fromkeys(("Logs", "Logs | None", "Names", "Names | None"), list[str] | None),
@@ -432,65 +521,26 @@ def _write(write: Callable[[Path], Path], path: Path) -> Path:
         raise OutputError(f"{error} What was found is not lost: it is in '{elsewhere}'.") from None
 
 
-@dataclass(frozen=True)
-class Fitting:
-    """How parameters are estimated.
-
-    Attributes
-    ----------
-    method
-        Weight actuators by their own variance, or all alike.
-    estimator
-        Least squares, or instrumental variables (auto: where the logs allow), which noise in the
-        motion does not bias.
-    cad_prior
-        Weight of a log-det prior around the robot file's bodies, which decides where the logs are
-        silent; default: the heaviest that predicts stretches of the fitted logs as well as the
-        best.
-    prior
-        The same said by the share within which the bodies are the file's, such as 0.2; verdicts
-        then say what it narrows. Default: 0.2 where logs hold commands and no torque, else 0: none.
-    """
-
-    method: Annotated[str, Option(metavar="NAME", autocompletion=estimators)] = "wls"
-    estimator: Literal["auto", "ls", "iv"] = "auto"
-    cad_prior: Annotated[float | None, Option(min=0)] = None
-    prior: Annotated[float | None, Option(min=0, metavar="SHARE")] = None
-
-    def arguments(self) -> dict[str, Any]:
-        """Return what the library calls them."""
-        return asdict(self)
+def _grouped_by(library: str, name: str, panel: str, but: Sequence[str]) -> Any:
+    """Return the group of what a class of the library holds, as that declares and explains it."""
+    taken = [option for option in _declared(library, name) if option.name not in but]
+    for option in taken:
+        get_args(option.annotation)[1].rich_help_panel = panel
+    return make_dataclass(name, [(o.name, o.annotation, o.default) for o in taken], frozen=True)
 
 
-@dataclass(frozen=True)
-class Derived:
-    """How logs become motion.
+_PREPARATION = "logs/prepare/preparation.py", "Preparation"
+_Derived: Any = _grouped_by(*_PREPARATION, "Velocity and acceleration", ("outputs", "keep_rest"))
 
-    Attributes
-    ----------
-    derivatives
-        Velocity and acceleration: the log's own or computed.
-    cutoff
-        Low-pass for computed derivatives [Hz].
-    period
-        Period of periodic motion [s], for fourier.
-    harmonics
-        Harmonics of the Fourier fit.
-    decimate
-        Parallel filter and keep every k-th sample.
-    """
 
-    derivatives: Annotated[Literal["auto", "given", "butterworth", "fourier"], _derived()] = "auto"
-    cutoff: Annotated[float | None, _derived(min=0)] = None
-    period: Annotated[float | None, _derived(min=0)] = None
-    harmonics: Annotated[int, _derived(min=1)] = 5
-    decimate: Annotated[int | None, _derived(min=1)] = None
+class Derived(_Derived):  # type: ignore[misc]
+    """How logs become motion."""
 
     def preparation(self) -> Preparation | None:
         """Return what was asked for; None if nothing was."""
         from identifiability.logs.prepare import Preparation  # noqa: PLC0415
 
-        return None if self == Derived() else Preparation(*astuple(self))
+        return None if self == type(self)() else Preparation(**asdict(self))
 
 
 @dataclass(frozen=True)

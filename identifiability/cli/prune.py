@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
@@ -21,11 +21,8 @@ def prune(
     recorded: options.Recorded,
     logs: options.Logs,
     outputs: options.Outputs,
-    fitting: options.Fitting,
     derived: options.Derived,
     place: options.Place,
-    criterion: Literal["identifiable", "one-se-of-difference", "one-se", "best"] = "identifiable",
-    reach: Annotated[float, Option(min=0.1)] = 1.0,
     out: Annotated[Path | None, Option(), Writes(".toml")] = None,
     **own: Any,
 ) -> None:
@@ -48,10 +45,6 @@ def prune(
 
     Parameters
     ----------
-    criterion
-        How much predictive density a smaller model may cost: by default 2 nats.
-    reach
-        Does nothing any more: models are chosen by what they predict of the logs.
     out
         Write the chosen model here, as a model file for every other verb.
     """
@@ -61,12 +54,9 @@ def prune(
         result = run(
             machine.load(recorded),
             logs,
-            criterion=criterion,
-            reach=reach,
             progress=say,
             engine=runner,
             preparation=derived.preparation(),
-            **fitting.arguments(),
             **own,
         )
         model_file = [] if out is None else [result.write_model(out)]  # of which the page knows

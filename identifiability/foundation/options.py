@@ -76,6 +76,8 @@ Replicates = Annotated[
     int, Expected("0 (none) or a whole number of at least 2", lambda value: value == 0 or value > 1)
 ]
 Names = Annotated[Sequence[str], Expected("a list of names")]
+#: Of effects, which a command line takes as ``a,b``.
+Effects = Names
 FilePath = Annotated[str | Path, Expected("the path of a file")]
 Rng = Annotated[
     "np.random.Generator", Expected("a random generator, such as numpy.random.default_rng(0)")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property, partial, reduce
+from functools import cached_property, reduce
 from operator import add
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -29,7 +29,6 @@ from identifiability.estimation.uncertainty import (
     compare_motions,
     remembering_covariance,
 )
-from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
 from identifiability.foundation.names import INERTIAL, Array
@@ -37,9 +36,7 @@ from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
-from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.regression.gather import BLOCKS, gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import (
@@ -51,11 +48,10 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.band import settle_band
-from identifiability.workflows.instruments import add_instruments
-from identifiability.workflows.opening import Logs, Recordings, open_logs
-from identifiability.workflows.pairs import Pair, find_pairs, read_sides
+from identifiability.workflows.opening import Logs
+from identifiability.workflows.pairs import Pair, find_pairs
 from identifiability.workflows.predict import Fit, Predicts, find_fit
+from identifiability.workflows.session import Session
 
 # What changed between two fits of one model.
 #
@@ -853,8 +849,9 @@ def compare(
     preparation : Preparation, optional
         How derivatives are made.
     method : str or Estimator
+        As for `analyze`, for logs of different motions.
     estimator : {"auto", "ls", "iv"}
-        As `analyze` has them, for logs of different motions.
+        As for `analyze`, for logs of different motions.
     engine : Engine, optional
         Where logs that are too long for memory are worked on.
 
@@ -875,9 +872,7 @@ def compare(
                     "both sides."
                 )
             return _compare_results(robot, before, after)
-        return _compare_logs(
-            robot, before, after, ladder, preparation, method, estimator, engine or Serial()
-        )
+        return _compare_logs(robot, before, after, ladder, preparation, method, estimator, engine)
 
 
 def _is_result(side: Any) -> bool:
@@ -916,31 +911,29 @@ def _compare_logs(
     preparation: Preparation | None,
     method: Method,
     kind: Kind,
-    engine: Engine,
+    engine: Engine | None,
 ) -> Comparison:
-    sides = read_sides(before, after, Conventions.of(robot), preparation)
-    first, second = (side.fitted for side in sides)
     source = find_ladder(robot, ladder, beside=True)
     structure = Structure.of(robot, ladder_model(source.entry))
     rung = build_ladder(source.entry, structure)[0]
-    how = settle_band(structure, (*first, *second), preparation)
-    prepare = partial(prepare_log, robot, how=how, engine=engine)
-    both = Recordings((*first, *second), (), (*sides[0].hints, *sides[1].hints))
+    sides = Session.read_sides(structure, before, after, preparation, engine)
+    first, second = (side.recordings.fitted for side in sides)
     names = (tuple(r.name for r in first), tuple(r.name for r in second))
-    opening = open_logs(structure, both, prepare, "compared")
-    pairs = find_pairs(robot, second, first, how)
+    session = sides[0].beside(sides[1])
+    opening = session.open("compared")
+    pairs = find_pairs(robot, second, first, session.how)
     if pairs:
         turned = [pair.turned() for pair in pairs]
         used = sorted({pair.at[0] for pair in turned})
         logs = structure.regression([opening.samples[k] for k in used])
-        information = rung.reduce(gather_information(logs, engine=engine))
+        information = rung.reduce(gather_information(logs, engine=session.engine))
         difference = Difference.of_pairs(structure, rung, turned, information)
         chosen = tuple((names[0][p.at[0]], names[1][p.at[1]]) for p in turned)
         found = _conclude(structure, rung, difference, names, chosen, opening.hints)
         return replace(found, preparation=preparation or Preparation())
-    opening, chosen_estimator = add_instruments(opening, both.fitted, find_estimator(method), kind)
-    information = rung.reduce(gather_information(opening.regression, engine=engine))
-    difference = Difference.of_logs(information, information.log >= len(first), chosen_estimator)
+    rows = session.gather(opening, find_estimator(method), kind)
+    information = rung.reduce(rows.alike)
+    difference = Difference.of_logs(information, information.log >= len(first), rows.estimator)
     found = _conclude(structure, rung, difference, names, (), opening.hints)
     return replace(found, preparation=preparation or Preparation())
 

@@ -249,6 +249,7 @@ def read_recordings(
     how: Preparation | None = None,
     *,
     commands: bool = False,
+    evidence: bool = True,
 ) -> Recordings:
     """Return fitted and held-out logs, every row once and without wrong samples, on one clock.
 
@@ -262,6 +263,9 @@ def read_recordings(
         it asks for the given ones.
     commands : bool
         Whether logs may hold commands and no torque.
+    evidence : bool
+        Whether something is learnt of their torque: then commands make it where there is none, and
+        each row counts once.
 
     Raises
     ------
@@ -274,7 +278,8 @@ def read_recordings(
         raise LogError("No log was given; give at least one.")
     check_held_out(train, held)
     whole, n = share_clock([*train, *held]), len(train)
-    mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, known.servo))
+    servo = known.servo if evidence else None
+    mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, servo, evidence=evidence))
     every = (*mended.fitted, *mended.held)
     alone = [x.name for x in every if isinstance(x, Log) and x.servo_delay is not None]
     if alone and not commands:

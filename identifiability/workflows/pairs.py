@@ -12,19 +12,16 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.checks import FEWEST
-from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, Samples, prepare_samples
 from identifiability.logs.prepare.instruments import COVERED, find_lag
 from identifiability.logs.repeats import Recording
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.opening import Logs, Recordings, read_recordings, state_reading
 
 #: What gives the columns along logs.
 Columns = Callable[[Sequence[Samples]], Regression]
@@ -71,44 +68,6 @@ class Pair:
         for x in (*one[:2], *two[:2]):
             x[~data] = 0.0
         return one[0], one[1], two[0], two[1], data
-
-
-def read_sides(
-    first: Logs,
-    second: Logs,
-    known: Conventions,
-    how: Preparation | None = None,
-    *,
-    alone: bool = False,
-) -> tuple[Recordings, Recordings]:
-    """Return the logs of two sides; how any were read is said with the first.
-
-    Parameters
-    ----------
-    first, second : Logs
-    known : Conventions
-    how : Preparation, optional
-    alone : bool
-        Whether the second side may have none.
-
-    Raises
-    ------
-    LogError
-        If a log stands on both.
-    """
-    one = read_recordings(first, known=known, how=how)
-    none = alone and isinstance(second, (list, tuple)) and not second
-    other = Recordings(()) if none else read_recordings(second, known=known, how=how)
-    seen = {r.sha256 for r in one.fitted if r.sha256}
-    twice = [r.name for r in other.fitted if r.sha256 in seen]
-    if twice:
-        raise LogError(
-            f"{listing(twice, 4)} stands on both sides, and differs in nothing from itself; give "
-            "another log."
-        )
-    said = state_reading((*one.read, *other.read))
-    own, more = (side.hints[len(state_reading(side.read)) :] for side in (one, other))
-    return replace(one, hints=(*said, *own)), replace(other, hints=more)
 
 
 def find_pairs(

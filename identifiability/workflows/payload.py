@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
-from functools import reduce
+from functools import partial, reduce
 from operator import add
 from typing import Any, ClassVar
 
@@ -21,7 +21,6 @@ from identifiability.estimation.estimate import estimate, find_estimator, weigh_
 from identifiability.estimation.estimator import NOTHING, Estimate
 from identifiability.estimation.least_squares import Noise
 from identifiability.estimation.uncertainty import Motions, compare_motions, remembering_covariance
-from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import INERTIAL, Array
@@ -30,10 +29,9 @@ from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.echo import noise_share
-from identifiability.logs.prepare.longsamples import Prepared, prepare_log
+from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.repeats import Recording
 from identifiability.physical.cad_prior import draw_bodies
 from identifiability.physical.feasible_set import PhysicalSet
@@ -47,11 +45,11 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.changed import last_bodies
 from identifiability.robot.kinematics import WORLD
-from identifiability.workflows.band import settle_band
 from identifiability.workflows.instruments import LOUD
-from identifiability.workflows.opening import Logs, require_signal
-from identifiability.workflows.pairs import Pair, find_pairs, read_sides
+from identifiability.workflows.opening import Logs
+from identifiability.workflows.pairs import Pair, find_pairs
 from identifiability.workflows.predict import Fit, FitLike, find_fit, state_missing
+from identifiability.workflows.session import Session
 
 # The parameters of a load: as the logs say them, and as a real body can have them.
 #
@@ -749,29 +747,26 @@ def payload(
         robot = Robot.of(robot)
         fit = find_fit(result, robot)
         place, columns = choose_body(fit.structure, body)
-        sides = read_sides(logs, without, Conventions.of(robot), fit.preparation, alone=True)
+        session, second = Session.read_sides(
+            fit.structure, logs, without, fit.preparation, engine, alone=True
+        )
+        sides = session.recordings, second.recordings
         given, other = (side.fitted for side in sides)
-        how = settle_band(fit.structure, given, fit.preparation)
-        pairs = find_pairs(robot, given, other, how)
-        runner = engine or Serial()
-
-        def prepare(recordings: tuple[Recording, ...], paired: set[int]) -> list[Prepared]:
-            left = [r for k, r in enumerate(recordings) if k not in paired]
-            samples = [prepare_log(robot, r, how, engine=runner) for r in left]
-            require_signal(samples, "weighed")
-            hints.extend(text for s in samples for text in s.hints)
-            return samples
-
+        pairs = find_pairs(robot, given, other, session.how)
+        # What hangs on the robot is odd by its file, so that nothing odd is looked for.
+        paired = tuple({p.at[k] for p in pairs} for k in (0, 1))
+        samples, unloaded = (
+            session.prepare([r for k, r in enumerate(side) if k not in done], "weighed")
+            for side, done in zip((given, other), paired, strict=True)
+        )
         hints = [text for side in sides for text in side.hints]
-        hints += _tell_noise(robot, given, how)
-        samples = prepare(given, {p.at[0] for p in pairs})
-        bare = [
-            gather_information(fit.structure.regression([s]), engine=runner)
-            for s in prepare(other, {p.at[1] for p in pairs})
-        ]
+        hints += _tell_noise(robot, given, session.how)
+        hints += [text for s in (*samples, *unloaded) for text in s.hints]
+        gather = partial(gather_information, engine=session.engine)
+        bare = [gather(fit.structure.regression([s])) for s in unloaded]
         rubbing = Rubbing(structure=fit.structure)
         for _ in range(WEIGHED):
-            loaded = [gather_information(rubbing.regression([s]), engine=runner) for s in samples]
+            loaded = [gather(rubbing.regression([s])) for s in samples]
             found = estimate_load(fit, columns, rubbing, loaded, bare, pairs)
             nearest = nearest_body(found)
             rubbing = Rubbing(

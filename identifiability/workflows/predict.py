@@ -15,16 +15,14 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from identifiability.estimation.prediction import Prediction, Spread
 from identifiability.foundation.documents import read_document
-from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import Result, shown
 from identifiability.foundation.values import frozen
-from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.longsamples import Prepared, prepare_log
+from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.tables import write_table
 from identifiability.regression.reduction import (
     LadderEntry,
@@ -37,9 +35,9 @@ from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.sidecar import Held
-from identifiability.workflows.band import settle_band
 from identifiability.workflows.commands import name_export
-from identifiability.workflows.opening import Logs, read_recordings
+from identifiability.workflows.opening import Logs
+from identifiability.workflows.session import Session
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -465,14 +463,17 @@ class Fit(Covaries):
             If a log does not fit the robot.
         """
         with one_thread("blas"):
-            usual = replace(Conventions.of(self.robot), motion_alone=True)
-            known = read_recordings(logs, known=usual, how=self.preparation)
-            how = settle_band(self.structure, known.fitted, self.preparation)
-            runner = engine or Serial()
-            samples = [prepare_log(self.robot, r, how, engine=runner) for r in known.fitted]
-            return self._along(
-                samples, tuple(not r.motion_alone for r in known.fitted), known.hints
+            session = Session.read(
+                self.structure,
+                logs,
+                preparation=self.preparation,
+                engine=engine,
+                commands=False,
+                motion_alone=True,
             )
+            known = session.recordings
+            measured = tuple(not r.motion_alone for r in known.fitted)
+            return self._along(session.prepare(known.fitted), measured, known.hints)
 
     def _along(
         self, samples: list[Prepared], measured: tuple[bool, ...], hints: tuple[str, ...]

@@ -26,14 +26,14 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import check_commands
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.mend import check_units, mend_logs, unwrap_logs
+from identifiability.logs.mend import check_units
 from identifiability.logs.tables import write_table
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.changed import new_place
 from identifiability.robot.servo import state_delay
 from identifiability.simulation.rollout import NO_SERVO, CommandedRobot, forgotten
 from identifiability.workflows.analyze.assessment import DIFFERENT, list_worst
-from identifiability.workflows.opening import Logs, in_memory, list_logs, read_logs
+from identifiability.workflows.opening import Logs, in_memory, list_logs, read_recordings
 
 #: Length of a window [s].
 WINDOW = 1.0
@@ -83,6 +83,8 @@ class RolledOut(Result):
         Of the robot, of the fitted one, and of the other one, as far as there are.
     fitted : Robot or None
         With what was fitted to logs first; its `save` writes it.
+    hints : tuple of str
+        How logs were read, and what was mended in them.
     """
 
     schema: ClassVar[str] = "identifiability/rollout/1"
@@ -91,6 +93,7 @@ class RolledOut(Result):
     logs: tuple[Log, ...]
     runs: tuple[Rolled, ...]
     fitted: Robot | None = None
+    hints: tuple[str, ...] = ()
 
     @cached_property
     def errors(self) -> Array:
@@ -165,7 +168,7 @@ class RolledOut(Result):
             for run in self.runs
         ]
         late_text = f"{late[0][0].upper()}{'; '.join(late)[1:]}."
-        return " ".join(filter(None, (f"{text}.", self.by_joint, late_text)))
+        return " ".join(filter(None, (f"{text}.", self.by_joint, late_text, *self.hints)))
 
     def _tell(self, k: int) -> str:
         run = self.runs[k]
@@ -267,9 +270,11 @@ def rollout(
         robot.check_stands("rolling out commands")
         if robot.servo is None:
             raise RobotError(f"{robot.path} {NO_SERVO}")
-        read = _read(robot, logs)
+        read, said = _read(robot, logs)
+        if not read:
+            raise LogError("No log was given; give at least one.")
         others = [] if against is None else [_other(robot, against)]
-        learnt = _read(robot, fit) if list_logs(fit) else []
+        learnt, more = _read(robot, fit)
         if learnt:
             shared = {log.sha256 for log in learnt} & {log.sha256 for log in read}
             if shared:
@@ -295,21 +300,25 @@ def rollout(
         logs=tuple(read),
         runs=tuple(runs),
         fitted=others[0] if learnt else None,
+        hints=tuple(dict.fromkeys((*said, *more))),
     )
 
 
-def _read(robot: Robot, logs: Logs) -> list[Log]:
-    """Return logs with commands, in the robot's order.
+def _read(robot: Robot, logs: Logs) -> tuple[list[Log], tuple[str, ...]]:
+    """Return logs with commands, in the robot's order, and what was mended in them.
 
     Raises
     ------
     LogError
         If one has none, or the motion contradicts them.
     """
+    if not list_logs(logs):
+        return [], ()
+    # Torque is not looked at, and a motion that is made again is rolled out again.
     known = replace(Conventions.of(robot), commands=True)
-    whole, _ = unwrap_logs(read_logs(logs, known))
+    given = read_recordings(logs, known=known, commands=True, evidence=False)
     out = []
-    for log in in_memory(mend_logs(whole)[0], Log):
+    for log in in_memory(given.fitted, Log):
         own = log.select(robot.joints)
         if own.q_ref is None and own.dq_ref is None:
             raise LogError(
@@ -319,9 +328,7 @@ def _read(robot: Robot, logs: Logs) -> list[Log]:
         check_commands(own)
         check_units(robot, [own])
         out.append(own)
-    if not out:
-        raise LogError("No log was given; give at least one.")
-    return out
+    return out, given.hints
 
 
 def _other(robot: Robot, against: Other) -> Robot:

@@ -1,8 +1,10 @@
-"""`Session`: what every verb that fits does first: read, check, prepare, open, weigh.
+"""`Session`: what every verb does with its logs first: read, check, prepare, open, weigh.
 
-`Session.read` checks logs and reads them, every row once; `Session.follow` gives logs of commands
-their torque; `Session.open` prepares them and refuses what has nothing to explain; `Session.weigh`
-gathers the information of their rows, each by its noise, and outlying stretches less.
+`Session.read` checks logs and reads them, every row once, `Session.read_sides` those of two sides;
+`Session.follow` gives logs of commands their torque; `Session.prepare` turns them into motion;
+`Session.open` also asks what is odd about them, and refuses what has nothing to explain;
+`Session.gather` gathers the information of their rows, and `Session.weigh` weighs each by its
+noise, and outlying stretches less.
 """
 
 from __future__ import annotations
@@ -25,8 +27,9 @@ from identifiability.estimation.estimate import (
     weigh_outliers,
 )
 from identifiability.estimation.estimator import Estimator
+from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine
-from identifiability.foundation.errors import listing
+from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import OptionError
@@ -49,9 +52,13 @@ from identifiability.workflows.opening import (
     Opening,
     Progress,
     Recordings,
+    list_logs,
     open_logs,
+    quiet,
     read_recordings,
+    require_signal,
     share,
+    state_reading,
 )
 
 #: A robot is fitted to what commands make of torque, and this is calibrated on it, so often.
@@ -94,21 +101,81 @@ class Session:
         cls,
         structure: Structure,
         logs: Logs,
-        validate: Logs,
-        preparation: Preparation | None,
-        say: Progress,
-        engine: Engine,
+        validate: Logs = (),
+        preparation: Preparation | None = None,
+        say: Progress = quiet,
+        engine: Engine | None = None,
+        *,
+        commands: bool = True,
+        motion_alone: bool = False,
     ) -> Self:
-        """Return the session of a verb, with its logs, which may hold commands and no torque.
+        """Return the session of a verb, with its logs.
+
+        Parameters
+        ----------
+        structure, logs, validate, preparation, say, engine
+            As of a session; without an engine work is done here.
+        commands, motion_alone : bool
+            Whether logs may hold commands and no torque, and whether they need no torque.
 
         Raises
         ------
         LogError
         """
         say("reading logs", 0.0)
-        known = Conventions.of(structure.robot)
-        given = read_recordings(logs, validate, known, preparation, commands=True)
-        return cls(structure, given, preparation, say, engine)
+        known = replace(Conventions.of(structure.robot), motion_alone=motion_alone)
+        given = read_recordings(logs, validate, known, preparation, commands=commands)
+        return cls(structure, given, preparation, say, engine or Serial())
+
+    @classmethod
+    def read_sides(
+        cls,
+        structure: Structure,
+        first: Logs,
+        second: Logs,
+        preparation: Preparation | None = None,
+        engine: Engine | None = None,
+        *,
+        alone: bool = False,
+    ) -> tuple[Self, Self]:
+        """Return the sessions of two sides; how logs of either were read is said with the first.
+
+        Parameters
+        ----------
+        structure, first, second, preparation, engine
+            As of `read`.
+        alone : bool
+            Whether the second side may have no logs.
+
+        Raises
+        ------
+        LogError
+            If a log stands on both.
+        """
+        one = cls.read(structure, first, (), preparation, engine=engine, commands=False)
+        if alone and not list_logs(second):
+            return one, replace(one, recordings=Recordings(()))
+        other = cls.read(structure, second, (), preparation, engine=engine, commands=False)
+        own, more = one.recordings, other.recordings
+        seen = {r.sha256 for r in own.fitted if r.sha256}
+        twice = [r.name for r in more.fitted if r.sha256 in seen]
+        if twice:
+            raise LogError(
+                f"{listing(twice, 4)} stands on both sides, and differs in nothing from itself; "
+                "give another log."
+            )
+        said = state_reading((*own.read, *more.read))
+        left, right = (side.hints[len(state_reading(side.read)) :] for side in (own, more))
+        return (
+            replace(one, recordings=replace(own, hints=(*said, *left))),
+            replace(other, recordings=replace(more, hints=right)),
+        )
+
+    def beside(self, other: Session) -> Self:
+        """Return the session of the logs of both, fitted together."""
+        own, more = self.recordings, other.recordings
+        both = Recordings((*own.fitted, *more.fitted), (), (*own.hints, *more.hints))
+        return replace(self, recordings=both)
 
     @cached_property
     def how(self) -> Preparation:
@@ -184,21 +251,42 @@ class Session:
         """
         if prepare is not None:
             return open_logs(self.structure, self.recordings, prepare, done, self.engine)
+        return open_logs(self.structure, self.recordings, self._preparing(), done)
+
+    def prepare(self, recordings: Sequence[Recording], done: str = "") -> list[Prepared]:
+        """Return some of the logs prepared, for verbs to which what is odd about them is no sign.
+
+        Parameters
+        ----------
+        recordings : sequence of Log or LogFile
+        done : str
+            As of `open`; empty where logs that have nothing to explain will do.
+        """
+        samples = list(map(self._preparing(), recordings))
+        if done:
+            require_signal(samples, done)
+        return samples
+
+    def _preparing(self) -> Callable[[Recording], Prepared]:
         reading = share(self.say, "reading logs", 0.1, 0.2)
         robot = self.structure.robot
-        prepare = partial(prepare_log, robot, how=self.how, engine=self.engine, progress=reading)
-        return open_logs(self.structure, self.recordings, prepare, done)
+        return partial(prepare_log, robot, how=self.how, engine=self.engine, progress=reading)
 
-    def weigh(self, opening: Opening, method: Method, kind: Kind) -> Weighed:
-        """Return the rows of opened logs, with instruments where the estimator takes them."""
+    def gather(self, opening: Opening, method: Method, kind: Kind) -> Weighed:
+        """Return the rows of opened logs alike, with instruments where the estimator takes them."""
         opening, estimator = add_instruments(opening, self.recordings.fitted, method, kind)
         building = share(self.say, "building the regression", 0.2, 0.4)
         alike = gather_information(opening.regression, engine=self.engine, progress=building)
-        if opening.silence:
-            return Weighed(opening, estimator, alike, alike)
-        joints = self.structure.robot.joints
-        information, burst = weigh_rows(joints, opening.samples, alike, estimator)
-        return Weighed(opening, estimator, alike, information, burst)
+        return Weighed(opening, estimator, alike, alike)
+
+    def weigh(self, opening: Opening, method: Method, kind: Kind) -> Weighed:
+        """Return the same, each row weighed by its noise."""
+        rows = self.gather(opening, method, kind)
+        if rows.opening.silence:
+            return rows
+        joints, samples = self.structure.robot.joints, rows.opening.samples
+        information, burst = weigh_rows(joints, samples, rows.alike, rows.estimator)
+        return replace(rows, information=information, burst=burst)
 
 
 @frozen

@@ -77,10 +77,18 @@ def beside(tree):
                 yield f"{owners[id(node)]}.{node.name}" if id(node) in owners else node.name
 
 
-def test_nobody_takes_a_robot_beside_its_base_parameters_or_its_model():
-    files = Path(identifiability.__file__).parent.rglob("*.py")
-    found = {n for f in files for n in beside(ast.parse(f.read_text(encoding="utf-8")))}
-    assert found == MAKERS
+@pytest.fixture(scope="module")
+def sources():
+    """Every file of the package, by its place in it."""
+    root = Path(identifiability.__file__).parent
+    return {
+        f.relative_to(root).as_posix(): ast.parse(f.read_text(encoding="utf-8"))
+        for f in root.rglob("*.py")
+    }
+
+
+def test_nobody_takes_a_robot_beside_its_base_parameters_or_its_model(sources):
+    assert {n for tree in sources.values() for n in beside(tree)} == MAKERS
 
 
 def by_name(tree):
@@ -102,11 +110,29 @@ def by_name(tree):
                 yield node.lineno
 
 
-def test_no_module_of_the_package_is_imported_by_a_string():
-    root = Path(identifiability.__file__).parent
-    found = {
-        str(f.relative_to(root)): lines
-        for f in root.rglob("*.py")
-        if (lines := list(by_name(ast.parse(f.read_text(encoding="utf-8")))))
-    }
-    assert found == {}
+def test_no_module_of_the_package_is_imported_by_a_string(sources):
+    assert {f: lines for f, tree in sources.items() if (lines := list(by_name(tree)))} == {}
+
+
+#: What mends or prepares logs, and the file of the workflows that asks it: the table of checks,
+#: `read_recordings`, and `Session`; `inspect` prepares each log by itself, as one that cannot be is
+#: what it tells.
+ONCE = {
+    "mend_logs": {"oddities/mends.py"},
+    "unwrap_logs": {"oddities/mends.py"},
+    "drop_contradictions": {"oddities/mends.py"},
+    "drop_repeats": {"oddities/mends.py"},
+    "read_logs": {"opening.py"},
+    "open_logs": {"session.py"},
+    "prepare_log": {"session.py", "inspect.py"},
+}
+
+
+def test_logs_are_read_mended_and_opened_in_one_place_for_every_verb(sources):
+    found = {name: set() for name in ONCE}
+    for file, tree in sources.items():
+        if file.startswith("workflows/"):
+            for node in ast.walk(tree):
+                if isinstance(node, ast.Name) and node.id in found:
+                    found[node.id].add(file.removeprefix("workflows/"))
+    assert found == ONCE

@@ -154,18 +154,20 @@ class Preparation:
     Attributes
     ----------
     derivatives : {"auto", "given", "butterworth", "fourier"}
-        ``auto`` takes the log's own where it has them, else Butterworth.
+        Velocity and acceleration: ``auto`` takes the log's own where it has them, else computes
+        them by Butterworth.
     cutoff : float or None [Hz]
-        Low-pass for computed derivatives; None chooses it for all logs together, from 10 × the
-        bandwidth of the motion and from the noise (`identifiability.logs.spectrum.choose_band`).
+        Low-pass for computed derivatives [Hz]; by default it is chosen for all logs together, from
+        10 × the bandwidth of the motion and from the noise (`logs.spectrum.choose_band`).
     period : float or None [s]
-        Period for the Fourier fit; None finds the whole fraction of the duration that fits best.
+        Period of periodic motion [s], for the Fourier fit; by default the whole fraction of the
+        duration that fits best.
     harmonics : int
         Harmonics of the Fourier fit.
     decimate : int or None
-        Parallel filter and decimation of torque and regressor; None keeps the band up to the
-        cut-off where derivatives are computed by Butterworth (torque above it has no acceleration
-        left to explain it), else everything.
+        Parallel filter of torque and regressor, of which every k-th sample is kept; by default the
+        band up to the cut-off where derivatives are computed by Butterworth (torque above it has no
+        acceleration left to explain it), else everything.
     outputs : float or None [Hz]
         Up to where torque and regressor are kept where `decimate` does not say it; None for the
         cut-off. Sharp events, as when dry friction turns, are alike in both only where the low-pass

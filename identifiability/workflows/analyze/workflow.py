@@ -96,7 +96,8 @@ def analyze(
     preparation : Preparation, optional
         How derivatives are made.
     method : str or Estimator
-        ``"wls"`` weights actuators by 1 / (variance × memory) of their noise, ``"ols"`` all alike.
+        Weight actuators by 1 / (variance × memory) of their noise (``wls``), or all alike
+        (``ols``).
     estimator : {"auto", "ls", "iv"}
         Least squares, or instrumental variables, which noise in the motion does not bias; ``auto``
         takes the latter if any log has a second record of its motion

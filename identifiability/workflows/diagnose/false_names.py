@@ -23,7 +23,6 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.mend import mend_logs
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.information import Information
 from identifiability.regression.regression import Model
@@ -32,7 +31,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.robot.along import known_torque
 from identifiability.workflows.diagnose.result import Diagnosis, pick
 from identifiability.workflows.diagnose.workflow import diagnose
-from identifiability.workflows.opening import LogLike, Progress, in_memory, read_logs
+from identifiability.workflows.opening import LogLike, Progress, in_memory, read_recordings
 
 #: Order of the autoregression that the residual at the full rate is copied with.
 ORDER = 8
@@ -137,8 +136,8 @@ def measure_false_names(
     """
     say = progress or (lambda what, share: None)
     robot = Robot.of(robot)
-    known = Conventions.of(robot)
-    train, held = (in_memory(mend_logs(read_logs(x, known))[0], Log) for x in (logs, validate))
+    given = read_recordings(logs, validate, Conventions.of(robot), preparation)
+    train, held = (in_memory(x, Log) for x in (given.fitted, given.held))
     found = diagnose(
         robot, train, held, model=model, preparation=preparation, quick=True, seed=seed
     )

@@ -23,7 +23,7 @@ from identifiability.estimation.prediction import Prediction, predict
 from identifiability.foundation.engines.mapping import Engine, Serial, one_thread
 from identifiability.foundation.names import BASE
 from identifiability.foundation.options import (
-    Names,
+    Effects,
     Seed,
     at_least,
     checked,
@@ -109,7 +109,7 @@ def diagnose(
     logs: Logs,
     validate: Logs = (),
     *,
-    effects: Names | None = None,
+    effects: Effects | None = None,
     model: ModelLike | None = None,
     fixed: Given = False,
     earlier: Before | None = None,
@@ -133,7 +133,7 @@ def diagnose(
         Logs that are not fitted: they may refute a name, and measure the gap. Without any, the last
         log (or the last quarter of the only one) is set aside.
     effects : iterable of str, optional
-        Families that may be named; all that are registered by default.
+        Families that may be named, such as stribeck_friction; by default all that are registered.
     model : Model, sequence of str, path of a model file or result of `prune`, optional
         Effects of the model to diagnose; by default rigid body, viscous and symmetric Coulomb
         friction and actuator inertia. What a model file leaves out, holds or ties is free.
@@ -276,7 +276,7 @@ class _Asked:
         A diagnosis that is gone on from.
     """
 
-    effects: Names | None
+    effects: Effects | None
     say: Progress
     draws: int = DRAWS
     streams: tuple[np.random.Generator, ...] = ()

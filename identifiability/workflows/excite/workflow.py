@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import ClosureError, LogError, listing
 from identifiability.foundation.names import Array
@@ -25,11 +24,8 @@ from identifiability.foundation.options import (
     counted,
     within,
 )
-from identifiability.logs.conventions import Conventions
-from identifiability.logs.mend import mend_logs
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.longsamples import prepare_log
-from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.reduction import ModelLike, free_again, unused_ladder
 from identifiability.robot import Robot, RobotLike
 from identifiability.simulation.motion import MOST_SAMPLES
@@ -50,8 +46,9 @@ from identifiability.workflows.excite.limits import (
 )
 from identifiability.workflows.excite.result import Excitation, Merit
 from identifiability.workflows.excite.search import OPEN, Objective, Search, Series, search
-from identifiability.workflows.opening import Logs, Progress, quiet, read_logs
+from identifiability.workflows.opening import Logs, Progress, list_logs, quiet
 from identifiability.workflows.provenance import state_provenance
+from identifiability.workflows.session import Session
 
 #: Samples at which the search looks, for each harmonic; the regressor has harmonics of its own.
 LOOKS = 12
@@ -89,7 +86,7 @@ def excite(
     ----------
     robot : Robot, path or shipped name
     harmonics : int
-        Of the finite Fourier series [Swevers 1997].
+        Harmonics of the finite Fourier series [Swevers 1997].
     at_rest : bool
         Begin and end without speed and acceleration, which takes two harmonics of each joint.
     duration : float [s]
@@ -102,17 +99,18 @@ def excite(
     criterion : {"condition", "information", "separate"}, optional
         Make small the column-normalised condition number of the base columns; make large the
         log-determinant of the information about `parameters`; or separate two effects. By
-        default what the other arguments suggest.
+        default what the other options suggest.
     parameters : sequence of str, optional
         Base parameters that the information is about; by default all.
     model : Model, sequence of str, path of a model file or result of `prune`, optional
-        Its effects; what a model file leaves out, holds or ties is free. By default rigid bodies
-        alone for the condition number, else also viscous and Coulomb friction and actuator
+        Effects of the model; what a model file leaves out, holds or ties is free. By default rigid
+        bodies alone for the condition number, else also viscous and Coulomb friction and actuator
         inertia.
     start_from : log, path, DataFrame, or several
-        What was measured already: the motion is the best one to measure next.
+        Log that was measured already: the motion is the best one to measure next.
     separate : two of str
-        Effects, everywhere (``stribeck_friction``) or at one place (``joint_stiffness@joint1``).
+        Effect to tell from another, everywhere (``stribeck_friction``) or at one place
+        (``joint_stiffness@joint1``); two are given.
     preparation : Preparation, optional
         How derivatives of the logs are made.
     iterations : int
@@ -152,12 +150,7 @@ def excite(
         say("reading logs", 0.0)
         bounds = find_limits(robot, limits)
         question = pose_question(robot, rule, model, parameters, separate)
-        given = read_logs(() if start_from is None else start_from, Conventions.of(robot))
-        start, wrong = mend_logs(given)
-        how = settle_cutoff(robot, start, preparation)
-        logs = [prepare_log(robot, log, how, engine=engine or Serial()) for log in start]
-        if start_from is not None and not logs:
-            raise LogError("No log was given to start from; give at least one, or none at all.")
+        logs, wrong = _start(question, start_from, preparation, engine)
         low = tuple(doubt_assumed(bounds, {s.name: (s.survey.low, s.survey.high) for s in logs}))
         hints = (*low, *wrong, *free_again(model), *unused_ladder(robot, model))
         series = Series(bounds, duration, harmonics, at_rest)
@@ -178,6 +171,21 @@ def excite(
             provenance=state_provenance(robot, logs, seed, None, options),
         )
         return replace(found, preparation=preparation or Preparation())
+
+
+def _start(
+    question: Question, logs: Logs | None, preparation: Preparation | None, engine: Engine | None
+) -> tuple[list[Prepared], tuple[str, ...]]:
+    """Return what was measured already, if anything, and what was mended of it."""
+    if logs is None:
+        return [], ()
+    if not list_logs(logs):
+        raise LogError("No log was given to start from; give at least one, or none at all.")
+    session = Session.read(
+        question.structure, logs, preparation=preparation, engine=engine, commands=False
+    )
+    given = session.recordings
+    return session.prepare(given.fitted), given.hints
 
 
 def find_motion(

@@ -30,6 +30,8 @@ class Reading:
         What was mended.
     speeds : tuple of (N, n) or None
         Of logs of commands those that were measured, in order; their torque is made without.
+    evidence : bool
+        Whether something is learnt of the rows, so that each counts once.
     """
 
     fitted: tuple[Recording, ...]
@@ -38,6 +40,7 @@ class Reading:
     servo: Servo | None = None
     hints: tuple[str, ...] = ()
     speeds: tuple[Array | None, ...] = ()
+    evidence: bool = True
 
     def by(
         self, mend: Callable[[Sequence[Recording]], tuple[list[Recording], tuple[str, ...]]]
@@ -144,6 +147,8 @@ def drop_contradicting(logs: Reading) -> Reading:
 )
 def count_once(logs: Reading) -> Reading:
     """Leave out rows that came before; measured speeds tell repetitions from copies."""
+    if not logs.evidence:
+        return logs
     every: list[Recording] = [*logs.fitted, *logs.held]
     for k, speed in enumerate(logs.speeds):
         if isinstance(log := every[k], Log) and speed is not None:

@@ -120,15 +120,16 @@ def prune(
     force : sequence of str
         Parameters that are dropped whatever the data say.
     criterion : {"identifiable", "one-se-of-difference", "one-se", "best"}
-        How much held-out error a smaller model may cost; see `search.Criterion`.
+        How much of what the best model predicts a smaller one may cost; by default 2 nats.
     propose : bool
         Whether symmetries that the robot's kinematics suggest are tried.
     reach : float
-        Does nothing any more: models are chosen by what they predict of the logs, not of motion
-        that nobody has seen. Other values than 1 are noted among the hints.
+        Does nothing any more: models are chosen by what they predict of the logs. Other values than
+        1 are noted among the hints.
     preparation : Preparation, optional
         How derivatives are made.
     method : str or Estimator
+        As for `analyze`.
     estimator : {"auto", "ls", "iv"}
         As for `analyze`.
     replicates : int, optional
