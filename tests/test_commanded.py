@@ -12,8 +12,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability import Log, Robot, analyze, diagnose, prune
-from identifiability.estimation.rollouts import find_delay, fit_rollouts
+from identifiability import Log, Robot, analyze, diagnose, export, prune
+from identifiability.estimation.rollouts import (
+    KINDS,
+    Problem,
+    find_delay,
+    fit_gains,
+    fit_rollouts,
+)
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.foundation.options import OptionError
@@ -25,11 +31,12 @@ from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.regression.reduction import find_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.report.analysis_report import answer_notes
-from identifiability.robot.servo import Servo, state_delay
+from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot
 from identifiability.workflows.diagnose.known_values import share_spread
 from identifiability.workflows.opening import read_recordings
 from identifiability.workflows.rollout import rollout
+from identifiability.workflows.servo_gains import Bodies, state_gains
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 sys.path.insert(0, str(MODELS.parent / "studies"))
@@ -116,6 +123,7 @@ def test_a_motor_is_no_servo_and_a_sidecar_states_one_by_joint_and_pattern(arm):
         ('[servo]\nkp = 3\nkv = {"wrist" = 1}\n', "no actuated joint"),
         ("[servo]\nkp = 0\n", "neither kp nor kv"),
         ("[servo]\nkp = -1\n", "greater than or equal to 0"),
+        ('[servo]\nkp = {shoulder = "fit"}\n', '"fit" where logs shall tell it'),
     ],
 )
 def test_servos_that_cannot_be_are_refused_in_one_sentence(tmp_path, text, said):
@@ -188,7 +196,7 @@ def test_a_log_with_neither_torque_nor_command_is_refused(arm, frames):
 
 
 def test_commands_without_gains_are_refused(frames):
-    with pytest.raises(LogError, match="nothing states the gains"):
+    with pytest.raises(LogError, match=r'nothing states the gains.*kp = "fit"'):
         read(Robot.load("two-link"), frames[1])
 
 
@@ -475,6 +483,75 @@ def test_gains_that_contradict_the_motion_are_refused(arm, frames, tmp_path):
     (tmp_path / "arm.toml").write_text("[servo]\nkp = 3\nkv = 1\n")
     with pytest.raises(LogError, match="contradict the motion"):
         analyze(tmp_path / "arm.xml", frames[1], quick=True)
+
+
+@pytest.fixture(scope="module")
+def unstated(arm, tmp_path_factory):
+    """Return the arm with gains that nobody states, a link a fifth too heavy, and one weighed."""
+    folder = tmp_path_factory.mktemp("unstated")
+    text = arm.path.read_text()
+    assert 'mass="4"' in text
+    (folder / "arm.xml").write_text(text.replace('mass="4"', 'mass="4.8"'))
+    (folder / "arm.toml").write_text('[servo]\nkp = "fit"\n[prior_share]\nlink2 = 0.001\n')
+    return Robot.load(folder / "arm.xml")
+
+
+def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale(
+    arm, unstated, frames, tmp_path
+):
+    assert unstated.servo.unknown.all()
+    with pytest.raises(RobotError, match="logs of commands shall tell"):
+        rollout(unstated, frames[1])
+    log = read(arm, frames[0])
+    found = fit_gains(unstated, [log], Bodies(unstated))
+    true = {k: np.array([TRUTH[f"{j}.{k}"] for j in arm.joints]) for k in ("Fv", "Fc")}
+    np.testing.assert_allclose(found.servo.kp, arm.servo.kp, rtol=0.01)
+    np.testing.assert_allclose(found.numbers["Fv"], arm.servo.kv + true["Fv"], rtol=0.01)
+    np.testing.assert_allclose(found.numbers["Fc"], true["Fc"], rtol=0.01)
+    assert np.all(np.sqrt(np.diag(found.covariance)) < 0.01)
+    told = state_gains(unstated, [log.name], found, Bodies(unstated))
+    assert "what fixes the scale of all numbers is the file's link2 (100 %; within 0.1 %)" in told
+    assert "Fv holds kv" in told
+    known = replace(unstated, servo=replace(found.servo, source=FOUND))
+    again = Robot.load(known.save(tmp_path / "found.xml"))
+    np.testing.assert_allclose(again.servo.kp, found.servo.kp)
+    assert not again.servo.unknown.any()
+
+
+def test_commands_and_positions_say_nothing_of_the_scale_of_all_numbers(unstated, frames):
+    log = read(unstated, frames[1])
+    free = {"kp": np.ones(2, bool)}
+    servo = replace(unstated.servo, kp=np.array([1100.0, 320.0]), kv=np.zeros(2))
+    kinds = (*KINDS, "kp")
+    machine = CommandedRobot(unstated, {}, servo)
+    problem = Problem(machine, (log,), None, kinds, free, Bodies(unstated))
+    numbers = machine.numbers() | {"kp": servo.kp, "Fv": np.array([50.0, 9.0])}
+    x = problem.extended(np.concatenate([*(numbers[k] for k in kinds), [0.006]]))
+    one, other = problem.roll([x, problem.scaled(x, 1.5)])
+    np.testing.assert_allclose(one[0], other[0], atol=1e-9)
+    J = problem.linearise(x, problem.weights(one))[0][: -problem.believed_rows]
+    along = problem.scaled(x, 1 + 1e-6) - x
+    assert np.linalg.norm(J @ along) < 1e-6 * np.linalg.norm(J * along)
+
+
+@pytest.mark.everything
+def test_a_log_of_unstated_gains_is_analysed_exported_and_rolled_out(
+    unstated, arm, frames, tmp_path
+):
+    result = analyze(unstated, frames[0], quick=True)
+    assert result.hints[0].startswith("Nobody states the gains of the servos")
+    table = result.to_frame().set_index("name")
+    for joint, kv in zip(arm.joints, arm.servo.kv, strict=True):
+        low, high = table["interval95"][f"{joint}.Fv"]
+        assert low < kv + TRUTH[f"{joint}.Fv"] < high
+    path = result.to_json(tmp_path / "result.json")
+    export(unstated, path, tmp_path / "out.xml")
+    np.testing.assert_allclose(Robot.load(tmp_path / "out.xml").servo.kp, arm.servo.kp, rtol=0.01)
+    for found in (
+        rollout(unstated, frames[1], against=path),
+        rollout(unstated, frames[1], fit=frames[0]),
+    ):
+        assert found.totals[1] < 0.05 * found.totals[0]
 
 
 def test_joints_are_fitted_to_rollouts_and_written_in_one_go(arm, frames, tmp_path):

@@ -2,21 +2,28 @@
 
 Positions are all that is measured and all that a rollout is asked for, so nothing is differentiated
 and no noise stands in columns: damped Gauss–Newton steps on the positions that the servos make of
-the commands. Bodies are the file's, or those that were fitted.
+the commands. Bodies are the file's, or those that were fitted; where gains of the servos are to be
+found, too, positions tell all numbers up to one factor, and bodies within what is believed of them
+are fitted beside them (`fit_gains`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 import scipy
 
+from identifiability.estimation.noise import autocorrelation_time
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.robot import Robot
+from identifiability.robot.servo import Servo
 from identifiability.simulation.rollout import STEP, CommandedRobot, forgotten
 
 #: What is found of each joint: rotor, viscous and dry friction, offset.
@@ -40,6 +47,11 @@ CONTRADICTED = 0.5
 
 #: Length of blocks of time whose errors are taken to be independent [s].
 TOGETHER = 1.0
+
+#: Frequencies [rad/s] and damping ratios of a servo and what it moves, among which the search for
+#: gains begins; then factors about the best.
+FREQUENCIES, RATIOS = np.geomspace(2.0, 250.0, 9), (0.3, 1.0, 3.0)
+NEARER = (0.6, 1.0, 1.7)
 
 #: A step is taken again, more damped, so often; and the search ends where one gains less than this
 #: share of the error, or after so many.
@@ -113,17 +125,134 @@ def fit_rollouts(
     machine = CommandedRobot(robot, fitted or {})
     late = [(log.servo_delay if fitted else delay) or 0.0 for log in logs]
     x = _pack(machine.numbers(), np.array(late))
-    problem = _Problem(machine, tuple(logs), delay)
+    problem = Problem(machine, tuple(logs), delay)
     before = problem.errors(problem.roll([x])[0])
     thirds = tuple(_middle(log) for log in logs)
     if not fitted and all(t[-1] - t[0] > ENOUGH for t in (log.t for log in thirds)):
-        x, errors, taken, *_ = _descend(_Problem(machine, thirds, delay), x, steps)
+        x, errors, taken, *_ = _descend(Problem(machine, thirds, delay), x, steps)
         if share_missed(errors, logs).max() > CONTRADICTED:  # nor will whole logs be followed
-            return Rollouts(*problem.unpack(x), errors, before, taken, np.zeros(len(logs)))
+            numbers, delays, _ = problem.unpack(x)
+            return Rollouts(numbers, delays, errors, before, taken, np.zeros(len(logs)))
     x, errors, taken, J, r = _descend(problem, x, steps)
-    numbers, delays = problem.unpack(x)
+    numbers, delays, _ = problem.unpack(x)
     sure = np.zeros(len(logs)) if delay is not None else problem.delay_errors(J, r)
     return Rollouts(numbers, delays, errors, before, taken, sure)
+
+
+class Believed(Protocol):
+    """Bodies as functions of coordinates, and what is believed of those."""
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The body of each coordinate, (m,)."""
+
+    def values(self, e: Array) -> dict[str, float]:
+        """Return standard parameters at some coordinates (m,)."""
+
+    def scaled(self, e: Array, by: float) -> Array:
+        """Return the coordinates of bodies that are so many times as heavy and alike."""
+
+    def rows(self, e: Array, numbers: Mapping[str, Array]) -> Array:
+        """Return how far coordinates and joints' numbers are from what is believed, (r,) [σ]."""
+
+
+@frozen
+class Gains:
+    """Gains of servos that were found from rollouts, with the robot that they move.
+
+    Attributes
+    ----------
+    servo : Servo
+        Where commands have no speeds kv is 0, and viscous friction holds it.
+    numbers : mapping of str to (n,)
+        Of the joints, as of `Rollouts`.
+    errors : (n,) [rad or m]
+        Of positions (rms), by joint.
+    covariance : (n, n)
+        Of log kp.
+    by_belief : (r,)
+        By how much log kp, in the mean over joints that are found, moves with each row of what is
+        believed [σ].
+    """
+
+    servo: Servo
+    numbers: dict[str, Array]
+    errors: Array
+    covariance: Array
+    by_belief: Array
+
+
+def fit_gains(robot: Robot, logs: Sequence[Log], believed: Believed) -> Gains:
+    """Return the gains with which rollouts follow logs most closely.
+
+    First with the file's bodies: the start is the best of a grid of natural frequencies and damping
+    ratios, for what each joint feels of inertia. Then with bodies as they are believed.
+
+    Parameters
+    ----------
+    robot : Robot
+        With servos of which some gains are NaN.
+    logs : sequence of Log
+        With commands, in the robot's order of joints.
+    believed : Believed
+
+    Raises
+    ------
+    RobotError
+        If the robot cannot be rolled out.
+    """
+    servo = robot.servo
+    assert servo is not None
+    told = all(log.dq_ref is not None for log in logs)
+    kinds = (*KINDS, "kv", "kp") if told else (*KINDS, "kp")
+    free = {"kp": np.isnan(servo.kp), "kv": np.isnan(servo.kv)}
+    start = _start(robot, servo, min(logs, key=len))
+    machine = CommandedRobot(robot, {}, start[0])
+    late = np.full(len(logs), servo.delay or 0.0)
+    x = np.concatenate([*(start[1][k] for k in kinds), late])
+    thirds = [_middle(log) for log in logs]
+    thirds = thirds if all(t.t[-1] - t.t[0] > ENOUGH for t in thirds) else list(logs)
+    for part, of in ((thirds, None), (thirds, believed), (logs, believed)):
+        problem = Problem(machine, tuple(part), servo.delay, kinds, free, of)
+        x = problem.extended(x)
+        x, errors, _, J, _ = _descend(problem, x, 3 * STEPS)
+    numbers, _, _ = problem.unpack(x)
+    n, at = len(robot.joints), kinds.index("kp") * len(robot.joints)
+    size = np.linalg.norm(J, axis=0) + 1e-300
+    H = np.linalg.pinv((J / size).T @ (J / size), hermitian=True) / np.outer(size, size)
+    kp = np.maximum(numbers["kp"], 1e-12)
+    covariance = H[at : at + n, at : at + n] / np.outer(kp, kp)
+    found = free["kp"] if free["kp"].any() else np.ones(n, bool)
+    mean = (found / kp / found.sum()) @ H[at : at + n]
+    by = J[len(J) - problem.believed_rows :] @ mean
+    return Gains(machine.servo.having(numbers), numbers, errors, covariance, by)
+
+
+def _start(robot: Robot, servo: Servo, log: Log) -> tuple[Servo, dict[str, Array]]:
+    """Return servos and joints' numbers from which the search for gains begins."""
+    if len(log) * signals.sampling_step(log.t) > 3 * ENOUGH:
+        log = _middle(log)
+    free = np.isnan(servo.kp)
+    guess = replace(servo, kp=np.where(free, 1.0, servo.kp), kv=np.nan_to_num(servo.kv))
+    machine = CommandedRobot(robot, {}, guess)
+    inertia, numbers = machine.inertia(log.q.mean(0)), machine.numbers()
+    late = servo.delay or 0.0
+    fastest = 1.0 / signals.sampling_step(log.t)
+    grid = [(w, z) for w in FREQUENCIES[fastest > FREQUENCIES] for z in RATIOS]
+    w, z = np.sqrt(guess.kp / inertia), np.ones(len(inertia))
+    for factors in (grid, [(a, b) for a in NEARER for b in NEARER], [(1.0, 1.0)]):
+        tries = []
+        for a, b in factors:
+            v, d = (a, b) if factors is grid else (a * w, b * z)
+            kp = np.where(free, inertia * v**2, servo.kp)
+            damping = np.where(free, 2 * inertia * v * d, numbers["Fv"])
+            tries.append({**numbers, "kp": kp, "kv": guess.kv, "Fv": damping})
+        q = machine.roll(log, tries, late, step=COARSE)
+        errors = np.nan_to_num((q - log.q) ** 2, nan=1e6).mean(1)
+        best = errors.argmin(0)
+        chosen = np.array(factors)[best]
+        w, z = chosen.T if factors is grid else (chosen[:, 0] * w, chosen[:, 1] * z)
+    return replace(guess, kp=tries[0]["kp"]), tries[0]
 
 
 def share_missed(errors: Array, logs: Sequence[Log]) -> Array:
@@ -142,16 +271,17 @@ def _pack(numbers: Mapping[str, Array], delays: Array) -> Array:
     return np.concatenate([*(numbers[k] for k in KINDS), delays])
 
 
-def _descend(problem: _Problem, x: Array, steps: int) -> tuple[Array, Array, int, Array, Array]:
+def _descend(problem: Problem, x: Array, steps: int) -> tuple[Array, Array, int, Array, Array]:
     """Return the vector after damped Gauss–Newton steps, errors (n,), and how many were taken.
 
     Then the last derivative of the residual (r, p), and the residual there (r,).
     """
-    errors = problem.errors(problem.roll([x])[0])
+    q = problem.roll([x])[0]
+    errors = problem.errors(q)
     taken, damping = 0, 1e-3
     J, r = np.zeros((0, len(x))), np.zeros(0)
     for _ in range(steps):
-        weights = 1.0 / np.maximum(errors, 1e-9)
+        weights = problem.weights(q)
         J, r = problem.linearise(x, weights)
         cost = float(r @ r)
         R: Array = np.asarray(np.linalg.qr(np.column_stack([J, r]), mode="r"))
@@ -162,10 +292,10 @@ def _descend(problem: _Problem, x: Array, steps: int) -> tuple[Array, Array, int
             right = np.concatenate([R[:, -1], np.zeros(len(size))])
             low, high = problem.bounds(x)
             step = scipy.optimize.lsq_linear(rows, -right, (low, high), method="bvls").x
-            q = problem.roll([x + step])[0]
-            found = problem.residual(q, weights)
+            moved = problem.roll([x + step])[0]
+            found = problem.residual(moved, weights, x + step)
             if float(found @ found) < cost:
-                better = x + step, problem.errors(q), float(found @ found)
+                q, better = moved, (x + step, problem.errors(moved), float(found @ found))
                 break
             damping *= 10
         if better is None:
@@ -210,12 +340,37 @@ def find_delay(machine: CommandedRobot, logs: Sequence[Log]) -> float:
     return float(near[best] + np.clip(shift, -1, 1) * (near[1] - near[0]))
 
 
-class _Problem:
-    """Positions of the rollouts of all logs, as a function of one vector of numbers."""
+class Problem:
+    """Positions of the rollouts of all logs, as a function of one vector of numbers.
 
-    def __init__(self, machine: CommandedRobot, logs: tuple[Log, ...], delay: float | None) -> None:
+    The vector holds numbers of the joints by kind, coordinates of bodies, and a delay for each log.
+
+    Parameters
+    ----------
+    machine : CommandedRobot
+    logs : tuple of Log
+    delay : float or None [s]
+        Where it is known.
+    kinds : tuple of str
+        Of the joints' numbers.
+    free : mapping of str to (n,) bool
+        Kinds that are varied at some joints only.
+    believed : Believed, optional
+        Of bodies that are varied, too.
+    """
+
+    def __init__(
+        self,
+        machine: CommandedRobot,
+        logs: tuple[Log, ...],
+        delay: float | None,
+        kinds: tuple[str, ...] = KINDS,
+        free: Mapping[str, np.ndarray] | None = None,
+        believed: Believed | None = None,
+    ) -> None:
         self.machine, self.logs, self.known = machine, logs, delay
-        self.n = len(machine.robot.joints)
+        self.kinds, self.believed, robot = kinds, believed, machine.robot
+        self.n = len(robot.joints)
         self.dt = min(signals.sampling_step(log.t) for log in logs)
         inertia = machine.inertia(logs[0].q.mean(0))
         servo = machine.servo
@@ -224,23 +379,60 @@ class _Problem:
             np.maximum(servo.kp * 0.3 * moved, servo.kv * moved), np.minimum(servo.high, 1e9)
         )
         damping = servo.kv + inertia / 0.1  # of a servo that takes a tenth of a second
-        self.varied = VARIED * np.concatenate([inertia, damping, torque, torque])
+        each = {"Ia": inertia, "Fv": damping, "Fc": torque, "off": torque}
+        each |= {"kp": servo.kp, "kv": damping}
+        bodies = believed.bodies if believed else ()
+        #: Where the coordinates of bodies begin, and where delays do.
+        self.at = len(kinds) * self.n, len(kinds) * self.n + len(bodies)
+        self.varied = VARIED * np.concatenate([*(each[k] for k in kinds), np.ones(len(bodies))])
+        ones = np.ones(self.n, bool)
+        held = [~(free or {}).get(k, ones) for k in kinds]
+        self.held = np.concatenate([*held, np.zeros(len(bodies), bool)])
         self.trees = machine.trees
-        place = np.array([int(np.sum(self.trees[:k] == t)) for k, t in enumerate(self.trees)])
-        #: One joint of each tree, which are varied at once.
-        self.groups = [np.flatnonzero(place == k) for k in range(int(place.max()) + 1)]
+        #: Which tree each number is of.
+        self.tree_of = np.concatenate([np.tile(self.trees, len(kinds)), machine.trees_of(bodies)])
+        #: One number of each tree, which are varied at once.
+        self.groups: list[np.ndarray] = []
+        ends = [*range(0, self.at[0] + 1, self.n), *([self.at[1]] if bodies else [])]
+        for a, b in pairwise(ends):
+            own = np.flatnonzero(~self.held[a:b]) + a
+            trees = self.tree_of[own]
+            place = np.array([np.sum(trees[:k] == t) for k, t in enumerate(trees)], int)
+            self.groups += [own[place == k] for k in range(int(place.max(initial=-1)) + 1)]
+        self.machine_of = lru_cache(maxsize=4)(self._machine_of)
 
-    def unpack(self, x: Array) -> tuple[dict[str, Array], Array]:
-        """Return the numbers of a vector."""
-        rows = x[: 4 * self.n].reshape(4, -1).copy()
-        return dict(zip(KINDS, rows, strict=True)), x[4 * self.n :].copy()
+    def _machine_of(self, bodies: bytes) -> CommandedRobot:
+        """Return the robot with bodies at some coordinates."""
+        assert self.believed is not None
+        values = self.believed.values(np.frombuffer(bodies))
+        return CommandedRobot(self.machine.robot, values, self.machine.servo)
+
+    def extended(self, x: Array) -> Array:
+        """Return a vector of a problem of the same joints with coordinates of bodies, as believed.
+
+        If it has them already it stays.
+        """
+        if len(x) == self.at[1] + len(self.logs):
+            return x
+        return np.insert(x, self.at[0], np.zeros(self.at[1] - self.at[0]))
+
+    def unpack(self, x: Array) -> tuple[dict[str, Array], Array, Array]:
+        """Return the numbers of a vector, delays, and coordinates of bodies."""
+        a, b = self.at
+        rows = x[:a].reshape(len(self.kinds), -1).copy()
+        return dict(zip(self.kinds, rows, strict=True)), x[b:].copy(), x[a:b].copy()
 
     def bounds(self, x: Array) -> tuple[Array, Array]:
-        """Return the least and largest step: no friction or rotor is negative."""
-        low = np.full(len(x), -np.inf)
-        low[: 3 * self.n] = -x[: 3 * self.n]
+        """Return the least and largest step: no friction, rotor or gain is negative."""
+        low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
+        for k, kind in enumerate(self.kinds):
+            if kind != "off":
+                own = slice(k * self.n, (k + 1) * self.n)
+                low[own] = -x[own] if kind != "kp" else -0.8 * x[own]
+        held = np.flatnonzero(self.held)
+        low[held], high[held] = -1e-12, 1e-12
         # A command was given at any time since the row before.
-        high, late = np.full(len(x), np.inf), slice(4 * self.n, None)
+        late = slice(self.at[1], None)
         low[late] = -self.dt - x[late]
         if self.known is not None:
             low[late], high[late] = -1e-12, 1e-12
@@ -250,7 +442,7 @@ class _Problem:
         """Return standard deviations of the delays, (L,) [s]: a sandwich of blocks of time."""
         if not len(r):
             return np.zeros(len(self.logs))
-        a = np.linalg.pinv(J)[4 * self.n :]
+        a = np.linalg.pinv(J)[self.at[1] :]
         scores = (a * r).reshape(len(a), -1, self.n).sum(2)
         rows = max(1, round(TOGETHER / self.dt))
         starts = np.arange(0, scores.shape[1], rows)
@@ -259,17 +451,52 @@ class _Problem:
 
     def roll(self, xs: Sequence[Array], step: float = STEP) -> list[list[Array]]:
         """Return positions along every log, for several vectors."""
-        numbers, delays = zip(*map(self.unpack, xs), strict=True)
-        late = np.array(delays).T
-        pairs = zip(self.logs, late, strict=True)
-        each = [self.machine.roll(log, numbers, own, step=step) for log, own in pairs]
-        return [[q[k] for q in each] for k in range(len(xs))]
+        every = [self.unpack(x) for x in xs]
+        machines = [self.machine_of(e.tobytes()) if len(e) else self.machine for _, _, e in every]
+        pairs = zip(machines, every, strict=True)
+        step = min(step, *(m.longest(numbers) for m, (numbers, _, _) in pairs))
+        out: list[list[Array]] = [[] for _ in xs]
+        for machine in dict.fromkeys(machines):
+            own = [k for k, m in enumerate(machines) if m is machine]
+            numbers = [every[k][0] for k in own]
+            for i, log in enumerate(self.logs):
+                late = [every[k][1][i] for k in own]
+                for k, q in zip(own, machine.roll(log, numbers, late, step=step), strict=True):
+                    out[k].append(q)
+        return out
 
-    def residual(self, q: list[Array], weights: Array) -> Array:
-        """Return weighted errors of positions, flat; what diverged is far off."""
+    def weights(self, q: list[Array]) -> Array:
+        """Return weights of errors of positions, (n,): errors count as rarely as they are new.
+
+        Beside what is believed of bodies they do; alone it makes no difference.
+        """
+        errors = np.maximum(self.errors(q), 1e-9)
+        if self.believed is None:
+            return np.asarray(1.0 / errors)
         pairs = zip(q, self.logs, strict=True)
-        parts = [((x - log.q) * weights)[forgotten(log) :] for x, log in pairs]
-        return np.asarray(np.nan_to_num(np.concatenate(parts).ravel(), nan=1e6))
+        times = [autocorrelation_time(np.nan_to_num(x - log.q)) for x, log in pairs]
+        return np.asarray(1.0 / (errors * np.sqrt(np.max(times, axis=0))))
+
+    def residual(self, q: list[Array], weights: Array, x: Array) -> Array:
+        """Return weighted errors of positions, flat; what diverged is far off.
+
+        Behind them is how far bodies are from what is believed.
+        """
+        pairs = zip(q, self.logs, strict=True)
+        parts = [((p - log.q) * weights)[forgotten(log) :].ravel() for p, log in pairs]
+        out = np.nan_to_num(np.concatenate(parts), nan=1e6)
+        return np.asarray(np.concatenate([out, self._belief(x)]))
+
+    def _belief(self, x: Array) -> Array:
+        if self.believed is None:
+            return np.zeros(0)
+        numbers, _, e = self.unpack(x)
+        return self.believed.rows(e, numbers)
+
+    @property
+    def believed_rows(self) -> int:
+        """How many rows of the residual are about what is believed."""
+        return len(self._belief(np.zeros(self.at[1] + len(self.logs))))
 
     def errors(self, q: list[Array]) -> Array:
         """Return errors of positions (rms) by joint, (n,)."""
@@ -279,32 +506,80 @@ class _Problem:
         return out
 
     def linearise(self, x: Array, weights: Array) -> tuple[Array, Array]:
-        """Return the derivative of the residual (r, p), and the residual (r,)."""
-        n, p = self.n, len(x)
-        tries, moved = [x], []
-        for kind in range(4):
-            for group in self.groups:
-                own = x.copy()
-                columns = kind * n + group
-                own[columns] += self.varied[columns]
-                tries.append(own)
-                moved.append(columns)
+        """Return the derivative of the residual (r, p), and the residual (r,).
+
+        That by a gain comes from a joint all of whose numbers are larger: what bodies alone tell of
+        its scale is little, and would drown in errors of differences of large numbers.
+        """
+        n = self.n
+        steps = [self._step(x, columns) for columns in self.groups]
+        scaled = [] if self.believed is None else [self.scaled(x, 1 + VARIED)]
         late = x.copy()
-        late[4 * n :] += LATER * self.dt
-        tries.append(late)
-        base, *others = self.roll(tries, COARSE)
-        r = self.residual(base, weights)
-        J = np.zeros((len(r), p))
-        rows = r.reshape(-1, n)
-        for q, columns in zip(others, moved, strict=False):
-            change = self.residual(q, weights).reshape(-1, n) - rows
+        late[self.at[1] :] += LATER * self.dt
+        base, *others = self.roll([x, *(x + step for step in steps), *scaled, late], COARSE)
+        r = self.residual(base, weights, x)
+        data = len(r) - len(self._belief(x))
+        changes = [(self.residual(q, weights, x) - r)[:data] for q in others]
+        J = np.zeros((len(r), len(x)))
+        for change, columns, step in zip(changes, self.groups, steps, strict=False):
             for column in columns:
-                inside = self.trees == self.trees[column % n]
-                block = np.zeros_like(rows)
-                block[:, inside] = change[:, inside] / self.varied[column]
-                J[:, column] = block.ravel()
-        change = (self.residual(others[-1], weights) - r) / (LATER * self.dt)
+                beside = np.flatnonzero(step)
+                beside = beside[
+                    (beside % n == column % n) & (np.isin(beside, columns, invert=True))
+                ]
+                along = self._of_tree(change, int(self.tree_of[column]))
+                J[:data, column] = (along - J[:data, beside] @ step[beside]) / step[column]
+        if self.believed is not None:
+            self._tell_scale(J[:data], x, changes[-2] / VARIED)
+            for column in np.flatnonzero(~self.held):
+                own = x.copy()
+                own[column] += self.varied[column]
+                J[data:, column] = (self._belief(own) - r[data:]) / self.varied[column]
+        change = changes[-1] / (LATER * self.dt)
         ends = np.cumsum([0, *(n * (len(log) - forgotten(log)) for log in self.logs)])
         for k, (a, b) in enumerate(pairwise(ends.tolist())):
-            J[a:b, 4 * n + k] = change[a:b]
-        return J, self.residual(self.roll([x])[0], weights)
+            J[a:b, self.at[1] + k] = change[a:b]
+        return J, self.residual(self.roll([x])[0], weights, x)
+
+    def _of_tree(self, rows: Array, tree: int) -> Array:
+        """Return rows of errors, flat, of the joints of a tree; zero of others."""
+        return np.asarray(np.where(self.trees == tree, rows.reshape(-1, self.n), 0.0).ravel())
+
+    def _step(self, x: Array, columns: np.ndarray) -> Array:
+        """Return by how much a vector is varied for some columns, (p,)."""
+        out = np.zeros(len(x))
+        out[columns] = self.varied[columns]
+        if columns[0] < self.at[0] and self.kinds[columns[0] // self.n] == "kp":
+            every = (columns[:, None] % self.n + self.n * np.arange(len(self.kinds))).ravel()
+            out[every] = np.where(self.held[every], 0.0, VARIED * x[every])
+        return out
+
+    def scaled(self, x: Array, by: float) -> Array:
+        """Return a vector of which every torque is so many times as large."""
+        assert self.believed is not None
+        a, b = self.at
+        out = x.copy()
+        out[:a] = np.where(self.held[:a], x[:a], by * x[:a])
+        out[a:b] = self.believed.scaled(x[a:b], by)
+        return out
+
+    def _tell_scale(self, J: Array, x: Array, change: Array) -> None:
+        """Let a derivative (r, p) by the numbers of a tree be that by their scale.
+
+        Positions say nothing of it, and differences of some percent would seem to; springs, stated
+        gains and limits truly do.
+
+        Parameters
+        ----------
+        J : (r, p)
+        x : (p,)
+        change : (r,)
+            Of the residual, by the logarithm of the scale of all trees.
+        """
+        along = (self.scaled(x, 1 + 1e-6) - x) / 1e-6
+        for tree in dict.fromkeys(self.trees.tolist()):
+            d = np.zeros(len(x))
+            own = np.flatnonzero(self.tree_of == tree)
+            d[own] = along[own]
+            size = (np.linalg.norm(J, axis=0) ** 2 * d) / (np.linalg.norm(J * d) ** 2 + 1e-300)
+            J -= np.outer(J @ d - self._of_tree(change, tree), size)

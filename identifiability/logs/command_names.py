@@ -95,7 +95,9 @@ def choose_commands(
             raise LogError(
                 f"{source} has commands ({listing([repr(c) for c in found], 2)}) and no torque, "
                 "and nothing states the gains of the servos that make torque of them; give them "
-                "in the sidecar: [servo] kp = …, kv = … (or as <position> actuators of an MJCF)."
+                "in the sidecar: [servo] kp = …, kv = … (or as <position> actuators of an MJCF). "
+                'Where nobody knows them, [servo] kp = "fit" lets the logs tell them, in units of '
+                "the robot file's bodies."
             )
         return found, not torque
     if known.servo is not None and not (torque or found):

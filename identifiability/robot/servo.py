@@ -9,6 +9,7 @@ sidecar, whose table goes before them, in ``[servo]``.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,12 @@ from identifiability.foundation.values import frozen
 
 #: What states gains that a robot file does not.
 SIDECAR = "the sidecar"
+
+#: What they are called where logs told them.
+FOUND = "the logs"
+
+#: What a sidecar says of a gain that logs shall tell.
+FIT = "fit"
 
 #: At which servos measure where nobody says it [Hz].
 RATE = 1000.0
@@ -51,6 +58,7 @@ class Servo:
     ----------
     kp : (n,) [N·m/rad or N/m]
     kv : (n,) [N·m·s/rad or N·s/m]
+        Both are NaN where logs shall tell them.
     low, high : (n,) [N·m or N]
         Torque beyond which they are saturated.
     delay : float or None [s]
@@ -62,6 +70,10 @@ class Servo:
         period old in the mean.
     assumed : bool
         Whether nobody states that rate.
+    found : str
+        How gains were found, and what fixes their scale, where logs told them.
+    doubt : (g, n)
+        By what share kp is others if each of g independent doubts is one standard deviation.
     """
 
     kp: Array
@@ -72,6 +84,22 @@ class Servo:
     source: str = ""
     rate: float = RATE
     assumed: bool = True
+    found: str = ""
+    doubt: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @property
+    def unknown(self) -> np.ndarray:
+        """Where logs shall tell gains, (n,) bool."""
+        return np.isnan(self.kp) | np.isnan(self.kv)
+
+    def having(self, gains: Mapping[str, Array]) -> Servo:
+        """Return the servos with other gains, ``kp`` and ``kv``, each (n,), as far as given."""
+        return replace(self, kp=gains.get("kp", self.kp), kv=gains.get("kv", self.kv))
+
+    def by_joint(self, joints: Sequence[str]) -> dict[str, dict[str, float]]:
+        """Return gains that logs told, ``kp`` and ``kv`` by joint; nothing where none did."""
+        each = {"kp": self.kp, "kv": self.kv} if self.source == FOUND else {}
+        return {k: dict(zip(joints, x.tolist(), strict=True)) for k, x in each.items()}
 
     @property
     def age(self) -> float:
@@ -137,7 +165,8 @@ def read_servo(
     path : Path
         The robot file, for sentences.
     entry : ServoEntry or None
-        The sidecar's ``[servo]``: kp, kv, limit (a number, or by joint), delay and rate.
+        The sidecar's ``[servo]``: kp, kv, limit (a number, or by joint), delay and rate. Gains are
+        told by logs where it says ``"fit"``, or where neither it nor the file says anything.
     stated : mapping
         What the robot file states, by joint.
     joints : tuple of str
@@ -155,16 +184,18 @@ def read_servo(
     files = [stated.get(j, none) for j in joints]
     kp = np.array([given["kp"].get(j, f.kp) for j, f in zip(joints, files, strict=True)])
     kv = np.array([given["kv"].get(j, f.kv) for j, f in zip(joints, files, strict=True)])
-    lacking = [j for j, p in zip(joints, kp, strict=True) if np.isnan(p)]
-    if lacking:
+    lacking = [j for j, p in zip(joints, kp, strict=True) if np.isnan(p) and j not in given["kp"]]
+    if lacking and given["kp"]:
         raise RobotError(
             f"The sidecar of {path}: [servo] gives no kp of {listing(lacking, 4)}; give one number "
             f"for all joints, or one for each: kp = {{{lacking[0]} = …}} (0 for a servo of "
-            "velocity)."
+            f'velocity, "{FIT}" where logs shall tell it).'
         )
-    kv = np.nan_to_num(kv)  # none stated is none
-    if not np.all((kp > 0) | (kv > 0)):
-        loose = joints[int(np.argmin((kp > 0) | (kv > 0)))]
+    told = np.array([j in given["kv"] for j in joints])
+    kv = np.where(np.isnan(kv) & ~told & ~np.isnan(kp), 0.0, kv)  # none stated is none
+    idle = ~(np.isnan(kp) | np.isnan(kv) | (kp > 0) | (kv > 0))
+    if idle.any():
+        loose = joints[int(np.argmax(idle))]
         raise RobotError(
             f"The servo of '{loose}' in {path} has neither kp nor kv, so its command says nothing "
             "of torque; give its gains in the sidecar: [servo] kp = …, kv = …."
@@ -175,7 +206,7 @@ def read_servo(
     ]
     low, high = np.array(ends).T
     delay = None if entry is None or entry.delay == "auto" else float(entry.delay)
-    own = entry is not None and entry.kp is not None
+    own = entry is not None and (entry.kp is not None or bool(np.isnan(kp).any()))
     rate = None if entry is None else entry.rate
     source = SIDECAR if own else "the robot file"
     return Servo(kp, kv, low, high, delay, source, rate or RATE, rate is None)
@@ -187,7 +218,7 @@ def _by_joint(path: Path, key: str, entry: Any, joints: tuple[str, ...]) -> dict
     if value is None:
         return {}
     if not isinstance(value, dict):
-        return dict.fromkeys(joints, float(value))
+        return dict.fromkeys(joints, _number(value))
     out: dict[str, float] = {}
     for text in sorted(value, key=is_pattern, reverse=True):
         found = find_named(text, joints)
@@ -196,8 +227,13 @@ def _by_joint(path: Path, key: str, entry: Any, joints: tuple[str, ...]) -> dict
                 f"The sidecar of {path}: [servo] {key} names '{text}', which is no actuated joint"
                 f"{near_match(text, joints)} They are {listing(joints)}."
             )
-        out |= dict.fromkeys(found, float(value[text]))
+        out |= dict.fromkeys(found, _number(value[text]))
     return out
+
+
+def _number(value: float | str) -> float:
+    """Return a gain or limit; NaN for one that logs shall tell."""
+    return np.nan if value == FIT else float(value)
 
 
 def find_servos(m: Any, driven: Mapping[int, tuple[int, float]]) -> dict[str, JointServo]:

@@ -61,6 +61,7 @@ Span = Annotated[tuple[float, float], AfterValidator(_rising)]
 Masses = Annotated[tuple[Annotated[float, Field(ge=0)], float], AfterValidator(_rising)]
 Length = Annotated[float, Field(gt=0)]
 Gain = Annotated[float, Field(ge=0)]
+Fitted = Gain | Literal["fit"]
 #: No value of a robot in SI units is larger.
 Held = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 #: Coefficients of a polynomial.
@@ -255,11 +256,14 @@ class ServoEntry(_Strict):
     τ = kp (q_cmd − q) + kv (dq_cmd − dq) + τ_ff
     """
 
-    kp: Gain | dict[str, Gain] | None = described(
-        "[N·m/rad or N/m]; one number, or by joint.", 40, None
+    kp: Fitted | dict[str, Fitted] | None = described(
+        '[N·m/rad or N/m]; one number, or by joint; "fit" where logs shall tell it, as they do '
+        "where nobody states any gain.",
+        40,
+        None,
     )
-    kv: Gain | dict[str, Gain] | None = described(
-        "[N·m·s/rad or N·s/m]; one number, or by joint.", {"*_knee": 2, "*": 1}, None
+    kv: Fitted | dict[str, Fitted] | None = described(
+        '[N·m·s/rad or N·s/m]; one number, or by joint, or "fit".', {"*_knee": 2, "*": 1}, None
     )
     limit: Length | dict[str, Length] | None = described(
         "Torque beyond which it is saturated [N·m or N].", 30, None

@@ -35,7 +35,7 @@ from identifiability.robot.markup import (
     write_servos,
 )
 from identifiability.robot.parts import Axis
-from identifiability.robot.servo import SIDECAR
+from identifiability.robot.servo import FOUND, SIDECAR
 from identifiability.robot.sidecar import read_sidecar
 
 # Write what is along several joints into an MJCF, as fixed tendons.
@@ -166,7 +166,8 @@ def write_robot(
         clear_mjcf(top)
         write_axes(top, robot, joints)
         write_gravity(top, robot.gravity)
-        if robot.servo is not None and robot.servo.source == SIDECAR:
+        told = robot.servo is not None and robot.servo.source in (SIDECAR, FOUND)
+        if robot.servo is not None and told and not robot.servo.unknown.any():
             write_servos(top, robot.joints, robot.servo)
     else:
         _turn_base(top, robot)
@@ -334,6 +335,8 @@ _MEANING = {
     "shapes": "Stribeck velocities and periods of the effects",
     "reference": "values by which the loads of effects are known",
     "rest": "where the springs of joints are relaxed",
+    "servo.kp": "found in logs [N·m/rad or N/m]",
+    "servo.kv": "found in logs [N·m·s/rad or N·s/m]",
     "locked": "joints that do not move, and where they are held",
 }
 
@@ -348,6 +351,8 @@ def _sidecar_text(robot: Description, tables: Mapping[str, Mapping[str, float]])
     """
     if robot.lock_option:
         tables = {**tables, "locked": robot.locked}
+    gains = {} if robot.servo is None else robot.servo.by_joint(robot.joints)
+    tables = {**tables, **{f"servo.{k}": of for k, of in gains.items()}}
     if robot.sidecar is None and not any(tables.values()) and robot.base_option is None:
         return None
     given = robot.sidecar.read_text(encoding="utf-8-sig") if robot.sidecar is not None else ""
@@ -356,6 +361,8 @@ def _sidecar_text(robot: Description, tables: Mapping[str, Mapping[str, float]])
     if robot.base_option is not None:
         given = re.sub(r"^base\s*=.*\n", "", given, flags=re.MULTILINE)
         given = f'base = "{robot.base_option}"\n{given}'
+    # In place of what said that logs shall tell them.
+    given = re.sub(r"^(kp|kv)\s*=.*\n?", "", given, flags=re.MULTILINE) if gains else given
     heads = {f"[{key}]" for key in tables}
     lines, skipping = [], False
     for line in given.splitlines():
@@ -368,7 +375,8 @@ def _sidecar_text(robot: Description, tables: Mapping[str, Mapping[str, float]])
         lines += [f"{json.dumps(name)} = {float(value)!r}" for name, value in table.items()]
     text = "\n".join(lines).strip() + "\n"
     wanted = {k: v for k, v in tomllib.loads(given).items() if k not in tables}
-    wanted |= {key: dict(table) for key, table in tables.items() if table}
+    wanted |= {key: dict(table) for key, table in tables.items() if table and "." not in key}
+    wanted |= {"servo": wanted.get("servo", {}) | gains} if gains else {}
     try:
         same = tomllib.loads(text) == wanted
     except tomllib.TOMLDecodeError:

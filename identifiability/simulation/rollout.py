@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from itertools import compress
 from typing import Any
 
 import mujoco
@@ -20,7 +21,7 @@ import numpy as np
 import scipy
 from mujoco import rollout
 
-from identifiability.foundation.errors import RobotError
+from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import acting
@@ -66,6 +67,12 @@ class CommandedRobot:
         servo = servo or robot.servo
         if servo is None:
             raise RobotError(f"{robot.path} {NO_SERVO}")
+        if servo.unknown.any():
+            raise RobotError(
+                f"The gains of {listing([*compress(robot.joints, servo.unknown)], 4)} in "
+                f"{robot.path} are what logs of commands shall tell, so nothing rolls out as yet: "
+                "analyze such logs and give the result, or fit some first (rollout --fit LOG)."
+            )
         if robot.closed or robot.cables or robot.transmission is not None:
             raise RobotError(
                 f"{robot.path}: rollouts from commands are of robots whose joints have a servo "
@@ -100,20 +107,31 @@ class CommandedRobot:
 
     def longest(self, numbers: Mapping[str, Array]) -> float:
         """Return the longest step that takes little of any joint's inertia off [s]."""
-        damping = np.maximum(numbers["Fv"], 0.0) + self.servo.kv
+        damping = np.maximum(numbers["Fv"], 0.0) + self._servo(numbers).kv
         ratio = (self.bare + numbers["Ia"]) / np.maximum(damping, 1e-12)
         return float(max(LEAST, LITTLE * ratio.min()))
+
+    def _servo(self, numbers: Mapping[str, Array]) -> Servo:
+        """Return the servos; gains may be among the numbers of the joints."""
+        return self.servo.having(numbers)
 
     @property
     def trees(self) -> np.ndarray:
         """Which tree behind the base each joint is of, (n,) int: none moves another's."""
+        return self._trees([int(self.model.dof_bodyid[dof]) for dof in self.dofs])
+
+    def trees_of(self, bodies: Sequence[str]) -> np.ndarray:
+        """Return which tree each body is of, (m,) int."""
+        return self._trees([self.model.body(name).id for name in bodies])
+
+    def _trees(self, bodies: Sequence[int]) -> np.ndarray:
         m, found = self.model, []
-        for dof in self.dofs:
-            body = int(m.dof_bodyid[dof])
-            while int(m.body_weldid[m.body_parentid[body]]):
-                body = int(m.body_parentid[body])
-            found.append(body)
-        return np.array(found)
+        for body in bodies:
+            at = body
+            while int(m.body_weldid[m.body_parentid[at]]):
+                at = int(m.body_parentid[at])
+            found.append(at)
+        return np.array(found, int)
 
     def numbers(self) -> dict[str, Array]:
         """Return armature, damping, dry friction and offset of the joints, each (n,)."""
@@ -141,7 +159,8 @@ class CommandedRobot:
         log : Log
             With commands, in the robot's order of joints.
         numbers : sequence of mapping
-            Joints' numbers of K robots, as of `numbers`; by default its own alone.
+            Joints' numbers of K robots, as of `numbers`, and gains ``kp``, ``kv`` of the servos
+            if others than its own; by default its own alone.
         delay : float or K of them [s]
         windows : sequence of (start, stop)
             Rows at which each run begins anew; by default one, the whole log.
@@ -166,7 +185,7 @@ class CommandedRobot:
             q, v = home.copy(), np.zeros(self.model.nv)
             q[self.at], v[self.dofs] = log.q[a], speed[a]
             times = log.t[a] + h * np.arange(steps)
-            controls[r] = acting(log, self.servo, times, h, float(delays[k]))
+            controls[r] = acting(log, self._servo(numbers[k]), times, h, float(delays[k]))
             v -= 0.5 * h * self._acceleration(models[k], q, v, controls[r, 0])
             start[r, 1 : 1 + self.model.nq], start[r, 1 + self.model.nq :][: len(v)] = q, v
         states, _ = rollout.rollout(
@@ -202,7 +221,7 @@ class CommandedRobot:
         damping = np.maximum(numbers["Fv"], 0.0)
         model.dof_damping[dofs] = damping
         model.dof_frictionloss[dofs] = np.maximum(numbers["Fc"], 0.0)
-        servo = self.servo
+        servo = self._servo(numbers)
         whole = self.bare + numbers["Ia"]
         taken = -servo.lead + 0.5 * h * (damping + servo.damping)
         # A file without rotors may state less inertia than a servo of this rate could hold.
@@ -212,8 +231,11 @@ class CommandedRobot:
         # an end and follows nothing: that torque pushes the lighter joint by as much less.
         seeming = np.clip(-servo.lead, 0.0, MOST_TAKEN * whole)
         less = dict(zip(self.robot.joints, 1 - seeming / whole, strict=True))
-        for joint, offset in zip(self.robot.joints, numbers["off"], strict=True):
+        for k, (joint, offset) in enumerate(zip(self.robot.joints, numbers["off"], strict=True)):
             actuator = model.actuator(joint).id  # what is taken off at the joint
+            if "kp" in numbers and servo.kp[k] > 0:
+                model.actuator_gainprm[actuator, 0] = servo.kp[k]
+                model.actuator_biasprm[actuator, 1] = -servo.kp[k]
             model.actuator_biasprm[actuator, 0] = -offset
             model.actuator_biasprm[actuator, 2] = -late[joint]
             model.actuator_forcerange[actuator] = less[joint] * (self._ends[joint] - offset)
@@ -246,7 +268,8 @@ def forgotten(log: Log) -> int:
 #: What a robot lacks that has no servo, after its path.
 NO_SERVO = (
     "states no gains of servos, so commands say nothing of torque; give them in the sidecar: "
-    "[servo] kp = …, kv = … (or as <position> actuators of an MJCF)."
+    "[servo] kp = …, kv = … (or as <position> actuators of an MJCF), or let logs tell them: kp = "
+    '"fit".'
 )
 
 _STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)

@@ -11,7 +11,7 @@ the motion, whose errors are not those of the log (calibrated instrumental varia
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -69,11 +69,14 @@ def follow_commands(
     rng: np.random.Generator,
     values: Mapping[str, float],
     first: Rollouts | None,
-) -> tuple[tuple[Recording, ...], tuple[Recording, ...], str, dict[int, Log], Rollouts | None]:
+) -> tuple[
+    tuple[Recording, ...], tuple[Recording, ...], str, tuple[dict[int, Log], ...], Rollouts | None
+]:
     """Return logs with calibrated torque where it comes from commands, and what to say of it.
 
-    Then, by their place among the fitted ones, logs as they were if commands acted one standard
-    deviation of the delay later; and the rollouts on which it was calibrated.
+    Then fitted logs, by their place, as they were if commands acted one standard deviation of the
+    delay later, log by log, or gains that were found were others by one; and the rollouts on which
+    torque was calibrated.
 
     Parameters
     ----------
@@ -91,7 +94,7 @@ def follow_commands(
     robot = structure.robot
     commanded = [x for x in fitted if isinstance(x, Log) and x.servo_delay is not None]
     if robot.servo is None or not commanded:
-        return tuple(fitted), tuple(held), "", {}, None
+        return tuple(fitted), tuple(held), "", (), None
     try:
         found = fit_rollouts(
             robot,
@@ -103,7 +106,7 @@ def follow_commands(
         said = f"{error} Torque of commands is taken as it is"
         if robot.servo.delay is None:
             said += ", without a delay: state it in the sidecar ([servo] delay = …)"
-        return tuple(fitted), tuple(held), f"{said}.", {}, None
+        return tuple(fitted), tuple(held), f"{said}.", (), None
     if first is None:
         _check_found(robot, commanded, found)
     else:
@@ -125,19 +128,26 @@ def follow_commands(
     said = state_servos(robot, commanded, found)
     own_fitted = tuple(map(calibrated, fitted))
     errors = dict(zip(map(id, commanded), found.delay_errors, strict=True))
-    later = {
-        k: delayed(log, robot.servo, float(errors[id(given_)]))
+    later = [
+        {k: moved(log, robot.servo, robot.servo, float(errors[id(given_)]))}
         for k, (given_, log) in enumerate(zip(fitted, own_fitted, strict=True))
         if errors.get(id(given_)) and isinstance(log, Log)
-    }
-    return own_fitted, tuple(map(calibrated, held)), said, later, found
+    ]
+    for doubt in robot.servo.doubt:
+        other = replace(robot.servo, kp=robot.servo.kp * (1 + doubt))
+        pairs = [(k, x) for k, x in enumerate(own_fitted) if isinstance(x, Log)]
+        each = {k: moved(x, robot.servo, other) for k, x in pairs if x.servo_delay is not None}
+        later.append(each)
+    return own_fitted, tuple(map(calibrated, held)), said, tuple(later), found
 
 
-def delayed(log: Log, servo: Servo, more: float) -> Log:
-    """Return a log as it is if its commands act later by a few microseconds [s]."""
+def moved(log: Log, servo: Servo, other: Servo, more: float = 0.0) -> Log:
+    """Return a log as it is with other servos, and commands that act later by a little [s]."""
     assert log.servo_delay is not None
-    ends = [servo_log(log, servo, log.servo_delay + d).tau for d in (0.0, more)]
-    return replace(log, tau=log.tau + ends[1] - ends[0])
+    before, after = (
+        servo_log(log, one, log.servo_delay + d).tau for one, d in ((servo, 0.0), (other, more))
+    )
+    return replace(log, tau=log.tau + after - before)
 
 
 def _check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> None:
@@ -221,6 +231,8 @@ class Moved:
         Of positions (rms) of joints that turn, or if none does, slide; NaN where one diverged.
     unit : str
         Of a thousandth of it: mrad or mm.
+    gains : mapping
+        Of the servos, ``kp`` and ``kv`` by joint, where logs told them.
     """
 
     logs: tuple[str, ...]
@@ -229,6 +241,7 @@ class Moved:
     error: float
     error_file: float
     unit: str
+    gains: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def statement(self) -> str:
@@ -248,7 +261,8 @@ class Moved:
         errors = {"error": self.error, "error_file": self.error_file}
         known = {k: x if np.isfinite(x) else None for k, x in errors.items()}
         told = {"statement": self.statement, "logs": list(self.logs), "unseen": self.unseen}
-        return {**told, "delays": list(self.delays), **known}
+        gains = {"gains": {k: dict(x) for k, x in self.gains.items()}} if self.gains else {}
+        return {**told, "delays": list(self.delays), **known, **gains}
 
 
 def measure_rollouts(
@@ -295,7 +309,8 @@ def measure_rollouts(
         delays = delays or tuple(late)
     names = tuple(x.name for x in logs)
     unit = "mm" if slides.all() else "mrad"
-    return Moved(names, bool(commanded[0]), delays, errors[0], errors[1], unit)
+    gains = robot.servo.by_joint(robot.joints)
+    return Moved(names, bool(commanded[0]), delays, errors[0], errors[1], unit, gains)
 
 
 def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
@@ -305,9 +320,10 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     before, after = (1e3 * float(np.sqrt(np.mean(x**2))) for x in (found.before, found.errors))
     late = state_delay(found.delays, [log.name for log in logs])
     names = listing([log.name for log in logs], 4)
+    first = f"{robot.servo.found} " if robot.servo.found else ""
     return (
-        f"{names} {'holds' if len(logs) == 1 else 'hold'} commands and no torque: it is what the "
-        f"servos of {robot.servo.source} make of them, kp (q_cmd − q) − kv dq, "
+        f"{first}{names} {'holds' if len(logs) == 1 else 'hold'} commands and no torque: it is "
+        f"what the servos of {robot.servo.source} make of them, kp (q_cmd − q) − kv dq, "
         f"less what sampling and encoders leave in it; {late}, {known}. Moved by these commands "
         f"the file's robot errs by {before:.3g} mrad (rms), one with the numbers that fit "
         f"best by {after:.3g}. {robot.servo.state_rate()}"

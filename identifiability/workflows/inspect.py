@@ -825,8 +825,8 @@ def _with_logs(
     found: Inspection, logs: Logs, how: Preparation | None, say: Progress, engine: Engine
 ) -> Inspection:
     """Return the inspection with what is in logs."""
-    robot = found.robot
     session = Session.read(found.structure, logs, (), how, say, engine)
+    robot = session.structure.robot
     recordings, settled = session.recordings, _settle(session)
     reading = share(say, "reading logs", 0.2, 0.6)
     prepared: dict[int, Prepared] = {}

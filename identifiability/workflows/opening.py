@@ -7,7 +7,7 @@ it is.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import field, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -79,9 +79,9 @@ class Recordings:
         Logs that were read otherwise than literally, and how; the first hints say it.
     commands : str
         How torque was made of commands, a hint that speaks against nothing; empty if it was not.
-    later : mapping
+    later : tuple of mapping
         Fitted logs, by their place, as they are if commands act one standard deviation of the
-        delay later than found.
+        delay later than found, log by log, or if gains that were found are others by one.
     rolled : Rollouts or None
         On which torque of commands was calibrated.
     """
@@ -91,7 +91,7 @@ class Recordings:
     hints: tuple[str, ...] = ()
     read: tuple[tuple[str, str], ...] = ()
     commands: str = ""
-    later: Mapping[int, Log] = field(default_factory=dict)
+    later: tuple[Mapping[int, Log], ...] = ()
     rolled: "Rollouts | None" = None
 
     @property

@@ -24,16 +24,14 @@ from identifiability.foundation.options import Expected, checked
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
-from identifiability.logs.commands import check_commands
-from identifiability.logs.conventions import Conventions
-from identifiability.logs.mend import check_units
 from identifiability.logs.tables import write_table
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.changed import new_place
 from identifiability.robot.servo import state_delay
 from identifiability.simulation.rollout import NO_SERVO, CommandedRobot, forgotten
 from identifiability.workflows.analyze.assessment import DIFFERENT, list_worst
-from identifiability.workflows.opening import Logs, in_memory, list_logs, read_recordings
+from identifiability.workflows.opening import Logs
+from identifiability.workflows.servo_gains import learn_gains, read_commanded
 
 #: Length of a window [s].
 WINDOW = 1.0
@@ -270,11 +268,11 @@ def rollout(
         robot.check_stands("rolling out commands")
         if robot.servo is None:
             raise RobotError(f"{robot.path} {NO_SERVO}")
-        read, said = _read(robot, logs)
+        read, said = read_commanded(robot, logs)
         if not read:
             raise LogError("No log was given; give at least one.")
         others = [] if against is None else [_other(robot, against)]
-        learnt, more = _read(robot, fit)
+        learnt, more = read_commanded(robot, fit)
         if learnt:
             shared = {log.sha256 for log in learnt} & {log.sha256 for log in read}
             if shared:
@@ -282,6 +280,8 @@ def rollout(
                     f"{next(x.name for x in learnt if x.sha256 in shared)} is fitted and rolled "
                     "out; give logs that were not fitted."
                 )
+            robot = learn_gains(robot, learnt)
+            assert robot.servo is not None
             found = fit_rollouts(robot, learnt, delay=robot.servo.delay)
             others.insert(0, robot.with_values(found.parameters(robot)))
         for other in others:
@@ -290,6 +290,8 @@ def rollout(
                     f"{other.path} has the actuated joints {listing(other.joints)}, and "
                     f"{robot.path} {listing(robot.joints)}; compare robots with the same joints."
                 )
+        if others and robot.servo is not None and robot.servo.unknown.any():
+            robot = replace(robot, servo=others[0].servo)
         runs = [_roll(each, read) for each in (robot, *others)]
         if learnt:
             runs[1] = replace(runs[1], name=f"fitted to {listing([x.name for x in learnt], 2)}")
@@ -302,33 +304,6 @@ def rollout(
         fitted=others[0] if learnt else None,
         hints=tuple(dict.fromkeys((*said, *more))),
     )
-
-
-def _read(robot: Robot, logs: Logs) -> tuple[list[Log], tuple[str, ...]]:
-    """Return logs with commands, in the robot's order, and what was mended in them.
-
-    Raises
-    ------
-    LogError
-        If one has none, or the motion contradicts them.
-    """
-    if not list_logs(logs):
-        return [], ()
-    # Torque is not looked at, and a motion that is made again is rolled out again.
-    known = replace(Conventions.of(robot), commands=True)
-    given = read_recordings(logs, known=known, commands=True, evidence=False)
-    out = []
-    for log in in_memory(given.fitted, Log):
-        own = log.select(robot.joints)
-        if own.q_ref is None and own.dq_ref is None:
-            raise LogError(
-                f"{log.name} has no commands; a rollout needs the positions that every servo was "
-                f"told, '{robot.joints[0]}.cmd'."
-            )
-        check_commands(own)
-        check_units(robot, [own])
-        out.append(own)
-    return out, given.hints
 
 
 def _other(robot: Robot, against: Other) -> Robot:

@@ -45,6 +45,7 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import full_rung
 from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
 from identifiability.workflows.band import settle_band
 from identifiability.workflows.instruments import add_instruments
 from identifiability.workflows.opening import (
@@ -123,6 +124,8 @@ class Session:
         LogError
         """
         say("reading logs", 0.0)
+        if commands:
+            structure = replace(structure, robot=settle_gains(structure.robot, logs))
         known = replace(Conventions.of(structure.robot), motion_alone=motion_alone)
         given = read_recordings(logs, validate, known, preparation, commands=commands)
         return cls(structure, given, preparation, say, engine or Serial())
@@ -369,6 +372,22 @@ def _times(samples: Prepared, first: int, last: int) -> Array:
     survey, at = samples.survey, np.array([first, last])
     times: Array = survey.start + (survey.stop - survey.start) * at / survey.outputs
     return times
+
+
+def settle_gains(robot: Robot, logs: Logs) -> Robot:
+    """Return a robot whose servos have gains; logs tell those that nobody states.
+
+    Where logs hold torque nobody asks for gains.
+
+    Raises
+    ------
+    LogError
+    """
+    if robot.servo is None or not robot.servo.unknown.any():
+        return robot
+    from identifiability.workflows.servo_gains import find_gains  # noqa: PLC0415 - MuJoCo
+
+    return find_gains(robot, logs)
 
 
 def settle_prior(

@@ -654,7 +654,7 @@ class Laddered(Result, Opening, Predicts):
         How far rollouts of the nearest real robot are off, of logs of commands.
     late : (L, b)
         By how much base parameters move if commands of a log act one standard deviation of its
-        delay later.
+        delay later, or gains that were found are others by one.
     rolled : Rollouts or None
         On which torque of commands was calibrated: delays and their errors.
     """

@@ -46,14 +46,15 @@ from identifiability.workflows.session import Session, Weighed, weigh_rows
 
 @frozen
 class DelayErrors:
-    """What errors of the delays of commands do to values: all samples of a log share them.
+    """What errors of delays and gains of servos do to values: all samples of a log share them.
 
     Attributes
     ----------
     information : Information
         About all columns, before rows were weighed.
     later : tuple of Information
-        The same, had commands of one log acted one standard deviation of its delay later.
+        The same, had commands of one log acted one standard deviation of its delay later, or had
+        gains that were found been others by one.
     estimator : Estimator
     """
 
@@ -65,12 +66,13 @@ class DelayErrors:
     def of(cls, session: Session, rows: Weighed) -> DelayErrors:
         """Return them for samples that are fitted; none where torque comes from no command."""
         opening, later = rows.opening, list[Information]()
-        for k, log in () if opening.silence else session.recordings.later.items():
+        for logs in () if opening.silence else session.recordings.later:
             samples = list(opening.samples)
-            own, moved = samples[k], prepare_samples(opening.robot, log, session.how)
-            if isinstance(own, Samples) and moved.tau.shape == own.tau.shape:
-                samples[k] = replace(own, tau=moved.tau)
-                later.append(gather_information(opening.structure.regression(samples)))
+            for k, log in logs.items():
+                own, moved = samples[k], prepare_samples(opening.robot, log, session.how)
+                if isinstance(own, Samples) and moved.tau.shape == own.tau.shape:
+                    samples[k] = replace(own, tau=moved.tau)
+            later.append(gather_information(opening.structure.regression(samples)))
         return cls(rows.alike, tuple(later), rows.estimator)
 
     def move(self, rung: Rung) -> Array:

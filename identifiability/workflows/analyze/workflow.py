@@ -156,7 +156,9 @@ def analyze(
             "preparation": preparation or Preparation(),
         }
         found = _judge(session, fitted, streams[1], draws, share_, base.name, seed, settings)
-        moved = session.recordings.measure_rollouts(robot, found.chosen.physical.parameters())
+        moved = session.recordings.measure_rollouts(
+            session.structure.robot, found.chosen.physical.parameters()
+        )
         found = replace(found, source=source, moved=moved)
         return _sample(found, streams[2], say, share_) if posterior else found
 

@@ -86,7 +86,7 @@ from identifiability.workflows.opening import (
     require_signal,
 )
 from identifiability.workflows.provenance import state_provenance
-from identifiability.workflows.session import Session, weigh_rows
+from identifiability.workflows.session import Session, settle_gains, weigh_rows
 
 #: Simulated noises, and those without which no p-value falls below 5 %.
 DRAWS, FEWEST = 199, 19
@@ -177,6 +177,7 @@ def diagnose(
             logs, validate = before.find_logs(list_logs(logs), list_logs(validate))
             model = list(before.model) if model is None and fixed is False else model
         say("reading logs", 0.0)
+        robot = settle_gains(robot, logs)
         given = read_recordings(logs, validate, Conventions.of(robot), preparation, commands=True)
         structure, known = _settle_values(robot, model, fixed, commanded=given.commanded)
         session = Session(structure, given, preparation, say, engine or Serial())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -42,7 +42,7 @@ from identifiability.physical.feasibility import ANOTHER, is_another
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.other_format import write_twin
-from identifiability.robot.servo import state_delay
+from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.robot.write import write_robot
 from identifiability.workflows.predict import Entry, MissingEntry, RobotEntry, state_missing
 
@@ -88,6 +88,14 @@ class RolloutEntry(Entry):
     statement: str
     logs: tuple[str, ...]
     delays: tuple[float, ...]
+    gains: dict[str, dict[str, float]] = Field(default_factory=dict)
+
+    def settle(self, servo: Servo, joints: Sequence[str]) -> Servo:
+        """Return servos with the gains that logs told."""
+        if not self.gains:
+            return servo
+        own = {k: np.array([of[j] for j in joints]) for k, of in self.gains.items()}
+        return replace(servo.having(own), source=FOUND)
 
     @property
     def delay(self) -> float:
@@ -455,6 +463,8 @@ def export(
             "other logs."
         )
     physical = content.physical
+    if robot.servo is not None and content.rollout is not None:
+        robot = replace(robot, servo=content.rollout.settle(robot.servo, robot.joints))
     missing = tuple(f.text for f in content.missing_functions)
     shapes = physical.shapes
     effect_of = {n: FAMILIES[p.group] for n, p in every_parameter(robot, shapes).items()}
@@ -562,7 +572,7 @@ def write_isaaclab(robot: Robot, given: Mapping[str, float], content: Result, ou
         If the robot has no servos.
     """
     servo = robot.servo
-    if servo is None:
+    if servo is None or servo.unknown.any():
         raise RobotError(
             f"{robot.path} states no gains of servos, which a configuration of actuators is made "
             "of; give them in the sidecar: [servo] kp = …, kv = …."

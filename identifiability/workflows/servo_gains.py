@@ -1,0 +1,230 @@
+"""Gains of servos that nobody states: found from logs of commands, and what fixes their scale.
+
+Commands and positions tell ratios alone: gains, rotors, friction and bodies that are all twice as
+large move alike. The scale comes from what is known beside the logs: bodies within a share of the
+robot file's, or what its sidecar states of single ones (``[prior_share]``, ``[prior]``). Bodies are
+fitted beside the gains in coordinates in which each stays a possible one, J = P (1 + E)(1 + E)ᵀ Pᵀ
+with E upper triangular and J₀ = P Pᵀ the file's pseudo-inertia.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from identifiability.estimation.rollouts import CONTRADICTED, Gains, fit_gains, share_missed
+from identifiability.foundation.errors import LogError, RobotError, listing
+from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.values import frozen
+from identifiability.logs import Log, signals
+from identifiability.logs.commands import check_commands
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.mend import check_units
+from identifiability.physical.cad_prior import SHARE, thick_inertia
+from identifiability.physical.pseudo_inertia import BASIS
+from identifiability.robot import Robot
+from identifiability.robot.servo import FOUND
+from identifiability.workflows.opening import Logs, in_memory, list_logs, read_recordings
+
+#: Length of logs that gains are found from, all together [s]: more says little more of them.
+LONG = 60.0
+
+#: Share of the scale that bodies fix where nothing else does, and of one that is named for it.
+FIXED, NAMED = 0.5, 0.2
+
+#: Doubt of a gain that is none.
+SURE = 1e-4
+
+_UPPER = np.triu_indices(4)
+
+
+@frozen
+class Bodies:
+    """Bodies that are a robot file's within shares, as `estimation.rollouts.Believed`.
+
+    Attributes
+    ----------
+    robot : Robot
+    share : float
+        Within which a body is the file's, where its sidecar does not say otherwise.
+    """
+
+    robot: Robot
+    share: float = SHARE
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Bodies whose inertia the file states."""
+        nominal = self.robot.nominal
+        return tuple(b for b in self.robot.bodies if nominal.get(f"{b}.m", 0.0) > 0)
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The body of each coordinate."""
+        return tuple(b for b in self.names for _ in range(len(_UPPER[0])))
+
+    @cached_property
+    def _roots(self) -> list[Array]:
+        nominal = self.robot.nominal
+        each = [np.array([nominal[f"{b}.{k}"] for k in INERTIAL]) for b in self.names]
+        pairs = zip(self.names, each, strict=True)
+        return [np.linalg.cholesky(thick_inertia(x, b)) for b, x in pairs]
+
+    @property
+    def shares(self) -> Array:
+        """Within which each body is the file's, (nb,)."""
+        return np.array([self.robot.prior_share.get(b, self.share) for b in self.names])
+
+    def values(self, e: Array) -> dict[str, float]:
+        """Return standard parameters at some coordinates, ten of each body (m,)."""
+        out: dict[str, float] = {}
+        for body, P, own in zip(self.names, self._roots, e.reshape(-1, 10), strict=True):
+            E = np.eye(4)
+            E[_UPPER] += own
+            J = P @ E @ E.T @ P.T
+            phi = np.linalg.lstsq(BASIS.reshape(10, 16).T, J.ravel(), rcond=None)[0]
+            out |= dict(zip((f"{body}.{k}" for k in INERTIAL), phi.tolist(), strict=True))
+        return out
+
+    def scaled(self, e: Array, by: float) -> Array:
+        """Return the coordinates of bodies that are so many times as heavy and alike."""
+        one = np.tile(np.eye(4)[_UPPER], len(self.names))
+        return np.asarray(np.sqrt(by) * (one + e) - one)
+
+    def rows(self, e: Array, numbers: Mapping[str, Array]) -> Array:
+        """Return how far bodies and stated parameters are from what is believed, (r,) [σ]."""
+        near = (e.reshape(-1, 10) / self.shares[:, None]).ravel()
+        joints = {
+            f"{joint}.{self.robot.inertia_parts[0] if kind == 'Ia' else kind}": x
+            for kind, values in numbers.items()
+            for joint, x in zip(self.robot.joints, values, strict=True)
+        }
+        found = {**(self.values(e) if self._stated else {}), **joints}
+        return np.array([*near, *((found[k] - m) / s for k, (m, s) in self._stated.items())])
+
+    @cached_property
+    def _stated(self) -> dict[str, tuple[float, float]]:
+        joints = {f"{j}.{k}" for j in self.robot.joints for k in ("Ia", "Ja", "Fv", "Fc", "off")}
+        known = {f"{b}.{k}" for b in self.names for k in INERTIAL} | joints
+        return {name: at for name, at in self.robot.prior.items() if name in known}
+
+
+def read_commanded(
+    robot: Robot, logs: Logs, *, torque: bool = False
+) -> tuple[list[Log], tuple[str, ...]]:
+    """Return logs with commands, in the robot's order, and what was mended in them.
+
+    Parameters
+    ----------
+    robot : Robot
+    logs : Logs
+    torque : bool
+        Whether logs that hold torque, for which nobody needs commands, are left out.
+
+    Raises
+    ------
+    LogError
+        If one has none, or the motion contradicts them.
+    """
+    if not list_logs(logs):
+        return [], ()
+    # Torque is not looked at, and a motion that is made again is rolled out again.
+    known = replace(Conventions.of(robot), commands=not torque)
+    given = read_recordings(logs, known=known, commands=True, evidence=False)
+    read = given.fitted
+    if torque:
+        read = tuple(x for x in read if isinstance(x, Log) and x.commanded and x.motion_alone)
+    out = []
+    for log in in_memory(read, Log):
+        own = log.select(robot.joints)
+        if own.q_ref is None and own.dq_ref is None:
+            raise LogError(
+                f"{log.name} has no commands; a rollout needs the positions that every servo was "
+                f"told, '{robot.joints[0]}.cmd'."
+            )
+        check_commands(own)
+        check_units(robot, [own])
+        out.append(own)
+    return out, given.hints
+
+
+def find_gains(robot: Robot, logs: Logs) -> Robot:
+    """Return a robot whose servos have gains; those that nobody states are found from logs.
+
+    It is the same robot where every gain is stated, or no log is of commands alone.
+
+    Raises
+    ------
+    LogError
+        If no gains make it follow.
+    RobotError
+        If it cannot be rolled out.
+    """
+    if robot.servo is None or not robot.servo.unknown.any():
+        return robot
+    return learn_gains(robot, read_commanded(robot, logs, torque=True)[0])
+
+
+def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
+    """Return a robot with gains that logs with commands tell, as `find_gains`."""
+    every = [log for log in logs if log.q_ref is not None]
+    if robot.servo is None or not (every and robot.servo.unknown.any()):
+        return robot
+    each = LONG / len(every)
+    parts = [x.rows(0, min(len(x), round(each / signals.sampling_step(x.t)))) for x in every]
+    believed = Bodies(robot)
+    if not believed.names:
+        raise RobotError(
+            f"{robot.path} states no body with mass, and gains that nobody states have no scale "
+            "without one; state masses, or one gain in the sidecar ([servo] kp = …)."
+        )
+    found = fit_gains(robot, parts, believed)
+    share = share_missed(found.errors, parts)
+    k = int(np.argmax(share))
+    if share[k] > CONTRADICTED:
+        raise LogError(
+            f"No gains make '{robot.joints[k]}' follow its commands in "
+            f"{listing([x.name for x in every], 4)}: at best it errs by {100 * share[k]:.0f} % of "
+            "how it moves; check the sign and zero of its command, and that its servo holds "
+            "positions."
+        )
+    values, axes = np.linalg.eigh(found.covariance)
+    doubt = (np.sqrt(np.maximum(values, 0.0)) * axes).T
+    doubt = doubt[np.linalg.norm(doubt, axis=1) > SURE]
+    told = state_gains(robot, [x.name for x in every], found, believed)
+    return replace(robot, servo=replace(found.servo, source=FOUND, found=told, doubt=doubt))
+
+
+def state_gains(robot: Robot, names: Sequence[str], found: Gains, believed: Bodies) -> str:
+    """Return what gains were found, and what fixes their scale."""
+    servo, asked = found.servo, robot.servo
+    assert asked is not None
+    sure = np.sqrt(np.diag(found.covariance))
+    free = np.flatnonzero(np.isnan(asked.kp))
+    each = [f"{robot.joints[k]} {servo.kp[k]:.4g} (± {100 * sure[k]:.2g} %)" for k in free]
+    text = (
+        f"Nobody states the gains of the servos, so {listing(list(names), 4)} "
+        f"{'tells' if len(names) == 1 else 'tell'} them: kp of {listing(each, 12)}. "
+    )
+    unit = np.tile(0.5 * np.eye(4)[_UPPER], len(believed.names)).reshape(-1, 10)
+    by = found.by_belief[: unit.size].reshape(-1, 10)
+    fixed = (by * unit).sum(1) / believed.shares
+    if fixed.sum() > FIXED:
+        named = [
+            f"{believed.names[k]} ({100 * fixed[k]:.0f} %; within {100 * believed.shares[k]:.3g} %)"
+            for k in np.argsort(-fixed)
+            if fixed[k] > NAMED
+        ]
+        body = listing(named, 4) if named else f"all bodies, each within {100 * SHARE:g} %"
+        text += (
+            "Commands and positions tell ratios alone; what fixes the scale of all numbers is the "
+            f"file's {body}: weigh one, and say so ([prior_share])."
+        )
+    else:
+        text += "What fixes their scale is what is stated beside: a gain, a limit, a spring."
+    if np.isnan(asked.kv).any() and not servo.kv[np.isnan(asked.kv)].any():
+        text += " Fv holds kv, too: no commanded speed tells them apart."
+    return text
