@@ -56,7 +56,7 @@ def examine(path: Path) -> dict[str, Any]:
     d = diagnose(robot, fitted, unseen, forward=False)
     seconds = time.process_time() - begin
     error = [float("nan")] * 2
-    if d.effects:
+    if d.effects or d.changes:
         bare = diagnose(robot, fitted, unseen, forward=False, effects=())
         error = [sealed_error(x, sealed) for x in (bare, d)]
     named = [
@@ -71,6 +71,11 @@ def examine(path: Path) -> dict[str, Any]:
         for e in d.effects
         for p in e.placements
     ]
+    named += [
+        {"family": c.family, "unnamed": False, "joint": c.place, "shape": float("nan"),
+         "weight": c.weight, "or": [list(other) for other in c.others], "when": c.when}
+        for c in d.changes
+    ]  # fmt: skip
     effects = truth["effects"]
     card = ""
     if truth["kind"] == "null":
@@ -108,7 +113,8 @@ def sealed_error(d: Any, sealed: Sequence[Any]) -> float:
 
 def _say(named: dict[str, Any]) -> str:
     rest = "".join(f" or {family}@{place}" for family, place in named["or"])
-    return f"{named['family']}@{named['joint']}{rest}"
+    when = f", {named['when']}" if "when" in named else ""
+    return f"{named['family']}@{named['joint']}{rest}{when}"
 
 
 def _is(family: str, place: str, effect: dict[str, Any]) -> bool:

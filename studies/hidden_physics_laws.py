@@ -460,8 +460,8 @@ OUTSIDE: dict[str, tuple[Draw, tuple[str, ...]]] = {
     "belt_resonance": (_belt, (*_OWN, *_TWO, *_TIME)),
     "harmonics": (_harmonics, ("position_ripple", "gear_ripple", "position_torque", _OWN[1])),
     "hose": (_hose, (*_SPRINGS, "gravity_spring", _OWN[1], _TWO[1])),
-    "brake": (_brake, ("friction_change", *_TIME)),
-    "grip": (_grip, ("payload", "payload_change", *_TIME)),
+    "brake": (_brake, ("coulomb_friction", *_TIME)),
+    "grip": (_grip, ("payload", *_TIME)),
     "saturation": (_saturation, ("torque_scale", _OWN[2], _TWO[0])),
     "cable_drag": (_cable_drag, ("position_friction", "hysteresis", *_SPRINGS, *_OWN[:2], _TWO[1])),
 }

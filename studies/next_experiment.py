@@ -87,10 +87,10 @@ LAWS: dict[str, Law] = {
 class World:
     """A robot with a hidden effect and poor motions, drawn until its name can hardly be told."""
 
-    def __init__(self, name: str, seed: int) -> None:
+    def __init__(self, name: str, seed: int, only: str | None = None) -> None:
         rng = np.random.default_rng([seed, 17])
         self.robot, self.seed = Robot.load(name), seed
-        aliased = bool(rng.random() < ALIASED)
+        aliased = bool(rng.random() < ALIASED) if only is None else only == "hidden"
         for _ in range(DRAWS):
             self.family, self.joint = (
                 str(rng.choice(list(LAWS))),
@@ -205,9 +205,9 @@ def tell_names(d: Diagnosis) -> str:
     return "; ".join(f"{e.names}@{'+'.join(e.joints)}" for e in d.effects) or "none"
 
 
-def case(name: str, seed: int) -> dict[str, Any]:
+def case(name: str, seed: int, only: str | None = None) -> dict[str, Any]:
     """Return one robot and effect as a line of the file."""
-    world = World(name, seed)
+    world = World(name, seed, only)
     truth = (world.family, world.joint)
     row: dict[str, Any] = {"robot": name, "seed": seed, "truth": "@".join(truth)}
     row |= {"rival": world.rival, "similarity": world.similarity, "asked": False, "chance": None}
@@ -262,6 +262,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--cases", type=int, default=40, help="motions that are asked for")
     parser.add_argument("--robots", nargs="*", default=list(ROBOTS))
+    parser.add_argument("--only", choices=("rivals", "hidden"), help="all cases of one kind")
     parser.add_argument("--commit", default="0", help="its hash draws the cases; hexadecimal")
     parser.add_argument("--out", type=Path, default=None, help="folder; goes on where it stopped")
     options = parser.parse_args(argv)
@@ -273,7 +274,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     first = int(options.commit[:7], 16)
     while sum(r["asked"] for r in rows) < options.cases:
         seed = first + len(rows)
-        rows.append(plain(case(options.robots[len(rows) % len(options.robots)], seed)))
+        rows.append(
+            plain(case(options.robots[len(rows) % len(options.robots)], seed, options.only))
+        )
         if path is not None:
             with path.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(rows[-1]) + "\n")

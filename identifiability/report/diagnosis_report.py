@@ -95,9 +95,10 @@ def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
 
 def _what(d: Diagnosis) -> Answer:
     question = "What is missing?"
-    if not d.effects:
+    if not d.effects and not d.changes:
         return Answer(question, "Nothing that can be named.", headline(d), "grey")
-    named = [f"{_call(e)} in {join(e.joints, PLACES)}" for e in d.effects]
+    named = [f"{title_of(c.family)} in {c.place} in a part of {c.log}" for c in d.changes]
+    named += [f"{_call(e)} in {join(e.joints, PLACES)}" for e in d.effects]
     short = join(named)
     return Answer(question, f"{short[0].upper()}{short[1:]}.", headline(d), "vermilion")
 
@@ -170,6 +171,19 @@ EFFECTS = (
 )
 
 
+CHANGES = (
+    Column("when"),
+    Column("effect"),
+    Column("where"),
+    Column("parameter", "code"),
+    Column("value", digits(3)),
+    Column("± se", digits(2)),
+    Column("unit"),
+    Column("weight", hint="Posterior probability among all that may change at any instant."),
+    Column("or", hint="What this motion cannot tell it from."),
+)
+
+
 def section_effects(d: Diagnosis) -> Section:
     """Return the effects that were named, with their values, and those that were refuted."""
     rows = []
@@ -185,7 +199,7 @@ def section_effects(d: Diagnosis) -> Section:
             first = (Cell(e.names, note=shape), p.place)
             last = (sure, p.p_value, p.rms, close[0] if close else "nothing")
             rows += [(*first, *row, *last) for row in p.rows]
-    if not rows and not d.refuted:
+    if not rows and not d.refuted and not d.changes:
         nothing = "No effect stands out from the noise and helps on unseen motion."
         return section("diagnosis.effects", nothing)
     labels = ["model as it was", *(f"+ {_short(e.title)}" for e in d.effects)]
@@ -193,7 +207,18 @@ def section_effects(d: Diagnosis) -> Section:
     shrink = picture("shrink", draw_shrink(labels, errors), motion=d.verified_on)
     found = (Table.of("Effects that were added", EFFECTS, rows), shrink, _curves(d))
     refuted = _table_refuted(d) if d.refuted else None
-    return section("diagnosis.effects", *(found if rows else ()), refuted)
+    changed = _table_changes(d) if d.changes else None
+    return section("diagnosis.effects", changed, *(found if rows else ()), refuted)
+
+
+def _table_changes(d: Diagnosis) -> Table:
+    rows = []
+    for c in d.changes:
+        weight = Cell(weight_text(c.weight), c.weight)
+        others = join([f"{title_of(f)} in {place}" for f, place in c.others]) or "nothing"
+        values = zip(c.parameters, c.values, c.errors, c.units, strict=True)
+        rows += [(c.when, title_of(c.family), c.place, *row, weight, others) for row in values]
+    return Table.of("What changed in the middle of a log, and was left out", CHANGES, rows)
 
 
 def _table_refuted(d: Diagnosis) -> Table:

@@ -6,6 +6,7 @@ import numpy as np
 
 from identifiability import Robot, diagnose
 from identifiability.estimation.estimate import estimate
+from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -97,3 +98,55 @@ def test_a_log_that_only_verifies_is_doubted_aloud(logs_of, named):
     assert d.hints[0].startswith(f"{logs[4].name}, which judges what was named, disagrees")
     assert "elbow.Fc" in d.hints[0]
     assert "verify on another log" in d.statement
+
+
+CHANGES = {"effects": ["payload", "coulomb_friction", "torque_offset"], "forward": False}
+CHANGES |= {"quick": True}
+
+
+def gripped(log, since, mass=0.5):
+    """A log with a mass [kg] at (.1, 0, .05) m of the last body from a time on."""
+    robot, effect = Robot.load("two-link"), Model.of("payload")
+    motion = prepare_samples(robot, log, Preparation(decimate=1)).motion
+    phi = np.zeros(10)
+    phi[:3] = mass, 0.1 * mass, 0.0
+    phi[3] = 0.05 * mass
+    torque = effect.regressor(robot, motion) @ phi
+    late = log.t >= log.t[0] + since
+    own = np.stack([np.interp(log.t, motion.t, x) for x in torque.T], 1)
+    return replace(log, tau=log.tau + own * late[:, None])
+
+
+def test_a_mass_gripped_in_the_middle_of_a_log_is_told_with_its_instant_and_left_out(logs_of):
+    logs = list(logs_of("two-link")[:4])
+    since = 0.6 * np.ptp(logs[1].t)
+    logs[1] = gripped(logs[1], since)
+    d = diagnose("two-link", logs[:3], logs[3:], **CHANGES)
+    (change,) = d.changes
+    assert (change.log, change.family, change.place) == (
+        logs[1].name,
+        "payload",
+        d.robot.bodies[-1],
+    )
+    assert change.began[0] <= logs[1].t[0] + since <= change.began[1]
+    assert np.isinf(change.stop)
+    assert abs(change.values[0] - 0.5) < 4 * change.errors[0] + 0.02
+    assert not d.effects
+    assert not d.left_out
+    assert d.samples[1].motion.t.max() < logs[1].t[0] + since + 0.3
+    assert f"of {logs[1].name} on another robot was logged: a mass of" in d.statement
+    assert d.to_dict()["changes"][0]["from95"][0] == change.began[0]
+
+
+def test_a_brake_that_drags_for_seconds_is_told_and_a_log_without_says_nothing(logs_of):
+    logs = list(logs_of("two-link")[:4])
+    assert not diagnose("two-link", logs[:3], logs[3:], **CHANGES).changes
+    t = logs[2].t - logs[2].t[0]
+    begin, end = 0.3 * t[-1], 0.6 * t[-1]
+    more = 0.5 * np.tanh(20 * np.gradient(logs[2].q[:, 1], t)) * ((t > begin) & (t < end))
+    logs[2] = replace(logs[2], tau=logs[2].tau + np.outer(more, [0.0, 1.0]))
+    (change,) = diagnose("two-link", logs[:3], logs[3:], **CHANGES).changes
+    assert (change.log, change.place) == (logs[2].name, "elbow")
+    assert ("coulomb_friction", "elbow") in ((change.family, change.place), *change.others)
+    assert abs(change.start - logs[2].t[0] - begin) < 0.7
+    assert abs(change.stop - logs[2].t[0] - end) < 0.7

@@ -15,7 +15,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.parts import Entry
 from identifiability.simulation import Noise, random_trajectory, simulate
-from identifiability.workflows.oddities import MeasuredLogs
+from identifiability.workflows.oddities import MeasuredLogs, torque
 from identifiability.workflows.oddities.torque import measure_carried, regress
 
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
@@ -129,3 +129,15 @@ def test_every_verb_says_it_and_no_other_hint_contradicts(good):
     first, *others = analyze(structure.robot, light, replicates=0).hints
     assert "compensated for gravity" in first
     assert not any("carries" in hint for hint in others)
+
+
+def test_weight_is_asked_for_under_a_tilted_base_too(good):
+    """What has no weight has no tilt either: its columns are fewer."""
+    structure, log = good
+    tilted = Structure.of(structure.robot, Model.of(*MODEL.names, "gravity_tilt"))
+    samples, joints = (
+        (prepare_samples(structure.robot, log),),
+        [*range(len(structure.robot.joints))],
+    )
+    plain, own = (MeasuredLogs(s, (log,), samples) for s in (structure, tilted))
+    assert torque._lacks_weight(own, joints) == torque._lacks_weight(plain, joints)

@@ -57,11 +57,19 @@ class Products:
 
     def whitened(self, j: int, step: int, columns: Sequence[int] | np.ndarray) -> Array:
         """Return torque, model and some columns of the dictionary in a joint, (R, 1 + b + k)."""
-        rows, noise = self.rows, self.noise.joints[j]
-        pacf, sigma = noise.beside(_misfit(step, noise.left))
+        rows = self.rows
         D = rows.D.acting(j, columns)
         A = np.concatenate([rows.tau[:, j, None], rows.X[:, j], D], axis=1)
-        runs, (A,) = take_data(runs_of(rows.moving, j), A)
+        return self._white(A, j, step)
+
+    def whiten(self, errors: Array, j: int, step: int) -> Array:
+        """Return whitened errors of a joint (R,) from those of all (N, n)."""
+        return self._white(errors[:, j, None], j, step)[:, 0]
+
+    def _white(self, A: Array, j: int, step: int) -> Array:
+        noise = self.noise.joints[j]
+        pacf, sigma = noise.beside(_misfit(step, noise.left))
+        runs, (A,) = take_data(runs_of(self.rows.moving, j), A)
         return whiten(A, runs, pacf) / sigma
 
     def gram(self, j: int, step: int) -> Array:

@@ -368,6 +368,66 @@ class OddLog:
         )
 
 
+@frozen
+class Change:
+    """What changed in the middle of a log.
+
+    Attributes
+    ----------
+    log : str
+    number : int
+        Which of the fitted logs.
+    start, stop : float [s]
+        When it began and ended; infinite where that was not logged.
+    began, ended : (float, float) [s]
+        Where these instants are in 95 % of what is likely.
+    family, title, place : str
+        What it was.
+    parameters, units : tuple of str
+    values, errors : (k,)
+        Generalised least squares beside the model, with standard errors.
+    open : tuple of str
+        Parameters that the motion determines together with others only.
+    odds : float [nat]
+        Log odds for it, all instants, logs and places where it might have been counted.
+    weight : float
+        Its posterior probability among all that may change then.
+    others : tuple of (family, place)
+        What it cannot be told from.
+    """
+
+    log: str
+    number: int
+    start: float
+    stop: float
+    began: tuple[float, float]
+    ended: tuple[float, float]
+    family: str
+    title: str
+    place: str
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    errors: Array
+    open: tuple[str, ...]
+    odds: float
+    weight: float
+    others: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def when(self) -> str:
+        """In words: ``from 41 s (95 %: 40.5 … 41.5 s) of run2 on``."""
+        begin, end = (
+            f"{at:.3g} s" + (f" (95 %: {low:.3g} … {high:.3g} s)" if low < high else "")
+            for at, (low, high) in ((self.start, self.began), (self.stop, self.ended))
+        )
+        if np.isinf(self.stop):
+            return f"from {begin} of {self.log} on"
+        if np.isinf(self.start):
+            return f"until {end} of {self.log}"
+        return f"from {begin} to {end} of {self.log}"
+
+
 def describe_odd_log(
     regression: Regression, information: Information, fit: Estimate
 ) -> OddLog | None:

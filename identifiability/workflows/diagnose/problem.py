@@ -23,7 +23,7 @@ from identifiability.workflows.diagnose.evidence import (
     tempering,
 )
 from identifiability.workflows.diagnose.known_values import KnownValues
-from identifiability.workflows.diagnose.motion import without_crossings
+from identifiability.workflows.diagnose.motion import Change, without_crossings
 from identifiability.workflows.diagnose.rows import (
     Candidate,
     Refusal,
@@ -67,6 +67,8 @@ class Setting:
         How logs were turned into motion, with one cut-off.
     left_out : tuple of str
         Logs that disagree with the fitted ones and were left out.
+    changes : tuple of Change
+        What changed in the middle of fitted logs: what was logged meanwhile was left out.
     """
 
     structure: Structure
@@ -80,6 +82,7 @@ class Setting:
     verified_on: str = ""
     preparation: Preparation = Preparation()
     left_out: tuple[str, ...] = ()
+    changes: tuple[Change, ...] = ()
 
 
 @frozen
@@ -149,7 +152,10 @@ class Problem:
         )
         self.fitted = Products(rows, self.noise)
         self.unseen = Products(others[0], self.noise) if others else self.fitted
-        self.options, self.fitted.sizes = Options(self.candidates), self._sizes(self.candidates)
+        self.options, self.fitted.sizes = (
+            Options(self.candidates),
+            self.typical(self.candidates, rows),
+        )
         self._whole = whole
 
     @property
@@ -313,13 +319,13 @@ class Problem:
         self.candidates = [*self.candidates, *new]
         for table, own in zip(self.tables, (self.fitted, self.unseen), strict=False):
             own.extend(table.extend(own.rows, new))
-        self.fitted.sizes = np.concatenate([self.sizes, self._sizes(new)])
+        self.fitted.sizes = np.concatenate([self.sizes, self.typical(new, self.rows)])
         self.options = Options(self.candidates)
         return range(first, len(self.candidates))
 
-    def _sizes(self, candidates: Sequence[Candidate]) -> Array:
+    def typical(self, candidates: Sequence[Candidate], rows: Rows) -> Array:
         """Return the typical values of columns: a share of the torque where that is least."""
-        rows, at = self.rows, [k for c in candidates for k in c.columns]
+        at = [k for c in candidates for k in c.columns]
         torque = np.sqrt(np.sum(rows.measured**2 * rows.data, axis=0) / rows.counts)
         out = np.full(len(at), np.inf)
         for j in range(rows.joints):

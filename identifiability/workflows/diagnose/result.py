@@ -26,6 +26,7 @@ from identifiability.workflows.commands import (
 from identifiability.workflows.diagnose.completed import keep_completed, nearest_dict, real_robot
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
 from identifiability.workflows.diagnose.forward import ForwardGap, compare_forward
+from identifiability.workflows.diagnose.motion import Change
 from identifiability.workflows.diagnose.words import state, state_remainder
 from identifiability.workflows.predict import Fit, Predicts
 
@@ -164,6 +165,7 @@ class Diagnosis(Result, Findings, Predicts):
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
             "effects": [_effect_row(e) for e in self.effects],
             "refuted": [_effect_row(e) for e in self.refuted],
+            "changes": [_change_row(c) for c in self.changes],
             "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
             "errors": {"joints": self.error_frame().to_dict("records")},
             "earlier": {
@@ -208,6 +210,26 @@ def pick(value: Any, *names: str, **renamed: str) -> dict[str, Any]:
 def _forward_row(gap: ForwardGap) -> dict[str, Any]:
     errors = pick(gap, "error_before", "error_after", change_interval95="interval")
     return {**pick(gap, "horizon", "note"), "stretches": len(gap.before), **errors}
+
+
+def _change_row(c: Change) -> dict[str, Any]:
+    """Return what changed in the middle of a log; no instant where it was not logged."""
+
+    def known(x: float) -> float | None:
+        return x if np.isfinite(x) else None
+
+    values = zip(c.parameters, c.values.tolist(), strict=True)
+    return {
+        **pick(c, "log", "weight", effect="family", joint="place", log_odds="odds"),
+        "from": known(c.start),
+        "to": known(c.stop),
+        "from95": [known(x) for x in c.began],
+        "to95": [known(x) for x in c.ended],
+        "or": [{"effect": family, "joint": place} for family, place in c.others],
+        "parameters": dict(values),
+        "errors": dict(zip(c.parameters, c.errors.tolist(), strict=True)),
+        "open": list(c.open),
+    }
 
 
 def _effect_row(e: NamedEffect) -> dict[str, Any]:

@@ -43,6 +43,8 @@ class Rules:
         Parts that are tried beside rows as they leave them themselves, where no move gains.
     most : int
         Parts of a hypothesis at most.
+    instants : int
+        Instants of a log at most at which something may change, `block` apart at least.
     """
 
     level: Share = 0.05
@@ -56,6 +58,7 @@ class Rules:
     options: Annotated[int, at_least(1)] = 6
     hidden: Annotated[int, at_least(0)] = 3
     most: Annotated[int, at_least(1)] = 24
+    instants: Annotated[int, at_least(2)] = 40
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -123,6 +123,26 @@ def of_few(evidence: float, blocks: float) -> float:
     return float(size * 0.5 * blocks * np.log1p(2.0 * max(evidence, 0.0) / max(blocks, 1e-9)))
 
 
+def scatter_of(scores: Array, each: Array) -> tuple[float, float]:
+    """Return how much more scores scatter than noise lets them, and from how many blocks.
+
+    It is the trace of the sandwich over that of the information; and of how many equal blocks
+    that trace would be known as well [Satterthwaite 1946].
+
+    Parameters
+    ----------
+    scores : (blocks, k)
+    each : (blocks, k, k)
+        Information of each block.
+    """
+    used = scores[np.any(scores != 0, axis=1)]
+    V = used.T @ used * len(used) / max(len(used) - 1, 1)
+    half = factor_of(each.sum(0))
+    shares = np.einsum("ri,bij,sj->brs", half, each, half)
+    blocks = len(half) ** 2 / max(float(np.sum(shares**2)), 1e-300)
+    return float(np.trace(half @ V @ half.T)) / max(len(half), 1), blocks
+
+
 def moderate(scatter: Array, blocks: Array) -> tuple[Array, Array]:
     """Return scatters (m,) of parts that are alike, and of how many blocks each is known.
 
@@ -197,9 +217,7 @@ class Fitted:
     def scatter(self, k: int) -> tuple[float, float]:
         """Return how much more the scores of a part scatter than noise lets them.
 
-        It is the trace of the sandwich over that of the information; and of how many equal blocks
-        that trace would be known as well [Satterthwaite 1946]. Each joint has blocks of its own:
-        what fits one joint at the cost of another scatters.
+        Each joint has blocks of its own: what fits one joint at the cost of another scatters.
         """
         G, own = self._total, self._own[k]
         inner = np.setdiff1d(np.arange(1, len(G)), own)
@@ -217,12 +235,7 @@ class Fitted:
             block_of = n * count + number[self.problem.rows.data[:, j]]
             np.add.at(each, block_of, e[:, 1:, None] * e[:, None, 1:])
             np.add.at(scores, block_of, e[:, 1:] * e[:, :1])
-        used = scores[np.any(scores != 0, axis=1)]
-        V = used.T @ used * len(used) / max(len(used) - 1, 1)
-        half = factor_of(each.sum(0))
-        shares = np.einsum("ri,bij,sj->brs", half, each, half)
-        blocks = len(half) ** 2 / max(float(np.sum(shares**2)), 1e-300)
-        return float(np.trace(half @ V @ half.T)) / max(len(half), 1), blocks
+        return scatter_of(scores, each)
 
     @cached_property
     def unseen_moves(self) -> np.ndarray:

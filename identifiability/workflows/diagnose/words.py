@@ -8,7 +8,7 @@ from identifiability.effects import find_family, title_of
 from identifiability.foundation.numbers import REACH, holm, percent
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
-from identifiability.workflows.diagnose.motion import join
+from identifiability.workflows.diagnose.motion import Change, join
 
 #: Similarity from which on a name is said to be hard to tell from another.
 NOTEWORTHY = 0.6
@@ -49,6 +49,29 @@ def state(d: Findings) -> str:
 
 
 def headline(d: Findings) -> str:
+    """Return what changed, what is missing, how far the gap shrinks and what is open."""
+    return " ".join([*map(state_change, d.changes), _state_named(d)])
+
+
+def state_change(c: Change) -> str:
+    """Return what changed in the middle of a log, in a sentence."""
+    names = [f"{title_of(f)} in {place}" for f, place in ((c.family, c.place), *c.others)]
+    more = len(names) - LISTED
+    what = " or ".join(names if more < 2 else [*names[:LISTED], f"{more} others"])
+    value, error, unit = c.values[0], c.errors[0], c.units[0]
+    size = f"{value:.3g} ± {REACH * error:.2g} {unit}".replace("-", "−")
+    if c.parameters[0] in c.open:
+        size = "of a size that this motion leaves open"
+    elif c.family == "payload":
+        what, size = f"a mass of {size} on {c.place}" + what.removeprefix(names[0]), ""
+    sure = ", ".join(filter(None, (size, f"weight {weight_text(c.weight)}")))
+    return (
+        f"{_capital(c.when)} another robot was logged: {what} ({sure}); what was logged meanwhile "
+        "was left out."
+    )
+
+
+def _state_named(d: Findings) -> str:
     """Return what is missing, how far the gap shrinks and what is open, in three sentences."""
     start = "the robot file's own values" if d.fixed else "the refitted model"
     start = start if d.known is None else d.known.words

@@ -46,6 +46,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.kinematics import shortest_turn
 from identifiability.workflows.analyze.fit import say_band
+from identifiability.workflows.diagnose.changes import change_beside, leave_out
 from identifiability.workflows.diagnose.conclude import conclude, null_odds
 from identifiability.workflows.diagnose.earlier import Before, Earlier, read_earlier
 from identifiability.workflows.diagnose.findings import NamedEffect, Placement, Shown
@@ -258,7 +259,7 @@ def _name(asked: _Asked, setting: Setting, opening: Opening) -> tuple[Diagnosis,
     if odd is None:
         return asked.run(setting), [decided] * bool(decided)
     found, said = asked.run_doubted(setting, odd)
-    return found, [said, *([decided] if decided else [])]
+    return found, [x for x in (said, decided) if x]
 
 
 @frozen
@@ -292,6 +293,10 @@ class _Asked:
         start = Hypothesis() if self.earlier is None else self.earlier.start(search)
         null = null_odds(search, self.draws, self.streams[0])
         verdict = refute_worse(search, settle(search, start), self.streams[4])
+        change = change_beside(search, verdict, effects)
+        without = None if change is None else leave_out(setting, change)
+        if without is not None:
+            return self.run(without)
         self.say("verifying", 0.9)
         found = conclude(search, verdict, null, self.streams[2])
         if self.earlier is None:
@@ -314,8 +319,11 @@ class _Asked:
         """
         found = self.run(setting)
         held = odd.number >= len(setting.samples)
-        logs = (*setting.samples, *setting.validation) if held else setting.samples
-        if found.effects and not still_odd(found.completed, logs, odd.number):
+        logs = (*found.samples, *found.validation) if held else found.samples
+        explained = found.effects or found.changes
+        if len(found.samples) < len(setting.samples):
+            return found, ""
+        if explained and not still_odd(found.completed, logs, odd.number):
             return found, odd.kept
         if held:
             return found, odd.doubted

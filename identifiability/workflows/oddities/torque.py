@@ -223,12 +223,17 @@ def _lacks_weight(logs: MeasuredLogs, joints: list[int]) -> bool:
     structure, spread = logs.structure, tau.std(0)
     if not (spread > 0).all():
         return False
-    light = structure.robot.model.copy()
-    light.gravity.linear = np.zeros(3)
-    W = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
-    other = structure.model.regressor(replace(structure.robot, model=light), motion)
+    model, kept = structure.model, structure.base.kept
+    weightless = structure.robot.model.copy()
+    weightless.gravity.linear = np.zeros(3)
+    light = replace(structure.robot, model=weightless)
+    W = model.regressor(structure.robot, motion)
     bare = W.copy()
-    bare[:, joints] = other[:, joints][:, :, structure.base.kept]
+    # A tilt of the base is no parameter of what has no weight.
+    there = np.isin(structure.columns, [p.name for p in model.parameters(light)])
+    bare[:, joints] = 0.0
+    bare[np.ix_(range(len(bare)), joints, there)] = model.regressor(light, motion)[:, joints]
+    W, bare = W[:, :, kept], bare[:, :, kept]
     given, lighter = (unexplained(x / spread[:, None], tau / spread) for x in (W, bare))
     return lighter <= WORSE * given
 

@@ -1,0 +1,396 @@
+"""What changed in the middle of a log: a mass that was gripped, a brake that dragged for seconds.
+
+No effect of the robot says it, and no unseen motion can judge it: the fitted motion alone has the
+instant. So a change is a hypothesis beside all that is named: one part that acts in some blocks of
+one log only, priced by all instants, logs and places where it might have been. What was logged
+while it lasted is of another robot, and is left out of all that follows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from identifiability.effects import find_families
+from identifiability.effects.placed import Placed
+from identifiability.estimation.noise import fit_noise
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.logs.checks import FEWEST
+from identifiability.workflows.diagnose.conclude import is_body
+from identifiability.workflows.diagnose.evidence import (
+    Products,
+    View,
+    factor_of,
+    step_of,
+    tempering,
+)
+from identifiability.workflows.diagnose.known_values import VECTORS
+from identifiability.workflows.diagnose.motion import Change
+from identifiability.workflows.diagnose.problem import Setting
+from identifiability.workflows.diagnose.rows import Candidate, list_candidates, number
+from identifiability.workflows.diagnose.search import Search
+from identifiability.workflows.diagnose.verdict import Verdict, of_few, scatter_of
+
+#: What may begin and end while a robot is logged: a load, a brake or dirt, a counterweight.
+CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
+
+#: Changes with whose noise the search for the likeliest begins, and rounds that settle it.
+STARTS, SETTLED = 3, 3
+#: Of each joint the block of its rows, torque and model, and candidates, whitened.
+Blocks = list[tuple[np.ndarray, Array, Array]]
+
+
+@frozen
+class Stay:
+    """Blocks of one log in which a candidate acts, with what the rows say of it.
+
+    Attributes
+    ----------
+    candidate : int
+    log : int
+    first, last : int
+        Blocks, the last one not with it.
+    evidence, price : float [nat]
+        Logarithm of its Bayes factor, and of the number of alternatives.
+    others : (first, last, evidence less price), each (s,)
+        All stays of the candidate in that log.
+    """
+
+    candidate: int
+    log: int
+    first: int
+    last: int
+    evidence: float
+    price: float
+    others: tuple[np.ndarray, np.ndarray, Array]
+
+    def ends(self, scatter: float) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Return between which blocks it began, and ended, in 95 % of what is likely.
+
+        What is sharp is whitened before blocks are told apart: a block more on each side.
+        """
+        first, last, value = self.others
+        weight = np.exp((value - value.max()) / scatter)
+        out = []
+        for x in (first, last):
+            share = np.cumsum(np.bincount(x, weight)) / weight.sum()
+            low, high = np.searchsorted(share, [0.025, 0.975]).tolist()
+            out.append((low - 1, high + 1))
+        return out[0], out[1]
+
+
+class Scan:
+    """Products of whitened rows in every block of every log, beside a model with some parts.
+
+    Parameters
+    ----------
+    search : Search
+    parts : sequence of int
+        What is named.
+    families : collection of str
+        What may change.
+    """
+
+    def __init__(self, search: Search, parts: Sequence[int], families: Collection[str]) -> None:
+        self.problem, self.parts = search.problem, tuple(parts)
+        p = self.problem
+        s, rules = p.setting, p.setting.rules
+        robot, motions = s.structure.robot, [x.motion for x in s.samples]
+        listed, _ = list_candidates(robot, find_families(families), (), motions, fixed=True)
+        listed = number([_held(c) for c in listed])
+        self.rows = p.tables[0].rows(listed)
+        self.sizes = p.typical(listed, self.rows)
+        self.candidates = [c for c in listed if self.sizes[list(c.columns)].any()]
+        self.model, self.products = p.fitted, Products(self.rows, p.noise)
+        t, log = self.rows.t, self.rows.log
+        self.logs = np.unique(log)
+        self.begin = np.array([t[log == n].min() for n in self.logs])
+        whole = np.array([t[log == n].max() for n in self.logs]) - self.begin
+        self.width = np.maximum(rules.block, whole / rules.instants)
+        self.count = np.maximum(np.ceil(whole / self.width - 1e-9), 1).astype(int)
+        at = np.searchsorted(self.logs, log)
+        own = np.minimum(((t - self.begin[at]) / self.width[at]).astype(int), self.count[at] - 1)
+        self.start = np.r_[0, np.cumsum(self.count)]
+        self.block = self.start[at] + own
+
+    def whitened(self, view: View) -> Blocks:
+        """Return of each joint the block of its rows, torque and model, and candidates."""
+        p, b = self.problem, self.rows.X.shape[2]
+        out = []
+        for j, step in enumerate(view.steps.tolist()):
+            A = self.model.whitened(j, step, p.columns(self.parts))
+            ids = self.products.ids[j]
+            C = np.zeros((len(A), len(self.sizes)))
+            C[:, ids] = self.products.whitened(j, step, ids)[:, 1 + b :] * self.sizes[ids]
+            scale = np.sqrt(view.tempered[j])
+            out.append((self.block[self.rows.data[:, j]], A / scale, C / scale))
+        return out
+
+    def likeliest(self, rows: Blocks) -> list[Stay]:
+        """Return for every candidate where in the logs it is likeliest; and the others' evidence.
+
+        The evidence of a candidate is its sum over all stays, of which each is as likely
+        beforehand: half of them go on to the end of their log.
+        """
+        blocks, m, K = int(self.start[-1]), rows[0][1].shape[1], len(self.sizes)
+        head, own, cross = np.zeros((m, m)), np.zeros((blocks, K, K)), np.zeros((blocks, m, K))
+        for block, A, C in rows:
+            head += A.T @ A
+            ends = np.searchsorted(block, np.arange(blocks + 1))
+            for k in np.flatnonzero(np.diff(ends)).tolist():
+                here = slice(ends[k], ends[k + 1])
+                own[k] += C[here].T @ C[here]
+                cross[k] += A[here].T @ C[here]
+        F = self._factor(head[1:, 1:])
+        f, C = F @ head[1:, 0], np.einsum("ri,bik->brk", F, cross[:, 1:])
+        out = []
+        for at_candidate, c in enumerate(self.candidates):
+            at, best = list(c.columns), None
+            for n, log in enumerate(self.logs.tolist()):
+                here = slice(self.start[n], self.start[n + 1])
+                first, last, price = self._stays(n)
+                P, z, X = (
+                    np.concatenate([np.zeros_like(x[:1]), np.cumsum(x, axis=0)])
+                    for x in (own[here][:, at][:, :, at], cross[here][:, 0, at], C[here][:, :, at])
+                )
+                X = X[last] - X[first]
+                S = P[last] - P[first] - X.transpose(0, 2, 1) @ X + np.eye(len(at))
+                y = z[last] - z[first] - np.einsum("srk,r->sk", X, f)
+                L = np.linalg.cholesky(S)
+                u = np.linalg.solve(L, y[:, :, None])[:, :, 0]
+                value = 0.5 * (u**2).sum(1) - np.log(np.einsum("sii->si", L)).sum(1)
+                k = int(np.argmax(value - price))
+                one = Stay(at_candidate, log, int(first[k]), int(last[k]), value[k], price[k],
+                           (first, last, value - price))  # fmt: skip
+                if best is None or one.evidence - one.price > best.evidence - best.price:
+                    best = one
+            out.append(best)
+        return sorted((x for x in out if x), key=lambda x: x.price - x.evidence)
+
+    def _stays(self, n: int) -> tuple[np.ndarray, np.ndarray, Array]:
+        """Return first and last blocks of all stays in a log, and what each must explain [nat]."""
+        count = int(self.count[n])
+        first, last = np.triu_indices(count + 1, 1)
+        # What lasted as long as the log is a difference between logs; and of one log alone what
+        # ended in it says as much as what began then.
+        may = (last - first < count) & ((first > 0) | (len(self.logs) > 1))
+        first, last = first[may], last[may]
+        on = last == count
+        each = np.where(on, on.sum(), (~on).sum())
+        kinds = 2 * len(self.logs) * len(self.candidates)
+        return first, last, np.log(kinds * np.maximum(each, 1.0))
+
+    def _factor(self, G: Array) -> Array:
+        """Return the factor of the model's products, with the prior of what is named."""
+        b, at = self.rows.X.shape[2], self.problem.columns(self.parts)
+        G = G.copy()
+        if self.rows.root is not None:
+            G[:b, :b] += self.rows.root.T @ self.rows.root
+        size = self.problem.sizes[at]
+        prior = np.where(size > 0, 1.0 / np.maximum(size, 1e-300) ** 2, 0.0)
+        G[range(b, len(G)), range(b, len(G))] += prior
+        return factor_of(G)
+
+    def fit(self, stay: Stay, rows: Blocks) -> Fit:
+        """Return a change fitted beside the model: values, covariance, scatter of its scores."""
+        at = list(self.candidates[stay.candidate].columns)
+        low = self.start[np.searchsorted(self.logs, stay.log)]
+        every = []
+        for block, A, C in rows:
+            on = (block >= low + stay.first) & (block < low + stay.last)
+            every.append(np.column_stack([A, C[:, at] * on[:, None]]))
+        G = sum(A.T @ A for A in every)
+        m, k = len(G) - len(at), len(at)
+        F = self._factor(G[1:m, 1:m])
+        inner = F.T @ (F @ G[1:m])
+        P = G[m:, m:] - G[m:, 1:m] @ inner[:, m:]
+        half = factor_of(P)
+        value = half.T @ (half @ (G[m:, 0] - G[m:, 1:m] @ inner[:, 0]))
+        whole = np.r_[1.0, -(inner[:, 0] - inner[:, m:] @ value), -value]
+        # How its scores scatter while nothing changes is known from all blocks, not from a few.
+        blocks = int(self.start[-1])
+        scores = np.zeros((len(rows) * blocks, k))
+        each = np.zeros((len(scores), k, k))
+        for n, ((block, _, C), A) in enumerate(zip(rows, every, strict=True)):
+            np.add.at(each, n * blocks + block, C[:, at, None] * C[:, None, at])
+            np.add.at(scores, n * blocks + block, C[:, at] * (A @ whole)[:, None])
+        scatter, equal = scatter_of(scores, each)
+        sizes = self.sizes[at]
+        return Fit(value * sizes, half * sizes, P, max(1.0, scatter), equal, whole)
+
+    def reweigh(self, stay: Stay, fit: Fit, view: View) -> View:
+        """Return the rows weighed as a change leaves them, by the noise that is left beside it."""
+        p, c = self.problem, self.candidates[stay.candidate]
+        b, at = self.rows.X.shape[2], p.columns(self.parts)
+        low = self.start[np.searchsorted(self.logs, stay.log)]
+        on = (self.block >= low + stay.first) & (self.block < low + stay.last)
+        changed = (self.rows.D.take(c.columns) @ fit.values) * on[:, None]
+        known = [
+            np.concatenate([self.rows.X[:, j], p.rows.D.acting(j, at)], axis=1)
+            for j in range(self.rows.joints)
+        ]
+        noise = fit_noise(self.rows.tau - changed, lambda j: [known[j]], self.rows.moving)
+        self.model, self.products = Products(p.rows, noise), Products(self.rows, noise)
+        left = self.rows.tau - changed + self.rows.X @ fit.whole[1 : 1 + b]
+        left += p.rows.D.take(at) @ fit.whole[1 + b : 1 + b + len(at)]
+        steps = np.array([
+            step_of(x, n.left)
+            for x, n in zip(noise.misfit(left, self.rows.counts), noise.joints, strict=True)
+        ])  # fmt: skip
+        errors = [self.model.whiten(left, j, step) for j, step in enumerate(steps.tolist())]
+        return replace(view, steps=steps, tempered=tempering(errors, (b + len(at)) / len(steps)))
+
+
+def _held(c: Candidate) -> Candidate:
+    """Return a load as what is small and held somewhere: a mass with its first moments."""
+    if not is_body(c):
+        return c
+    first = 1 + len(VECTORS[1])
+    return replace(c, kinds=c.kinds[:first], columns=c.columns[:first])
+
+
+@frozen
+class Fit:
+    """A change beside a model.
+
+    Attributes
+    ----------
+    values : (k,)
+    half : (r, k)
+        Its columns' outer product is their covariance.
+    P : (k, k)
+        Products of its columns, over their typical sizes, beside the model.
+    scatter, blocks : float
+        How much more its scores scatter than noise lets them, and from how many blocks.
+    whole : (1 + b + …,)
+        Minus the values of all that was fitted, behind a one.
+    """
+
+    values: Array
+    half: Array
+    P: Array
+    scatter: float
+    blocks: float
+    whole: Array
+
+
+def find_change(
+    search: Search, parts: Sequence[int], view: View, families: Collection[str] = CHANGING
+) -> Change | None:
+    """Return the likeliest change in the middle of a log beside some parts, sure or not.
+
+    Parameters
+    ----------
+    search : Search
+    parts : sequence of int
+        What is named.
+    view : View
+        Rows as these leave them.
+    families : collection of str
+        What may change.
+    """
+    scan = Scan(search, parts, families)
+    if not scan.candidates or scan.rows.joints == 0:
+        return None
+    rows = scan.whitened(view)
+    likely = [x for x in scan.likeliest(rows) if x.evidence > 0]
+    # Beside noise that has the change in it another one may look likelier.
+    settled = [_settle(scan, x, rows, view) for x in likely[:STARTS]]
+    if not settled:
+        return None
+    found, fit = max(settled, key=lambda x: _odds(x[0][0], x[1]))
+    best, odds = found[0], _odds(found[0], fit)
+    c = scan.candidates[best.candidate]
+    level = np.array([x.evidence - x.price for x in found]) / fit.scatter
+    weights = np.exp(level - logsumexp(level))
+    sure = 1.0 - search.problem.setting.rules.level
+    among = found[: 1 + int(np.searchsorted(np.cumsum(weights), sure))]
+    n = int(np.searchsorted(scan.logs, best.log))
+    begin, width = float(scan.begin[n]), float(scan.width[n])
+    robot = search.problem.setting.structure.robot
+    parameters = Placed.part_parameters(robot, c.part)
+    size = np.sqrt(np.maximum(np.diag(fit.P), 1e-300))
+    unit = fit.P / np.outer(size, size)
+    known = factor_of(unit)
+    alone = np.abs(np.diag(known.T @ (known @ unit)) - 1.0) < 1e-6
+    count, at = int(scan.count[n]), best.ends(fit.scatter)
+    began, ended = (tuple(begin + width * np.clip(x, 0, count)) for x in np.array(at))
+    return Change(
+        log=search.problem.setting.samples[n].name,
+        number=n,
+        start=begin + best.first * width if best.first else -np.inf,
+        stop=begin + best.last * width if best.last < count else np.inf,
+        began=began if best.first else (-np.inf, -np.inf),
+        ended=ended if best.last < count else (np.inf, np.inf),
+        family=c.family.name,
+        title=c.family.title,
+        place=c.place,
+        parameters=tuple(x.name for x in parameters),
+        units=tuple(x.unit for x in parameters),
+        values=fit.values,
+        errors=np.sqrt((fit.half**2).sum(0) * fit.scatter),
+        open=tuple(x.name for x, one in zip(parameters, alone, strict=True) if not one),
+        odds=odds,
+        weight=float(weights[0]),
+        others=tuple(scan.candidates[x.candidate].group for x in among[1:]),
+    )
+
+
+def _settle(scan: Scan, start: Stay, rows: Blocks, view: View) -> tuple[list[Stay], Fit]:
+    """Return what is likeliest beside the noise that a change leaves, the first of it fitted."""
+    best = start
+    for _ in range(SETTLED):
+        rows = scan.whitened(scan.reweigh(best, scan.fit(best, rows), view))
+        found, before = scan.likeliest(rows), best
+        best = found[0]
+        if (best.candidate, best.log) == (before.candidate, before.log):
+            break
+    return found, scan.fit(best, rows)
+
+
+def _odds(stay: Stay, fit: Fit) -> float:
+    volume = 0.5 * float(np.linalg.slogdet(np.eye(len(fit.P)) + fit.P)[1])
+    return of_few((stay.evidence + volume) / fit.scatter, fit.blocks) - volume - stay.price
+
+
+def change_beside(
+    search: Search, verdict: Verdict, effects: Collection[str] | None = None
+) -> Change | None:
+    """Return a change that is surely there beside what was named, or in its stead; or None."""
+    level, named = search.problem.setting.rules.odds, verdict.hypothesis
+    families = [f for f in CHANGING if effects is None or f in effects]
+    if not families:
+        return None
+    found = find_change(search, named.parts, verdict.view, families)
+    if found is not None and found.odds >= level:
+        return found
+    if not named.parts:
+        return None
+    view = search.problem.settled(())
+    found = find_change(search, (), view, families)
+    if found is not None and found.odds - max(search.score(named, view), 0.0) >= level:
+        return found
+    return None
+
+
+def leave_out(setting: Setting, change: Change) -> Setting | None:
+    """Return a setting without what was logged while a change lasted; None if too little is left.
+
+    So is when it may have lasted.
+    """
+    samples, s = list(setting.samples), setting.samples[change.number]
+    t = s.motion.t
+    low, high = change.began[0], change.ended[1]
+    rest = np.flatnonzero((t < low) | (t > high))
+    kept = s.take(rest) if len(rest) else None
+    if kept is None or kept.outputs < FEWEST:
+        samples.pop(change.number)
+    else:
+        samples[change.number] = replace(kept, notes=(*s.notes, f"{change.when}: left out"))
+    if not samples:
+        return None
+    return replace(setting, samples=tuple(samples), changes=(*setting.changes, change))
