@@ -1,6 +1,7 @@
 """What names and units of columns usually mean: drivers, recorders, toolboxes have habits.
 
-Units stand in a row under the header or in the names.
+One table of rules (`RULES`) has them all, a row each: words, the channel that they are of, units
+and what one of them is. Units stand in a row under the header or in the names.
 """
 
 from __future__ import annotations
@@ -32,45 +33,106 @@ DIMENSIONS = {
     "current": ("current",),
 }
 
-#: What units measure, how much of SI one is, and how they are written: without spaces, dots and
-#: signs of powers.
-_WRITTEN = (
-    ("time", 1.0, ("s", "sec", "secs", "second", "seconds")),
-    ("time", 1e-3, ("ms", "msec", "millis", "milliseconds")),
-    ("time", 1e-6, ("us", "usec", "µs", "microseconds")),
-    ("time", 1e-9, ("ns", "nsec", "nanoseconds")),
-    ("time", 60.0, ("min",)),
-    ("angle", 1.0, ("rad", "radian", "radians")),
-    ("angle", 1e-3, ("mrad",)),
-    ("angle", math.pi / 180, ("deg", "degree", "degrees", "°", "Grad")),
-    ("length", 1.0, ("m",)),
-    ("length", 1e-2, ("cm",)),
-    ("length", 1e-3, ("mm",)),
-    ("length", 1e-6, ("µm", "um")),
-    ("length", 0.0254, ("in", "inch", "inches")),
-    ("angle/s", math.pi / 30, ("rpm", "U/min", "tr/min")),
-    ("torque", 1.0, ("Nm",)),
-    ("torque", 1e-2, ("Ncm",)),
-    ("torque", 1e-3, ("mNm", "Nmm")),
-    ("torque", 1e3, ("kNm",)),
-    ("torque", 10.0, ("daNm",)),
-    ("torque", 9.80665, ("kgfm", "kgm")),
-    ("torque", 9.80665e-2, ("kgfcm", "kgcm")),
-    ("torque", 1.3558179483, ("lbfft", "lbft", "ftlbf", "ftlb")),
-    ("torque", 0.1129848290, ("lbfin", "lbin", "inlbf", "inlb")),
-    ("force", 1.0, ("N",)),
-    ("force", 1e-3, ("mN",)),
-    ("force", 1e3, ("kN",)),
-    ("force", 10.0, ("daN",)),
-    ("force", 9.80665, ("kgf",)),
-    ("force", 4.4482216153, ("lbf",)),
-    ("current", 1.0, ("A", "Amp")),
-    ("current", 1e-3, ("mA",)),
+
+@frozen
+class Rule:
+    """A row of the table by which columns are read that are called otherwise than they should be.
+
+    Attributes
+    ----------
+    pattern : str
+        Words of names, or units, apart by spaces; ``a+b`` is ``a`` beside ``b``. Units are written
+        without spaces, dots and signs of powers.
+    channel : str
+        What a column holds whose name has such a word: ``t``, a channel, ``current``, or ``base.``
+        and what is measured of the base; ``name`` for text that says which joint others are about.
+        ``wanted`` turns a channel into what was wanted of it, and ``silent`` says nothing. Empty
+        for a unit.
+    unit : str
+        What a unit measures.
+    gain : float
+        How much of SI one of it is.
+    """
+
+    pattern: str
+    channel: str
+    unit: str = ""
+    gain: float = 1.0
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What stands in a name."""
+        return tuple(self.pattern.split())
+
+
+#: The one table. What a robot's own columns are called, its sidecar says (``[columns]``).
+RULES = tuple(
+    Rule(*row)
+    for row in (
+        ("q pos position positions angle angles theta qpos winkel lage", "q"),
+        ("dq qd qdot q+dot vel velocity velocities speed speeds qvel", "dq"),
+        ("geschwindigkeit drehzahl vitesse", "dq"),
+        ("ddq qdd qddot q+ddot acc accel acceleration accelerations qacc beschleunigung", "ddq"),
+        ("tau tau+j torque torques trq effort efforts force forces moment", "tau"),
+        ("qfrc qfrc+actuator drehmoment kraft couple", "tau"),
+        ("current currents curr strom courant", "current"),
+        ("t time times timestamp timestamps stamp zeit temps elapsed", "t"),
+        ("name names", "name"),
+        ("d des desired target targets cmd command commands commanded ref reference", "wanted"),
+        ("setpoint action actions ctrl set goal planned nominal soll sollwert consigne", "wanted"),
+        ("ff feedforward", "tau_ff"),
+        ("joint joints dof dofs j axis axes state states robot arm actual measured", "silent"),
+        ("meas mes msr feedback fbk field data log value values achse axe ist istwert", "silent"),
+        ("policy controller servo motor motors output pd", "silent of commands"),
+        ("acc accel accelerometer acceleration linear_acceleration a", "base.acc"),
+        ("gyro gyroscope angular_velocity angular w omega ang_vel", "base.gyro"),
+        ("pos position p", "base.pos"),
+        ("vel velocity linear linear_velocity lin_vel v", "base.vel"),
+        ("quat quaternion orientation q", "base.quat"),
+        ("s sec secs second seconds", "", "time", 1.0),
+        ("ms msec millis milliseconds", "", "time", 1e-3),
+        ("us usec µs microseconds", "", "time", 1e-6),
+        ("ns nsec nanoseconds", "", "time", 1e-9),
+        ("min", "", "time", 60.0),
+        ("rad radian radians", "", "angle", 1.0),
+        ("mrad", "", "angle", 1e-3),
+        ("deg degree degrees ° Grad", "", "angle", math.pi / 180),
+        ("m", "", "length", 1.0),
+        ("cm", "", "length", 1e-2),
+        ("mm", "", "length", 1e-3),
+        ("µm um", "", "length", 1e-6),
+        ("in inch inches", "", "length", 0.0254),
+        ("rpm U/min tr/min", "", "angle/s", math.pi / 30),
+        ("Nm", "", "torque", 1.0),
+        ("Ncm", "", "torque", 1e-2),
+        ("mNm Nmm", "", "torque", 1e-3),
+        ("kNm", "", "torque", 1e3),
+        ("daNm", "", "torque", 10.0),
+        ("kgfm kgm", "", "torque", 9.80665),
+        ("kgfcm kgcm", "", "torque", 9.80665e-2),
+        ("lbfft lbft ftlbf ftlb", "", "torque", 1.3558179483),
+        ("lbfin lbin inlbf inlb", "", "torque", 0.1129848290),
+        ("N", "", "force", 1.0),
+        ("mN", "", "force", 1e-3),
+        ("kN", "", "force", 1e3),
+        ("daN", "", "force", 10.0),
+        ("kgf", "", "force", 9.80665),
+        ("lbf", "", "force", 4.4482216153),
+        ("A Amp", "", "current", 1.0),
+        ("mA", "", "current", 1e-3),
+    )
 )
+
+
+def words_for(channel: str) -> tuple[str, ...]:
+    """Return the single words of a channel, in the order of the table."""
+    return tuple(w for r in RULES if r.channel == channel for w in r.words if "+" not in w)
+
+
 _RATES = (("/s", ("/s", "/sec")), ("/s2", ("/s2", "/sec2")))
 
 #: Units by how they are written: what they measure, and how much of SI one is.
-UNITS = {name: (what, size) for what, size, names in _WRITTEN for name in names}
+UNITS = {name: (rule.unit, rule.gain) for rule in RULES if rule.unit for name in rule.words}
 UNITS |= {
     f"{name}{end}": (f"{what}{rate}", size)
     for name, (what, size) in UNITS.items()
@@ -170,94 +232,29 @@ def split_unit(name: str) -> tuple[str, Unit | None]:
 # command is no measurement.
 
 
-#: Words for each channel.
-CHANNEL_WORDS = {
-    kind: tuple(words.split())
-    for kind, words in {
-        "q": "q pos position positions angle angles theta qpos winkel lage",
-        "dq": "dq qd qdot vel velocity velocities speed speeds qvel "
-        "geschwindigkeit drehzahl vitesse",
-        "ddq": "ddq qdd qddot acc accel acceleration accelerations qacc beschleunigung",
-        "tau": "tau torque torques trq effort efforts force forces moment qfrc "
-        "drehmoment kraft couple",
-        "current": "current currents curr strom courant",
-    }.items()
-}
+#: Words for each channel, and the channel of each word.
+CHANNEL_WORDS = {kind: words_for(kind) for kind in ("q", "dq", "ddq", "tau", "current")}
 KINDS = {word: kind for kind, words in CHANNEL_WORDS.items() for word in words}
 
-#: Two words for one.
+#: Two words for one, which stands for their channel.
 _PAIRS = {
-    ("q", "dot"): "qdot",
-    ("q", "ddot"): "qddot",
-    ("tau", "j"): "tau",
-    ("qfrc", "actuator"): "qfrc",
+    tuple(word.split("+")): CHANNEL_WORDS[rule.channel][0]
+    for rule in RULES
+    for word in rule.words
+    if "+" in word
 }
 
-#: Words that say nothing about which joint and which channel.
-SILENT = frozenset(
-    (
-        "joint",
-        "joints",
-        "dof",
-        "dofs",
-        "j",
-        "axis",
-        "axes",
-        "state",
-        "states",
-        "robot",
-        "arm",
-        "actual",
-        "measured",
-        "meas",
-        "mes",
-        "msr",
-        "feedback",
-        "fbk",
-        "field",
-        "data",
-        "log",
-        "value",
-        "values",
-        "achse",
-        "axe",
-        "ist",
-        "istwert",
-    )
-)
+#: Words that say nothing about which joint and which channel, those of what was wanted and not
+#: measured, and for time; then what more says nothing, and is wanted, of commands.
+SILENT = frozenset(words_for("silent"))
+COMMANDED = frozenset(words_for("wanted"))
+TIME_WORDS = frozenset(words_for("t"))
+_IDLE = SILENT.union(words_for("silent of commands"))
+_AHEAD = frozenset(words_for("tau_ff"))
 
-#: Words of what was wanted, and not measured.
-COMMANDED = frozenset(
-    (
-        "d",
-        "des",
-        "desired",
-        "target",
-        "targets",
-        "cmd",
-        "command",
-        "commands",
-        "commanded",
-        "ref",
-        "reference",
-        "setpoint",
-        "action",
-        "actions",
-        "ctrl",
-        "set",
-        "goal",
-        "planned",
-        "nominal",
-        "soll",
-        "sollwert",
-        "consigne",
-    )
-)
+#: What a command is of, by the channel that it is called after; a bare one is a position.
+_WANTED = {"q": "q_ref", "": "q_ref", "dq": "dq_ref", "tau": "tau_ff"}
 
-#: Words for time.
-TIME_WORDS = frozenset(
-    ("t", "time", "times", "timestamp", "timestamps", "stamp", "zeit", "temps", "elapsed")
-)
 _TIME_UNITS = tuple(name for name, (what, _) in UNITS.items() if what == "time")
 
 #: What a table of pandas without a name for its index is stored under.
@@ -326,12 +323,7 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Guess | None:
     if time is not None:
         return time
     joint, rest = take_joint(words, joints)
-    for k in reversed(range(len(rest) - 1)):
-        if (rest[k], rest[k + 1]) in _PAIRS:
-            rest[k : k + 2] = [_PAIRS[rest[k], rest[k + 1]]]
-    if rest and unit is None and rest[-1] in ("rad", "deg", "nm", "mm"):
-        unit = find_unit({"nm": "Nm"}.get(rest[-1], rest[-1]))
-        rest = rest[:-1]
+    rest, unit = _pair(rest, unit)
     kinds = [w for w in rest if w in KINDS]
     numbers = [w for w in rest if w.isdecimal()]
     others = [w for w in rest if w not in kinds and w not in numbers and w not in SILENT]
@@ -339,6 +331,40 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Guess | None:
         return None
     number = int(numbers[0]) if numbers and len(numbers[0]) < 4 else -1
     return Guess(source, KINDS[kinds[0]], joint, number, unit)
+
+
+def guess_command(source: str, name: str, joints: Sequence[str]) -> Guess | None:
+    """Return what a column is a command of; None if its name does not say so.
+
+    It is read as that of a measurement is, with a word for what was wanted in it.
+    """
+    plain, unit = split_unit(name)
+    parts = [p for p in plain.split("/") if p]
+    joint, rest = take_joint(words_of(" ".join(parts[-2:])), joints)
+    rest, unit = _pair(rest, unit)
+    above = words_of(" ".join(parts[:-2]))
+    if not (COMMANDED | _AHEAD) & {*rest, *above}:
+        return None
+    kinds = {KINDS[w] for w in rest if w in KINDS}
+    if _AHEAD & {*rest}:
+        kinds = kinds or {"tau"}
+    numbers = [w for w in rest if w.isdecimal()]
+    others = {*rest}.difference(KINDS, numbers, COMMANDED, _AHEAD, _IDLE)
+    of = _WANTED.get(next(iter(kinds), ""))
+    if others or len(kinds) > 1 or len(numbers) > (not joint) or of is None:
+        return None
+    return Guess(source, of, joint, int(numbers[0]) if numbers else -1, unit)
+
+
+def _pair(words: list[str], unit: Unit | None) -> tuple[list[str], Unit | None]:
+    """Return words with two that stand for one joined, and the unit if the last word is one."""
+    out = list(words)
+    for k in reversed(range(len(out) - 1)):
+        if (out[k], out[k + 1]) in _PAIRS:
+            out[k : k + 2] = [_PAIRS[out[k], out[k + 1]]]
+    if out and unit is None and out[-1] in ("rad", "deg", "nm", "mm"):
+        return out[:-1], find_unit({"nm": "Nm"}.get(out[-1], out[-1]))
+    return out, unit
 
 
 def unread_unit(name: str, joints: Sequence[str]) -> str:

@@ -19,20 +19,18 @@ from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array, Renames
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
+from identifiability.logs.aliases import words_for
 from identifiability.robot.floating import Base
 
 #: What comes first in the name of a column about the base.
 OWNERS = ("base", "imu", "odom", "odometry", "pose", "twist", "trunk", "floating_base", "torso")
 
-#: Words for what is measured of it, and letters that stand for it before an axis.
-WORDS = {
-    "acc": ("acc", "accel", "accelerometer", "acceleration", "linear_acceleration", "a"),
-    "gyro": ("gyro", "gyroscope", "angular_velocity", "angular", "w", "omega", "ang_vel"),
-    "pos": ("pos", "position", "p", ""),
-    "vel": ("vel", "velocity", "linear", "linear_velocity", "lin_vel", "v"),
-    "quat": ("quat", "quaternion", "orientation", "q"),
-}
-_KINDS = {word: kind for kind, words in WORDS.items() for word in words}
+#: What is measured of it, by words for it and letters that stand for it before an axis.
+_KINDS = {
+    word: kind
+    for kind in ("acc", "gyro", "pos", "vel", "quat")
+    for word in words_for(f"base.{kind}")
+} | {"": "pos"}
 _NUMBERED = {"0": 0, "1": 1, "2": 2, "3": 3}
 _AXES = {"x": 0, "y": 1, "z": 2, "w": 3}
 
@@ -197,7 +195,7 @@ def _unit(x: Array) -> Array:
 
 
 def _refuse(raw: RawBase, source: str) -> NoReturn:
-    has = sorted({key.partition(".")[0] for key in raw.values} & {*WORDS})
+    has = sorted({key.partition(".")[0] for key in raw.values} & {*_KINDS.values()})
     words = {
         "acc": "acceleration", "gyro": "angular velocity", "pos": "position",
         "vel": "velocity", "quat": "part of an orientation",

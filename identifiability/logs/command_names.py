@@ -12,7 +12,7 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.aliases import COMMANDED, KINDS, SILENT, split_unit, take_joint, words_of
+from identifiability.logs.aliases import Guess, Unit, guess_command, split_unit
 from identifiability.logs.checks import COMMANDS
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.naming import find_entries, rename
@@ -26,13 +26,6 @@ _SHORT = {
     "tau_cmd": "tau_ff",
     **{kind: kind for kind in COMMANDS},
 }
-
-#: What a command is of, by the channel that it is called after; a bare one is a position.
-_OF = {"q": "q_ref", "": "q_ref", "dq": "dq_ref", "tau": "tau_ff"}
-
-#: Words of commands, and of their torques that stand for themselves.
-_WANTED = COMMANDED | {"action", "actions", "ff", "feedforward"}
-_IDLE = SILENT | {"policy", "controller", "servo", "motor", "motors", "output", "pd"}
 
 
 @frozen
@@ -137,6 +130,7 @@ def find_commands(columns: Iterable[str], source: str, known: Conventions) -> di
     own = tuple(dict.fromkeys((*known.motors, *known.joints, *known.locked)))
     found: dict[str, Command] = {}
     numbered: dict[str, dict[int, str]] = {}
+    units: dict[str, Unit | None] = {}
     names = {column: rename(column.strip(), known) for column in columns}
     entries = find_entries(names, known)
     for column, name in names.items():
@@ -146,20 +140,23 @@ def find_commands(columns: Iterable[str], source: str, known: Conventions) -> di
                 at = entry.entry
                 found[column] = Command(at.column, at.factor, at.low, at.high)
             continue
-        guess = _guess(name, own)
+        owner, _, end = split_unit(name)[0].rpartition(".")
+        literal = owner in own and end in _SHORT
+        guess = Guess(column, _SHORT[end], owner) if literal else guess_command(column, name, own)
         if guess is None:
             continue
-        kind, joint, number = guess
-        if joint:
-            found[column] = Command(f"{joint}.{kind}", _factor(column, kind, joint, source, known))
-        elif number >= 0:
-            numbered.setdefault(kind, {})[number] = column
+        units[column] = split_unit(column.strip())[1] or guess.unit
+        if guess.joint:
+            factor = _factor(column, guess.kind, guess.joint, units[column], source, known)
+            found[column] = Command(f"{guess.joint}.{guess.kind}", factor)
+        elif guess.number >= 0:
+            numbered.setdefault(guess.kind, {})[guess.number] = column
     for kind, those in numbered.items():
         first = min(those)
         if first in (0, 1) and set(those) == set(range(first, first + len(known.joints))):
             for k, joint in enumerate(known.joints):
                 column = those[first + k]
-                factor = _factor(column, kind, joint, source, known)
+                factor = _factor(column, kind, joint, units[column], source, known)
                 found[column] = Command(f"{joint}.{kind}", factor)
     by_name: dict[str, list[str]] = {}
     for column, command in found.items():
@@ -174,9 +171,10 @@ def find_commands(columns: Iterable[str], source: str, known: Conventions) -> di
     return {c: command for c, command in found.items() if _whole(command.name, by_name, known)}
 
 
-def _factor(column: str, kind: str, joint: str, source: str, known: Conventions) -> float:
+def _factor(
+    column: str, kind: str, joint: str, unit: Unit | None, source: str, known: Conventions
+) -> float:
     """Return what turns a stated unit into the one in which the joint's column is read."""
-    unit = split_unit(column.strip())[1]
     if unit is None:
         return 1.0
     unit.check(kind, column.strip(), source)
@@ -195,25 +193,3 @@ def _whole(name: str, found: Mapping[str, object], known: Conventions) -> bool:
         names and all(f"{j}.{kind}" in found for j in names)
         for names in (known.joints, known.motors)
     )
-
-
-def _guess(name: str, joints: tuple[str, ...]) -> tuple[str, str, int] | None:
-    """Return kind of command, joint and number of a column; None if it is no command."""
-    plain, _ = split_unit(name)
-    owner, _, kind = plain.rpartition(".")
-    if owner in joints and kind in _SHORT:
-        return _SHORT[kind], owner, -1
-    parts = [p for p in plain.split("/") if p]
-    joint, words = take_joint(words_of(" ".join(parts[-2:])), joints)
-    above = words_of(" ".join(parts[:-2]))
-    if not _WANTED & {*words, *above}:
-        return None
-    kinds = {KINDS[w] for w in words if w in KINDS}
-    if "ff" in words or "feedforward" in words:
-        kinds = kinds or {"tau"}
-    numbers = [w for w in words if w.isdecimal()]
-    others = {*words} - {*KINDS, *numbers} - _WANTED - _IDLE
-    if others or len(kinds) > 1 or len(numbers) > 1 - bool(joint):
-        return None
-    of = _OF.get(next(iter(kinds), ""))
-    return None if of is None else (of, joint, int(numbers[0]) if numbers else -1)

@@ -31,6 +31,7 @@ from identifiability.logs.aliases import (
     split_unit,
     take_joint,
     unread_unit,
+    words_for,
     words_of,
 )
 from identifiability.logs.checks import CHANNELS, find_joints
@@ -244,10 +245,6 @@ def propose_locks(missing: Sequence[str], wanted: Sequence[str]) -> str:
 # Columns that tell their joint by a number: ``q1`` … ``q6``, ``position[0]``, ``qpos[7]``.
 
 
-#: Words of a column that holds names of joints.
-NAMES = ("name", "names")
-
-
 #: Arrays of MuJoCo; of several with torques the first that is there is taken.
 ARRAYS = ("qpos", "qvel", "qacc", "qfrc_actuator", "actuator_force", "ctrl")
 _ENTRY = re.compile(rf"(.*?)[./_ ]*(?<![A-Za-z])({'|'.join(ARRAYS)})[./_ ]*(.*)")
@@ -346,7 +343,12 @@ def _labels(names: Mapping[str, str], first: Mapping[str, str]) -> dict[int, tup
     found = {}
     for column, name in names.items():
         words = words_of(name)
-        if column in first and len(words) > 1 and words[-2] in NAMES and words[-1].isdecimal():
+        if (
+            column in first
+            and len(words) > 1
+            and words[-2] in words_for("name")
+            and words[-1].isdecimal()
+        ):
             found[int(words[-1])] = (column, first[column].strip())
     return found
 

@@ -7,7 +7,7 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Renames
 from identifiability.logs import Log
-from identifiability.logs.aliases import find_unit, words_of
+from identifiability.logs.aliases import RULES, find_unit, guess_command, words_of
 from identifiability.logs.conventions import Conventions
 
 ARM = tuple(f"panda_joint{k}" for k in (1, 2, 3))
@@ -158,3 +158,30 @@ def test_words_and_units():
     for text, factor in known.items():
         unit = find_unit(text)
         assert (unit and unit.factor) == factor, text
+
+
+def test_a_word_stands_in_one_row_of_the_table_alone():
+    """Of names of joints' columns, of the base's, and of units: what reads two ways reads none."""
+    for rows in (
+        [r for r in RULES if not r.unit and not r.channel.startswith("base.")],
+        [r for r in RULES if r.channel.startswith("base.")],
+        [r for r in RULES if r.unit],
+    ):
+        words = [word for row in rows for word in row.words]
+        assert len(words) == len(set(words))
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "factor"),
+    [
+        ("elbow.q_des", "q_ref", None),
+        ("elbow_q_des_deg", "q_ref", np.pi / 180),
+        ("elbow/q_dot_cmd", "dq_ref", None),
+        ("policy/elbow target velocity [rpm]", "dq_ref", np.pi / 30),
+        ("elbow feedforward nm", "tau_ff", 1.0),
+    ],
+)
+def test_a_command_is_read_as_a_measurement_is(name, kind, factor):
+    guess = guess_command(name, name, ["shoulder", "elbow"])
+    assert (guess.joint, guess.kind) == ("elbow", kind)
+    assert (guess.unit and guess.unit.factor) == (factor and pytest.approx(factor))
