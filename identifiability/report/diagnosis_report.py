@@ -191,7 +191,7 @@ def section_effects(d: Diagnosis) -> Section:
         close = [
             f"{n.replace('_', ' ')} ({s:.2f}, weight {_weight(e.weight_of(n))})"
             for n, s in e.similar.items()
-            if s > 0.5
+            if s > d.rules.similar
         ]
         sure = Cell(weight_text(e.sure), e.sure)
         for p in e.placements:
@@ -448,6 +448,9 @@ def _section_remainder(d: Diagnosis) -> Section:
     return section("diagnosis.remainder", table)
 
 
+RULES = (Column("rule", "code"), Column("value", digits(3)), Column("meaning"))
+
+
 def _section_method(d: Diagnosis) -> Section:
     names = dict.fromkeys([*d.base, *(f for s in d.steps for f, _ in s.evidence)])
     terms = [
@@ -456,6 +459,7 @@ def _section_method(d: Diagnosis) -> Section:
     ]
     prepared = tuple(f"{s.name}: {'; '.join(s.notes)}." for s in (*d.samples, *d.validation))
     roles = sentence("diagnosis.roles", chosen=d.chosen_by, verified=d.verified_on)
+    rules = Table.of("By which numbers it was decided", RULES, d.rules.rows())
     return section(
-        "diagnosis.method", Terms(tuple(terms)), level_table(), Prose((roles, *prepared))
+        "diagnosis.method", Terms(tuple(terms)), rules, level_table(), Prose((roles, *prepared))
     )

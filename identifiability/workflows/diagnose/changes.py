@@ -241,8 +241,13 @@ class Scan:
             step_of(x, n.left)
             for x, n in zip(noise.misfit(left, self.rows.counts), noise.joints, strict=True)
         ])  # fmt: skip
+        rules, share = p.setting.rules, (b + len(at)) / len(steps)
         errors = [self.model.whiten(left, j, step) for j, step in enumerate(steps.tolist())]
-        return replace(view, steps=steps, tempered=tempering(errors, (b + len(at)) / len(steps)))
+        return replace(
+            view,
+            steps=steps,
+            tempered=tempering(errors, share, rules.lag, rules.usual),
+        )
 
 
 def _held(c: Candidate) -> Candidate:

@@ -94,7 +94,7 @@ def conclude(search: Search, verdict: Verdict, null: Array, rng: np.random.Gener
             )
         )
     refuted = [_refuted(search, verdict, k, null, rng) for k in verdict.refuted]
-    left = [fitted[:, :, n] for n in (0, -1)]
+    left, near = [fitted[:, :, n] for n in (0, -1)], p.setting.rules.near
     rms = np.sqrt(np.sum(left[1] ** 2, axis=0) / p.seen.counts)
     rest = tuple(lack_of_fit(search, h, view, j) for j in range(p.rows.joints))
     parts = []
@@ -114,8 +114,8 @@ def conclude(search: Search, verdict: Verdict, null: Array, rng: np.random.Gener
         real_after=real[-1],
         refuted=tuple(refuted),
         interval=gap.interval(0, -1, rng),
-        discrepancies=tuple(find_discrepancies(p.seen, left[0], robot.joints)),
-        discrepancies_after=tuple(find_discrepancies(p.seen, left[1], robot.joints)),
+        discrepancies=tuple(find_discrepancies(p.seen, left[0], robot.joints, near)),
+        discrepancies_after=tuple(find_discrepancies(p.seen, left[1], robot.joints, near)),
         aliases=p.aliases,
         refusals=p.refusals,
         steps=tuple(_tell_steps(search, verdict, null, (*effects, *refuted))),

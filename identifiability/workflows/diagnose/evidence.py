@@ -20,16 +20,13 @@ from identifiability.estimation.noise import ARNoise, runs_of, take_data, whiten
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.rows import Candidate, Rows
+from identifiability.workflows.diagnose.rules import Rules
 
 #: Directions below this share of the largest are rounding, in products of unit columns.
 ROUNDING = 1e-10
 #: Misfits are taken in steps of this factor, so that products are used again; and those below a
 #: quarter of the noise are none.
 STEP, LEAST = 2.0**0.5, 0.25
-#: Lag-one correlation of whitened errors beyond which more is not believed, and their variance up
-#: to which it is not asked for: both hold on simulated noise up to a correlation of .98.
-LARGEST_LAG, USUAL = 0.9, 1.15
-
 
 #: Rounds in which the width of a function's prior is found, and bounds of it.
 WIDTHS, WIDEST = 8, (0.1, 100.0)
@@ -550,7 +547,9 @@ class View:
         return width
 
 
-def tempering(errors: Sequence[Array], fitted: float) -> Array:
+def tempering(
+    errors: Sequence[Array], fitted: float, lag: float = Rules.lag, usual: float = Rules.usual
+) -> Array:
     """Return what divides each joint's information: what it leaves above its noise, (n,).
 
     Parameters
@@ -559,12 +558,14 @@ def tempering(errors: Sequence[Array], fitted: float) -> Array:
         Whitened, of each joint.
     fitted : float
         Values that were fitted, as a share of the joints.
+    lag, usual : float
+        See `Rules`.
     """
     out = np.ones(len(errors))
     for j, e in enumerate(errors):
         if len(e) < 3 or not (square := float(e @ e)) > 0:
             continue
         excess = square / max(len(e) - fitted, len(e) / 3)
-        lag = float(np.clip(e[1:] @ e[:-1] / square, 0.0, LARGEST_LAG))
-        out[j] = max(1.0, excess * ((1 + lag) / (1 - lag) if excess > USUAL else 1.0))
+        own = float(np.clip(e[1:] @ e[:-1] / square, 0.0, lag))
+        out[j] = max(1.0, excess * ((1 + own) / (1 - own) if excess > usual else 1.0))
     return out

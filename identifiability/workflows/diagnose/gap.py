@@ -23,11 +23,10 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.signals import is_constant
 from identifiability.workflows.diagnose.rows import Rows
+from identifiability.workflows.diagnose.rules import Rules
 
 #: Bins in which the residual is averaged.
 BINS = 12
-#: A joint is near a reversal below this share of its rms speed.
-NEAR = 0.15
 
 
 @frozen
@@ -142,8 +141,10 @@ class Discrepancy:
     memory: float
 
 
-def find_discrepancies(rows: Rows, residual: Array, joints: Sequence[str]) -> list[Discrepancy]:
-    """Return where the residual (N, n) of each joint sits."""
+def find_discrepancies(
+    rows: Rows, residual: Array, joints: Sequence[str], near: float = Rules.near
+) -> list[Discrepancy]:
+    """Return where the residual (N, n) of each joint sits, near reversals or not."""
     memory = autocorrelation_time(residual)
     out = []
     for j, joint in enumerate(joints):
@@ -153,9 +154,9 @@ def find_discrepancies(rows: Rows, residual: Array, joints: Sequence[str]) -> li
             out.append(Discrepancy(joint, 0.0, 0.0, float("nan"), {}, float(memory[j])))
             continue
         square = r**2
-        near = np.abs(v) < NEAR * (float(np.sqrt(np.mean(v**2))) or 1.0)
-        far = float(square[~near].mean()) if (~near).any() else 0.0
-        ratio = float(square[near].mean()) / far if near.any() and far > 0 else float("nan")
+        turns = np.abs(v) < near * (float(np.sqrt(np.mean(v**2))) or 1.0)
+        far = float(square[~turns].mean()) if (~turns).any() else 0.0
+        ratio = float(square[turns].mean()) / far if turns.any() and far > 0 else float("nan")
         explained = {name: explained_share(x[data], r) for name, x in rows.along(j).items()}
         size = float(np.sqrt(square.mean()))
         whole = float(np.sqrt(np.mean(rows.measured[data, j] ** 2))) or 1.0

@@ -48,8 +48,9 @@ from identifiability.workflows.excite.search import Objective, Series
 from identifiability.workflows.excite.workflow import find_motion
 from identifiability.workflows.opening import Progress
 
-#: A motion is logged for the fewest periods that are likely to decide, up to so many.
-PERIODS, LIKELY = 32, 0.95
+#: A motion is logged for the fewest periods that are as likely to decide as a name is sure, up to
+#: so many.
+PERIODS = 32
 #: Where these are not likely to, how many times as long a log may be, and how much slower a motion
 #: is tried as well: it stays longer near a reversal, where laws of friction differ, and has less
 #: inertia to hide them. A faster one crosses it in so few samples that how the sign of a speed is
@@ -64,8 +65,6 @@ LISTED = 4
 SAME = 1.0 - 1e-6
 #: Random motions that are asked whether any motion tells effects apart, and samples of each.
 LOOKS, SAMPLES = 12, 150
-#: Log odds that hidden effects need beside those of a name: the price of one of many.
-PRICE = 5.0
 #: Periods of a motion that are prepared to know what one of many says.
 PREPARED = 3
 #: Samples of a log that is longer than any share of those that are looked at.
@@ -218,7 +217,7 @@ def find_next(
         logs, told = tuple(s.name for s in d.samples), Told.of(asked.question, d)
         found, longest = [search(series, duration)], PERIODS * duration
         usual = _judge(d, asked, told, found, longest)
-        if usual.chance >= LIKELY or asked.same:
+        if usual.chance >= 1.0 - d.rules.level or asked.same:
             return usual
         with suppress(ClosureError):  # the first one keeps the workspace
             found.append(search(replace(series, period=SLOWER * duration), longest))
@@ -248,8 +247,9 @@ def _judge(
             logs.append((k * period, k, asked.chance(told.known + min(k, seen) * new), motion))
             k *= 2
     logs.sort(key=lambda log: log[0])
+    likely = 1.0 - d.rules.level
     likeliest = max(logs, key=lambda log: log[2])  # of several the shortest
-    _, periods, chance, motion = next((log for log in logs if log[2] >= LIKELY), likeliest)
+    _, periods, chance, motion = next((log for log in logs if log[2] >= likely), likeliest)
     return NextMotion(
         names=asked.names,
         excitation=motion,
@@ -400,7 +400,7 @@ def ask_hidden(d: Findings, series: Series, seed: int) -> Asked | None:
         tuple(c for c, s in zip(columns, shown, strict=True) if s),
         tuple(x for x, s in zip(sizes, shown, strict=True) if s),
     )
-    reach = float(np.sqrt(2.0 * (d.rules.odds + PRICE)))
+    reach = float(np.sqrt(2.0 * (d.rules.odds + d.rules.price)))
 
     def chance(G: Array) -> float:
         return float(np.mean(stats.norm.sf(reach - np.sqrt(aim.squares(G[None])[:, 0]))))

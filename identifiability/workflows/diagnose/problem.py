@@ -200,7 +200,8 @@ class Problem:
         view = View(self.fitted, steps, ones if before is None else before.tempered, self.sizes)
         errors = self.errors(self.fitted, parts, view)
         b = rows.X.shape[2] + len(self.columns(parts))
-        tempered = tempering(errors, b / rows.joints)
+        rules = self.setting.rules
+        tempered = tempering(errors, b / rows.joints, rules.lag, rules.usual)
         return replace(view, tempered=tempered, sizes=self._widened(parts, view))
 
     def _widened(self, parts: Sequence[int], view: View) -> Array:

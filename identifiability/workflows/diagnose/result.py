@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from identifiability.workflows.commanded import Moved
     from identifiability.workflows.opening import Recordings
 
-#: Similarity from which on another effect is told in JSON.
-SIMILAR = 0.5
 #: What the table says of an effect at a place, and of each parameter there.
 PLACE, PARAMETER = ("effect", "joint", "shape", "p_value"), ("parameter", "value", "error", "unit")
 
@@ -163,8 +161,8 @@ class Diagnosis(Result, Findings, Predicts):
             "model": list(self.diagnosed.model.texts),
             **pick(self, "fixed", "statement", "hints", "seed", "physical"),
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
-            "effects": [_effect_row(e) for e in self.effects],
-            "refuted": [_effect_row(e) for e in self.refuted],
+            "effects": [_effect_row(e, self.rules.similar) for e in self.effects],
+            "refuted": [_effect_row(e, self.rules.similar) for e in self.refuted],
             "changes": [_change_row(c) for c in self.changes],
             "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
             "errors": {"joints": self.error_frame().to_dict("records")},
@@ -232,7 +230,7 @@ def _change_row(c: Change) -> dict[str, Any]:
     }
 
 
-def _effect_row(e: NamedEffect) -> dict[str, Any]:
+def _effect_row(e: NamedEffect, similar: float) -> dict[str, Any]:
     verified = {
         "error_ra_validation_before": "before",
         "error_ra_validation_after": "after",
@@ -256,7 +254,7 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
         "confusable_with": [
             {"effect": name, "similarity": similarity}
             for name, similarity in e.similar.items()
-            if similarity > SIMILAR
+            if similarity > similar
         ],
         "places": [
             {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from inspect import cleandoc
 from typing import Annotated
 
 import numpy as np
@@ -34,7 +36,23 @@ class Rules:
         Blocks over which scores and errors are taken as independent: five memories of the noise of
         usual arms.
     similar : float
-        Similarity from which on a motion is asked for that tells two names apart.
+        Similarity from which on a name is said to resemble another: a quarter of its power is the
+        other's.
+    lack : float
+        Level, after Holm's correction, at which functions without a name are said to explain more:
+        one test a joint, of what nobody asked for.
+    visible : float
+        Share of a residual's variance from which on its dependence on something is said: means over
+        twelve bins of white noise stay below it from some 200 rows on.
+    near : float
+        Share of a joint's rms speed below which it is near a reversal.
+    price : float [nat]
+        What hidden effects need beside the odds of a name: the number of families and places.
+    lag : float
+        Lag-one correlation of whitened errors beyond which more is not believed; and
+    usual : float
+        their variance up to which it is not asked for. Both hold on simulated noise up to a
+        correlation of .98.
     beam : int
         Hypotheses that are kept while searching.
     options : int
@@ -53,7 +71,13 @@ class Rules:
     function: float = 3.0
     crowd: float = 3.0
     block: float = 0.5
-    similar: Share = 0.9
+    similar: Share = 0.5
+    lack: Share = 0.01
+    visible: Share = 0.05
+    near: Share = 0.15
+    price: float = 5.0
+    lag: Share = 0.9
+    usual: float = 1.15
     beam: Annotated[int, at_least(1)] = 5
     options: Annotated[int, at_least(1)] = 6
     hidden: Annotated[int, at_least(0)] = 3
@@ -67,3 +91,9 @@ class Rules:
     def odds(self) -> float:
         """Log odds from which on a part is stated [nat]."""
         return float(np.log(1.0 / self.level - 1.0))
+
+    def rows(self) -> list[tuple[str, float, str]]:
+        """Return name, value and meaning of each, as they are printed."""
+        _, _, text = cleandoc(self.__doc__ or "").partition("Attributes\n----------\n")
+        told = re.findall(r"^(\w+) : .*\n((?:    .*(?:\n|$))+)", text, re.MULTILINE)
+        return [(name, getattr(self, name), " ".join(what.split())) for name, what in told]

@@ -10,14 +10,10 @@ from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
 from identifiability.workflows.diagnose.motion import Change, join
 
-#: Similarity from which on a name is said to be hard to tell from another.
-NOTEWORTHY = 0.6
 #: Effects that the headline states in full, and names and places that it lists of each.
 FULL, LISTED = 2, 3
 #: An error below this share of the torque is rounding.
 ROUNDING = 1e-9
-#: Level at which functions without a name are said to explain more.
-LEVEL = 0.01
 #: What a residual looks like that depends on one of these; a function of any other.
 LOOKS = {
     "time": "a drift over time",
@@ -25,8 +21,6 @@ LOOKS = {
     "log": "a difference between the logs",
     "load": "something that goes with the load",
 }
-#: Share of the residual from which on its dependence on something is said.
-VISIBLE = 0.05
 #: Similarity from which on two digits after the point would say that it is one, and that it is.
 NEAR_ONE, ONE = 0.995, 1.0 - 1e-6
 #: Weight above which none is said.
@@ -165,7 +159,13 @@ def remarks(d: Findings) -> list[Remark]:
     rivals = [Remark("A or B", _state_rivals(e)) for e in d.effects if e.alternatives]
     if len(d.effects) <= FULL:  # the headline has them
         named, rivals = [], rivals if len(rivals) > 1 else []
-    return [*named, *rivals, *out, *(r for e in d.effects for r in _caveats(e)), *always]
+    return [
+        *named,
+        *rivals,
+        *out,
+        *(r for e in d.effects for r in _caveats(e, d.rules.similar)),
+        *always,
+    ]
 
 
 def _state_effect(e: NamedEffect) -> str:
@@ -237,12 +237,12 @@ def _state_nearest(e: NamedEffect) -> str:
     )
 
 
-def _caveats(e: NamedEffect) -> list[Remark]:
+def _caveats(e: NamedEffect, similar: float) -> list[Remark]:
     title, out = e.title[0].upper() + e.title[1:], []
     if e.unnamed:
         out.append(Remark("Without a name", _state_nearest(e)))
     name, similarity = next(iter(e.similar.items()), ("", 0.0))  # the most similar
-    if similarity > NOTEWORTHY and not (e.alternatives or e.unnamed):
+    if similarity > similar and not (e.alternatives or e.unnamed):
         out.append(Remark("Resembles", _state_resembling(e, name, similarity)))
     if not e.confirmed:
         text = (
@@ -320,7 +320,7 @@ def _functions(d: Findings) -> str:
     seen = [
         f"{percent(left.share, 2)} of what is left in {joint}"
         for (joint, left), p in zip(asked.items(), corrected, strict=True)
-        if p < LEVEL
+        if p < d.rules.lack
     ]
     if seen:
         return f"Functions of motion and load without a name would explain {join(seen)}"
@@ -332,7 +332,7 @@ def _looks(d: Findings) -> str:
     """Return what the residual depends on most, in words."""
     most = max(d.discrepancies_after, key=lambda x: max(x.explained.values(), default=0.0))
     where, best = max(most.explained.items(), key=lambda x: x[1])
-    if best < VISIBLE:
+    if best < d.rules.visible:
         return "noise: it depends on none of velocity, position, acceleration, load or time"
     kind = LOOKS.get(where, f"a function of {where}")
     return f"{kind} in {most.joint} ({percent(best, 2)} of its variance)"
