@@ -1,14 +1,18 @@
 """What logs say of a base that floats: every road ends in what an ideal sensor there reads."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
+from identifiability.effects.imu import ImuMounting, move_mounting
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_samples
 from identifiability.logs.signals import lowpass
 from identifiability.regression.regression import Model
@@ -20,6 +24,7 @@ from identifiability.workflows.excite import excite
 from identifiability.workflows.oddities import MeasuredLogs, find_always
 from identifiability.workflows.oddities.contacts import find_aliases
 
+RIGID = Model.of("rigid_body")
 BODY = """<mujoco model="body"><option timestep="0.001" integrator="RK4"/><worldbody>
 <body name="body" pos="0 0 1"><freejoint name="free"/>
 <inertial pos=".03 -.02 .05" mass="2.5" fullinertia=".03 .04 .02 .002 -.001 .003"/>
@@ -142,6 +147,50 @@ def test_a_sensor_that_is_mounted_elsewhere_says_the_same(thrown, body):
     np.testing.assert_allclose(log.base[20:-20, :3], thrown["acc"][20:-20], atol=0.05)
 
 
+def test_corrections_of_a_mounting_change_torque_as_another_sidecar_does(thrown, body):
+    """What one column says is the difference between two readings of the same log."""
+    frame, small = table(thrown, **sensor(thrown)), 1e-5
+    how = Preparation(cutoff=20.0)
+    model = Model.of("rigid_body", ImuMounting.name)
+
+    def torque(text):
+        body.path.with_suffix(".toml").write_text(text + WRENCH)
+        robot = Robot.load(body.path)
+        motion = prepare_samples(robot, read(robot, frame), how).motion
+        return robot, model.regressor(robot, motion), RIGID.regressor(robot, motion)
+
+    robot, W, rigid = torque(IMU)
+    known = np.array([robot.nominal[p.name] for p in RIGID.parameters(robot)])
+    assert not ImuMounting().parameters(replace(robot, base=None))
+    names = [p.name for p in model.parameters(robot)]
+    for kind in ("imu_ry", "imu_x", "imu_az", "imu_wx"):
+        moved = move_mounting(robot, {f"base.{kind}": small}, digits=12)
+        change = (torque(f"{moved}\n")[2] - rigid) @ known / small
+        own = W[:, :, names.index(f"base.{kind}")]
+        inner = slice(50, -50)
+        np.testing.assert_allclose(change[inner], own[inner], atol=2e-3 * np.abs(own).max())
+
+
+def test_a_mounting_that_is_known_roughly_is_corrected_in_the_fit(thrown, body):
+    place, bias = np.array([0.05, -0.03, 0.04]), np.array([0.2, -0.1, 0.15])
+    lever = np.cross(thrown["alpha"], place)
+    lever += np.cross(thrown["gyro"], np.cross(thrown["gyro"], place))
+    acc = thrown["acc"] + lever + bias
+    frame = table(thrown, a=(axes("base.acc."), acc), g=(axes("base.gyro."), thrown["gyro"]))
+    body.path.with_suffix(".toml").write_text(WRENCH + '[imu]\nfit = ["place", "acc_bias"]\n')
+    found = analyze(Robot.load(body.path), [frame], replicates=50)
+    told = found.to_frame().set_index("name")
+    mounting = [f"base.imu_{k}" for k in ("x", "y", "z", "ax", "ay", "az")]
+    np.testing.assert_allclose(told["value"][mounting], [*place, *bias], rtol=0.05)
+    own = told.loc[[name for name in told.index if name.startswith("body.")]]
+    np.testing.assert_allclose(own["value"], own["nominal"], rtol=0.03, atol=3e-4)
+    (said,) = (hint for hint in found.hints if "top of the sidecar" in hint)
+    body.path.with_suffix(".toml").write_text(f"{said.partition('sidecar: ')[2]}\n{WRENCH}")
+    again = Robot.load(body.path)
+    assert again.base.imu.fit == ("place", "acc_bias")
+    np.testing.assert_allclose(again.base.imu.place, place, atol=2e-3)
+
+
 def test_the_order_of_a_quaternion_is_told_by_the_gyroscope_or_asked_for(thrown, body):
     for order in ((0, 1, 2, 3), (1, 2, 3, 0)):
         quat = {"q": ([f"base.quat[{k}]" for k in range(4)], thrown["quat"][:, order])}
@@ -157,7 +206,39 @@ def test_a_sensor_at_a_rate_of_its_own_is_put_on_the_clock_of_the_log(thrown, bo
     frame = table(thrown, **sensor(thrown))
     frame.loc[frame.index % 3 != 0, axes("base.acc.")] = np.nan
     log = read(body, frame)
-    np.testing.assert_allclose(log.base[:-5, :3], thrown["acc"][:-5], atol=0.2)
+    np.testing.assert_allclose(log.base[:-5, :3], thrown["acc"][:-5], atol=0.02)
+    assert "acceleration at 83.3 Hz came on a clock of its own and was put on" in str(log.notes)
+    held = table(thrown, **sensor(thrown))  # a logger that writes the last value until one comes
+    held[axes("base.acc.")] = held[axes("base.acc.")].iloc[held.index // 3 * 3].to_numpy()
+    again = read(body, held)
+    np.testing.assert_allclose(again.base[:-5, :3], log.base[:-5, :3], atol=1e-9)
+    assert "that of the joints, 250 Hz" in str(again.notes)
+    assert not any("clock" in note for note in read(body, table(thrown, **sensor(thrown))).notes)
+
+
+def test_a_base_stands_as_the_sidecar_says_it_was_hung_up(tmp_path):
+    robot, tilt = walker(tmp_path, ""), (0.3, -0.2, 0.5)
+    text = robot.path.read_text().replace('name="trunk"', 'name="trunk" euler="10 20 30"', 1)
+    robot.path.write_text(text)
+    urdf = tmp_path / "hung.urdf"
+    inertial = '<inertial><mass value="{1}"/><inertia ixx=".1" iyy=".1" '
+    inertial += 'izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    link = '<link name="{0}">' + inertial + "</link>"
+    joint = (
+        '<joint name="hip" type="revolute"><parent link="trunk"/><child link="leg"/>'
+        '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="9"/></joint>'
+    )
+    parts = link.format("trunk", 5) + link.format("leg", 1) + joint
+    urdf.write_text(f'<robot name="walker">{parts}</robot>')
+    for path in (robot.path, urdf):
+        drawn = Robot.load(path, base="fixed")
+        assert drawn.tilt is None
+        path.with_suffix(".toml").write_text(f"stand = {list(tilt)}")
+        hung = Robot.load(path, base="fixed")
+        turn = Rotation.from_euler("xyz", tilt).inv()
+        own = Rotation.from_euler("XYZ", [0, 0, 0] if path == urdf else [10, 20, 30], degrees=True)
+        np.testing.assert_allclose(hung.gravity, own.apply(turn.apply([0, 0, -9.81])), atol=1e-9)
+        assert Robot.load(path, base="floating").base is not None  # of which it says nothing
 
 
 def test_what_is_missing_or_no_orientation_is_said_in_one_sentence(thrown, body):

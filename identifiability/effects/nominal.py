@@ -51,7 +51,7 @@ def reference_values(robot: Robot) -> Mapping[str, float]:
     return values
 
 
-def _load_model(robot: Robot) -> Any:
+def load_model(robot: Robot) -> Any:
     """Return the Pinocchio model with the bodies by which loads are known."""
     if not robot.reference:
         return robot.model
@@ -65,7 +65,7 @@ def _load_model(robot: Robot) -> Any:
 @once
 def rigid_torque(robot: Robot, motion: Motion) -> Array:
     """Return the rigid-body torque of the actuated joints by the file's masses, (N, n)."""
-    model = _load_model(robot)
+    model = load_model(robot)
     data, tree = model.createData(), np.empty((len(motion), model.nv))
     moved = tree_motion(robot, motion)
     for k, (q, v, a) in enumerate(zip(*moved, strict=True)):
@@ -84,7 +84,7 @@ def gravity_torque(robot: Robot, motion: Motion, gravity: Array) -> Array:
     motion : Motion
     gravity : (3,) [m/s²]
     """
-    model = _load_model(robot).copy()
+    model = load_model(robot).copy()
     model.gravity.linear = gravity
     return hold_weight(robot, motion, model)
 

@@ -375,20 +375,26 @@ class RenoisedLeastSquares:
 
     def loss(self, information: Information, fit: Estimate) -> Array:
         """Return the triangular factor of least squares at what noise makes of values."""
-        F = self.base.loss(information, fit)
-        k = information.size
-        F[:, :k] = F[:, :k] @ np.linalg.inv(self._correction(information, fit))
-        return triangular_factor(F)
+        return triangular_factor(
+            self.base.loss(information, fit) @ self.map_noise(information, fit)
+        )
+
+    def map_noise(self, information: Information, fit: Estimate) -> Array:
+        """Return what noise makes of values and torque, (k + 1, k + 1)."""
+        whole = np.eye(information.size + 1)
+        whole[:-1, :-1] = np.linalg.inv(self._correction(information, fit))
+        return whole
 
     def project(self, information: Information, fit: Estimate, M: Array) -> Array:
         """Return what the fit finds of torque without noise, for each of b parameters, (k, b)."""
         P = self.base.project(information, fit, M)
         if information.echo is None:
             return P
-        b, k = M.shape
+        b = len(M)
         R = information.echo.joint.factor(fit.weights)
         V, W = R[:, :b], R[:, b : 2 * b]
-        B, *_ = _shrinkage(information.reduce(M, [""] * k), fit.weights)
+        # From the factors over all columns: nothing is asked of the blocks anew.
+        B, *_ = _noise_map(V @ M, W @ M, information.factor(fit.weights)[:, :b] @ M)
         # Of its own columns it finds what they are.
         moved = np.linalg.lstsq(V @ M, W - W @ M @ P, rcond=None)[0]
         seen: Array = P + np.linalg.solve(B, moved)
@@ -418,8 +424,23 @@ def _shrinkage(information: Information, weights: Array) -> tuple[Array, Array, 
     k, echo = information.size, information.echo
     assert echo is not None
     R = echo.joint.factor(weights)
-    B = solve_triangular(R[:k, :k], R[:k, k : 2 * k])
-    root = information.factor(weights)[:k, :k]
+    return _noise_map(R[:, :k], R[:, k : 2 * k], information.factor(weights)[:, :k])
+
+
+def _noise_map(V: Array, W: Array, F: Array) -> tuple[Array, Array, np.ndarray]:
+    """Return what `_shrinkage` does, from rows along the smoothed motion and of the log (m, k).
+
+    Parameters
+    ----------
+    V, W : (m, k)
+        With new noise, and without.
+    F : (m, k)
+        Of the log, whitened.
+    """
+    k = V.shape[1]
+    R = triangular_factor(np.hstack([V, W]))
+    B = solve_triangular(R[:k, :k], R[:k, k:])
+    root = triangular_factor(F)
     U, s, Yt = np.linalg.svd(root @ B @ np.linalg.inv(root))
     weak = s < LEFT
     B = np.linalg.solve(root, (U * np.where(weak, 1.0, s)) @ Yt @ root)

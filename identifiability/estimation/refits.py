@@ -13,7 +13,10 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.instrumental import InstrumentalVariables
+from identifiability.estimation.instrumental import (
+    InstrumentalVariables,
+    RenoisedLeastSquares,
+)
 from identifiability.estimation.least_squares import OrdinaryLeastSquares
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -341,7 +344,8 @@ class Equations:
     R : (k + 1, k + 1)
         Its loss; equations are in ``R x``.
     grams : (B, k + 1, k + 1), or without any blocks (0, k + 1, k + 1)
-        Those of each block by least squares; instruments are combined anew for each resampled log.
+        Those of each block by least squares (of noisy motion, at what noise makes of values);
+        instruments are combined anew for each resampled log.
     """
 
     information: Information
@@ -363,8 +367,9 @@ class Equations:
         estimator = full.estimator
         if isinstance(estimator, InstrumentalVariables):
             return Equations(information, full, R, np.empty((0, *R.shape)))
-        own = getattr(type(estimator), "refit", None)
-        if own is not OrdinaryLeastSquares.refit:
+        if isinstance(estimator, RenoisedLeastSquares):  # least squares at what noise makes of x
+            inverse = estimator.map_noise(information, full) @ inverse
+        elif getattr(type(estimator), "refit", None) is not OrdinaryLeastSquares.refit:
             return None
         grams = information.products(full.weights, inverse, inverse)
         return Equations(information, full, R, grams)

@@ -124,10 +124,13 @@ class RawBase:
     t : (N,) [s]
     values : mapping of str to (N,)
         By the keys of `BaseColumns`.
+    notes : tuple of str
+        How they came onto it, half a sentence each.
     """
 
     t: Array
     values: Mapping[str, Array]
+    notes: tuple[str, ...] = ()
 
     def get(self, kind: str, axes: Sequence[str] = ("0", "1", "2")) -> Array | None:
         """Return columns of a kind (N, k); None if one is missing."""
@@ -135,26 +138,6 @@ class RawBase:
         if any(k not in self.values for k in keys):
             return None
         return np.stack([self.values[k] for k in keys], 1)
-
-
-def put_on_clock(
-    t: Array, raw_t: Array, columns: Mapping[str, Array], discrete: Sequence[str]
-) -> dict[str, Array]:
-    """Return columns at times t (N,), where they have values of their own at others.
-
-    Flags are held until they change; all else is on straight lines.
-    """
-    out = {}
-    for key, x in columns.items():
-        known = np.isfinite(x) & np.isfinite(raw_t)
-        if not known.any():
-            continue
-        if key in discrete:
-            last = np.searchsorted(raw_t[known], t, side="right") - 1
-            out[key] = x[known][last.clip(0)]
-        else:
-            out[key] = np.interp(t, raw_t[known], x[known])
-    return out
 
 
 def read_base(base: Base, raw: RawBase, source: str) -> tuple[Array, tuple[str, ...]]:
@@ -168,7 +151,7 @@ def read_base(base: Base, raw: RawBase, source: str) -> tuple[Array, tuple[str, 
     LogError
         If the log does not say how the base moved, or lacks a column that the sidecar names.
     """
-    notes: list[str] = []
+    notes = [*raw.notes]
     acc, gyro = raw.get("acc"), raw.get("gyro")
     turn = _orientation(base, raw, acc, gyro, source, notes)
     if acc is not None and gyro is not None:

@@ -6,7 +6,7 @@ know.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,7 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.logs.aliases import INDEX, guess_column
-from identifiability.logs.base import BaseColumns, RawBase, put_on_clock
+from identifiability.logs.base import BaseColumns, RawBase
 from identifiability.logs.checks import FEWEST, Clock, Numbers, to_floats
 from identifiability.logs.command_names import Command, choose_commands
 from identifiability.logs.conventions import Conventions
@@ -153,6 +153,68 @@ def _tell(
         f"columns came at rates of their own ({', '.join(rates)}; {why}) and were brought to the "
         f"times of {slowest}{rest}"
     )
+
+
+#: Rates that differ by this share are two.
+OTHER = 0.1
+
+
+def put_on_clock(
+    t: Array, raw_t: Array, columns: Mapping[str, Array], discrete: Sequence[str]
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Return columns about a base at times t (N,), and what was done, half a sentence each.
+
+    Flags are held until they change. All else is interpolated between its own samples, which are
+    fewer than rows where cells are empty or values are written again until new ones come.
+
+    Parameters
+    ----------
+    t, raw_t : (N,), (M,) [s]
+        Times of the log, and of the rows that the columns have.
+    columns : mapping of str to (M,)
+        By the keys of `BaseColumns`: those of a kind come together.
+    discrete : sequence of str
+        Those that are flags.
+    """
+    out, rates = {}, {}
+    stems = {key: key.rpartition(".")[0] or key for key in columns}
+    usual = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    for stem in dict.fromkeys(stems.values()):
+        own = [key for key in columns if stems[key] == stem]
+        kept = np.isfinite([columns[key] for key in own]).all(0) & np.isfinite(raw_t)
+        known = np.flatnonzero(kept)
+        if not len(known):
+            continue
+        if not set(own) & {*discrete}:
+            known = known[_fresh(np.stack([columns[key][known] for key in own], 1))]
+        at, step = raw_t[known], float(np.median(np.diff(raw_t[known]))) if len(known) > 1 else 1.0
+        same = len(at) == len(t) and bool((at == t).all())
+        for key in own:
+            x = columns[key][known]
+            if same:
+                out[key] = x
+            elif key in discrete:
+                out[key] = x[(np.searchsorted(at, t, side="right") - 1).clip(0)]
+            else:
+                found = _resample(at, x, t, key)
+                out[key] = np.where(np.isfinite(found), found, np.interp(t, at, x))
+        if not same and abs(np.log(step / usual)) > OTHER and not set(own) & {*discrete}:
+            rates[stem] = 1 / step
+    said = [f"{_WORDS.get(stem, repr(stem))} at {rate:.3g} Hz" for stem, rate in rates.items()]
+    if not said:
+        return out, ()
+    return out, (
+        f"of the base {listing(said, 4)} came on a clock of {'its' if len(said) == 1 else 'their'} "
+        f"own and {'was' if len(said) == 1 else 'were'} put on that of the joints, "
+        f"{1 / usual:.3g} Hz",
+    )
+
+
+#: What kinds of columns about a base are called in notes.
+_WORDS = {
+    "acc": "acceleration", "gyro": "angular velocity", "pos": "position", "vel": "velocity",
+    "quat": "orientation",
+}  # fmt: skip
 
 
 # `Reading`: the first reading of a table, piece by piece: what is what, and whether it can be.
@@ -495,8 +557,7 @@ class Reading:
         if self.known.base is not None:
             raw = {key: np.concatenate(x) for key, x in self._beside.items()}
             flags = [c.flag for c in self.known.base.contacts]
-            found = put_on_clock(values["t"], times, raw, flags)
-            self.beside = RawBase(values["t"], found)
+            self.beside = RawBase(values["t"], *put_on_clock(values["t"], times, raw, flags))
         return values
 
     def _is_mixed(self) -> bool:

@@ -234,7 +234,8 @@ def default_ladder(robot: Robot) -> LadderEntry:
     Springs are part of it where the robot file states some. A body alone has no joints to rub.
     """
     if not robot.motor_joints:
-        alone = RungEntry(name="full model", description="the body", effects=["rigid_body"])
+        effects = [*default_effects(robot, ["rigid_body"])]
+        alone = RungEntry(name="full model", description="the body", effects=effects)
         return LadderEntry(models=[alone])
     return LadderEntry(
         models=[

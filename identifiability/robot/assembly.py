@@ -642,7 +642,8 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ..
         for entry in extra.wrench
     ]  # fmt: skip
     R = pin.rpy.rpyToMatrix(np.array(imu.rotation, float)).T
-    mount = Imu(R, *(np.array(x, float) for x in (imu.place, imu.acc_bias, imu.gyro_bias)))
+    place, acc, gyro = (np.array(x, float) for x in (imu.place, imu.acc_bias, imu.gyro_bias))
+    mount = Imu(R, place, acc, gyro, tuple(dict.fromkeys(imu.fit)))
     what = bodies[0], stated.floating, stated.gravity, tuple(contacts), tuple(wrenches), mount
     return Base(*what, stated.at, stated.which)
 

@@ -408,7 +408,17 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         servos=find_servos(m, driven_joints(m)),
         **_floating(scene, which, gravity),
         radii=_name_frames(model, m, places),
+        drawn=_drawn(m),
     )
+
+
+def _drawn(m: Any) -> Array:
+    """Return how a compiled scene turns the first body on which joints hang, (3, 3)."""
+    top = int(m.jnt_bodyid[0]) if m.njnt else 0
+    while top and m.body_parentid[top]:
+        top = int(m.body_parentid[top])
+    w, x, y, z = m.body_quat[top]
+    return np.array(pin.Quaternion(w, x, y, z).toRotationMatrix())
 
 
 def _floating(scene: Any, which: int | None, gravity: Array) -> dict[str, Any]:

@@ -156,6 +156,9 @@ def read_robot(
         raise RobotError(f"{path} has no joint that moves; there is nothing to identify.")
     check_magnitudes(path, stated.model)
     robot = assemble(path, chosen, extra, stated)
+    if extra.stand is not None and robot.base is None:  # only where gravity is in the root's axes
+        upright = pin.rpy.rpyToMatrix(np.array(extra.stand, float)).T @ robot.gravity
+        robot = robot.turned(stated.drawn @ upright)
     return replace(robot, lock_option=tuple(read_locks(lock)), base_option=base)
 
 

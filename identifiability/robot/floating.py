@@ -103,12 +103,15 @@ class Imu:
         Of the sensor on the base.
     acc_bias, gyro_bias : (3,) [m/s², rad/s]
         What it reads too much.
+    fit : tuple of str
+        Those of these of which corrections are fitted.
     """
 
     rotation: Array = field(default_factory=lambda: np.eye(3))
     place: Array = field(default_factory=lambda: np.zeros(3))
     acc_bias: Array = field(default_factory=lambda: np.zeros(3))
     gyro_bias: Array = field(default_factory=lambda: np.zeros(3))
+    fit: tuple[str, ...] = ()
 
 
 @frozen

@@ -283,6 +283,8 @@ class Stated:
         Of the free joints of an MJCF the one on which the robot floats.
     radii : mapping
         Of spheres, by the name of the geom [m].
+    drawn : (3, 3)
+        How the file turns the root of a robot that stands.
     """
 
     model: Any
@@ -307,6 +309,7 @@ class Stated:
     at: tuple[int, int] | None = None
     which: int | None = None
     radii: Mapping[str, float] = field(default_factory=dict)
+    drawn: Array = field(default_factory=lambda: np.eye(3))
 
 
 def name_numbers(

@@ -292,6 +292,12 @@ class ImuEntry(_Strict):
     gyro_bias: Triple = described(
         "What the gyroscope reads too much [rad/s].", [0.002, 0, 0], (0.0, 0.0, 0.0)
     )
+    fit: list[Literal["rotation", "place", "acc_bias", "gyro_bias"]] = described(
+        "Those of these that are known roughly: corrections of them are fitted (the effect "
+        "`imu_mounting`).",
+        ["place", "acc_bias"],
+        list,
+    )
 
 
 class ContactEntry(_Strict):
@@ -392,6 +398,12 @@ class Sidecar(_Strict):
         "Whether the root of a legged robot, or of one that floats in its file, was bolted down "
         "(`fixed`), or nothing held it (`floating`).",
         "fixed",
+        None,
+    )
+    stand: Triple | None = described(
+        "Roll, pitch and yaw [rad] at which the root stood in the world where it was bolted down "
+        "or hung up; without it as the file draws it.",
+        [0, 1.57, 0],
         None,
     )
     actuated: list[str] | None = described(

@@ -8,16 +8,18 @@ from typing import Any
 
 import numpy as np
 
+from identifiability.effects.imu import move_mounting
 from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.instrumental import InstrumentalVariables, RenoisedLeastSquares
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.uncertainty import LEVEL, Motions, compare_halves
-from identifiability.estimation.verdict import Class
+from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.errors import listing
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.information import Information
+from identifiability.robot import Robot
 from identifiability.workflows.analyze.assessment import RungResult
 
 # What logs say of each other, in words; of one long log, what its halves say.
@@ -313,6 +315,21 @@ def state_weak(chosen: RungResult) -> str:
         "stays, with the bias that noise in the motion "
         f"gives it{counted}; {listing(touched, 4)} lean on them: move faster or longer, or measure "
         "the motion better."
+    )
+
+
+def state_mounting(robot: Robot, verdicts: Sequence[Verdict]) -> str:
+    """Return what to write into the sidecar of an inertial sensor that sits elsewhere, or nothing.
+
+    Corrections are linear where they are small: what is left of a large one is found from there.
+    """
+    sure = {v.name: v.value for v in verdicts if v.verdict in (Class.IDENTIFIABLE, Class.WEAK)}
+    entry = move_mounting(robot, sure)
+    if not entry:
+        return ""
+    return (
+        "The inertial sensor is mounted otherwise than stated; as corrections are exact only while "
+        f"they are small, fit large ones once more with this at the top of the sidecar: {entry}"
     )
 
 

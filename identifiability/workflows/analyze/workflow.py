@@ -45,7 +45,7 @@ from identifiability.workflows.analyze.fit import (
     fit_ladder,
 )
 from identifiability.workflows.analyze.result import Analysis
-from identifiability.workflows.analyze.words import compare_logs, doubt, state_weak
+from identifiability.workflows.analyze.words import compare_logs, doubt, state_mounting, state_weak
 from identifiability.workflows.gravity import Leaning, find_leaning, state_leaning
 from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.opening import (
@@ -274,7 +274,8 @@ def _judge(
     if not recordings.commanded:  # torque that was calibrated at one cut-off is not that of another
         hints += check_cutoff(opening, recordings, results[at], session.how)
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest
-        hints += [state_weak(results[at]), several.hint, results[at].warning]
+        mounting = state_mounting(session.structure.robot, results[at].verdicts)
+        hints += [state_weak(results[at]), mounting, several.hint, results[at].warning]
     return Analysis(
         structure=opening.structure,
         samples=opening.samples,

@@ -703,12 +703,12 @@ def _spread_labels(L: Array, fit: Estimate, robust: Array) -> Array:
 
 def contradicts(model: FittedModel, full: Estimate | None) -> bool:
     """Return whether a sign that physics forbids is so sure that its verdict would be known."""
-    scatter = scatter_scores(model.information, model.estimate, 1.0)
+    wrong = forbidden_signs(model.rung, model.information, model.estimate)
+    scatter = scatter_scores(model.information, model.estimate, 1.0) if wrong else None
     if scatter is None:
         return False
     left = find_left_out(model.structure, model.rung, model.whole, model.estimate, full)
     known = np.hypot(scatter.widened, left.sigma) * 100 <= (
         Thresholds().sigma_percent * np.abs(model.estimate.value)
     )
-    wrong = forbidden_signs(model.rung, model.information, model.estimate)
     return any(c in wrong for c, sure in zip(model.rung.columns, known, strict=True) if sure)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -41,7 +42,7 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.fit import DelayErrors, check_cutoff, settle_robot
-from identifiability.workflows.analyze.words import compare_logs, state_weak
+from identifiability.workflows.analyze.words import compare_logs, state_mounting, state_weak
 from identifiability.workflows.opening import Logs, Progress, quiet, running, share
 from identifiability.workflows.prune.elimination import (
     Criterion,
@@ -289,6 +290,7 @@ def _hint(session: Session, rows: Weighed, measured: Measured) -> tuple[str, ...
         *state_disagreement(measured),
         rows.burst,
         state_weak(result),
+        state_mounting(session.structure.robot, result.verdicts),
         *opening.hints,
         *check_cutoff(opening, session.recordings, result, session.how),
         compare_logs(joints, opening.samples, rows.information, result).hint,
@@ -316,8 +318,8 @@ def _choose(
     asked: list[Candidate] = []
     problems: list[IdentifiabilityError] = []
     good = good_steps(steps, criterion)
-    sound = [k for k in good if not contradicts(question.fit(steps[k]), question.full)]
-    for k in (sound or good)[:CERTIFIED]:
+    sound = (k for k in good if not contradicts(question.fit(steps[k]), question.full))
+    for k in list(islice(sound, CERTIFIED)) or good[:CERTIFIED]:
         model = question.fit(steps[k])
         try:
             asked.append((k, model, certify_model(model)))
