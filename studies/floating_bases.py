@@ -124,6 +124,10 @@ def write_logs() -> None:
         "cart-arm/logs/pushed.csv": cart_arm(0, pushed=True),
         "cart-arm/logs/bolted.csv": cart_arm(0, pushed=False),
     }
+    made |= {
+        f"walking-quadruped/logs/{kind}.csv": walking_log(0, kind, 125.0, wrenches=False)
+        for kind in KINDS
+    }
     for name, frame in made.items():
         frame.to_csv(shipped_folder() / name, index=False, float_format="%.5g")
         print(name, len(frame))
@@ -195,7 +199,7 @@ def robot_text() -> str:
     return text
 
 
-def walk(seed: int, kind: str) -> dict[str, Array]:
+def walk(seed: int, kind: str, rate: float = RATE) -> dict[str, Array]:
     """Return how the quadruped moved, low-passed and sampled: its channels by name."""
     rng = np.random.default_rng(seed)
     text = robot_text()
@@ -230,8 +234,8 @@ def walk(seed: int, kind: str) -> dict[str, Array]:
         turn = Rotation.from_quat(before[[4, 5, 6, 3]]).inv()
         acc = turn.apply(d.qacc[:3] - m.opt.gravity)
         rows.append(np.concatenate([before[7:19], before[22:25], acc, d.ctrl, pushed.ravel()]))
-    x = sosfiltfilt(butter(4, 0.4 * RATE, fs=1 / STEP, output="sos"), np.array(rows), axis=0)
-    every = round(1 / RATE / STEP)
+    x = sosfiltfilt(butter(4, 0.4 * rate, fs=1 / STEP, output="sos"), np.array(rows), axis=0)
+    every = round(1 / rate / STEP)
     ends = np.cumsum([12, 3, 3, 12])
     parts = np.split(x[::every], ends, axis=1)
     return dict(zip(("q", "gyro", "acc", "tau", "feet"), parts, strict=True)) | {"t": t[::every]}
@@ -245,15 +249,17 @@ def joint_columns(q: Array, tau: Array, rng: np.random.Generator) -> dict[str, A
     return table | {f"{n}.tau": (tau + noise)[:, k] for k, n in enumerate(names)}
 
 
-def walking_log(seed: int, kind: str) -> pd.DataFrame:
-    """Return a log of the walk, with flags and wrenches of the feet."""
-    s, rng = walk(seed, kind), np.random.default_rng(1000 + seed)
+def walking_log(seed: int, kind: str, rate: float = RATE, *, wrenches: bool = True) -> pd.DataFrame:
+    """Return a log of the walk, with flags of the feet and what they measure if they do."""
+    s, rng = walk(seed, kind, rate), np.random.default_rng(1000 + seed)
     table = {"t": s["t"]} | joint_columns(s["q"], s["tau"], rng)
     table |= columns("base.acc.", s["acc"] + 0.05 * rng.standard_normal(s["acc"].shape))
     table |= columns("base.gyro.", s["gyro"] + 0.005 * rng.standard_normal(s["gyro"].shape))
     for k, leg in enumerate(LEGS):
         own = s["feet"][:, 6 * k : 6 * k + 6]
         table[f"{leg}_contact"] = (np.linalg.norm(own[:, :3], axis=1) > 1.0).astype(float)
+        if not wrenches:
+            continue
         own = own + 0.02 * own.std(0) * rng.standard_normal(own.shape)
         table |= columns(f"{leg}_f", own[:, :3]) | columns(f"{leg}_m", own[:, 3:])
     return pd.DataFrame(table)

@@ -17,7 +17,8 @@ from identifiability.logs.prepare.longsamples import prepare_samples
 from identifiability.logs.signals import lowpass
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
+from identifiability.robot import Robot, complete_motion
+from identifiability.simulation.motion import find_motion
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.analyze.assessment import state_limbs
 from identifiability.workflows.excite import excite
@@ -191,6 +192,26 @@ def test_a_mounting_that_is_known_roughly_is_corrected_in_the_fit(thrown, body):
     np.testing.assert_allclose(again.base.imu.place, place, atol=2e-3)
 
 
+def test_a_hand_that_lets_go_leaves_no_error_in_the_equations(body):
+    """What is measured of a base may jump: columns and wrench pass the same low-pass, it none."""
+    t = np.arange(0, 8, 0.01)
+    holds = (t % 1.6 < 1.2)[:, None]
+    acc = holds * (np.sin(3 * t[:, None] + [0, 1, 2]) + [0, 0, 9.81])
+    known = np.array([body.nominal[p.name] for p in RIGID.parameters(body)])
+    still = np.hstack([np.zeros((len(t), 3)), np.zeros((len(t), 3)), acc, 0 * acc])
+    q, v, a = np.zeros((len(t), 6)), np.zeros((len(t), 6)), still[:, 6:]
+    tau = RIGID.regressor(body, complete_motion(body, t, q, v, a)) @ known
+    point = body.base.wrenches[0]
+    arm = np.cross(point.point.position, tau[:, :3])
+    wrench = np.hstack([tau[:, :3] @ point.rotation, (tau[:, 3:] - arm) @ point.rotation])
+    s = {"t": t[:, None], "wrench": wrench, "acc": acc, "gyro": 0 * acc}
+    samples = prepare_samples(body, read(body, table(s, **sensor(s))), Preparation(cutoff=5.0))
+    structure = Structure.of(body, RIGID)
+    _, _, W, left = next(iter(structure.regression([samples]).chunks()))
+    error = W @ [body.nominal[name] for name in structure.base.names] - left
+    assert np.abs(error).max() < 1e-6 * np.abs(left).max()
+
+
 def test_the_order_of_a_quaternion_is_told_by_the_gyroscope_or_asked_for(thrown, body):
     for order in ((0, 1, 2, 3), (1, 2, 3, 0)):
         quat = {"q": ([f"base.quat[{k}]" for k in range(4)], thrown["quat"][:, order])}
@@ -305,6 +326,8 @@ def test_contacts_that_contradict_the_motion_are_told(tmp_path):
 def test_what_does_not_know_bases_that_move_says_so(body, tmp_path):
     with pytest.raises(RobotError, match="floats, and designing motion of robots that float is"):
         excite(body)
+    with pytest.raises(RobotError, match="simulation of robots that float is"):
+        find_motion(body, "random", None, np.random.default_rng(0))
     with pytest.raises(RobotError, match="put it on a stand"):
         body.save(tmp_path / "other.urdf")
     robot = walker(tmp_path, "")

@@ -57,8 +57,10 @@ def calibrate(
         from identifiability.workflows.analyze import analyze  # noqa: PLC0415
         from identifiability.workflows.calibrate.calibration import calibrate as run  # noqa: PLC0415
 
+        robot = machine.load(recorded)
+        robot.check_stands("calibration")  # before the logs are fitted for it
         analysis = analyze(
-            machine.load(recorded),
+            robot,
             logs,
             (),
             ladder,

@@ -228,8 +228,9 @@ def find_motion(
 
     Raises
     ------
-    LogError
+    LogError, RobotError
     """
+    robot.check_stands("simulation")
     if source == "random":
         return PrescribedMotion.of(random_trajectory(robot, rng), samples)
     stem, colon, name = source.partition(".json:")
