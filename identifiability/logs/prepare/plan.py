@@ -447,7 +447,7 @@ class Plan:
             at = np.arange(b - a) if self.grid is None else self.grid.places(origin + a, origin + b)
             if self.grid is not None and b - a < self.grid.least:
                 continue
-            # Not low-passed: what is measured enters the columns linearly, and they are, as torque is.
+            # Not low-passed: it enters the columns linearly, and those are, as torque is.
             record = fill(log.base[a:b, :6], at)
             alpha = signals.differentiate(record[:, GYRO], self.step)[at]
             dq[a:b, 3:6] = record[at, GYRO]
