@@ -177,6 +177,12 @@ def _write_page(*given: Any) -> Any:
     return write_result(*given)
 
 
+def _draw_figures(*given: Any) -> Any:
+    from identifiability.report.results import draw_figures  # noqa: PLC0415
+
+    return draw_figures(*given)
+
+
 def _save_robot(*given: Any) -> Any:
     from identifiability.workflows.export.workflow import save_robot  # noqa: PLC0415
 
@@ -187,6 +193,7 @@ def _save_robot(*given: Any) -> Any:
 hand_down(
     notebook_piece=_notebook_piece,
     notebook_result=_notebook_result,
+    draw_figures=_draw_figures,
     write_page=_write_page,
     save_robot=_save_robot,
 )

@@ -26,7 +26,7 @@ from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import Rung
 from identifiability.report import Check, Picture, Prose, Section, frame_table, write_page
-from identifiability.report.calibration_report import draw_coverage, draw_wrong, label
+from identifiability.report.calibration_report import draw_coverage, draw_wrong
 from identifiability.robot import Robot
 from identifiability.simulation import (
     Noise,
@@ -36,7 +36,7 @@ from identifiability.simulation import (
     simulate,
 )
 from identifiability.workflows.analyze import Analysis, analyze
-from identifiability.workflows.calibrate.calibration import calibrate
+from identifiability.workflows.calibrate.calibration import calibrate, label
 from identifiability.workflows.calibrate.outcome import Cell, Experiment, Outcome, count_outcomes
 
 #: The checkout.

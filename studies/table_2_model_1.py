@@ -24,8 +24,8 @@ from paper_study.result import (
 )
 from paper_study.subject import TRAJECTORIES, Subject, load_subject
 
+from identifiability.foundation.rounding import format_number
 from identifiability.report import Cell, Check
-from identifiability.report.numbers import format_number
 
 #: The paper's σ% point to about a hundred samples (see Table 3).
 SAMPLES = 100

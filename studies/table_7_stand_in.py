@@ -35,8 +35,8 @@ from paper_study.result import (
 )
 from paper_study.subject import load_subject
 
+from identifiability.foundation.rounding import format_number
 from identifiability.report import Check
-from identifiability.report.numbers import format_number
 
 UNPUBLISHED = "the actual robot's measurements are not published and the stand-in is not that robot"
 

@@ -18,7 +18,7 @@ from paper_study.stand_in import StandIn
 from paper_study.subject import Subject, load_subject
 
 from identifiability.foundation.names import Array
-from identifiability.report.numbers import format_number
+from identifiability.foundation.rounding import format_number
 
 TRAJECTORY = "601"
 

@@ -13,8 +13,8 @@ from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.robot import Robot
 from identifiability.simulation import Noise
 from identifiability.workflows.calibrate.calibration import (
-    Answer,
     Effect,
+    Trust,
     calibrate,
     decide,
     find_remedy,
@@ -155,17 +155,17 @@ def test_noise_memory_is_named_with_its_remedy_and_the_largest_gain_first():
         Effect(Cause.LEFT_OUT, bad, 0.01, 0.02, "another model"),
         Effect(Cause.MOTION, bad, 0.1, 0.02, "measure it"),
     )
-    lines = Answer("m", bad, effects).lines
+    lines = Trust("m", bad, effects).lines
     assert lines[0].startswith("No: of 95 % intervals of m, 70.0 ± 0.5 % hold")
     assert lines[2] == (
         "Why: noise that remembers, then errors of the measured motion; without it 95 % hold "
         "(least sure: b, 40 %). Give longer logs."
     )
     wrong = cell(0.94, wrong=(0.05, 0.03, 0.08))
-    assert "; without it 0.0 % are wrong (" in Answer("m", wrong, effects).lines[2]
-    assert "no single cause" in Answer("m", bad, effects[1:2]).lines[2]
-    assert "more trials (--replicates " in Answer("m", cell(0.905)).lines[2]
-    told = Answer("m", good, nothing="the robot does not move").lines
+    assert "; without it 0.0 % are wrong (" in Trust("m", wrong, effects).lines[2]
+    assert "no single cause" in Trust("m", bad, effects[1:2]).lines[2]
+    assert "more trials (--replicates " in Trust("m", cell(0.905)).lines[2]
+    told = Trust("m", good, nothing="the robot does not move").lines
     assert told[0].startswith("No: ")
     assert told[2] == "Why: the analysis believes no verdict, because the robot does not move."
 

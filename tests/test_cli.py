@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 import identifiability
 from identifiability.cli import app
 from identifiability.cli.common import print_table
+from identifiability.foundation.answers import Column, Table
 
 
 @pytest.fixture
@@ -107,7 +108,9 @@ def test_the_version_is_printed(run):
 
 
 def test_names_are_whole_where_no_terminal_cuts_them(capsys):
-    print_table("title", ("joint", "error"), [("a_joint_of_a_very_long_name" * 5, "1 %")], ())
+    columns = (Column("joint"), Column("error", "number"))
+    rows = [("a_joint_of_a_very_long_name" * 5, "1 %")]
+    print_table("title", Table.of("", columns, rows))
     assert "a_joint_of_a_very_long_name" * 5 in capsys.readouterr().out
 
 

@@ -30,7 +30,6 @@ from identifiability.physical.cad_prior import combine_with_file, thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.regression.reduction import find_ladder, ladder_model
 from identifiability.regression.structure import Structure
-from identifiability.report.analysis_report import answer_notes
 from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot
 from identifiability.workflows.diagnose.known_values import share_spread
@@ -329,7 +328,7 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     result = analyze(arm, frames[0], frames[1], quick=True)
     assert "holds commands and no torque" in result.commands
     assert result.commands in result.hints
-    told = {n.text: n.level for n in answer_notes(result).notes}
+    told = {n.text: n.level for n in result.cautions()}
     assert told[result.commands] == "note"  # it speaks against nothing
     table = result.to_frame().set_index("name")
     structure = result.structure

@@ -152,15 +152,16 @@ def test_a_terminal_shows_no_number_column_or_next_line_that_the_page_has_not(
     if "result.json" in typed:
         call(shlex.split("analyze robot.xml a.csv --replicates 0 --json result.json"))
     shown = []
-    monkeypatch.setattr(common, "print_table", lambda title, *told: shown.append(told))
+    monkeypatch.setattr(common, "print_table", lambda _, table: shown.append(table))
     said = call(shlex.split(typed))
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     cells = Cells()
     cells.feed(page)
     texts = {words(text) for text in cells.texts}
-    headings, rows, _ = shown[0]
-    for text in (*headings, *(cell for row in rows for cell in row)):
-        assert any(words(text) in known for known in texts), text
+    assert shown
+    for table in shown:
+        for text in (*(c.title for c in table.columns), *(c.text for r in table.rows for c in r)):
+            assert any(words(text) in known for known in texts), text
     told = re.findall(r"^Next .*?: (identifiability .*)$", said, re.MULTILINE)
     copied = re.findall('data-copy="(identifiability [^"]*)"', page)
     assert told == [html.unescape(copied[0])]

@@ -73,10 +73,6 @@ def print_analysis(result: Analysis, written: Sequence[Path], typed: Sequence[st
     Robot and logs are called in the next line as they were `typed`.
     """
     title = f"{result.robot.title}: models (▸ use this one)"
-    common.print_first(title, result)
-    common.print_errors(result.chosen.name, result.error_frame())
     first, *hints = common.apart(result.statement, result.hints)
-    common.print_end(filter(None, [first, result.mass_statement, *hints]))
-    if typed:
-        common.print_next(result, [*typed, *written])
-    common.print_end([], written)
+    texts = filter(None, [first, result.mass_statement, *hints])
+    common.print_result(result, texts, written, typed, title)

@@ -67,22 +67,6 @@ def print_batch(result: Batch) -> None:
     """Print a row a robot, the statement, and where the page and the tables are."""
     from identifiability.workflows.batch import PAGE, TABLE  # noqa: PLC0415
 
-    rows = [
-        (
-            row.robot,
-            row.model,
-            str(row.verdicts.get("identifiable", 0)) if row.verdicts else "—",
-            "—" if row.parameters is None else str(row.parameters),
-            "—" if row.error_unseen is None else common.percent(row.error_unseen),
-            row.failed or "; ".join(row.missing),
-            str(len(row.warnings)) if row.warnings else "",
-        )
-        for row in result.rows
-    ]
-    headings = ("robot", "model", "identifiable", "of", "unseen error", "missing", "warnings")
-    common.print_table(
-        f"{result.name}: {result.verb}", headings, rows, ("robot", "model", "missing")
-    )
     table = result.folder / TABLE
     written = [table, table.with_suffix(".json"), result.folder / PAGE]
-    common.print_end([result.statement], written)
+    common.print_result(result, [result.statement], written, title=f"{result.name}: {result.verb}")

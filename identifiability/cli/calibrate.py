@@ -80,6 +80,4 @@ def calibrate(
             engine=runner,
         )
         written = outputs.write(result, say)
-    common.print_end([result.statement, *result.notes])
-    common.print_next(result, [machine.robot, *logs, *written])
-    common.print_end([], written)
+    common.print_result(result, [result.statement, *result.notes], written, [machine.robot, *logs])

@@ -18,7 +18,8 @@ from unicodedata import category
 from identifiability.foundation.errors import IdentifiabilityError, legible
 
 if TYPE_CHECKING:
-    from pandas import DataFrame
+    from identifiability.foundation.answers import Table
+    from identifiability.foundation.result import Result
 
 
 # What the commands share: sentences instead of tracebacks, progress, checks, tables.
@@ -142,67 +143,60 @@ def check_outputs(*paths: Path | None, inputs: Iterable[str | Path | None] = ())
     check_apart(outputs, [path for path in inputs if path is not None])
 
 
-#: Joints, and logs, whose errors are listed.
+#: Rows of a table that are listed.
 LISTED = 12
 
 
-def print_table(
-    title: str, headings: Sequence[str], rows: Iterable[Sequence[str]], left: Sequence[str]
-) -> None:
-    """Print a table under its title.
-
-    Columns named in `left` start at the left, others end at the right; an empty row is a line.
-    """
+def print_table(title: str, shown: Table) -> None:
+    """Print a table of a result under its title."""
     from rich.console import Console  # noqa: PLC0415
-    from rich.table import Table  # noqa: PLC0415
+    from rich.table import Table as Grid  # noqa: PLC0415
 
-    console, table = Console(), Table()  # a title of its own would be wrapped to its width
-    for heading in headings:
-        side: Literal["left", "right"] = "left" if heading in left else "right"
-        table.add_column(heading, justify=side, overflow="fold")  # no name is cut
-    for row in rows:
-        if row:
-            table.add_row(*map(escaped, row))
-        else:
-            table.add_section()
+    console, grid = Console(), Grid()  # a title of its own would be wrapped to its width
+    for column in shown.columns:
+        side: Literal["left", "right"] = "right" if column.kind in ("number", "bar") else "left"
+        grid.add_column(column.title, justify=side, overflow="fold")  # no name is cut
+    for at, row in enumerate(shown.rows):
+        first = "▸ " if at == shown.marked else ""
+        grid.add_row(*(escaped(f"{first * (not k)}{cell.text}") for k, cell in enumerate(row)))
     if not console.is_terminal:  # a file, or another program, has no width
         console.width = 10_000
     console.print(f"[italic]{escaped(title)}[/italic]", soft_wrap=True)
-    console.print(table)
+    console.print(grid)
 
 
-def print_first(title: str, result: Any, most: int | None = None) -> None:
-    """Print the first table of a result's page, `most` rows, without what is detail there."""
-    from identifiability.report.results import first_table  # noqa: PLC0415
+def print_result(
+    result: Result,
+    texts: Iterable[str] = (),
+    written: Sequence[Path] = (),
+    typed: Iterable[str | Path] = (),
+    title: str = "",
+    most: int | None = None,
+) -> None:
+    """Print the tables of a result, sentences, what to do next, and the paths of what was written.
 
-    table = first_table(result)
-    shown = [k for k, c in enumerate(table.columns) if not c.detail]
-    rows = [
-        [f"{'▸ ' if at == table.marked and k == 0 else ''}{row[k].text}" for k in shown]
-        for at, row in enumerate(table.rows[:most])
-    ]
-    if rows:
-        left = [c.title for c in table.columns if c.kind not in ("number", "bar")]
-        print_table(title, [table.columns[k].title for k in shown], rows, left)
-
-
-def print_errors(model: str, errors: DataFrame) -> None:
-    """Print the errors of a model by joint and by log, the largest where they are many."""
-    rows: list[tuple[str, ...]] = []
-    for _, part in errors[errors.groupby("of")["of"].transform("size") > 1].groupby("of"):
-        order = part.sort_values("error_validation", ascending=False)[:LISTED].index
-        for e in part.loc[sorted(order)].to_dict("records"):
-            shares = [percent(e[key], 1) for key in ("error", "error_validation")]
-            size = f"{e['rms_validation']:.3g} {e['unit']}" if e["unit"] else ""
-            raw = percent(e["error_raw_validation"], 1) if e["unit"] else ""
-            rows.append((str(e["name"]), *shares, size, raw))
-        if len(part) > LISTED:
-            rows.append((f"… {len(part) - LISTED} with smaller errors", "", "", "", ""))
-        rows.append(())
-    if rows:
-        title = f"Errors of {model} by joint and by log"
-        headings = ("joint or log", "error", "held out", "rms", "of raw torque")
-        print_table(title, headings, rows, ("joint or log",))
+    Parameters
+    ----------
+    result : Result
+    texts : iterable of str
+    written : sequence of Path
+    typed : iterable of str or Path
+        Robot and logs as they were typed, for the next line; without any there is none.
+    title : str
+        Of the first table; others have their captions.
+    most : int, optional
+        Rows of the first table.
+    """
+    for at, table in enumerate(t for t in result.tables() if not t.long):
+        caption = title if title and not at else table.caption
+        print_table(caption, table.brief(LISTED if at or most is None else most))
+        if len(table.rows) > LISTED and table.worst is not None:
+            print_end([f"{len(table.rows) - LISTED} with smaller errors are not shown."])
+    print_end(texts)
+    typed = list(typed)
+    if typed:
+        print_next(result, [*typed, *written])
+    print_end([], written)
 
 
 def apart(statement: str, hints: Sequence[str]) -> list[str]:
@@ -210,7 +204,7 @@ def apart(statement: str, hints: Sequence[str]) -> list[str]:
     return [statement.removesuffix(" ".join(hints)).strip(), *hints]
 
 
-def print_next(result: Any, typed: Iterable[str | Path]) -> None:
+def print_next(result: Result, typed: Iterable[str | Path]) -> None:
     """Print what the page proposes first, with the line to type; files are where they were typed.
 
     Parameters
@@ -221,10 +215,8 @@ def print_next(result: Any, typed: Iterable[str | Path]) -> None:
     """
     from rich.console import Console  # noqa: PLC0415
 
-    from identifiability.report.results import propose_next  # noqa: PLC0415
-
     places = {Path(word).name: str(word) for word in typed}
-    for what, command in propose_next(result)[:1]:
+    for what, command in result.next()[:1]:
         line = " ".join(places.get(word, word) for word in command.split(" "))
         Console().print(
             f"[bold]Next[/bold] {escaped(f'{what[0].lower()}{what[1:]} {line}')}",

@@ -67,7 +67,5 @@ def compare(
         found = find(machine.load(recorded), *sides, preparation=derived.preparation(), **own)
         written = outputs.write(found, say)
     common.print_end([found.answer])
-    common.print_first("What changed, with 95 % intervals", found)
-    common.print_end([found.statement.removeprefix(found.answer).strip()])
-    common.print_next(found, [machine.robot, *first, *second, *written])
-    common.print_end([], written)
+    rest = [found.statement.removeprefix(found.answer).strip()]
+    common.print_result(found, rest, written, [machine.robot, *first, *second])

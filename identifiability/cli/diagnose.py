@@ -79,7 +79,6 @@ def diagnose(
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415
         from identifiability.workflows.diagnose import find_next  # noqa: PLC0415
-        from identifiability.workflows.diagnose.words import weight_text  # noqa: PLC0415
 
         ways = [w for w in (fixed_from, fixed_share, fixed or None) if w is not None]
         if len(ways) > 1:
@@ -106,34 +105,5 @@ def diagnose(
             told.append(found.statement)
             if not found.same:
                 written.append(found.to_json(motion))
-    if result.effects:
-        headings = ("effect", "where", "weight", "p", "unseen error before", "after")
-        rows = [
-            (
-                " or ".join([e.name, *e.alternatives]),
-                ", ".join(e.joints),
-                weight_text(e.sure),
-                f"≤ {e.p_value:.2g}",
-                common.percent(e.before),
-                common.percent(e.after),
-            )
-            for e in result.effects
-        ]
-        title = f"{result.robot.title}: effects that were missing"
-        common.print_table(title, headings, rows, left=("effect", "where"))
-    table = [
-        (
-            e["joint"],
-            *(common.percent(e[k], 1) for k in ("before", "after")),
-            f"{e['rms_after']:.3g}",
-            common.percent(e["raw_after"], 1),
-        )
-        for e in result.error_frame().to_dict("records")
-    ]
-    title = "Errors by joint on unseen motion, each over its own scale"
-    common.print_table(
-        title, ("joint", "before", "after", "rms after", "raw after"), table, left=("joint",)
-    )
-    common.print_end(told)
-    common.print_next(result, [machine.robot, *logs, *own["validate"], *written])
-    common.print_end([], written)
+    typed = [machine.robot, *logs, *own["validate"]]
+    common.print_result(result, told, written, typed)

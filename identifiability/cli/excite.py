@@ -117,11 +117,10 @@ def excite(
         json = out.suffix.lower() == ".json"
         first = result.to_json(out) if json else result.write_motion(out, rate, periods)
         written = [first, *options.Outputs(report).write(result, say)]
-    common.print_first(f"{result.robot.title}: the motion [SI units]", result)
     rest = "" if json else f"{out.name} begins and ends at rest: {state_rest(result, rate)}."
-    common.print_end([result.statement, *filter(None, [rest]), *result.hints])
-    common.print_next(result, [machine.robot, *written])
-    common.print_end([], written)
+    texts = [result.statement, *filter(None, [rest]), *result.hints]
+    title = f"{result.robot.title}: the motion [SI units]"
+    common.print_result(result, texts, written, [machine.robot], title)
 
 
 def state_rest(result: Excitation, rate: float) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
 from typer import Option
 
 from identifiability.cli import common, options
@@ -70,16 +69,8 @@ def gain(
             preparation=derived.preparation(),
         )
         written = [result.to_json(json)] if json else []
-    rows = [
-        (g.joint, f"{g.value:.4g}", *(f"{e:.4g}" for e in g.interval), g.verdict, f"{g.load:.3g}")
-        for g in result.gains
-    ]
-    headings = ("joint", "gain", "from", "to", "verdict", "load seen")
-    title = f"{result.robot}: torque in N·m (N for slides) per unit of the log"
-    common.print_table(title, headings, rows, left=("joint", "verdict"))
-    if result.sidecar:
-        typer.echo(result.sidecar)
-    common.print_end([result.statement, *result.hints], written)
+    texts = [*filter(None, [result.sidecar]), result.statement, *result.hints]
+    common.print_result(result, texts, written)
 
 
 def _numbers(text: str, option: str) -> list[float]:

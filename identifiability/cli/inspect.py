@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import astuple
 from pathlib import Path
@@ -67,64 +66,7 @@ def inspect(
 
 def print_inspection(result: Inspection, written: Iterable[Path]) -> None:
     """Print the joints, or what the logs hold of them, then what is odd, and the paths."""
-    if result.records:
-        _print_logs(result)
-        hints = result.hints
-    else:
-        _print_joints(result)
+    hints = result.hints
+    if not result.records:
         hints = tuple(f"{n.text} {n.line}".strip().replace("\n", " ") for n in result.needs)
-    common.print_end([result.statement, *hints], written)
-
-
-def _print_joints(result: Inspection) -> None:
-    rows = [
-        (
-            j.name,
-            f"{j.role} {j.remark}".strip(),
-            j.kind or "—",
-            f"{_number(j.low)} … {_number(j.high)} {j.unit}" if math.isfinite(j.low) else "—",
-            _number(j.speed),
-        )
-        for j in result.joints
-    ]
-    headings = ("joint", "is", "kind", "limits", "speed")
-    common.print_table(f"{result.robot.title}: joints", headings, rows, left=headings[:3])
-
-
-def _print_logs(result: Inspection) -> None:
-    rows = [
-        (
-            r.name,
-            str(r.samples),
-            f"{r.duration:.4g}",
-            f"{r.rate:.4g}",
-            common.percent(r.jitter, 1),
-            str(r.gaps),
-            "—" if r.cutoff is None else f"{r.cutoff:.3g}",
-            str(r.outputs) if not r.refused else "refused",
-        )
-        for r in result.records
-    ]
-    headings = ("log", "samples", "s", "Hz", "jitter", "gaps", "cut-off Hz", "left")
-    common.print_table(f"{result.robot.title}: logs", headings, rows, left=("log",))
-    joints: list[tuple[str, ...]] = []
-    for r in result.records:
-        joints += [
-            (
-                j.joint,
-                f"{j.low:.2g} … {j.high:.2g}",
-                _number(j.speed),
-                _number(j.bandwidth),
-                _number(j.step) if j.step else "fine",
-                _number(max(abs(j.torque_low), abs(j.torque_high))),
-                _number(j.scale),
-            )
-            for j in r.joints
-        ]
-        joints.append(())
-    own = ("joint", "position", "speed", "band Hz", "step", "torque", "× file's")
-    common.print_table("What they hold of each joint", own, joints, left=("joint",))
-
-
-def _number(x: float) -> str:
-    return f"{x:.3g}" if math.isfinite(x) else "—"
+    common.print_result(result, [result.statement, *hints], list(written))

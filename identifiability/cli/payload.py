@@ -45,7 +45,6 @@ def payload(
         written = outputs.write(found, say)
     common.print_end([found.answer])
     title = f"What hangs on {found.body}; moments about its centre"
-    common.print_first(title, found)
-    common.print_end([found.statement.removeprefix(found.answer).strip()])
-    common.print_next(found, [machine.robot, str(result), *logs, *own["without"], *written])
-    common.print_end([], written)
+    rest = [found.statement.removeprefix(found.answer).strip()]
+    typed = [machine.robot, str(result), *logs, *own["without"]]
+    common.print_result(found, rest, written, typed, title)

@@ -53,7 +53,5 @@ def predict(
         say("predicting torque", 0.2)
         found = fit.predict(logs)
         written = ([] if out is None else [found.write(out)]) + outputs.write(found, say)
-    common.print_first("Predicted torque by joint", found)
-    common.print_end([found.statement])
-    common.print_next(found, [machine.robot, str(result), *logs, *written])
-    common.print_end([], written)
+    typed = [machine.robot, str(result), *logs]
+    common.print_result(found, [found.statement], written, typed, "Predicted torque by joint")

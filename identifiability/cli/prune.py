@@ -70,11 +70,7 @@ def print_pruning(result: Ladder, written: Sequence[Path], typed: Sequence[str] 
     Robot and logs are called in the next line as they were `typed`.
     """
     title = f"{result.robot.title}: reduction path (▸ use this model)"
-    common.print_first(title, result, result.selected + 4)
-    common.print_errors(result.chosen.name, result.error_frame())
     stability = [] if result.nothing else [result.stability.statement]
     masses = filter(None, [result.mass_statement])
-    common.print_end([result.statement, *masses, *stability])
-    if typed:
-        common.print_next(result, [*typed, *written])
-    common.print_end([], written)
+    texts = [result.statement, *masses, *stability]
+    common.print_result(result, texts, written, typed, title, result.selected + 4)

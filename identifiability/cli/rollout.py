@@ -65,5 +65,4 @@ def rollout(
         if fitted is not None and found.fitted is not None:
             written.append(found.fitted.save(fitted))
         written += outputs.write(found, say)
-    common.print_first("Error of positions (rms)", found)
-    common.print_end([found.statement], written)
+    common.print_result(found, [found.statement], written, title="Error of positions (rms)")

@@ -13,6 +13,9 @@ from identifiability.foundation.output import check_ending, write_json
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
+
+    from identifiability.foundation.answers import Answer, Note, Table
 
 
 # What rooms above hand down: functions that a lower room calls without knowing whose they are.
@@ -61,9 +64,26 @@ class Result(ABC):
     def to_dict(self) -> dict[str, Any]:
         """Return the answer in its documented JSON schema."""
 
-    def _first_frame(self) -> pd.DataFrame:
-        """Return the table that a notebook shows below the answers."""
-        return self.to_frame()
+    def answers(self) -> tuple[Answer, ...]:
+        """Return what every reader asks first, answered; nothing of a result without a page."""
+        return ()
+
+    def cautions(self) -> tuple[Note, ...]:
+        """Return what is to be kept in mind, gravest first."""
+        return ()
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return the tables that page, terminal and notebook show alike."""
+        return ()
+
+    def next(self) -> tuple[tuple[str, str], ...]:
+        """Return what to do next: what for, and the line to type."""
+        return next((a.commands for a in self.answers() if a.commands), ())
+
+    def figures(self) -> dict[str, Figure]:
+        """Return the figures of the result's page by their names."""
+        found: dict[str, Figure] = handed("draw_figures")(self)
+        return found
 
     def parameters_frame(self) -> pd.DataFrame:
         """Return one row a parameter, by name in the column ``name`` or ``parameter``."""

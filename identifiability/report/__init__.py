@@ -14,13 +14,13 @@ Example
 True
 """
 
+from identifiability.foundation.answers import Cell, Check, Column, Note, Table, frame_table
 from identifiability.report import plot
 from identifiability.report.analysis_report import build_analysis_page, write_analysis_report
 from identifiability.report.blocks import (
     Block,
     Fold,
     Gallery,
-    Note,
     Notes,
     Picture,
     Prose,
@@ -31,7 +31,6 @@ from identifiability.report.blocks import (
 )
 from identifiability.report.drawing import COLOURS, canvas, drawn, plain, svg
 from identifiability.report.page import Page, render_page, write_page
-from identifiability.report.tables import Cell, Check, Column, Table, frame_table
 
 __all__ = [
     "COLOURS",

@@ -15,11 +15,20 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+from identifiability.foundation.answers import Cell, Column, Note, Table, badge_cell, measured_cells
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.numbers import REACH
+from identifiability.foundation.rounding import (
+    digits,
+    format_count,
+    format_number,
+    join,
+    mark_of,
+    stated_text,
+    whole_percent,
+)
 from identifiability.posterior.diagnostics import SWAY, Thresholds
-from identifiability.report.answers import model_title, stated_values
-from identifiability.report.blocks import Fold, Gallery, Note, Notes, Section, Term, Terms
+from identifiability.report.blocks import Fold, Gallery, Notes, Section, Term, Terms
 from identifiability.report.drawing import (
     BLUE,
     COLOURS,
@@ -42,19 +51,11 @@ from identifiability.report.drawing import (
     strokes,
     top_label,
 )
-from identifiability.report.numbers import (
-    digits,
-    format_count,
-    format_number,
-    join,
-    mark_of,
-    stated_text,
-    whole_percent,
-)
-from identifiability.report.tables import Cell, Column, Table, badge_cell, measured_cells
-from identifiability.report.words import columns, gallery, note, picture, section, sentence, words
+from identifiability.report.words import gallery, picture, section
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import LEARNED, Source, StandardBelief, Summary
+from identifiability.workflows.analyze.result import model_title, stated_values
+from identifiability.workflows.answers import note, sentence, with_hints, words
 
 # How well each parameter is known, and how far it lies from what the robot file states.
 
@@ -384,7 +385,7 @@ ROWS = 14
 
 SIGNS, BODIES = "posterior with signs", "posterior with bodies"
 
-CONVERGENCE = columns(
+CONVERGENCE = with_hints(
     "convergence",
     Column("posterior"),
     Column("nested R-hat", "{:.4f}".format),

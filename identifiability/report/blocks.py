@@ -6,16 +6,16 @@ import json
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from typing import ClassVar, Literal, TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from identifiability.foundation.answers import Answer, Note, Table
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.report.drawing import svg
-from identifiability.report.tables import Table
 
 
 @frozen
@@ -24,26 +24,6 @@ class Prose:
 
     paragraphs: tuple[str, ...]
     kind: ClassVar[str] = "prose"
-
-
-@frozen
-class Note:
-    """A caveat, or the absence of one.
-
-    Attributes
-    ----------
-    level : {"warning", "note", "good"}
-    title, text : str
-    """
-
-    level: Literal["warning", "note", "good"]
-    title: str
-    text: str
-
-    @property
-    def symbol(self) -> str:
-        """Stands before the title."""
-        return {"warning": "▲", "note": "●", "good": "✓"}[self.level]
 
 
 @frozen
@@ -94,11 +74,14 @@ class Picture:
         What one should see in it.
     alt : str
         For readers who cannot see it; by default the caption.
+    name : str
+        By which `Result.figures` has it.
     """
 
     figure: Figure
     caption: str = ""
     alt: str = ""
+    name: str = "figure"
     kind: ClassVar[str] = "picture"
 
     @cached_property
@@ -252,25 +235,6 @@ class Trace:
         short = [[None if math.isnan(x) else float(f"{x:.5g}") for x in row] for row in rows]
         axis = f"{self.quantity} [{self.unit}]"
         return json.dumps({"axis": axis, "names": [*self.lines], "rows": short})
-
-
-@frozen
-class Answer:
-    """A question that every reader has, its answer in a few words, and what is said of it.
-
-    Attributes
-    ----------
-    question, short, text : str
-    tone : str
-    commands : tuple of (what, command)
-        Lines for the terminal, ready to copy, with what each is for.
-    """
-
-    question: str
-    short: str
-    text: str = ""
-    tone: str = ""
-    commands: tuple[tuple[str, str], ...] = ()
 
 
 @frozen

@@ -9,9 +9,16 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from identifiability.foundation.answers import Column, Table
 from identifiability.foundation.names import Array
-from identifiability.report.answers import answer_next
-from identifiability.report.blocks import Answer, Answers, Fold, Notes, Prose, Section, Sketch
+from identifiability.foundation.rounding import (
+    digits,
+    format_number,
+    join,
+    rough_percent,
+    whole_percent,
+)
+from identifiability.report.blocks import Answers, Fold, Notes, Prose, Section, Sketch
 from identifiability.report.drawing import (
     BLUE,
     GREY,
@@ -26,28 +33,17 @@ from identifiability.report.drawing import (
     row_canvas,
     whiskers,
 )
-from identifiability.report.numbers import (
-    NONE,
-    digits,
-    format_number,
-    join,
-    rough_percent,
-    whole_percent,
-)
 from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, moved_pose, sketch_parts
-from identifiability.report.tables import Column, Table
-from identifiability.report.words import columns, note, picture, section, sentence
-from identifiability.workflows.calibrate.calibration import MOST_WRONG, WORDS, Calibration
-from identifiability.workflows.calibrate.outcome import PRIOR_WIDTH, Cell, RankCheck
-from identifiability.workflows.calibrate.world import Cause
-from identifiability.workflows.commands import (
-    held_back,
-    ladder_option,
-    name_logs,
-    quote,
-    source_name,
+from identifiability.report.words import picture, section
+from identifiability.workflows.answers import note, sentence, with_hints
+from identifiability.workflows.calibrate.calibration import (
+    WORDS,
+    Calibration,
+    _rare,
+    label,
 )
+from identifiability.workflows.calibrate.outcome import PRIOR_WIDTH, RankCheck
 from identifiability.workflows.diagnose import FalseNames
 
 # Operating characteristics: coverage, wrong verdicts, and ranks of planted values.
@@ -162,85 +158,9 @@ def draw_ranks(counts: Array, band: tuple[float, float], worst: int, name: str) 
 # What a calibration answers first: trust or not, how often wrong, where weakest, what next.
 
 
-TONES = {"yes": "green", "no": "vermilion", "not enough trials": "amber"}
-
-
 def answer_calibration(calibration: Calibration) -> Answers:
     """Return the first screen of a calibration."""
-    answers: tuple[Answer, ...] = (_trust(calibration), _wrong(calibration), _weakest(calibration))
-    commands = _next_commands(calibration)
-    if commands:
-        answers = (*answers, answer_next(commands))
-    return Answers(answers, _sketch(calibration))
-
-
-def _trust(calibration: Calibration) -> Answer:
-    start, _, rest = calibration.lines[0].partition(": ")
-    text = f"{rest[:1].upper()}{rest[1:]}"
-    answer = calibration.answer
-    tone = "amber" if answer.word == "yes" and answer.missing else TONES[answer.word]
-    return Answer("May intervals and verdicts be trusted here?", f"{start}.", text, tone)
-
-
-def _wrong(calibration: Calibration) -> Answer:
-    cell, question = calibration.cells[0], "How often is a verdict wrong?"
-    if not cell.called:
-        return Answer(question, "Never: nothing is called identifiable.", tone="grey")
-    share = rough_percent(cell.wrong) if cell.wrong else "None"
-    short = f"{share} of what is called identifiable is off by more than half."
-    tone = "green" if cell.wrong_high <= MOST_WRONG else "amber"
-    text = f"At most {rough_percent(cell.wrong_high)} by these trials."
-    if cell.not_judged:
-        text += f" In {whole_percent(cell.not_judged)} of the repetitions nothing is judged."
-    return Answer(question, short, text, "vermilion" if cell.wrong_low > MOST_WRONG else tone)
-
-
-def _weakest(calibration: Calibration) -> Answer:
-    cell = calibration.cells[0]
-    name, share = cell.names[cell.worst], whole_percent(cell.each[cell.worst].value)
-    short = f"In {name}: {share} of its intervals hold the truth."
-    text = calibration.lines[2] if calibration.answer.word == "no" else ""
-    if cell.below and share != NONE:
-        text = f"Too few beyond chance: {join(list(cell.below))}. {text}".strip()
-    return Answer("Where is it weakest, and why?", short, text, "amber" if cell.below else "")
-
-
-def _next_commands(calibration: Calibration) -> list[tuple[str, str]]:
-    analysis = calibration.analysis
-    if analysis is None:
-        return []
-    robot, how = source_name(analysis.robot), analysis.settings.get("preparation")
-    names = [s.name for s in analysis.samples]
-    logs = name_logs(analysis.robot, names, how=how) + ladder_option(
-        analysis.robot, analysis.source
-    )
-    word = calibration.answer.word
-    use = (
-        "Use intervals and verdicts:",
-        f"identifiability analyze {robot} {logs} --report report.html --json result.json",
-    )
-    begun = name_logs(analysis.robot, names, "--start-from", how)
-    longer = (
-        "Find a motion to measure next, for longer and other logs:",
-        f"identifiability excite {robot} {begun} --out next.json",
-    )
-    if word == "yes" and analysis.missing.functions:
-        held = held_back(analysis.validation)
-        line = f"identifiability diagnose {robot} {logs}{held} --report missing.html"
-        return [("Find out what the model misses:", line), use]
-    if word == "yes":
-        return [use]
-    if word == "not enough trials":
-        again = f"--replicates {calibration.answer.enough} --report calibration.html"
-        return [
-            ("Ask again with more trials:", f"identifiability calibrate {robot} {logs} {again}")
-        ]
-    blamed = {e.cause for e in calibration.effects if e.harmful}
-    if Cause.LEFT_OUT in blamed and analysis.full.name != calibration.model:
-        model = f"--model {quote(analysis.full.name)} --report calibration.html"
-        text = "Ask the same of the model that leaves nothing out:"
-        return [(text, f"identifiability calibrate {robot} {logs} {model}"), longer]
-    return [longer]
+    return Answers(calibration.answers(), _sketch(calibration))
 
 
 def _sketch(calibration: Calibration) -> Sketch | None:
@@ -286,16 +206,6 @@ def build_calibration_page(calibration: Calibration) -> Page:
     )
 
 
-def _rare(share: float) -> str:
-    return NONE if np.isnan(share) else f"{100 * share:.2g} %"
-
-
-def label(cell: Cell) -> str:
-    """Return what a cell simulates, ``noise × 0.3, ρ = 0.9``."""
-    rho = "as the residual" if np.isnan(cell.rho) else f"ρ = {cell.rho:g}"
-    return f"noise × {cell.noise:g}, {rho}"
-
-
 CAUSES = (
     Column("without", get=lambda e: WORDS[e.cause]),
     Column("intervals that hold", get=lambda e: _tenths(e.cell.coverage_robust)),
@@ -327,7 +237,7 @@ def _each(calibration: Calibration) -> Section:
     order = np.argsort(shares[:, 0], kind="stable")
     names, shares = [cell.names[k] for k in order], shares[order]
     least = np.min([[s.value for s in c.each] for c in calibration.cells], axis=0)[order]
-    own = columns(
+    own = with_hints(
         "each",
         Column("parameter"),
         Column("coverage", _tenths, hint=f"Of {cell.trials} repetitions, {label(cell)}."),
@@ -345,23 +255,11 @@ def _tenths(share: float) -> str:
     return f"{100 * share:.1f} %"
 
 
-VERDICTS = columns(
-    "verdicts",
-    Column("simulated noise", get=label),
-    Column("called identifiable", "{:.1f}".format, "called"),
-    Column("of these wrong", _rare, "wrong"),
-    Column("at most", _rare, "wrong_high"),
-    Column("not judged", whole_percent, "not_judged"),
-    Column("pass the 10× rule", "{:.1f}".format, "paper_called"),
-    Column("of these wrong", _rare, "paper_wrong"),
-)
-
-
 def _verdicts(calibration: Calibration) -> Section:
     cells = calibration.cells
     wrong, paper, high = np.array([(c.wrong, c.paper_wrong, c.wrong_high) for c in cells]).T
     figure = draw_wrong([label(c) for c in cells], wrong, paper, high)
-    table = Table.of("Verdicts by noise", VERDICTS, cells)
+    table = calibration.tables()[0]
     holes = {"model": calibration.model, "size": calibration.parameters}
     return section("calibration.verdicts", picture("wrong", figure), table, **holes)
 
@@ -412,7 +310,7 @@ def _method(calibration: Calibration) -> Section:
     return section("calibration.method", text, table)
 
 
-NOISE = columns(
+NOISE = with_hints(
     "noise",
     Column("actuator"),
     Column("order", "number"),

@@ -7,20 +7,17 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.effects import find_effect, title_of
-from identifiability.report.answers import (
-    after_mass,
-    answer_next,
-    level_table,
-    state_error,
-    tone_of,
-    torque_units,
-    velocity_units,
+from identifiability.foundation.answers import Cell, Column, Note, Table
+from identifiability.foundation.rounding import (
+    digits,
+    format_number,
+    join,
+    percent,
+    rough_percent,
 )
 from identifiability.report.blocks import (
-    Answer,
     Answers,
     Gallery,
-    Note,
     Notes,
     Picture,
     Prose,
@@ -29,17 +26,8 @@ from identifiability.report.blocks import (
     Term,
     Terms,
 )
-from identifiability.report.numbers import (
-    digits,
-    error_text,
-    format_number,
-    join,
-    percent,
-    rough_percent,
-)
 from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, moved_pose, sketch_parts
-from identifiability.report.tables import Cell, Column, Table
 from identifiability.report.torque import (
     draw_against,
     draw_curve,
@@ -48,27 +36,24 @@ from identifiability.report.torque import (
     draw_gap,
     draw_named,
     draw_shrink,
+    velocity_units,
 )
-from identifiability.report.words import columns, gallery, picture, section, sentence
+from identifiability.report.words import gallery, picture, section
+from identifiability.workflows.answers import (
+    level_table,
+    sentence,
+)
 from identifiability.workflows.diagnose.findings import Curve, NamedEffect
 from identifiability.workflows.diagnose.forward import ForwardGap
-from identifiability.workflows.diagnose.result import Diagnosis, next_commands
-from identifiability.workflows.diagnose.words import headline, remarks, weight_text
+from identifiability.workflows.diagnose.result import Diagnosis
+from identifiability.workflows.diagnose.words import remarks, weight_text
 
 # What a diagnosis answers first: what is missing, what it explains, what is left, what next.
 
 
-#: Places of an effect that the first line lists.
-PLACES = 3
-
-
 def answer_missing(d: Diagnosis) -> Answers:
     """Return the first screen of a diagnosis."""
-    return Answers(
-        (after_mass(_what(d), d.mass_warning), _gap(d), _left(d), answer_next(next_commands(d))),
-        _sketch(d),
-        _named(d) if d.curves else None,
-    )
+    return Answers(d.answers(), _sketch(d), _named(d) if d.curves else None)
 
 
 def _named(d: Diagnosis) -> Picture:
@@ -89,51 +74,8 @@ def _over(c: Curve) -> str:
 def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
     """Return the labels of the axes of a curve."""
     other = "" if c.of == c.joint else f" of {d.robot.joints[c.of]}"
-    unit = torque_units(d.robot)[c.joint]
+    unit = d.robot.torque_units[c.joint]
     return f"{_over(c)}{other} [{_unit(d, c)}]", f"torque [{unit}]"
-
-
-def _what(d: Diagnosis) -> Answer:
-    question = "What is missing?"
-    if not d.effects and not d.changes:
-        return Answer(question, "Nothing that can be named.", headline(d), "grey")
-    named = [f"{title_of(c.family)} in {c.place} in a part of {c.log}" for c in d.changes]
-    named += [f"{_call(e)} in {join(e.joints, PLACES)}" for e in d.effects]
-    short = join(named)
-    return Answer(question, f"{short[0].upper()}{short[1:]}.", headline(d), "vermilion")
-
-
-def _call(e: NamedEffect) -> str:
-    """Return a name with what the motion cannot tell from it: the first line may not be surer."""
-    others = len(e.alternatives)
-    return e.names if others < 2 else f"{e.title} or one of {others} that look like it"
-
-
-def _gap(d: Diagnosis) -> Answer:
-    question = "How much of the gap does it explain?"
-    if not d.effects:
-        short = f"The error on unseen motion stays at {percent(d.held_before)}."
-        return Answer(question, short, f"Measured on {d.verified_on}.")
-    low, high = (format_number(100 * x, 2) for x in d.interval)
-    falls = d.interval[1] < 0
-    before, after = percent(d.held_before), percent(d.held_after)
-    short = f"The error goes from {before} to {after}."
-    if before == after:
-        short = f"Hardly any: the error over all joints stays at {after}."
-    text = (
-        f"All joints together on {d.verified_on}, which was not fitted (95 % "
-        f"of the change: {low} … {high} points)."
-    )
-    return Answer(question, short, text, "green" if falls else "amber")
-
-
-def _left(d: Diagnosis) -> Answer:
-    error = d.held_after if d.effects else d.held_before
-    question = "How good is the model then?"
-    if not np.isfinite(error):
-        return Answer(question, "There is no error to tell.", d.unexplained, "grey")
-    judged, short, spread = state_error(error, d.robot.joints, d.error_frame()["after"].to_numpy())
-    return Answer(question, short, f"{spread}{d.unexplained}", tone_of(judged))
 
 
 def _sketch(d: Diagnosis) -> Sketch | None:
@@ -153,36 +95,6 @@ def _sketch(d: Diagnosis) -> Sketch | None:
 #: Curves that are drawn.
 SHOWN = 6
 
-EFFECTS = (
-    Column("effect"),
-    Column("where"),
-    Column("parameter", "code"),
-    Column("value", digits(3)),
-    Column("± se", digits(2)),
-    Column("unit"),
-    Column(
-        "weight",
-        hint="Posterior probability among all names for the same rows, with those "
-        "that it cannot be told from.",
-    ),
-    Column("p ≤", digits(2), hint="Family-wise."),
-    Column("adds, rms", digits(3)),
-    Column("resembles"),
-)
-
-
-CHANGES = (
-    Column("when"),
-    Column("effect"),
-    Column("where"),
-    Column("parameter", "code"),
-    Column("value", digits(3)),
-    Column("± se", digits(2)),
-    Column("unit"),
-    Column("weight", hint="Posterior probability among all that may change at any instant."),
-    Column("or", hint="What this motion cannot tell it from."),
-)
-
 
 def section_effects(d: Diagnosis) -> Section:
     """Return the effects that were named, with their values, and those that were refuted."""
@@ -193,11 +105,10 @@ def section_effects(d: Diagnosis) -> Section:
             for n, s in e.similar.items()
             if s > d.rules.similar
         ]
-        sure = Cell(weight_text(e.sure), e.sure)
         for p in e.placements:
             shape = f"shape {format_number(p.shape, 3)}" if np.isfinite(p.shape) else ""
             first = (Cell(e.names, note=shape), p.place)
-            last = (sure, p.p_value, p.rms, close[0] if close else "nothing")
+            last = (p.p_value, p.rms, close[0] if close else "nothing")
             rows += [(*first, *row, *last) for row in p.rows]
     if not rows and not d.refuted and not d.changes:
         nothing = "No effect stands out from the noise and helps on unseen motion."
@@ -205,42 +116,9 @@ def section_effects(d: Diagnosis) -> Section:
     labels = ["model as it was", *(f"+ {_short(e.title)}" for e in d.effects)]
     errors = np.array([d.held_before, *(e.after for e in d.effects)])
     shrink = picture("shrink", draw_shrink(labels, errors), motion=d.verified_on)
-    found = (Table.of("Effects that were added", EFFECTS, rows), shrink, _curves(d))
+    found = (Table.of("Their parameters", EFFECTS, rows), shrink, _curves(d))
     refuted = _table_refuted(d) if d.refuted else None
-    changed = _table_changes(d) if d.changes else None
-    return section("diagnosis.effects", changed, *(found if rows else ()), refuted)
-
-
-def _table_changes(d: Diagnosis) -> Table:
-    rows = []
-    for c in d.changes:
-        weight = Cell(weight_text(c.weight), c.weight)
-        others = join([f"{title_of(f)} in {place}" for f, place in c.others]) or "nothing"
-        values = zip(c.parameters, c.values, c.errors, c.units, strict=True)
-        rows += [(c.when, title_of(c.family), c.place, *row, weight, others) for row in values]
-    return Table.of("What changed in the middle of a log, and was left out", CHANGES, rows)
-
-
-def _table_refuted(d: Diagnosis) -> Table:
-    columns = (
-        Column("effect", get="names"),
-        Column("where", get=lambda e: ", ".join(e.joints)),
-        Column("p ≤", digits(2), "p_value", "Family-wise."),
-        Column("why", get="why"),
-        Column("error without", percent, "before", f"On {d.verified_on}."),
-        Column("with", percent, "after"),
-        Column("change, 95 %", "number", _change, "Points."),
-    )
-    return Table.of("Refuted by the motion that verifies, and in no model", columns, d.refuted)
-
-
-def _weight(weight: float) -> str:
-    return "< 0.01" if weight < 0.01 else weight_text(weight)
-
-
-def _change(e: NamedEffect) -> Cell:
-    low, high = (format_number(100 * x, 2) for x in e.interval)
-    return Cell(f"{low} … {high}", e.interval[0])
+    return section("diagnosis.effects", *d.tables()[:-1], *(found if rows else ()), refuted)
 
 
 def _curves(d: Diagnosis) -> Gallery:
@@ -258,7 +136,7 @@ def _short(title: str) -> str:
 
 
 def _unit(d: Diagnosis, c: Curve) -> str:
-    speed, torque = velocity_units(d.robot)[c.of], torque_units(d.robot)[c.of]
+    speed, torque = velocity_units(d.robot)[c.of], d.robot.torque_units[c.of]
     position = speed.removesuffix("/s")
     seconds = {"time": "s", "session": "s"}
     return {"velocity": speed, "position": position, "load": torque, **seconds}[c.against]
@@ -320,7 +198,7 @@ def _section_gap(d: Diagnosis) -> Section:
     first = rows.log == rows.log.min()
     t = rows.t[first]
     part = np.flatnonzero(first)[(t >= t[0]) & (t <= t[0] + STRETCH)]
-    units, speeds = torque_units(d.robot), velocity_units(d.robot)
+    units, speeds = d.robot.torque_units, velocity_units(d.robot)
     over_time, against = [], []
     for k, joint in enumerate(d.robot.joints[:SHOWN]):
         pair = residual[:, k, 0], residual[:, k, -1]
@@ -336,34 +214,7 @@ def _section_gap(d: Diagnosis) -> Section:
     errors = {"before": percent(d.real_before), "after": percent(d.real_after)}
     real = sentence("diagnosis.real", **errors) if np.isfinite(d.real_after) else ""
     galleries = gallery("gap", over_time, seconds=f"{STRETCH:g}"), gallery("against", against)
-    own = columns(
-        "gap-joints",
-        Column("joint"),
-        Column("before", error_text),
-        Column("after", error_text),
-        Column("rms before", digits(3)),
-        Column("rms after", digits(3)),
-        Column("raw before", error_text),
-        Column("raw after", error_text),
-        Column("unit"),
-    )
-    numbers = d.error_frame()
-    order = [
-        "joint",
-        "before",
-        "after",
-        "rms_before",
-        "rms_after",
-        "raw_before",
-        "raw_after",
-        "unit",
-    ]
-    table = Table.of(
-        "Each joint by itself on unseen motion, over its own scale",
-        own,
-        numbers[order].itertuples(index=False, name=None),
-    )
-    return section("diagnosis.gap", *galleries, table, real=real)
+    return section("diagnosis.gap", *galleries, d.tables()[-1], real=real)
 
 
 def _section_where(d: Diagnosis) -> Section:
@@ -463,3 +314,38 @@ def _section_method(d: Diagnosis) -> Section:
     return section(
         "diagnosis.method", Terms(tuple(terms)), rules, level_table(), Prose((roles, *prepared))
     )
+
+
+EFFECTS = (
+    Column("effect"),
+    Column("where"),
+    Column("parameter", "code"),
+    Column("value", digits(3)),
+    Column("± se", digits(2)),
+    Column("unit"),
+    Column("p ≤", digits(2), hint="Family-wise."),
+    Column("adds, rms", digits(3)),
+    Column("resembles"),
+)
+
+
+def _table_refuted(d: Diagnosis) -> Table:
+    columns = (
+        Column("effect", get="names"),
+        Column("where", get=lambda e: ", ".join(e.joints)),
+        Column("p ≤", digits(2), "p_value", "Family-wise."),
+        Column("why", get="why"),
+        Column("error without", percent, "before", f"On {d.verified_on}."),
+        Column("with", percent, "after"),
+        Column("change, 95 %", "number", _change, "Points."),
+    )
+    return Table.of("Refuted by the motion that verifies, and in no model", columns, d.refuted)
+
+
+def _weight(weight: float) -> str:
+    return "< 0.01" if weight < 0.01 else weight_text(weight)
+
+
+def _change(e: NamedEffect) -> Cell:
+    low, high = (format_number(100 * x, 2) for x in e.interval)
+    return Cell(f"{low} … {high}", e.interval[0])

@@ -28,7 +28,7 @@ from matplotlib.path import Path as Outline
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
 
 from identifiability.foundation.names import Array
-from identifiability.report.numbers import superscript
+from identifiability.foundation.rounding import superscript
 
 # Figures in the page's style, and the one way from a Matplotlib figure to inline SVG.
 #

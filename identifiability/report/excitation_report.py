@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
+from identifiability.foundation.answers import Column, Table
 from identifiability.foundation.names import Array
-from identifiability.report.answers import answer_next
-from identifiability.report.blocks import (
-    Answer,
-    Answers,
-    Fold,
-    Gallery,
-    Note,
-    Notes,
-    Prose,
-    Section,
-    Sketch,
+from identifiability.foundation.rounding import (
+    digits,
+    format_count,
+    format_number,
+    join,
 )
+from identifiability.report.blocks import Answers, Fold, Gallery, Notes, Prose, Section, Sketch
 from identifiability.report.drawing import (
     BLUE,
     COLOURS,
@@ -39,13 +34,14 @@ from identifiability.report.drawing import (
     row_canvas,
     row_lines,
 )
-from identifiability.report.numbers import digits, format_count, format_number, join, whole_percent
 from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, actuated_pose, sketch_parts
-from identifiability.report.tables import Cell, Column, Table
-from identifiability.report.words import note, picture, section, sentence, words
-from identifiability.workflows.commands import name_logs, on_file, source_name
-from identifiability.workflows.excite.result import CONFUSABLE, Excitation
+from identifiability.report.words import picture, section
+from identifiability.workflows.answers import sentence, words
+from identifiability.workflows.excite.result import (
+    BETTER,
+    Excitation,
+)
 
 # An exciting motion: each joint within its limits, the search, and what it gains.
 
@@ -144,62 +140,9 @@ def _plain_ticks(axis: Axis, low: float, high: float) -> None:
 # What an excitation answers first: what to play, what it tells, whether it is safe, what next.
 
 
-#: σ of a parameter relative to before, up to which it is known better.
-BETTER = 0.95
-
-
 def answer_excitation(result: Excitation) -> Answers:
     """Return the first screen of an excitation."""
-    next_ = answer_next(_next_commands(result))
-    return Answers((_motion(result), _worth(result), _safe(result), next_), _sketch(result))
-
-
-def _motion(result: Excitation) -> Answer:
-    joints = format_count(len(result.limits.joints), "joint")
-    seconds = format_number(result.trajectory.period, 3)
-    short = f"Move {joints} along this motion of {seconds} s, several times."
-    return Answer("What should the robot do?", short, sentence("excitation.files"), "blue")
-
-
-def _worth(result: Excitation) -> Answer:
-    gain = result.gain[np.isfinite(result.gain)]
-    better = int((gain < BETTER).sum())
-    short = (
-        f"{better} of {format_count(len(result.gain), 'parameter')} are known better than from "
-        f"{result.beside}."
-    )
-    tone = "green" if better > len(result.gain) / 2 else "amber"
-    return Answer("What does it tell?", short, result.worth, tone)
-
-
-def _safe(result: Excitation) -> Answer:
-    frame, question = result.to_frame(), "May the robot play it?"
-    fast = float((frame["speed"] / frame["speed_limit"]).max())
-    text = f"{result.limits_statement} The fastest joint uses {whole_percent(fast)} of its speed."
-    if result.limits.assumed:
-        return Answer(question, "Check the limits first: some were assumed.", text, "amber")
-    return Answer(question, "Yes, as far as its limits say.", text, "green")
-
-
-def _next_commands(result: Excitation) -> list[tuple[str, str]]:
-    robot = source_name(result.robot)
-    logs = name_logs(result.robot, [*result.logs, "next.csv"])
-    return [
-        (
-            "Rehearse it in simulation:",
-            on_file(
-                result,
-                "json",
-                "motion.json",
-                f"identifiability excite {robot} --out",
-                f"identifiability simulate {robot} {{file}} --out rehearsal.csv",
-            ),
-        ),
-        (
-            "When it is measured (as next.csv), judge all logs together:",
-            f"identifiability analyze {robot} {logs} --report report.html",
-        ),
-    ]
+    return Answers(result.answers(), _sketch(result))
 
 
 def _sketch(result: Excitation) -> Sketch | None:
@@ -240,7 +183,7 @@ def build_excitation_page(result: Excitation) -> Page:
         ),
         summary=(
             answer_excitation(result),
-            Notes(tuple(_notes(result))),
+            Notes(result.cautions()),
             Fold("The answer in one paragraph", (Prose((result.statement, *result.hints)),)),
         ),
     )
@@ -260,32 +203,9 @@ def section_motion(result: Excitation) -> Section:
     return section(
         "excitation.motion",
         Gallery(tuple(pictures)),
-        limits_table(result),
+        result.tables()[0],
         Fold("Coefficients", (_coefficients(result),)),
     )
-
-
-def _range(row: Any) -> Cell:
-    low, high = (format_number(x, 3) for x in (row.lower_limit, row.upper_limit))
-    return Cell(f"{low} … {high}", row.upper_limit - row.lower_limit)
-
-
-LIMITS = (
-    Column("joint", get="joint"),
-    Column("least", digits(3), "least"),
-    Column("largest", digits(3), "largest"),
-    Column("range", "number", _range, "Limits of position."),
-    Column("speed", digits(3), "speed"),
-    Column("limit", digits(3), "speed_limit", "Of the speed."),
-    Column("acceleration", digits(3), "acceleration"),
-    Column("limit", digits(3), "acceleration_limit", "Of the acceleration."),
-)
-
-
-def limits_table(result: Excitation) -> Table:
-    """Return one row a joint."""
-    caption = "What each joint does, and may do [SI units]"
-    return Table.of(caption, LIMITS, result.to_frame().itertuples())
 
 
 def _coefficients(result: Excitation) -> Table:
@@ -325,16 +245,3 @@ def section_method(result: Excitation) -> Section:
         measured=sentence("excitation.measured", logs=logs) if logs else "",
     )
     return section("excitation.method", Prose((text["how"], text["model"], text["run_in"])))
-
-
-def _notes(result: Excitation) -> list[Note]:
-    notes = []
-    if result.end == "evaluations":
-        notes.append(note("evaluations", motions=result.evaluations))
-    if not result.reproducible:
-        notes.append(note("time"))
-    if result.limits.assumed:
-        notes.append(note("assumed", names=", ".join(result.limits.assumed)))
-    if result.criterion.name == "separate" and result.after.figure > CONFUSABLE:
-        notes.append(note("alike"))
-    return notes

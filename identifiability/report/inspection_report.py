@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from identifiability.foundation.answers import Column, Note, Table
 from identifiability.foundation.names import Array
-from identifiability.report.answers import answer_next
+from identifiability.foundation.rounding import (
+    NONE,
+    format_count,
+)
 from identifiability.report.blocks import (
-    Answer,
     Answers,
     Fold,
     Gallery,
-    Note,
     Notes,
     Picture,
     Prose,
@@ -32,22 +32,12 @@ from identifiability.report.drawing import (
     drawn,
     label_axes,
 )
-from identifiability.report.numbers import (
-    NONE,
-    digits,
-    format_count,
-    format_number,
-    join,
-    percent,
-    whole_percent,
-)
 from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, actuated_pose, sketch_parts
-from identifiability.report.tables import Cell, Column, Table
 from identifiability.report.torque import plot_runs
-from identifiability.report.words import columns, note, picture, section, sentence
-from identifiability.workflows.commands import name_logs, source_name
-from identifiability.workflows.inspect import Inspection, Record
+from identifiability.report.words import picture, section
+from identifiability.workflows.answers import note, sentence
+from identifiability.workflows.inspect import JOINTS, Inspection, Record
 
 # What a log holds of a joint: position, velocity and torque over time.
 
@@ -117,113 +107,10 @@ ROLES = {
     "left out": "grey",
 }
 
-#: Things of which the first screen says what they are.
-SHOWN = 3
-
 
 def answer_inspection(result: Inspection) -> Answers:
     """Return the first screen of an inspection, of logs or of a robot file alone."""
-    of_logs = (_usable, _excited, _content)
-    of_robot = (_columns, _most, _open)
-    answers = [build(result) for build in (of_logs if result.records else of_robot)]
-    return Answers((*answers, answer_next(_next_commands(result))), _sketch(result))
-
-
-def _usable(result: Inspection) -> Answer:
-    question = "Can these logs be used?"
-    if result.refused:
-        some = len(result.refused) < len(result.records)
-        names = join([r.name for r in result.refused], SHOWN)
-        short = f"Not all: {names} cannot." if some else "No."
-        return Answer(question, short, result.refused[0].refused, "vermilion")
-    if result.hints:
-        count = format_count(len(result.hints), "thing")
-        return Answer(question, f"Check {count} first.", result.hints[0], "amber")
-    return Answer(
-        question,
-        "Yes: nothing is odd.",
-        "Neither the robot file nor limits nor physics contradict them.",
-        "green",
-    )
-
-
-def _excited(result: Inspection) -> Answer:
-    question, rank = "How much do they show?", result.base.rank
-    if result.excited is None:
-        return Answer(question, "Nothing: no log could be prepared.", tone="vermilion")
-    found = result.excited
-    short = f"{found.rank} of {format_count(rank, 'base parameter')} are excited."
-    text = "No motion of this robot shows more." if found.rank == rank else ""
-    if np.isfinite(found.condition):
-        text += f" Condition number {format_number(found.condition, 3)}."
-    return Answer(question, short, text.strip(), "green" if found.rank == rank else "amber")
-
-
-def _content(result: Inspection) -> Answer:
-    seconds = sum(r.duration for r in result.records)
-    samples = format_count(sum(r.samples for r in result.records), "sample")
-    known = sorted(r.rate for r in result.records)
-    rates = [format_number(rate, 3) for rate in known]
-    short = (
-        f"{format_number(seconds, 3)} s of motion: {samples} at "
-        f"{' … '.join(dict.fromkeys((rates[0], rates[-1])))} Hz."
-    )
-    rooms = [(j.room, j.joint) for r in result.records for j in r.joints if np.isfinite(j.room)]
-    text = ""
-    if rooms:
-        (least, narrow), (most, wide) = min(rooms), max(rooms)
-        used = f"{percent(least, 2)} ({narrow})"
-        if wide != narrow:
-            used = f"from {used} to {percent(most, 2)} ({wide})"
-        text = f"Of the range that limits allow, joints use {used}."
-    cuts = sorted({r.cutoff for r in result.records if r.cutoff is not None})
-    if cuts:
-        text += f" Derivatives would be cut off at {format_number(cuts[0], 3)} Hz."
-    return Answer("What is in them?", short, text.strip(), "blue")
-
-
-def _columns(result: Inspection) -> Answer:
-    count, joints = len(result.columns), format_count(len(result.robot.joints), "joint")
-    short = f"{count} columns: time, and position and torque of {joints}."
-    return Answer("What must a log have?", short, join(result.columns, 9) + ".", "blue")
-
-
-def _most(result: Inspection) -> Answer:
-    base = result.base
-    short = f"{format_count(base.rank, 'base parameter')} of {len(base.parameters)}."
-    text = "The others act only together with these, or never."
-    return Answer("How much can logs tell at most?", short, text, "blue")
-
-
-def _open(result: Inspection) -> Answer:
-    question, needs = "What does the robot file leave open?", result.needs
-    if not needs:
-        return Answer(question, "Nothing that is needed.", tone="green")
-    short = f"{format_count(len(needs), 'thing')}; none is needed to begin."
-    text = " ".join(need.text for need in needs[:SHOWN])
-    return Answer(question, short, text, "amber")
-
-
-def _next_commands(result: Inspection) -> list[tuple[str, str]]:
-    robot = source_name(result.robot)
-    template = (
-        "Write an empty log with the right columns:",
-        f"identifiability inspect {robot} --template log.csv",
-    )
-    if not result.records:
-        motion = f"identifiability excite {robot} --out motion.json --report motion.html"
-        return [template, ("Find a motion that is worth measuring:", motion)]
-    good = [r.name for r in result.records if not r.refused]
-    if not good:
-        return [template]
-    logs = name_logs(result.robot, good)
-    judge = f"identifiability analyze {robot} {logs} --report report.html --json result.json"
-    out = [("Say which parameters they determine:", judge)]
-    if result.excited is not None and result.excited.rank < result.base.rank:
-        begun = name_logs(result.robot, good, "--start-from")
-        more = f"identifiability excite {robot} {begun} --out next.json"
-        out.append(("Find the motion that shows the rest:", more))
-    return out
+    return Answers(result.answers(), _sketch(result))
 
 
 def _sketch(result: Inspection) -> Sketch | None:
@@ -237,9 +124,6 @@ def _sketch(result: Inspection) -> Sketch | None:
 
 # The report on an `Inspection`: what is in the logs and odd about them, and what the robot is.
 
-
-#: Shares below this are none: rounding of times leaves as much.
-UNSEEN = 1e-5
 
 #: Joints whose traces are drawn of each log.
 DRAWN = 12
@@ -300,113 +184,25 @@ def _pictures(result: Inspection, record: Record) -> list[Picture]:
     return pictures
 
 
-def _rows(result: Inspection) -> list[tuple[Record, Any]]:
-    return [(r, j) for r in result.records for j in r.joints]
-
-
-def _joint_column(result: Inspection) -> Column:
-    """Return the column that names the joint, and the log where there are several."""
-    several = len(result.records) > 1
-    return Column("joint", get=lambda row: Cell(row[1].joint, note=row[0].name if several else ""))
-
-
-def _span(low: str, high: str) -> Any:
-    def cell(row: tuple[Record, Any]) -> Cell:
-        least, most = getattr(row[1], low), getattr(row[1], high)
-        return Cell(f"{format_number(least, 3)} … {format_number(most, 3)}", most - least)
-
-    return cell
-
-
-def _of(name: str, show: Any = None) -> Any:
-    """Return what takes one number of a joint's record, dashed where it is not known."""
-    show = show or digits(3)
-
-    def cell(row: tuple[Record, Any]) -> Cell:
-        value = float(getattr(row[1], name))
-        return Cell(show(value) if np.isfinite(value) else NONE, value)
-
-    return cell
-
-
 def section_motion(result: Inspection) -> Section:
     """Return range, speed, bandwidth and resolution of every joint."""
-    own = columns(
-        "inspection.motion",
-        _joint_column(result),
-        Column("position", "number", _span("low", "high")),
-        Column("of its range", "number", _of("room", whole_percent)),
-        Column("speed", "number", _of("speed")),
-        Column("acceleration", "number", _of("acceleration")),
-        Column("bandwidth", "number", _of("bandwidth")),
-        Column("resolution", "number", _of("step", _step)),
-        Column("noise", "number", _of("noise", digits(2))),
-    )
-    return section(
-        "inspection.motion", Table.of("Motion of each joint [SI units]", own, _rows(result))
-    )
+    return section("inspection.motion", result.tables()[1])
 
 
 def section_torque(result: Inspection) -> Section:
     """Return range, resolution and scale of every torque column, and where it stands still."""
-    own = columns(
-        "inspection.torque",
-        _joint_column(result),
-        Column("torque", "number", _span("torque_low", "torque_high")),
-        Column("resolution", "number", _of("torque_step", _step)),
-        Column("noise", "number", _of("torque_noise", digits(2))),
-        Column("at an extreme", "number", _of("saturated", _share)),
-        Column("hangs", "number", _of("frozen", "{:.0f}".format)),
-        Column("to the file's", "number", _of("scale", _times)),
-    )
-    return section(
-        "inspection.torque", Table.of("Torque of each joint [N·m or N]", own, _rows(result))
-    )
-
-
-def _step(value: float) -> str:
-    return format_number(value, 2) if value else "fine"
-
-
-def _times(value: float) -> str:
-    return f"{format_number(value, 2)} ×"
-
-
-def _share(value: float) -> str:
-    return percent(value, 2) if value > UNSEEN else "no"
+    return section("inspection.torque", result.tables()[2])
 
 
 def section_clock(result: Inspection) -> Section:
     """Return rate, gaps and what is left of every log, and how it is prepared."""
-    own = columns(
-        "inspection.clock",
-        Column("log", get="name"),
-        Column("samples", "number", "samples"),
-        Column("seconds", digits(4), "duration"),
-        Column("rate [Hz]", digits(4), "rate"),
-        Column("jitter", "number", lambda r: Cell(_share(r.jitter), r.jitter)),
-        Column("gaps", "number", lambda r: Cell(str(r.gaps), r.gaps, _lost(r))),
-        Column("repeated", "number", lambda r: Cell(_share(r.repeated), r.repeated)),
-        Column("cut-off [Hz]", "number", _cutoff),
-        Column("used", "number", lambda r: Cell(whole_percent(r.kept / r.samples), r.kept)),
-        Column("left", "number", "outputs"),
-    )
-    table = Table.of("Clock and preparation", own, result.records)
+    table = result.tables()[0]
     notes = [
         Fold(f"How {r.name} is read and prepared", (Prose(tuple(_sentences(r))),))
         for r in result.records
         if r.notes or r.parts > 1
     ]
     return section("inspection.clock", table, *notes)
-
-
-def _lost(record: Record) -> str:
-    return format_count(record.lost, "sample") + " lost" if record.gaps else ""
-
-
-def _cutoff(record: Record) -> Cell:
-    given = record.cutoff
-    return Cell(NONE if given is None else f"{given:.3g}", np.nan if given is None else given)
 
 
 def _sentences(record: Record) -> list[str]:
@@ -418,27 +214,8 @@ def _sentences(record: Record) -> list[str]:
 
 def section_joints(result: Inspection) -> Section:
     """Return every joint, what part it has, and its limits."""
-    own = columns(
-        "inspection.joints",
-        Column("joint", get="name"),
-        Column("is", get=lambda j: Cell(j.role, note=j.remark)),
-        Column("kind", get=lambda j: f"{j.kind} [{j.unit}]" if j.kind else NONE),
-        Column("limits", "number", _limits),
-        Column("speed", digits(3), "speed"),
-        Column("acceleration", digits(3), "acceleration"),
-    )
-    return section(
-        "inspection.joints",
-        result.naming,
-        Table.of("Joints of the robot file", own, result.joints),
-    )
-
-
-def _limits(joint: Any) -> Cell:
-    if not np.isfinite(joint.high - joint.low):
-        return Cell(NONE, np.nan)
-    shown = f"{format_number(joint.low, 3)} … {format_number(joint.high, 3)}"
-    return Cell(shown, joint.high - joint.low)
+    table = Table.of("Joints of the robot file", JOINTS, result.joints)
+    return section("inspection.joints", result.naming, table)
 
 
 def section_columns(result: Inspection) -> Section:

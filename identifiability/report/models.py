@@ -16,21 +16,18 @@ from matplotlib.figure import Figure
 
 from identifiability.effects import title_of
 from identifiability.estimation.estimator import PAPER_FACTOR
-from identifiability.estimation.verdict import Class, Verdict
+from identifiability.estimation.verdict import Class
+from identifiability.foundation.answers import Column, Table
 from identifiability.foundation.linalg import RANK_TOLERANCE
 from identifiability.foundation.names import Array
-from identifiability.physical.cad_prior import mass_rows, total_mass
-from identifiability.report.answers import (
-    SIGMA,
-    UNIT,
-    VALUE,
-    VERDICT,
-    bias_columns,
-    found_cell,
-    model_title,
-    sigma_percents,
-    stated_values,
+from identifiability.foundation.rounding import (
+    error_text,
+    format_count,
+    format_number,
+    stated_text,
+    whole_percent,
 )
+from identifiability.physical.cad_prior import mass_rows, total_mass
 from identifiability.report.belief import draw_precision, draw_pulls
 from identifiability.report.blocks import Fold, Gallery, Picture, Prose, Section, Term, Terms
 from identifiability.report.drawing import (
@@ -54,22 +51,18 @@ from identifiability.report.drawing import (
     write_beside,
     write_near,
 )
-from identifiability.report.numbers import (
-    NONE,
-    error_text,
-    format_count,
-    format_number,
-    join,
-    percent,
-    percent_text,
-    stated_text,
-    whole_percent,
-)
-from identifiability.report.tables import Cell, Column, Table
-from identifiability.report.words import columns, gallery, picture, section, sentence
+from identifiability.report.words import gallery, picture, section
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.analyze.result import (
+    model_title,
+    parameter_table,
+    stated_values,
+)
+from identifiability.workflows.answers import (
+    sentence,
+)
 
 # Models beside each other: error, size, condition; the way down to few parameters; the rank.
 
@@ -277,7 +270,7 @@ def draw_survival(names: Sequence[str], share: Array, chosen: np.ndarray) -> Fig
 def section_ladder(analysis: Analysis) -> Section:
     """Return the ladder of models: why the selected one."""
     why, kind = _why(analysis), analysis.validation_kind
-    table = ladder_table(analysis)
+    table = analysis.tables()[0]
     return section("analysis.models", ladder_pictures(analysis), table, why=why, kind=kind)
 
 
@@ -308,50 +301,11 @@ def ladder_pictures(analysis: Analysis) -> Gallery:
     return gallery("models", pictures)
 
 
-def _spread_cell(m: RungResult) -> Cell:
-    spread, note = m.error_joints_se, f"worse at {join(m.worse_at, 3)}" if m.worse_at else ""
-    if not np.isfinite(spread):
-        return Cell(NONE, spread)
-    return Cell(f"± {percent(spread, 2)}" if spread else "least error", spread, note)
-
-
-def _condition_text(condition: float) -> str:
-    return format_number(condition, 3) if np.isfinite(condition) else "∞"
-
-
-def _possible_cell(m: RungResult) -> Cell:
-    near = f"nearest real robot: {error_text(m.error_ra_physical)}"
-    if m.feasible:
-        return Cell("yes", 2.0, badge="pass")
-    if m.infeasible:
-        return Cell("no", 0.0, f"wrong sign: {join(m.infeasible, 3)}; {near}", "differs")
-    return Cell("open" if m.physical.certificate is None else "not exactly", 1.0, near, "partly")
-
-
 INERTIAL_KEY = (
     "m, mx … mz, Ixx … Izz",
     "mass [kg], mass times centre of mass [kg·m] and inertia [kg·m²] of a body, in the frame of "
     "the joint that carries it and about its origin",
 )
-
-LADDER = columns(
-    "models",
-    Column("model", get=lambda m: Cell(m.name, note=m.rung.description)),
-    Column("parameters", "number", lambda m: len(m.rung)),
-    Column("identifiable", "number", found_cell),
-    Column("10× rule", "number", "paper_identified", detail=True),
-    Column("error, fitted", error_text, "error_ra"),
-    Column("error, unseen", error_text, "error_ra_validation"),
-    Column("joints, unseen", error_text, "error_joints_validation", detail=True),
-    Column("± SE", "error", _spread_cell, detail=True),
-    Column("condition", _condition_text, "estimate.condition", detail=True),
-    Column("real robot", "badge", _possible_cell),
-)
-
-
-def ladder_table(analysis: Analysis) -> Table:
-    """Return one row a model of the ladder."""
-    return Table.of("", LADDER, analysis.models, marked=analysis.selected)
 
 
 def section_parameters(analysis: Analysis) -> Section:
@@ -392,58 +346,6 @@ def section_full_model(analysis: Analysis) -> Section:
 def parameter_blocks(analysis: Analysis, result: RungResult) -> tuple[Gallery, Table]:
     """Return pictures and table of the parameters of a model."""
     return parameter_pictures(analysis, result), parameter_table(analysis, result)
-
-
-def parameter_table(analysis: Analysis, result: RungResult) -> Table:
-    """Return one row for each parameter of a model, filtered by verdict."""
-    most = max((v.share for v in result.verdicts), default=0.0)
-    reduced = any(v.sigma_omit for v in result.verdicts)
-    stated = dict(zip(result.rung.columns, stated_values(analysis, result), strict=True))
-
-    def share(v: Verdict) -> Cell:
-        length = v.share / most if np.isfinite(most) and most > 0 else 0.0
-        return Cell(percent_text(100 * v.share), v.share, share=length)
-
-    def in_file(v: Verdict) -> Cell:
-        text, label = (stated_text(x, v.sigma_robust) for x in (stated[v.name], v.nominal))
-        differs = stated[v.name] is not None and v.sigma_omit and text != label
-        return Cell(text, stated[v.name], f"label {label}" if differs else "")
-
-    every = columns(
-        "parameters",
-        Column("parameter", get=lambda v: Cell(v.name, note=label_note(v))),
-        VALUE,
-        SIGMA,
-        UNIT,
-        Column("σ white", percent_text, "sigma_percent", detail=True),
-        Column("σ robust", percent_text, "sigma_robust_percent", detail=reduced),
-        Column("σ label", percent_text, "sigma_label_percent"),
-        *bias_columns(result.verdicts),
-        Column("robot file", "number", in_file),
-        Column("share of torque", "bar", share),
-        Column("10× rule", "text", _paper_cell, detail=True),
-        VERDICT,
-    )
-    own = tuple(c for c in every if reduced or c.title != "σ label")
-    return Table.of("", own, result.verdicts, filter_by=-1)
-
-
-def _paper_cell(v: Verdict) -> Cell:
-    return Cell("✓" if v.paper_rule else "–", float(v.paper_rule))
-
-
-def label_note(v: Verdict) -> str:
-    """Return the combination that a name stands for; nothing where it is the parameter alone."""
-    alone = " " not in v.label and v.label[:1] not in "−-0123456789"
-    return "" if alone else shorten_label(v.label)
-
-
-def shorten_label(label: str, most: int = 64) -> str:
-    """Return the first terms of a long combination, and … for those that the groupings show."""
-    if len(label) <= most:
-        return label
-    cut = max(label.rfind(sign, 0, most) for sign in (" + ", " − ", " = "))
-    return f"{label[:cut] if cut > 0 else label[:most]} …"
 
 
 def parameter_pictures(analysis: Analysis, result: RungResult) -> Gallery:
@@ -603,3 +505,9 @@ def idle_fold(names: tuple[str, ...]) -> Fold:
     text = "No motion of this robot makes them act on the measured torque; any value will do."
     summary = f"{format_count(len(names), 'parameter')} without any effect"
     return Fold(summary, (Prose((text,)), terms))
+
+
+def sigma_percents(result: RungResult) -> tuple[Array, Array]:
+    """Return σ white and σ for the label of each parameter [% of its value], (k,) each."""
+    white = np.array([v.sigma_percent for v in result.verdicts], float)
+    return white, np.array([v.sigma_label_percent for v in result.verdicts], float)

@@ -3,46 +3,41 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import cache
 
 import pandas as pd
 from markupsafe import Markup
 
+from identifiability.foundation.answers import Table, frame_table
 from identifiability.foundation.result import Result
 from identifiability.report.blocks import Answers
-from identifiability.report.numbers import MARKS
 from identifiability.report.page import page_environment
 from identifiability.report.results import answer_first
-from identifiability.report.tables import Table, badge_cell, frame_table
 
 #: Rows that are shown; the rest is counted.
 SHOWN = 60
-
-#: Terms of a grouped parameter that are shown; its frame has the others.
-TERMS = 3
-
-#: Columns of a table of verdicts that are shown; its frame has the others.
-OF_VERDICTS = ("name", "label", "unit", "value", "sigma_robust_percent", "verdict", "reason")
 
 _PIECE = """{% import "macros.html.j2" as m %}
 <div class="identifiability-piece"><style>{{ style }}</style>
 {% if answers %}{{ m.answers(answers) }}{% endif %}
 {% for line in lines %}<p class="statement">{{ line | symbols }}</p>
 {% endfor %}
-{% if table %}{{ m.table(table) }}{% endif %}
+{% for table in tables %}{{ m.table(table) }}{% endfor %}
 {% if rest %}<p class="subtitle">{{ rest }}</p>{% endif %}
 </div>
 """
 
 
 def notebook_result(result: Result) -> str:
-    """Return what the page of a result answers first, with its robot, and its table.
+    """Return what the page of a result answers first, with its robot, and its tables.
 
     A result that has no page is its statement and its table.
     """
-    answers, frame = answer_first(result), result._first_frame()
+    answers, tables = answer_first(result), result.tables()
     said = result.statement if answers is None else ""
-    return notebook_piece(said, frame, "to_frame()", answers)
+    frame = None if tables else result.to_frame()
+    return notebook_piece(said, frame, "to_frame()", answers, tables)
 
 
 def notebook_piece(
@@ -50,6 +45,7 @@ def notebook_piece(
     frame: pd.DataFrame | None = None,
     more: str = "",
     answers: Answers | None = None,
+    tables: Sequence[Table] = (),
 ) -> str:
     """Return sentences and a table as HTML that needs nothing and leaves other cells alone.
 
@@ -63,8 +59,11 @@ def notebook_piece(
         What gives the table as a whole, for the sentence that counts other rows.
     answers : Answers, optional
         What stands before the sentences.
+    tables : sequence of Table
+        Of which what is detail is left out.
     """
     rest = 0 if frame is None else max(len(frame) - SHOWN, 0)
+    own = [] if frame is None or frame.empty else [frame_table(frame[:SHOWN], digits=4)]
     said = f"{rest} more rows: {more}" if rest and more else f"{rest} more rows" if rest else ""
     return (
         page_environment()
@@ -72,31 +71,11 @@ def notebook_piece(
         .render(
             answers=answers,
             lines=[line for line in statement.splitlines() if line.strip()],
-            table=None if frame is None or frame.empty else _table(frame[:SHOWN]),
+            tables=[*(table.brief(SHOWN) for table in tables), *own],
             rest=said,
             style=Markup(_style()),
         )
     )
-
-
-def _table(frame: pd.DataFrame) -> Table:
-    """Return a table whose words of verdicts are badges; without what only a page's script does."""
-    shown = OF_VERDICTS if set(OF_VERDICTS) <= set(frame.columns) else frame.columns
-    columns = {str(name): list(frame[name]) for name in shown}
-    if "label" in columns:
-        columns["label"] = [_first_terms(text) for text in columns["label"]]
-    for name, cells in columns.items():
-        words = [x for x in cells if isinstance(x, str)]
-        if words and all(word in MARKS for word in words):
-            columns[name] = [badge_cell(x) if isinstance(x, str) else x for x in cells]
-    return frame_table(pd.DataFrame(columns, dtype=object), digits=4)
-
-
-def _first_terms(label: str) -> str:
-    """Return the first terms of a sum of parameters, and how many there are beyond them."""
-    parts = re.split(r" (?=[+−] )", label)
-    rest = len(parts) - TERMS
-    return label if rest < 2 else f"{' '.join(parts[:TERMS])} … {rest} more"
 
 
 @cache

@@ -13,12 +13,12 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from identifiability.foundation.answers import Table
 from identifiability.foundation.output import write_text
+from identifiability.foundation.rounding import mark_of, superscript
 from identifiability.foundation.values import frozen
 from identifiability.report.blocks import Block, Fold, Moving, Section, Tile, Traces
 from identifiability.report.drawing import TEMPLATES
-from identifiability.report.numbers import mark_of, superscript
-from identifiability.report.tables import Table
 
 
 @frozen

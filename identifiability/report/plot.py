@@ -22,9 +22,8 @@ from matplotlib.figure import Figure
 from identifiability.estimation.estimator import PAPER_FACTOR
 from identifiability.foundation.errors import near_match
 from identifiability.foundation.options import OptionError
-from identifiability.report.answers import sigma_percents
 from identifiability.report.belief import draw_precision
-from identifiability.report.models import draw_errors, draw_ladder
+from identifiability.report.models import draw_errors, draw_ladder, sigma_percents
 from identifiability.report.torque import draw_confusion, draw_shrink, draw_torque, order_confused
 
 if TYPE_CHECKING:  # every report loads this module, and few need what prunes or diagnoses

@@ -2,58 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from identifiability.estimation.verdict import Class, Verdict
-from identifiability.report.answers import (
+from identifiability.estimation.verdict import Verdict
+from identifiability.foundation.answers import Cell, Column, Table
+from identifiability.foundation.rounding import (
+    digits,
+    format_count,
+    format_measured,
+    format_number,
+    percent_text,
+    whole_percent,
+)
+from identifiability.report.blocks import Answers, Fold, Notes, Prose, Section
+from identifiability.report.models import draw_ladder, draw_survival, mass_table
+from identifiability.report.page import Page
+from identifiability.report.skeleton import sketch_robot
+from identifiability.report.torque import section_budget, section_confused
+from identifiability.report.words import picture, section
+from identifiability.workflows.answers import (
     SIGMA,
     UNIT,
     VALUE,
     VERDICT,
-    after_mass,
-    answer_next,
-    answer_quality,
-    answer_trust,
     bias_columns,
-    found_cell,
     level_table,
-)
-from identifiability.report.blocks import Answer, Answers, Fold, Note, Notes, Prose, Section
-from identifiability.report.models import draw_ladder, draw_survival, mass_table
-from identifiability.report.numbers import (
-    NONE,
-    digits,
-    error_text,
-    format_count,
-    format_measured,
-    format_number,
-    percent,
-    percent_text,
-    whole_percent,
-)
-from identifiability.report.page import Page
-from identifiability.report.skeleton import sketch_robot
-from identifiability.report.tables import Cell, Column, Table
-from identifiability.report.torque import section_budget, section_confused
-from identifiability.report.words import columns, note, picture, section, sentence, words
-from identifiability.workflows.analyze.words import state_physics
-from identifiability.workflows.commands import (
-    held_back,
-    name_export,
-    name_logs,
-    on_file,
-    source_name,
+    sentence,
+    with_hints,
+    words,
 )
 from identifiability.workflows.prune.result import Ladder
-from identifiability.workflows.prune.rung import PrunedRung
 
 
 def build_pruning_page(ladder: Ladder) -> Page:
     """Return the report as a page of blocks, to look at or to extend."""
-    notes = tuple(_notes(ladder))
     sections = (
         section_survivors(ladder),
         section_ladder(ladder),
@@ -75,7 +59,7 @@ def build_pruning_page(ladder: Ladder) -> Page:
         ),
         summary=(
             answer_pruning(ladder),
-            Notes(notes),
+            Notes(ladder.cautions()),
             Fold("The answer in one paragraph", (Prose((ladder.statement,)),)),
         ),
     )
@@ -83,82 +67,7 @@ def build_pruning_page(ladder: Ladder) -> Page:
 
 def answer_pruning(ladder: Ladder) -> Answers:
     """Return what to use, how good it is, whether to trust it, what to do next."""
-    notes = tuple(_notes(ladder))
-    chosen, full = ladder.chosen, ladder.full
-    outside = np.isfinite(chosen.error_ra_validation)
-    error = chosen.error_ra_validation if outside else chosen.error_ra_unseen
-    before = full.error_ra_validation if outside else full.error_ra_unseen
-    found, size = ladder.result.count(Class.IDENTIFIABLE), len(chosen)
-    kind = "the validation logs" if outside else "stretches that the fits had not seen"
-    kind = f"{kind} ({error_text(before)} unpruned)"
-    question = "Which model is worth using?"
-    share = ladder.stability
-    if ladder.nothing:
-        short = f"None: 0 of {len(full)} parameters are worth using."
-        use = Answer(question, short, f"Because {ladder.nothing}.", "vermilion")
-    else:
-        short = f"{size} of {len(full)} parameters, {found} of them identifiable."
-        real = state_physics(ladder.result)  # the formula of the certificate is in the note
-        again = f"{whole_percent(share.same)} of {format_count(share.replicates, 'resampled log')}"
-        text = f"{real} {again} choose exactly this model." if share.replicates else real
-        use = Answer(question, short, text, "green" if ladder.feasible else "amber")
-    each = ladder.held_out.joint_error()[:, 0]
-    doubt = f"Nothing is identifiable, because {ladder.nothing}." if ladder.nothing else ""
-    answers = (
-        after_mass(use, ladder.mass_warning),
-        answer_quality(error, ladder.robot.joints, each, kind),
-        answer_trust(notes, doubt or ladder.result.unjudged, found, size, ladder.missing.statement),
-        answer_next(_next_commands(ladder)),
-    )
-    return Answers(answers, sketch_robot(ladder.robot, ladder.samples, ladder.verdicts))
-
-
-def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
-    robot, how = source_name(ladder.robot), ladder.settings.get("preparation")
-    logs = name_logs(ladder.robot, [s.name for s in ladder.samples], how=how)
-    held = held_back(ladder.validation)
-    if ladder.nothing:
-        return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
-    again = f"identifiability prune {robot} {logs}{held}"
-    another = name_logs(ladder.robot, [s.name for s in (ladder.validation or ladder.samples)])
-    text, name = name_export(ladder.robot, ladder.fit.names, ladder.fit.errors)
-    export = f"identifiability export {robot} {{file}} --out {name}"
-    predict = f"identifiability predict {robot} {{file}} {another} --out torque.csv"
-    diagnose = f"identifiability diagnose {robot} {logs}{held} --model {{file}}"
-    commands = [
-        (
-            text,
-            on_file(ladder, "json", "result.json", f"{again} --json", export),
-        ),
-        (
-            "Predict torque, of this log or another:",
-            on_file(ladder, "json", "result.json", f"{again} --json", predict),
-        ),
-        (
-            "Find out what even this model misses:",
-            on_file(
-                ladder,
-                "model",
-                "pruned.toml",
-                f"{again} --out",
-                f"{diagnose} --report missing.html",
-            ),
-        ),
-    ]
-    return [*commands[-1:], *commands[:-1]] if ladder.missing.functions else commands
-
-
-def _notes(ladder: Ladder) -> Iterator[Note]:
-    if ladder.mass_warning:
-        yield note("mass", warning=ladder.mass_warning)
-    if not ladder.feasible:
-        yield note("infeasible", why=ladder.result.physical.sentence)
-    for rung in ladder.rungs[1 : ladder.selected + 1]:
-        evidence, move = rung.step.evidence, rung.step.move
-        if evidence is not None and evidence.either and move is not None:
-            yield note("either", one=move.text.removeprefix("zero "), other=evidence.either)
-    kind = "stable" if ladder.stability.same > 0.5 else "unstable"
-    yield note(kind, statement=ladder.stability.statement)
+    return Answers(ladder.answers(), sketch_robot(ladder.robot, ladder.samples, ladder.verdicts))
 
 
 def section_ladder(ladder: Ladder) -> Section:
@@ -167,55 +76,9 @@ def section_ladder(ladder: Ladder) -> Section:
         [(len(r), r.error_ra, r.error_ra_unseen, r.error_se) for r in ladder.rungs]
     ).T
     figure = draw_ladder(sizes, fitted, unseen, spread, ladder.selected, ladder.least)
-    table = moves_table(ladder)
+    table = ladder.tables()[0]
     why = sentence("pruning.why", ladder.criterion)
     return section("pruning.ladder", picture("ladder", figure), table, why=why)
-
-
-def _move_cell(r: PrunedRung) -> Cell:
-    move = r.step.move
-    return Cell(f"{move.kind.value}: {move.text}" if move is not None else r.name, note=r.reason)
-
-
-def _p_value(r: PrunedRung) -> float:
-    return r.step.evidence.p_value if r.step.evidence is not None else np.nan
-
-
-def _spread_cell(r: PrunedRung) -> Cell:
-    return Cell(f"± {percent(r.error_se, 2)}" if r.error_se > 0 else NONE, r.error_se)
-
-
-def _worst_cell(r: PrunedRung) -> Cell:
-    condition = f"condition {format_number(r.estimate.condition, 3)}"
-    return Cell(percent_text(r.worst_sigma_percent), r.worst_sigma_percent, condition)
-
-
-def _signs_cell(r: PrunedRung) -> Cell:
-    wrong = ", ".join(r.infeasible[:4]) + (" …" if len(r.infeasible) > 4 else "")
-    text, word = ("possible", "pass") if r.feasible else ("impossible", "differs")
-    return Cell(text, None, wrong, word)
-
-
-MOVES = columns(
-    "moves",
-    Column("move", "text", _move_cell),
-    Column("size", "number", len),
-    Column("p", digits(2), _p_value, detail=True),
-    Column("identifiable", "number", found_cell),
-    Column("fitted", error_text, "error_ra"),
-    Column("unseen", error_text, "error_ra_unseen"),
-    Column("± SE", "error", _spread_cell, detail=True),
-    Column("density [nats]", digits(3), "density"),
-    Column("weight", digits(2), "weight", detail=True),
-    Column("squares", digits(3), "error_squares", detail=True),
-    Column("worst σ%", "number", _worst_cell),
-    Column("signs", "badge", _signs_cell),
-)
-
-
-def moves_table(ladder: Ladder) -> Table:
-    """Return one row a model of the path."""
-    return Table.of("", MOVES, ladder.rungs, marked=ladder.selected)
 
 
 def section_survivors(ladder: Ladder) -> Section:
@@ -226,7 +89,7 @@ def section_survivors(ladder: Ladder) -> Section:
     def survives(v: Verdict) -> Cell:
         return share_cell(share.get(ties.get(v.name, [v.name])[0], np.nan))
 
-    own = columns(
+    own = with_hints(
         "survivors",
         Column("parameter", get=lambda v: Cell(v.name, note=v.label)),
         VALUE,
@@ -239,7 +102,7 @@ def section_survivors(ladder: Ladder) -> Section:
     )
     table = Table.of("", own, ladder.verdicts, filter_by=-1)
     size = format_count(len(ladder.chosen), "parameter")
-    return section("pruning.survivors", table, size=size)
+    return section("pruning.survivors", table, *ladder.tables()[1:], size=size)
 
 
 def share_cell(share: float) -> Cell:
@@ -283,7 +146,7 @@ def section_absorption(ladder: Ladder) -> Section:
     return section("pruning.absorption", Fold(summary, (Table.of("", ABSORBED, rows),)))
 
 
-ABSORBED = columns(
+ABSORBED = with_hints(
     "absorbed",
     Column("removed"),
     Column("estimate ± σ", "number"),

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.report.blocks import Answer, Answers, Fold, Prose, Section, Trace, Traces
+from identifiability.foundation.rounding import format_count
+from identifiability.report.blocks import Answers, Fold, Prose, Section, Trace, Traces
 from identifiability.report.drawing import peak_rows
-from identifiability.report.numbers import digits, format_count
 from identifiability.report.page import Page
 from identifiability.report.skeleton import move_skeletons
-from identifiability.report.tables import Column, Table
 from identifiability.report.torque import LINE_POINTS
 from identifiability.report.words import section
-from identifiability.robot.servo import state_delay
-from identifiability.workflows.rollout import WINDOW, RolledOut
+from identifiability.workflows.rollout import RolledOut
 
 
 def build_rollout_page(result: RolledOut) -> Page:
@@ -33,34 +31,7 @@ def build_rollout_page(result: RolledOut) -> Page:
 
 def answer_rollout(result: RolledOut) -> Answers:
     """Return by how much positions err, and how late commands act."""
-    return Answers((_error(result), _delay(result)))
-
-
-def _error(result: RolledOut) -> Answer:
-    totals, unit = 1e3 * result.totals, result.unit
-    texts = [f"{x:.3g} {unit}" if np.isfinite(x) else "it diverges" for x in totals]
-    pairs = zip(result.runs, texts, 1e3 * result.window_totals, strict=True)
-    text = " ".join(
-        f"{run.name}: {x} over whole logs, {w:.3g} {unit} over windows of {WINDOW:g} s."
-        for run, x, w in pairs
-    )
-    text = " ".join(filter(None, (text, result.by_joint)))
-    short = " → ".join(texts)
-    better = len(totals) > 1 and totals[1] < totals[0]
-    tone = "blue" if len(totals) == 1 else "green" if better else "amber"
-    return Answer("By how much do positions err?", f"{short[0].upper()}{short[1:]}.", text, tone)
-
-
-def _delay(result: RolledOut) -> Answer:
-    names = [log.name for log in result.logs]
-    short = "; ".join(f"{r.name}: {state_delay(np.array(r.delays), names)}" for r in result.runs)
-    found = any(run.found for run in result.runs)
-    text = (
-        "Found from these logs, as no file states it: it is that with which positions err least."
-        if found
-        else "As the files state it."
-    )
-    return Answer("When do commands act?", short, text, "blue")
+    return Answers(result.answers())
 
 
 #: Colours of the robots, in their order: those of their lines below (`traces.js`).
@@ -101,18 +72,4 @@ def section_positions(result: RolledOut) -> Section:
 
 def section_joints(result: RolledOut) -> Section:
     """Return the errors of every joint."""
-    return section("rollout.joints", joint_table(result))
-
-
-def joint_table(result: RolledOut) -> Table:
-    """Return one row a joint."""
-    own, cells = [Column("joint")], list[tuple[object, ...]]([result.robot.joints])
-    for run, errors in zip(
-        result.runs, zip(result.errors, result.window_errors, strict=True), strict=True
-    ):
-        for title, each in zip((run.name, "1 s windows"), errors, strict=True):
-            own.append(Column(title, digits(3)))
-            cells.append(tuple(1e3 * each))
-    own.append(Column("unit"))
-    cells.append(tuple("mm" if unit == "N" else "mrad" for unit in result.robot.torque_units))
-    return Table.of("Each joint by itself", tuple(own), list(zip(*cells, strict=True)))
+    return section("rollout.joints", result.tables()[0])

@@ -10,14 +10,14 @@ from markupsafe import Markup, escape
 
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.names import Array
+from identifiability.foundation.rounding import join, mark_of
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.report.blocks import Moving, Sketch
-from identifiability.report.numbers import join, mark_of
-from identifiability.report.words import sentence
 from identifiability.robot import Robot
 from identifiability.robot.description import Tilt
 from identifiability.robot.kinematics import WORLD, Point, shortest_turn
+from identifiability.workflows.answers import sentence
 
 # The robot as a skeleton: joints as dots, bodies as lines between them, coloured by verdict.
 

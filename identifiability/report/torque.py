@@ -16,10 +16,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from identifiability.estimation.noise import autocorrelation
+from identifiability.foundation.answers import Column, Table
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
+from identifiability.foundation.rounding import digits, error_text, format_number, join
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.report.answers import model_title, torque_units, unseen_samples, velocity_units
 from identifiability.report.blocks import Block, Fold, Gallery, Section, Trace, Traces
 from identifiability.report.drawing import (
     BLUE,
@@ -43,10 +44,11 @@ from identifiability.report.drawing import (
     thin,
     write_near,
 )
-from identifiability.report.numbers import digits, error_text, format_number, join, time_text
-from identifiability.report.tables import Column, Table
-from identifiability.report.words import columns, gallery, picture, section, sentence
+from identifiability.report.words import gallery, picture, section
+from identifiability.robot.robot import Robot
 from identifiability.workflows.analyze import Analysis
+from identifiability.workflows.analyze.result import error_tables, model_title
+from identifiability.workflows.answers import sentence
 from identifiability.workflows.predict import PARTS, Fit, correlation_of, torque_budget
 
 # Torque along the motion, measured and predicted, and what a model leaves of it.
@@ -523,8 +525,7 @@ def section_prediction(analysis: Analysis) -> Section:
         "analysis.prediction",
         torque_traces(analysis),
         Fold("Each joint as a picture", torque_pictures(analysis, part)),
-        joint_table(analysis),
-        log_table(analysis) if len(analysis.samples) + len(analysis.validation) > 1 else None,
+        *error_tables(analysis),
         log=samples.name,
         span=f", t = {shown[0]:.3g} … {shown[-1]:.3g} s," if len(shown) > 1 else "",
         model=model_title(analysis.chosen),
@@ -549,7 +550,7 @@ def torque_traces(analysis: Analysis) -> Traces:
     most = max(300, LINE_POINTS // (2 * len(analysis.robot.joints)))
     groups = []
     for k, (joint, unit) in enumerate(
-        zip(analysis.robot.joints, torque_units(analysis.robot), strict=True)
+        zip(analysis.robot.joints, analysis.robot.torque_units, strict=True)
     ):
         measured, predicted = (x[: len(t), k] for x in whole)
         rows = peak_rows((measured, predicted, measured - predicted), most)
@@ -560,7 +561,7 @@ def torque_traces(analysis: Analysis) -> Traces:
 
 def torque_pictures(analysis: Analysis, part: slice) -> tuple[Block, ...]:
     """Return one picture for each joint over a part of the first unseen log."""
-    joints, units = analysis.robot.joints, torque_units(analysis.robot)
+    joints, units = analysis.robot.joints, analysis.robot.torque_units
     out = analysis.held_out
     t = out.t[0][part]
     tau, predicted = (x[: len(out.t[0])][part] for x in out.to_draw(analysis.selected))
@@ -573,49 +574,6 @@ def torque_pictures(analysis: Analysis, part: slice) -> tuple[Block, ...]:
         figure = draw_torque(t, tau[:, k], predicted[:, k], title, units[k], most, width)
         pictures.append(picture("torque", figure, joint=joint))
     return fold_gallery(Gallery(tuple(pictures)))
-
-
-def joint_table(analysis: Analysis) -> Table:
-    """Return the errors of each joint by itself."""
-    fitted, out, m = analysis.fitted, analysis.held_out, analysis.selected
-    own = columns(
-        "joints",
-        Column("joint"),
-        Column("measured, rms", digits(3)),
-        Column("unit"),
-        Column("error, fitted", error_text),
-        Column("error, unseen", error_text),
-        Column("rms error, unseen", digits(3)),
-        Column("of raw torque, unseen", error_text),
-        Column("autocorrelation time [samples]", time_text),
-    )
-    rows = zip(
-        analysis.robot.joints,
-        out.rms,
-        torque_units(analysis.robot),
-        fitted.joint_error()[:, m],
-        out.joint_error()[:, m],
-        out.joint_rms()[:, m],
-        out.joint_error(raw=True)[:, m],
-        analysis.chosen.autocorrelation_time,
-        strict=True,
-    )
-    return Table.of("Each joint by itself, relative to how much its own torque varies", own, rows)
-
-
-def log_table(analysis: Analysis) -> Table:
-    """Return the errors of the selected model on each log, as fitted and as held out."""
-    errors = analysis.error_frame()
-    own = (
-        Column("log"),
-        Column("samples", "number"),
-        Column("error, fitted", error_text),
-        Column("error, unseen", error_text),
-    )
-    logs = errors[errors["of"] == "log"][["name", "error", "error_validation"]]
-    samples = (*analysis.samples, *analysis.validation)
-    pairs = zip(samples, logs.itertuples(index=False), strict=True)
-    return Table.of("Each log by itself", own, [(n, s.outputs, a, b) for s, (n, a, b) in pairs])
 
 
 def section_residuals(analysis: Analysis) -> Section:
@@ -659,7 +617,7 @@ def velocity_pictures(analysis: Analysis) -> tuple[Block, ...]:
     velocity = out.velocity
     measured, predicted = out.to_draw(analysis.selected)
     residual = measured - predicted
-    speeds, forces = velocity_units(robot), torque_units(robot)
+    speeds, forces = velocity_units(robot), robot.torque_units
     most = int(np.clip(SCATTER_POINTS // len(robot.joints), 150, 700))
     pictures = []
     for k, joint in enumerate(robot.joints):
@@ -727,3 +685,13 @@ def _words(names: Sequence[str], correlation: Array) -> str:
         f"confused: {join(pairs)}. Where the correlation is near −1 their sum, near 1 their "
         "difference is known better than either of them; a motion that moves them apart helps."
     )
+
+
+def unseen_samples(analysis: Analysis) -> tuple[Prepared, ...]:
+    """Return the logs that held-out predictions are made on."""
+    return analysis.validation or analysis.samples
+
+
+def velocity_units(robot: Robot) -> tuple[str, ...]:
+    """Return m/s or rad/s for each actuated joint."""
+    return tuple("m/s" if robot.is_prismatic(int(k)) else "rad/s" for k in robot.actuated)

@@ -27,6 +27,7 @@ import joblib
 import pandas as pd
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.documents import described, first_problem, read_document
 from identifiability.foundation.engines.local import Engine, Processes, Resumed, Serial
 from identifiability.foundation.engines.resume import fingerprint
@@ -41,6 +42,7 @@ from identifiability.foundation.options import (
 )
 from identifiability.foundation.output import temporary_folder, write_bytes, write_json
 from identifiability.foundation.result import Result
+from identifiability.foundation.rounding import NONE, error_text, format_count, rough_percent
 from identifiability.foundation.values import frozen
 from identifiability.logs.formats.reader import check_there, find_reader
 from identifiability.logs.prepare import Preparation
@@ -48,6 +50,8 @@ from identifiability.logs.tables import write_table
 from identifiability.robot import Robot
 from identifiability.robot.locate import locate_robot
 from identifiability.workflows.analyze import analyze
+from identifiability.workflows.answers import with_hints
+from identifiability.workflows.commands import quote
 from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.opening import Progress
 from identifiability.workflows.prune import prune
@@ -450,6 +454,28 @@ class Batch(Result):
         known = [row for row in self.done if not math.isnan(row.unseen)]
         return tuple(sorted(known, key=lambda row: -row.unseen))
 
+    def answers(self) -> tuple[Answer, ...]:
+        """Return whether every robot has an answer, how well they are described, what to check."""
+        return _done(self), _errors(self), _check(self)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return one row a robot."""
+        kinds = list(dict.fromkeys(kind for row in self.rows for kind in row.verdicts))
+        before = [_error("before", "error_before")] if self.verb == "diagnose" else []
+        own = with_hints(
+            "batch",
+            Column("robot", "text", _link),
+            Column("model", "text", "model"),
+            Column("size", "number", "parameters"),
+            *map(_count, sorted(kinds)),
+            _error("error", "error"),
+            *before,
+            _error("unseen", "error_unseen"),
+            Column("missing", "text", lambda row: "; ".join(row.missing)),
+            Column("warnings", "text", lambda row: " ".join(row.warnings)),
+        )
+        return (Table.of("One row a robot", own, self.rows),)
+
     @property
     def statement(self) -> str:
         """The answer in plain words."""
@@ -641,3 +667,54 @@ def _note(stream: IO[str], content: Mapping[str, Any]) -> None:
     stream.write(json.dumps(content, ensure_ascii=False) + "\n")
     stream.flush()
     os.fsync(stream.fileno())
+
+
+def _done(result: Batch) -> Answer:
+    done, total = len(result.done), len(result.rows)
+    names = listing([row.robot for row in result.failed])
+    short = f"Yes, all {total}." if done == total else f"{done} of {total}."
+    text = f"Without one: {names}; why is said below." if names else ""
+    return Answer("Has every robot an answer?", short, text, "amber" if names else "green")
+
+
+def _errors(result: Batch) -> Answer:
+    question, worst = "How well is unseen motion predicted?", result.worst
+    if not worst:
+        return Answer(question, "Not known.", tone="grey")
+    errors = [row.unseen for row in worst]
+    short = f"With an error of {rough_percent(errors[-1])} to {rough_percent(errors[0])}."
+    named = [f"{row.robot} ({rough_percent(row.unseen)})" for row in worst[:3]]
+    text = f"Half of them err by less than {rough_percent(errors[len(errors) // 2])}."
+    return Answer(question, short, f"{text} The largest: {listing(named)}.", "blue")
+
+
+def _check(result: Batch) -> Answer:
+    lacking = [row.robot for row in result.done if row.missing]
+    warned = [row.robot for row in result.done if row.warnings]
+    parts = [
+        f"Something is missing in the model of {listing(lacking)}." if lacking else "",
+        f"There are warnings on {listing(warned)}." if warned else "",
+    ]
+    count = len({*lacking, *warned})
+    short = f"{format_count(count, 'robot')} first." if count else "Nothing stands out."
+    tone = "amber" if count else "green"
+    return Answer("Which should I look at?", short, " ".join(filter(None, parts)), tone)
+
+
+def _link(row: Row) -> Cell:
+    return Cell(row.robot, row.robot, note=row.file, link=quote(row.page))
+
+
+def _count(kind: str) -> Column:
+    def of(row: Row) -> object:
+        return row.verdicts.get(kind, 0) if row.verdicts else None
+
+    return Column(kind, "number", of)
+
+
+def _error(title: str, name: str) -> Column:
+    def of(row: Row) -> Cell:
+        error = getattr(row, name)
+        return Cell(NONE, float("nan")) if error is None else Cell(error_text(error), error)
+
+    return Column(title, "number", of)

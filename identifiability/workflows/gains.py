@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -16,12 +15,13 @@ from threadpoolctl import threadpool_limits
 from identifiability.effects.inertia import Payload
 from identifiability.estimation.noise import autocorrelation_time, autocovariance
 from identifiability.estimation.noise import fit_joint as fit_noise
+from identifiability.foundation.answers import Column, Table
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.numbers import holm
 from identifiability.foundation.options import OptionError, Positive, checked
-from identifiability.foundation.output import write_json
-from identifiability.foundation.result import shown
+from identifiability.foundation.result import Result
+from identifiability.foundation.rounding import digits
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
@@ -65,7 +65,7 @@ class Gain:
 
 
 @frozen
-class Gains:
+class Gains(Result):
     """The gains of all joints. Make them with `identify_gains`.
 
     Attributes
@@ -78,6 +78,8 @@ class Gains:
     hints : tuple of str
         On how logs were read, and what is odd about them.
     """
+
+    schema: ClassVar[str] = "identifiability/gains/1"
 
     robot: str
     body: str
@@ -134,7 +136,7 @@ class Gains:
     def to_dict(self) -> dict[str, Any]:
         """Return the gains in a JSON schema of their own."""
         return {
-            "schema": "identifiability/gains/1",
+            "schema": self.schema,
             "robot": self.robot,
             "body": self.body,
             "mass": self.mass,
@@ -143,12 +145,20 @@ class Gains:
             "hints": list(self.hints),
         }
 
-    def _repr_html_(self) -> str:
-        return shown(self.statement, self.to_frame(), "to_frame()")
+    def tables(self) -> tuple[Table, ...]:
+        """Return one row a joint."""
+        caption = f"{self.robot}: torque in N·m (N for slides) per unit of the log"
+        return (Table.of(caption, GAINS, self.gains),)
 
-    def to_json(self, path: str | Path) -> Path:
-        """Write them as JSON, whole or not at all."""
-        return write_json(path, self.to_dict())
+
+GAINS = (
+    Column("joint", get="joint"),
+    Column("gain", digits(4), "value"),
+    Column("from", digits(4), lambda g: g.interval[0]),
+    Column("to", digits(4), lambda g: g.interval[1]),
+    Column("verdict", get="verdict"),
+    Column("load seen", digits(3), "load"),
+)
 
 
 # The fit of each joint by itself: raw torque is what the load and the robot without it demand.

@@ -18,12 +18,22 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from identifiability.effects.nominal import has_masses
+from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.engines.mapping import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
 from identifiability.foundation.output import check_ending, check_writable, csv_text, write_text
 from identifiability.foundation.result import Result
+from identifiability.foundation.rounding import (
+    NONE,
+    digits,
+    format_count,
+    format_number,
+    join,
+    percent,
+    whole_percent,
+)
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.gaps import Gaps, StaleRule
@@ -46,6 +56,8 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.robot.description import stated_speeds
 from identifiability.robot.parts import Coupling
 from identifiability.robot.sidecar import read_sidecar
+from identifiability.workflows.answers import answer_next, with_hints
+from identifiability.workflows.commands import name_logs, source_name
 from identifiability.workflows.oddities import MeasuredLogs, find_oddities
 from identifiability.workflows.oddities.positions import find_stretches
 from identifiability.workflows.oddities.torque import flat_share, measure_factors
@@ -631,6 +643,16 @@ class Inspection(OfStructure, Result):
         """Logs that cannot be prepared."""
         return tuple(r for r in self.records if r.refused)
 
+    def answers(self) -> tuple[Answer, ...]:
+        """Return whether logs can be used and what they show, or what the robot needs."""
+        of_logs, of_robot = (_usable, _excited, _content), (_columns, _most, _open)
+        answers = [build(self) for build in (of_logs if self.records else of_robot)]
+        return (*answers, answer_next(_next_commands(self)))
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return clock, motion and torque of logs; without logs the joints of the robot file."""
+        return _tables(self)
+
     @property
     def statement(self) -> str:
         """The answer in plain words."""
@@ -894,3 +916,226 @@ def _measure(logs: MeasuredLogs) -> Excited:
     groups = group_columns(W.reshape(-1, W.shape[2]), kept)
     s = groups.singular_values[: groups.rank]
     return Excited(groups.rank, float(s[0] / s[-1]) if len(s) else np.inf)
+
+
+#: Things of which the first screen says what they are.
+SHOWN = 3
+
+
+def _usable(result: Inspection) -> Answer:
+    question = "Can these logs be used?"
+    if result.refused:
+        some = len(result.refused) < len(result.records)
+        names = join([r.name for r in result.refused], SHOWN)
+        short = f"Not all: {names} cannot." if some else "No."
+        return Answer(question, short, result.refused[0].refused, "vermilion")
+    if result.hints:
+        count = format_count(len(result.hints), "thing")
+        return Answer(question, f"Check {count} first.", result.hints[0], "amber")
+    return Answer(
+        question,
+        "Yes: nothing is odd.",
+        "Neither the robot file nor limits nor physics contradict them.",
+        "green",
+    )
+
+
+def _excited(result: Inspection) -> Answer:
+    question, rank = "How much do they show?", result.base.rank
+    if result.excited is None:
+        return Answer(question, "Nothing: no log could be prepared.", tone="vermilion")
+    found = result.excited
+    short = f"{found.rank} of {format_count(rank, 'base parameter')} are excited."
+    text = "No motion of this robot shows more." if found.rank == rank else ""
+    if np.isfinite(found.condition):
+        text += f" Condition number {format_number(found.condition, 3)}."
+    return Answer(question, short, text.strip(), "green" if found.rank == rank else "amber")
+
+
+def _content(result: Inspection) -> Answer:
+    seconds = sum(r.duration for r in result.records)
+    samples = format_count(sum(r.samples for r in result.records), "sample")
+    known = sorted(r.rate for r in result.records)
+    rates = [format_number(rate, 3) for rate in known]
+    short = (
+        f"{format_number(seconds, 3)} s of motion: {samples} at "
+        f"{' … '.join(dict.fromkeys((rates[0], rates[-1])))} Hz."
+    )
+    rooms = [(j.room, j.joint) for r in result.records for j in r.joints if np.isfinite(j.room)]
+    text = ""
+    if rooms:
+        (least, narrow), (most, wide) = min(rooms), max(rooms)
+        used = f"{percent(least, 2)} ({narrow})"
+        if wide != narrow:
+            used = f"from {used} to {percent(most, 2)} ({wide})"
+        text = f"Of the range that limits allow, joints use {used}."
+    cuts = sorted({r.cutoff for r in result.records if r.cutoff is not None})
+    if cuts:
+        text += f" Derivatives would be cut off at {format_number(cuts[0], 3)} Hz."
+    return Answer("What is in them?", short, text.strip(), "blue")
+
+
+def _columns(result: Inspection) -> Answer:
+    count, joints = len(result.columns), format_count(len(result.robot.joints), "joint")
+    short = f"{count} columns: time, and position and torque of {joints}."
+    return Answer("What must a log have?", short, join(result.columns, 9) + ".", "blue")
+
+
+def _most(result: Inspection) -> Answer:
+    base = result.base
+    short = f"{format_count(base.rank, 'base parameter')} of {len(base.parameters)}."
+    text = "The others act only together with these, or never."
+    return Answer("How much can logs tell at most?", short, text, "blue")
+
+
+def _open(result: Inspection) -> Answer:
+    question, needs = "What does the robot file leave open?", result.needs
+    if not needs:
+        return Answer(question, "Nothing that is needed.", tone="green")
+    short = f"{format_count(len(needs), 'thing')}; none is needed to begin."
+    text = " ".join(need.text for need in needs[:SHOWN])
+    return Answer(question, short, text, "amber")
+
+
+def _next_commands(result: Inspection) -> list[tuple[str, str]]:
+    robot = source_name(result.robot)
+    template = (
+        "Write an empty log with the right columns:",
+        f"identifiability inspect {robot} --template log.csv",
+    )
+    if not result.records:
+        motion = f"identifiability excite {robot} --out motion.json --report motion.html"
+        return [template, ("Find a motion that is worth measuring:", motion)]
+    good = [r.name for r in result.records if not r.refused]
+    if not good:
+        return [template]
+    logs = name_logs(result.robot, good)
+    judge = f"identifiability analyze {robot} {logs} --report report.html --json result.json"
+    out = [("Say which parameters they determine:", judge)]
+    if result.excited is not None and result.excited.rank < result.base.rank:
+        begun = name_logs(result.robot, good, "--start-from")
+        more = f"identifiability excite {robot} {begun} --out next.json"
+        out.append(("Find the motion that shows the rest:", more))
+    return out
+
+
+#: Shares below this are none: rounding of times leaves as much.
+UNSEEN = 1e-5
+
+
+def _rows(result: Inspection) -> list[tuple[Record, Any]]:
+    return [(r, j) for r in result.records for j in r.joints]
+
+
+def _joint_column(result: Inspection) -> Column:
+    """Return the column that names the joint, and the log where there are several."""
+    several = len(result.records) > 1
+    return Column("joint", get=lambda row: Cell(row[1].joint, note=row[0].name if several else ""))
+
+
+def _span(low: str, high: str) -> Any:
+    def cell(row: tuple[Record, Any]) -> Cell:
+        least, most = getattr(row[1], low), getattr(row[1], high)
+        return Cell(f"{format_number(least, 3)} … {format_number(most, 3)}", most - least)
+
+    return cell
+
+
+def _of(name: str, show: Any = None) -> Any:
+    """Return what takes one number of a joint's record, dashed where it is not known."""
+    show = show or digits(3)
+
+    def cell(row: tuple[Record, Any]) -> Cell:
+        value = float(getattr(row[1], name))
+        return Cell(show(value) if np.isfinite(value) else NONE, value)
+
+    return cell
+
+
+def _step(value: float) -> str:
+    return format_number(value, 2) if value else "fine"
+
+
+def _times(value: float) -> str:
+    return f"{format_number(value, 2)} ×"
+
+
+def _share(value: float) -> str:
+    return percent(value, 2) if value > UNSEEN else "no"
+
+
+def _lost(record: Record) -> str:
+    return format_count(record.lost, "sample") + " lost" if record.gaps else ""
+
+
+def _cutoff(record: Record) -> Cell:
+    given = record.cutoff
+    return Cell(NONE if given is None else f"{given:.3g}", np.nan if given is None else given)
+
+
+def _limits(joint: Any) -> Cell:
+    if not np.isfinite(joint.high - joint.low):
+        return Cell(NONE, np.nan)
+    shown = f"{format_number(joint.low, 3)} … {format_number(joint.high, 3)}"
+    return Cell(shown, joint.high - joint.low)
+
+
+def _tables(result: Inspection) -> tuple[Table, ...]:
+    """Return what logs hold, or what the robot file says of joints."""
+    if not result.records:
+        return (Table.of("Joints of the robot file", JOINTS, result.joints),)
+    rows, first = _rows(result), _joint_column(result)
+    return (
+        Table.of("Clock and preparation", CLOCK, result.records),
+        Table.of("Motion of each joint [SI units]", (first, *MOTION), rows),
+        Table.of("Torque of each joint [N·m or N]", (first, *TORQUE), rows),
+    )
+
+
+MOTION = with_hints(
+    "inspection.motion",
+    Column("position", "number", _span("low", "high")),
+    Column("of its range", "number", _of("room", whole_percent)),
+    Column("speed", "number", _of("speed")),
+    Column("acceleration", "number", _of("acceleration")),
+    Column("bandwidth", "number", _of("bandwidth")),
+    Column("resolution", "number", _of("step", _step)),
+    Column("noise", "number", _of("noise", digits(2))),
+)
+
+
+TORQUE = with_hints(
+    "inspection.torque",
+    Column("torque", "number", _span("torque_low", "torque_high")),
+    Column("resolution", "number", _of("torque_step", _step)),
+    Column("noise", "number", _of("torque_noise", digits(2))),
+    Column("at an extreme", "number", _of("saturated", _share)),
+    Column("hangs", "number", _of("frozen", "{:.0f}".format)),
+    Column("to the file's", "number", _of("scale", _times)),
+)
+
+
+CLOCK = with_hints(
+    "inspection.clock",
+    Column("log", get="name"),
+    Column("samples", "number", "samples"),
+    Column("seconds", digits(4), "duration"),
+    Column("rate [Hz]", digits(4), "rate"),
+    Column("jitter", "number", lambda r: Cell(_share(r.jitter), r.jitter)),
+    Column("gaps", "number", lambda r: Cell(str(r.gaps), r.gaps, _lost(r))),
+    Column("repeated", "number", lambda r: Cell(_share(r.repeated), r.repeated)),
+    Column("cut-off [Hz]", "number", _cutoff),
+    Column("used", "number", lambda r: Cell(whole_percent(r.kept / r.samples), r.kept)),
+    Column("left", "number", "outputs"),
+)
+
+
+JOINTS = with_hints(
+    "inspection.joints",
+    Column("joint", get="name"),
+    Column("is", get=lambda j: Cell(j.role, note=j.remark)),
+    Column("kind", get=lambda j: f"{j.kind} [{j.unit}]" if j.kind else NONE),
+    Column("limits", "number", _limits),
+    Column("speed", digits(3), "speed"),
+    Column("acceleration", digits(3), "acceleration"),
+)

@@ -21,12 +21,20 @@ from identifiability.estimation.estimate import estimate, find_estimator, weigh_
 from identifiability.estimation.estimator import NOTHING, Estimate
 from identifiability.estimation.least_squares import Noise
 from identifiability.estimation.uncertainty import Motions, compare_motions, remembering_covariance
+from identifiability.foundation.answers import Answer, Cell, Column, Table, measured_cells
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
+from identifiability.foundation.rounding import (
+    digits,
+    format_measured,
+    format_number,
+    join,
+    percent,
+)
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
@@ -45,6 +53,8 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.changed import last_bodies
 from identifiability.robot.kinematics import WORLD
+from identifiability.workflows.answers import answer_next, with_hints
+from identifiability.workflows.commands import name_logs, quote, source_name
 from identifiability.workflows.instruments import LOUD
 from identifiability.workflows.opening import Logs
 from identifiability.workflows.pairs import Pair, find_pairs
@@ -592,6 +602,14 @@ class Load(Result):
             text += f", its centre at ({at}) m in the frame of {self.body}"
         return f"{text} (95 %)."
 
+    def answers(self) -> tuple[Answer, ...]:
+        """Return how heavy and where, how well known, whether to trust it, what next."""
+        return _what(self), _known(self), _trust(self), answer_next(_next_commands(self))
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return one row a quantity."""
+        return (_quantity_table(self),)
+
     @property
     def statement(self) -> str:
         """The answer in plain words."""
@@ -862,3 +880,98 @@ def _bodies(structure: Structure) -> Array:
     """Return the ten parameters of every body that the robot file states, or what stands in."""
     theta: Array = draw_bodies(structure).phi[structure.inertial]
     return theta
+
+
+def value_text(quantity: Quantity) -> str:
+    """Return a quantity with half of its 95 % interval, rounded together."""
+    value, half = format_measured(quantity.value, quantity.half)
+    return f"{value} ± {half} {quantity.unit}"
+
+
+def _what(result: Load) -> Answer:
+    question, mass = f"What hangs on {result.body}?", result.mass
+    if not np.isfinite(mass.half):
+        return Answer(question, "These logs do not tell.", tone="grey")
+    if not mass.told:
+        short = f"Nothing surely: at most {format_number(mass.high, 2)} kg."
+        return Answer(question, short, tone="amber")
+    gains = "It is proportional to the torque constants by which the torque was read."
+    centre = [result.of[f"centre {axis}"] for axis in "xyz"]
+    told = [f"{q.name[-1]} = {value_text(q)}" for q in centre if q.told]
+    text = f"Its centre in the frame of {result.body}: {join(told)}." if told else ""
+    return Answer(question, f"{value_text(mass)} (95 %).", f"{text} {gains}".strip(), "blue")
+
+
+def _known(result: Load) -> Answer:
+    mass, count = result.mass, sum(q.told for q in result.quantities)
+    short = f"{count} of {len(result.quantities)} quantities are told."
+    if mass.told and np.isfinite(mass.half):
+        short = f"The mass to {percent(mass.half / mass.value, 2)}; {short}"
+    lost = [q.name for q in result.quantities if not q.told]
+    text = f"Not told: {join(lost, len(lost))}; the table says why." if lost else ""
+    return Answer("How well is it known?", short, text, "green" if mass.told else "amber")
+
+
+def _trust(result: Load) -> Answer:
+    answer = _trusted(result)
+    text = " ".join(filter(None, (answer.text, result.friction)))
+    return replace(answer, text=text)
+
+
+def _trusted(result: Load) -> Answer:
+    question, motions = "May I trust it?", result.estimate.motions
+    if result.caveats:
+        return Answer(question, "With care: the robot changed since.", result.caveats[0], "amber")
+    if motions is not None and not motions.agree:
+        text = "Intervals are widened to hold all of them."
+        return Answer(question, "With care: the logs disagree.", text, "amber")
+    if len(result.pairs) == len(result.logs):
+        text = "Each log has one of the same motion without the load: what the model gets wrong "
+        return Answer(question, "Yes, within its intervals.", f"{text}along it cancels.", "green")
+    if motions is None:
+        text = "One motion cannot show what another would change."
+        return Answer(question, "As far as one log can tell.", text, "amber")
+    return Answer(question, "Yes, within its intervals.", "The logs agree.", "green")
+
+
+def _next_commands(result: Load) -> list[tuple[str, str]]:
+    robot, logs = source_name(result.robot), name_logs(result.robot, result.logs)
+    call = f"identifiability payload {robot} {quote(result.origin)} {logs} --body {result.body}"
+    without = "".join(f" --without {quote(n)}" for n in result.without)
+    out = []
+    if len(result.pairs) < len(result.logs):
+        text = "Weigh it against a log of the same motion without the load (empty.csv):"
+        out.append((text, f"{call} --without empty.csv --report payload.html"))
+    if not all(q.told for q in result.quantities):
+        begun = name_logs(result.robot, result.logs, "--start-from")
+        text = "Find a motion that tells more:"
+        out.append((text, f"identifiability excite {robot} {begun} --out next.json"))
+    if result.mass.told:
+        out.append(("Keep the numbers for other programs:", f"{call}{without} --json load.json"))
+    return out
+
+
+def _quantity_table(result: Load) -> Table:
+    """Return one row a quantity."""
+    own = with_hints(
+        "load",
+        Column("quantity", get="name"),
+        Column("value", "number", lambda q: _value(q)[0]),
+        Column("± 95 %", "error", lambda q: _value(q)[1]),
+        Column("from", digits(3), "low"),
+        Column("to", digits(3), "high"),
+        Column("unit", get="unit"),
+        Column("told", get=_told),
+    )
+    return Table.of("Mass, centre, and moments about the centre", own, result.quantities)
+
+
+def _value(quantity: Quantity) -> tuple[Cell, Cell]:
+    """Return a quantity and half of its interval, which is not about the value of one untold."""
+    if quantity.told:
+        return measured_cells(quantity.value, quantity.half)
+    return Cell(format_number(quantity.value, 2), quantity.value), Cell("")
+
+
+def _told(quantity: Quantity) -> Cell:
+    return Cell("yes" if quantity.told else "no", note=quantity.why)

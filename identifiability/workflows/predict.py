@@ -14,12 +14,14 @@ import pandas as pd
 from pydantic import BaseModel, ConfigDict, Field
 
 from identifiability.estimation.prediction import Prediction, Spread
+from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import Result, shown
+from identifiability.foundation.rounding import digits, error_text, format_count, join
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared
@@ -35,7 +37,8 @@ from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.sidecar import Held
-from identifiability.workflows.commands import name_export
+from identifiability.workflows.answers import answer_next, answer_quality, with_hints
+from identifiability.workflows.commands import name_export, name_logs, quote, source_name
 from identifiability.workflows.opening import Logs
 from identifiability.workflows.session import Session
 
@@ -185,6 +188,17 @@ class TorquePrediction(Result):
         """Share of samples of each joint whose interval is infinite, (n,)."""
         share: Array = np.isinf(self.mean).mean(0)
         return share
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return what was predicted, how well, whether to trust it, what to do next."""
+        known = [n for n, has in zip(self.logs, self.measured, strict=True) if has]
+        each = self.error_frame()["error"].to_numpy(float)
+        quality = answer_quality(self.error_ra, self.robot.joints, each, join(known))
+        return _what(self), quality, _trust(self), answer_next(_next_commands(self))
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return one row a joint."""
+        return (_joint_table(self),)
 
     @property
     def statement(self) -> str:
@@ -801,3 +815,81 @@ def _split(fit: Fit, motion: Motion) -> tuple[Array, Array, Array]:
     forward, backward, rest = torque(1.0, 1.0), torque(-1.0, 1.0), torque(0.0, 0.0)
     even = (forward + backward) / 2
     return rest, even - rest, (forward - backward) / 2
+
+
+def _what(result: TorquePrediction) -> Answer:
+    joints = format_count(len(result.robot.joints), "joint")
+    short = f"The torque of {joints} along {join(result.logs, 3)}."
+    text = f"By the model “{result.model}” of {result.origin}, at "
+    text += f"{format_count(len(result.t), 'sample')}."
+    if not all(result.measured):
+        text += " Where no torque was measured it is predicted alone."
+    return Answer("What is predicted?", short, text, "blue")
+
+
+def _few(result: TorquePrediction) -> list[str]:
+    """Return the joints of whose samples too few lie in their intervals."""
+    pairs = zip(result.robot.joints, result.inside, strict=True)
+    return [joint for joint, share in pairs if share < FEW_INSIDE]
+
+
+def _trust(result: TorquePrediction) -> Answer:
+    question, new = "May I trust its intervals?", []
+    for joint, share in zip(result.robot.joints, result.unknown, strict=True):
+        if share > 0:
+            new.append(joint)
+    text = ""
+    if new:
+        text = (
+            f" At {join(new)} this motion acts on parameters that the fitted motion never showed: "
+            "there the interval has no end."
+        )
+    if not any(result.measured):
+        return Answer(question, "Nothing was measured that could tell.", text.strip(), "grey")
+    inside, few = float(result.inside.mean()), _few(result)
+    size = f"{error_text(inside)} of the samples lie in their 95 % interval."
+    if few:
+        why = (
+            f"Of {join(few)} too few do: a load, a temperature or the robot changed since, or this "
+            "motion shows what the model leaves out."
+        )
+        return Answer(question, f"No: only {size}", why + text, "vermilion")
+    return Answer(question, f"Yes: {size}", text.strip(), "amber" if new else "green")
+
+
+def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
+    robot, given = source_name(result.robot), quote(result.origin)
+    every = name_logs(result.robot, result.logs)
+    pairs = zip(result.logs, result.measured, strict=True)
+    measured = name_logs(result.robot, [n for n, known in pairs if known])
+    table = (
+        "Have every sample with its intervals as a table:",
+        f"identifiability predict {robot} {given} {every} --out torque.csv",
+    )
+    if any(result.measured) and _few(result):
+        page = f"{measured} --report missing.html"
+        return [
+            (
+                "Find out what is missing on this motion:",
+                f"identifiability diagnose {robot} {page}",
+            ),
+            table,
+        ]
+    text, name = result.onward
+    return [table, (text, f"identifiability export {robot} {given} --out {name}")]
+
+
+def _joint_table(result: TorquePrediction) -> Table:
+    """Return one row a joint."""
+    own = with_hints(
+        "predicted",
+        Column("joint", get="joint"),
+        Column("error", error_text, "error"),
+        Column("rms error", digits(3), "rms"),
+        Column("unit", get="unit"),
+        Column("error of raw torque", error_text, "error_raw"),
+        Column("inside", error_text, "inside"),
+        Column("unknown", error_text, "unknown"),
+    )
+    rows = result.error_frame().itertuples()
+    return Table.of("Each joint by itself", own, rows)

@@ -17,11 +17,13 @@ import numpy as np
 import pandas as pd
 
 from identifiability.estimation.rollouts import find_delay, fit_rollouts
+from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, checked
 from identifiability.foundation.result import Result
+from identifiability.foundation.rounding import digits
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.tables import write_table
@@ -29,7 +31,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.robot.changed import new_place
 from identifiability.robot.servo import state_delay
 from identifiability.simulation.rollout import NO_SERVO, CommandedRobot, forgotten
-from identifiability.workflows.analyze.assessment import DIFFERENT, list_worst
+from identifiability.workflows.answers import DIFFERENT, list_worst
 from identifiability.workflows.opening import Logs
 from identifiability.workflows.servo_gains import learn_gains, read_commanded
 
@@ -147,6 +149,14 @@ class RolledOut(Result):
             return ""
         joints = [j for j, a in zip(self.robot.joints, self.alike, strict=True) if a]
         return f"By joint of {self.runs[-1].name}: {list_worst(joints, each, self.unit)}."
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return by how much positions err, and how late commands act."""
+        return _error(self), _delay(self)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return one row a joint."""
+        return (_joint_table(self),)
 
     @property
     def statement(self) -> str:
@@ -339,3 +349,44 @@ def _windows(log: Log) -> list[tuple[int, int]]:
     rows = max(2, round(WINDOW / signals.sampling_step(log.t)))
     starts = range(0, len(log) - rows + 1, rows)
     return [(a, a + rows) for a in starts] or [(0, len(log))]
+
+
+def _error(result: RolledOut) -> Answer:
+    totals, unit = 1e3 * result.totals, result.unit
+    texts = [f"{x:.3g} {unit}" if np.isfinite(x) else "it diverges" for x in totals]
+    pairs = zip(result.runs, texts, 1e3 * result.window_totals, strict=True)
+    text = " ".join(
+        f"{run.name}: {x} over whole logs, {w:.3g} {unit} over windows of {WINDOW:g} s."
+        for run, x, w in pairs
+    )
+    text = " ".join(filter(None, (text, result.by_joint)))
+    short = " → ".join(texts)
+    better = len(totals) > 1 and totals[1] < totals[0]
+    tone = "blue" if len(totals) == 1 else "green" if better else "amber"
+    return Answer("By how much do positions err?", f"{short[0].upper()}{short[1:]}.", text, tone)
+
+
+def _delay(result: RolledOut) -> Answer:
+    names = [log.name for log in result.logs]
+    short = "; ".join(f"{r.name}: {state_delay(np.array(r.delays), names)}" for r in result.runs)
+    found = any(run.found for run in result.runs)
+    text = (
+        "Found from these logs, as no file states it: it is that with which positions err least."
+        if found
+        else "As the files state it."
+    )
+    return Answer("When do commands act?", short, text, "blue")
+
+
+def _joint_table(result: RolledOut) -> Table:
+    """Return one row a joint."""
+    own, cells = [Column("joint")], list[tuple[object, ...]]([result.robot.joints])
+    for run, errors in zip(
+        result.runs, zip(result.errors, result.window_errors, strict=True), strict=True
+    ):
+        for title, each in zip((run.name, "1 s windows"), errors, strict=True):
+            own.append(Column(title, digits(3)))
+            cells.append(tuple(1e3 * each))
+    own.append(Column("unit"))
+    cells.append(tuple("mm" if unit == "N" else "mrad" for unit in result.robot.torque_units))
+    return Table.of("Each joint by itself", tuple(own), list(zip(*cells, strict=True)))

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from identifiability.foundation.rounding import format_measured, format_number
 from identifiability.report import Check
-from identifiability.report.numbers import format_measured, format_number
 from paper_study.monte_carlo import Case, Trial, stack
 from paper_study.result import StudyTable, compare
 

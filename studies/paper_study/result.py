@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from identifiability.foundation.rounding import format_measured, format_number
 from identifiability.report import Check, Gallery, Picture
-from identifiability.report.numbers import format_measured, format_number
 
 Progress = Callable[[str, float], None]
 

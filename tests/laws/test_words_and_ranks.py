@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import LeastSquares
-from identifiability.posterior.calibration import Calibration, calibrate_posterior
-from identifiability.posterior.exact import ExactSampler
-from identifiability.posterior.target import Prior, Target
-from identifiability.report.numbers import (
+from identifiability.foundation.rounding import (
     format_count,
     format_measured,
     format_number,
     format_percent,
     join,
 )
+from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.fitted_model import LeastSquares
+from identifiability.posterior.calibration import Calibration, calibrate_posterior
+from identifiability.posterior.exact import ExactSampler
+from identifiability.posterior.target import Prior, Target
 from identifiability.workflows.calibrate.outcome import UNIFORM_LEVEL, RankCheck
 
 

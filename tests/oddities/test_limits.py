@@ -12,7 +12,7 @@ from identifiability.logs.mend import contradictions, looks_like_degrees
 from identifiability.logs.reading import unify_rates
 from identifiability.workflows.analyze import fit
 from identifiability.workflows.analyze import words as several_logs
-from identifiability.workflows.analyze.words import grade_of
+from identifiability.workflows.answers import grade_of
 from identifiability.workflows.oddities import torque as exchanged
 from identifiability.workflows.oddities import torque as torque_scale
 from identifiability.workflows.oddities.positions import find_beyond_limits, find_stretches

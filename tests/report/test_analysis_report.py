@@ -11,7 +11,6 @@ from identifiability import analyze
 from identifiability.estimation.evidence import LEVELS
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.report import build_analysis_page, write_analysis_report
-from identifiability.report.analysis_report import answer_notes
 
 SECTIONS = (
     "parameters", "models", "prediction", "budget", "confused", "motions", "residuals", "physics",
@@ -159,7 +158,7 @@ def test_impossible_values_are_a_warning_and_not_a_footnote(paper_analysis):
 
 
 def test_long_combinations_are_cut_between_terms():
-    from identifiability.report.models import shorten_label
+    from identifiability.workflows.analyze.result import shorten_label
 
     label = " + ".join(f"0.1234·m({k})" for k in range(40))
     short = shorten_label(label)
@@ -176,4 +175,4 @@ def test_a_ladder_that_begins_with_less_is_no_poor_motion(simulated):
     first = RungEntry(name="first", effects=effects, zero=["*.Fv"])
     analysis = analyze("two-link", log, ladder=LadderEntry(models=[first]), replicates=0)
     assert [len(m.rung) for m in analysis.models] == [8, 6]
-    assert not [n for n in answer_notes(analysis).notes if "not rich enough" in n.title]
+    assert not [n for n in analysis.cautions() if "not rich enough" in n.title]

@@ -13,8 +13,8 @@ from identifiability.report.belief import (
     forest_layers,
     strongest_pairs,
 )
-from identifiability.report.models import parameter_table
 from identifiability.workflows.analyze.belief import LEARNED, Source
+from identifiability.workflows.analyze.result import parameter_table
 
 REASON = "The ensembles disagree: nested R-hat of platform.mx is 1.300 (at most 1.01)."
 NAMES = ("bodies", "posterior", "standard")

@@ -10,18 +10,23 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identifiability.foundation.answers import Note
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.logs.spectrum import Band
 from identifiability.regression.reduction import LadderEntry, LadderSource, RungEntry
 from identifiability.report import build_analysis_page, render_page
-from identifiability.report import diagnosis_report as missing
-from identifiability.report.answers import answer_quality, answer_trust, grade_of, state_error
-from identifiability.report.blocks import Note, Trace
+from identifiability.report.blocks import Trace
 from identifiability.report.skeleton import Part, draw_skeleton, trace_limbs
 from identifiability.report.torque import order_confused, section_confused
 from identifiability.robot import Robot
-from identifiability.workflows.analyze.assessment import state_joints
+from identifiability.workflows.answers import (
+    answer_quality,
+    answer_trust,
+    grade_of,
+    state_error,
+    state_joints,
+)
 from identifiability.workflows.commands import (
     file_names,
     held_back,
@@ -32,6 +37,7 @@ from identifiability.workflows.commands import (
     reading_options,
     source_name,
 )
+from identifiability.workflows.diagnose import result as missing
 from identifiability.workflows.predict import correlation_of
 
 
@@ -266,7 +272,7 @@ def test_the_first_line_counts_places_once(monkeypatch):
     places = ("a", "b", "c", "d")
     twice = tuple(SimpleNamespace(place=place) for place in (*places, *places))
     effect = SimpleNamespace(names="friction", alternatives=(), joints=places, placements=twice)
-    said = missing._what(SimpleNamespace(effects=(effect,))).short
+    said = missing._what(SimpleNamespace(changes=(), effects=(effect,))).short
     assert said == "Friction in a, b and 2 more."
 
 

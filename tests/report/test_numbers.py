@@ -2,7 +2,7 @@
 
 import pytest
 
-from identifiability.report.numbers import (
+from identifiability.foundation.rounding import (
     format_count,
     format_measured,
     format_number,

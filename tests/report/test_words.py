@@ -1,15 +1,20 @@
 """The file of words and the pages that use it hold the same names."""
 
 import re
-import tomllib
+from pathlib import Path
 
 import pytest
 
-from identifiability.report.drawing import TEMPLATES
-from identifiability.report.words import note, section, sentence
+import identifiability
+from identifiability.report.words import section
+from identifiability.workflows.answers import WORDS, note, sentence
 
-WORDS = tomllib.loads((TEMPLATES / "words.toml").read_text(encoding="utf-8"))
-CODE = "\n".join(p.read_text(encoding="utf-8") for p in TEMPLATES.parent.rglob("*.py"))
+PACKAGE = Path(identifiability.__file__).parent
+CODE = "\n".join(
+    p.read_text(encoding="utf-8")
+    for r in ("report", "workflows")
+    for p in (PACKAGE / r).rglob("*.py")
+)
 
 
 def test_no_words_are_left_that_no_page_uses():

@@ -47,6 +47,7 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource, Rung
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
+from identifiability.workflows.answers import state_joints
 from identifiability.workflows.opening import Opening
 from identifiability.workflows.predict import Fit, Predicts, settled
 from identifiability.workflows.provenance import state_provenance
@@ -583,45 +584,6 @@ def state_raw(unseen: Prediction) -> str:
         "This error is of torque that was low-passed like the model's columns; of the torque as "
         f"it was measured it is {100 * raw:.3g} %."
     )
-
-
-#: Errors of joints differ where the largest is more than so many times the least.
-DIFFERENT = 2.0
-
-#: Joints whose errors a sentence states one by one.
-WORST = 4
-
-
-def state_joints(joints: Sequence[str], each: Array, together: float) -> str:
-    """Return the errors of joints, worst first, where that of all together hides them.
-
-    It does where joints differ, and where their loads differ so much that the torque of all
-    together varies more than that of any.
-
-    Parameters
-    ----------
-    joints : sequence of str
-    each : (n,)
-        On unseen motion, over each joint's own scale.
-    together : float
-        Of all joints.
-    """
-    if len(joints) < 2 or not np.isfinite(each).all():
-        return ""
-    if np.max(each) <= DIFFERENT * min(np.min(each), together):
-        return ""
-    return f"Each joint over its own variation: {list_worst(joints, 100 * each, '%')}."
-
-
-def list_worst(joints: Sequence[str], each: Array, unit: str) -> str:
-    """Return the errors of joints, (n,) in a unit, worst first; the smaller ones together."""
-    order = np.argsort(-each, kind="stable")
-    said = [f"{joints[k]} {each[k]:.2g} {unit}" for k in order[:WORST]]
-    if len(order) == WORST + 1:
-        said.append(f"{joints[order[-1]]} {each[order[-1]]:.2g} {unit}")
-    elif len(order) > WORST:
-        said.append(f"the other {len(order) - WORST} at most {each[order[WORST]]:.2g} {unit}")
-    return ", ".join(said)
 
 
 # `Laddered`: what analyze and prune answer alike about the model to use of a ladder.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
@@ -11,17 +11,39 @@ import pandas as pd
 
 from identifiability.estimation.evidence import Folds
 from identifiability.estimation.prediction import Prediction
-from identifiability.estimation.verdict import Class, Thresholds
+from identifiability.estimation.verdict import Class, Thresholds, Verdict
+from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.options import check_choice
+from identifiability.foundation.rounding import (
+    NONE,
+    digits,
+    error_text,
+    format_count,
+    format_number,
+    join,
+    percent,
+    percent_text,
+    stated_text,
+    time_text,
+)
 from identifiability.foundation.values import frozen
 from identifiability.logs.repeats import Recording
-from identifiability.workflows.analyze.assessment import Laddered, RungResult
+from identifiability.workflows.analyze.assessment import JudgedModel, Laddered, RungResult
 from identifiability.workflows.analyze.belief import Belief, Which, belief_dict, build_datatree
-from identifiability.workflows.analyze.words import (
-    SeveralLogs,
+from identifiability.workflows.analyze.words import SeveralLogs, state_answer, state_physics
+from identifiability.workflows.answers import (
+    SIGMA,
+    UNIT,
+    VALUE,
+    VERDICT,
+    after_mass,
+    answer_next,
+    answer_quality,
+    answer_trust,
+    bias_columns,
     grade_of,
-    state_answer,
-    state_physics,
+    note,
+    with_hints,
 )
 from identifiability.workflows.commands import (
     held_back,
@@ -32,6 +54,7 @@ from identifiability.workflows.commands import (
     source_name,
 )
 from identifiability.workflows.gravity import Leaning
+from identifiability.workflows.opening import is_reading
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -190,10 +213,45 @@ class Analysis(Laddered):
         )
         return self._state(text)
 
+    def answers(self) -> tuple[Answer, ...]:
+        """Return what to use, how good it is, whether to trust it, what to do next."""
+        return _answers(self)
+
+    def cautions(self) -> tuple[Note, ...]:
+        """Return what is to be kept in mind, gravest first."""
+        return _cautions(self)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return the models, the errors by joint and by log, the parameters of the model to use."""
+        models = Table.of("", LADDER, self.models, marked=self.selected)
+        return (models, *error_tables(self), parameter_table(self, self.chosen))
+
     @property
     def physical_statement(self) -> str:
         """What physics says of the selected model, in words."""
         return state_physics(self.chosen)
+
+
+# What is answered first: what the logs determine, how good that is, whether to trust it.
+
+
+def _answers(analysis: Analysis) -> tuple[Answer, ...]:
+    chosen, found = analysis.chosen, analysis.chosen.count(Class.IDENTIFIABLE)
+    doubt = f"Nothing is identifiable, because {analysis.nothing}." if analysis.nothing else ""
+    each = analysis.held_out.joint_error()[:, analysis.selected]
+    joints, kind = analysis.robot.joints, analysis.validation_kind
+    return (
+        after_mass(_answer_use(analysis), analysis.mass_warning),
+        answer_quality(chosen.error_ra_validation, joints, each, kind),
+        answer_trust(
+            analysis.cautions(),
+            doubt or chosen.unjudged,
+            found,
+            len(chosen.rung),
+            analysis.missing.statement,
+        ),
+        answer_next(next_commands(analysis)),
+    )
 
 
 # What to do next after an analysis, as lines for the terminal.
@@ -236,3 +294,283 @@ def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
     line = on_file(analysis, "json", "result.json", again, use)
     out.append((text, line))
     return out[:3]
+
+
+def model_title(result: RungResult) -> str:
+    """Return the name of a model as it stands in a sentence."""
+    return result.name if "model" in result.name.lower() else f"“{result.name}”"
+
+
+def sigma_inflation(result: RungResult) -> float:
+    """Return by how much autocorrelation widens σ, over the determined parameters."""
+    pairs = [(v.sigma_robust, v.sigma) for v in result.verdicts]
+    ratios = [a / b for a, b in pairs if 0 < b < np.inf and np.isfinite(a)]
+    return float(np.median(ratios)) if ratios else 1.0
+
+
+def found_cell(model: JudgedModel) -> Cell:
+    """Return how many parameters of a model are identifiable."""
+    found = sum(v.verdict is Class.IDENTIFIABLE for v in model.verdicts)
+    return Cell("not judged" if model.unjudged else str(found), found)
+
+
+#: σ may grow by this factor before the report warns of autocorrelation.
+MILD_INFLATION = 1.2
+
+
+#: Names of a verdict that the answer lists.
+MOST_NAMES = 24
+
+
+#: Rows for each parameter below which the report warns of a short log.
+FEW_ROWS = 10
+
+
+def _answer_use(analysis: Analysis) -> Answer:
+    chosen, base = analysis.chosen, analysis.base
+    question = "What do the logs determine, and which model to use?"
+    size = f"Of {len(base.parameters)} parameters {base.rank} can be told apart by any motion."
+    if analysis.nothing:
+        return Answer(question, "Nothing, and none.", size, "vermilion")
+    found = f"{chosen.count(Class.IDENTIFIABLE)} of {len(chosen.rung)} parameters"
+    if chosen.unjudged:
+        found = f"{len(chosen.rung)} parameters, none judged"
+    title = model_title(chosen)
+    title = f"{title[0].upper()}{title[1:]}"
+    if chosen is not analysis.full:
+        full = analysis.full
+        size += f" The unpruned {model_title(full)} keeps all {len(full.rung)} of them"
+        size += "." if full.unjudged else f", {full.count(Class.IDENTIFIABLE)} identifiable."
+    physics = f" {analysis.physical_statement}"
+    tone = "blue" if chosen.feasible else "amber"
+    return Answer(question, f"{title}: {found} identifiable.", f"{size}{physics}", tone)
+
+
+def _cautions(analysis: Analysis) -> tuple[Note, ...]:
+    """Return the caveats, gravest first."""
+    own = analysis.commands
+    kinds = (
+        "commands" if h == own else "read" if is_reading(h) else "hint" for h in analysis.hints
+    )
+    notes = [note(kind, hint=h) for kind, h in zip(kinds, analysis.hints, strict=True)]
+    if analysis.nothing:
+        why = f"{analysis.nothing[0].upper()}{analysis.nothing[1:]}"
+        notes.append(note("nothing", why=why))
+    if not np.isfinite(analysis.chosen.error_ra_validation):
+        return (*notes, *_sample_notes(analysis))
+    for part in (_physics_notes, _excitation_notes, _sample_notes, _noise_notes, _fit_notes):
+        notes += part(analysis)
+    order = {"warning": 0, "note": 1, "good": 2}
+    return tuple(sorted(notes, key=lambda n: order[n.level]))
+
+
+def _physics_notes(analysis: Analysis) -> Iterator[Note]:
+    chosen, full = analysis.chosen, analysis.full
+    if analysis.mass_warning:
+        yield note("mass", warning=analysis.mass_warning)
+    near = f"the nearest real robot errs by {error_text(chosen.error_ra_physical)} on unseen motion"
+    if chosen.infeasible:
+        yield note("impossible", names=join(chosen.infeasible), near=near)
+    elif not chosen.feasible and chosen.physical.certificate is not None:
+        yield note("nearly", near=near)
+    if full.infeasible and full is not chosen:
+        names, size = join(full.infeasible), len(full.rung)
+        yield note("unpruned", title=model_title(full), names=names, size=size)
+
+
+def _excitation_notes(analysis: Analysis) -> Iterator[Note]:
+    base, full = analysis.base, analysis.full
+    if len(full.estimate.kept) < base.rank:
+        yield note("poor", rank=base.rank, excited=len(full.estimate.kept))
+    if base.ambiguous:
+        yield note("ambiguous")
+    rows, size = analysis.information.rows, len(full.rung)
+    if rows < FEW_ROWS * size:
+        values, parameters = format_count(rows, "torque value"), format_count(size, "parameter")
+        yield note("short", rows=values, size=parameters)
+
+
+def _sample_notes(analysis: Analysis) -> Iterator[Note]:
+    for s in (*analysis.samples, *analysis.validation):
+        if s.survey.dropped:
+            yield note("dropped", log=s.name, samples=format_count(s.survey.dropped, "sample"))
+        if s.survey.singular:
+            samples = format_count(s.survey.singular, "sample")
+            condition = format_number(s.survey.condition, 2)
+            yield note("singular", log=s.name, samples=samples, condition=condition)
+
+
+def _noise_notes(analysis: Analysis) -> Iterator[Note]:
+    times = np.asarray(analysis.chosen.autocorrelation_time, float)
+    factor = sigma_inflation(analysis.chosen)
+    longest = f"{time_text(times.max())} samples in {analysis.robot.joints[int(np.argmax(times))]}"
+    name = "uneven" if factor > MILD_INFLATION else "independent"
+    if np.sqrt(times.max()) > MILD_INFLATION:
+        name = "memory"
+    yield note(name, longest=longest, grown=f"{format_number(factor, 3)} × that of white noise")
+
+
+def _fit_notes(analysis: Analysis) -> Iterator[Note]:
+    """Say what is not judged, and how far the error on unseen motion can be trusted."""
+    chosen, full = analysis.chosen, analysis.full
+    if chosen.unjudged:
+        yield note("unjudged", why=chosen.unjudged)
+    elif chosen.some_unjudged:
+        count, size = chosen.count(Class.NOT_JUDGED), len(chosen.rung)
+        yield note("some_unjudged", count=str(count), size=str(size), why=chosen.some_unjudged)
+    if full.unjudged and full is not chosen:
+        title = f"The unpruned {model_title(full)} is not judged."
+        yield Note("warning" if chosen.unjudged else "note", title, full.unjudged)
+    unseen, fitted = chosen.error_ra_validation, chosen.error_ra
+    if not analysis.nothing and unseen > 1.5 * fitted:
+        yield note("grows", unseen=error_text(unseen), fitted=error_text(fitted))
+    if not analysis.validation:
+        yield note("inside", kind=analysis.validation_kind)
+
+
+def _spread_cell(m: RungResult) -> Cell:
+    spread, note = m.error_joints_se, f"worse at {join(m.worse_at, 3)}" if m.worse_at else ""
+    if not np.isfinite(spread):
+        return Cell(NONE, spread)
+    return Cell(f"± {percent(spread, 2)}" if spread else "least error", spread, note)
+
+
+def _condition_text(condition: float) -> str:
+    return format_number(condition, 3) if np.isfinite(condition) else "∞"
+
+
+def _possible_cell(m: RungResult) -> Cell:
+    near = f"nearest real robot: {error_text(m.error_ra_physical)}"
+    if m.feasible:
+        return Cell("yes", 2.0, badge="pass")
+    if m.infeasible:
+        return Cell("no", 0.0, f"wrong sign: {join(m.infeasible, 3)}; {near}", "differs")
+    return Cell("open" if m.physical.certificate is None else "not exactly", 1.0, near, "partly")
+
+
+LADDER = with_hints(
+    "models",
+    Column("model", get=lambda m: Cell(m.name, note=m.rung.description)),
+    Column("parameters", "number", lambda m: len(m.rung)),
+    Column("identifiable", "number", found_cell),
+    Column("10× rule", "number", "paper_identified", detail=True),
+    Column("error, fitted", error_text, "error_ra"),
+    Column("error, unseen", error_text, "error_ra_validation"),
+    Column("joints, unseen", error_text, "error_joints_validation", detail=True),
+    Column("± SE", "error", _spread_cell, detail=True),
+    Column("condition", _condition_text, "estimate.condition", detail=True),
+    Column("real robot", "badge", _possible_cell),
+)
+
+
+def error_tables(result: Laddered) -> tuple[Table, ...]:
+    """Return the errors of the model to use by joint and, where there are several, by log."""
+    fitted, out = result._alone
+    rows = zip(
+        result.robot.joints,
+        out.rms,
+        result.robot.torque_units,
+        fitted.joint_error()[:, 0],
+        out.joint_error()[:, 0],
+        out.joint_rms()[:, 0],
+        out.joint_error(raw=True)[:, 0],
+        result._used.autocorrelation_time,
+        strict=True,
+    )
+    joints = Table.of(
+        "Each joint by itself, over how much its own torque varies", JOINTS, rows, worst=4
+    )
+    samples = (*result.samples, *result.validation)
+    if len(samples) == 1:
+        return (joints,)
+    errors = result.error_frame()
+    logs = errors[errors["of"] == "log"][["name", "error", "error_validation"]]
+    pairs = zip(samples, logs.itertuples(index=False), strict=True)
+    each = [(name, s.outputs, a, b) for s, (name, a, b) in pairs]
+    return joints, Table.of("Each log by itself", LOGS, each, worst=3)
+
+
+JOINTS = with_hints(
+    "joints",
+    Column("joint"),
+    Column("measured, rms", digits(3), detail=True),
+    Column("unit"),
+    Column("error, fitted", error_text),
+    Column("error, unseen", error_text),
+    Column("rms error, unseen", digits(3)),
+    Column("of raw torque, unseen", error_text),
+    Column("autocorrelation time [samples]", time_text, detail=True),
+)
+
+LOGS = (
+    Column("log"),
+    Column("samples", "number"),
+    Column("error, fitted", error_text),
+    Column("error, unseen", error_text),
+)
+
+
+def parameter_table(analysis: Analysis, result: RungResult) -> Table:
+    """Return one row for each parameter of a model, filtered by verdict."""
+    most = max((v.share for v in result.verdicts), default=0.0)
+    reduced = any(v.sigma_omit for v in result.verdicts)
+    stated = dict(zip(result.rung.columns, stated_values(analysis, result), strict=True))
+
+    def share(v: Verdict) -> Cell:
+        length = v.share / most if np.isfinite(most) and most > 0 else 0.0
+        return Cell(percent_text(100 * v.share), v.share, share=length)
+
+    def in_file(v: Verdict) -> Cell:
+        text, label = (stated_text(x, v.sigma_robust) for x in (stated[v.name], v.nominal))
+        differs = stated[v.name] is not None and v.sigma_omit and text != label
+        return Cell(text, stated[v.name], f"label {label}" if differs else "")
+
+    every = with_hints(
+        "parameters",
+        Column("parameter", get=lambda v: Cell(v.name, note=label_note(v))),
+        VALUE,
+        SIGMA,
+        UNIT,
+        Column("σ white", percent_text, "sigma_percent", detail=True),
+        Column("σ robust", percent_text, "sigma_robust_percent", detail=reduced),
+        Column("σ label", percent_text, "sigma_label_percent"),
+        *bias_columns(result.verdicts),
+        Column("robot file", "number", in_file),
+        Column("share of torque", "bar", share),
+        Column("10× rule", "text", _paper_cell, detail=True),
+        VERDICT,
+    )
+    own = tuple(c for c in every if reduced or c.title != "σ label")
+    return Table.of("", own, result.verdicts, filter_by=-1, long=True)
+
+
+def _paper_cell(v: Verdict) -> Cell:
+    return Cell("✓" if v.paper_rule else "–", float(v.paper_rule))
+
+
+def label_note(v: Verdict) -> str:
+    """Return the combination that a name stands for; nothing where it is the parameter alone."""
+    alone = " " not in v.label and v.label[:1] not in "−-0123456789"
+    return "" if alone else shorten_label(v.label)
+
+
+def shorten_label(label: str, most: int = 64) -> str:
+    """Return the first terms of a long combination, and … for those that the groupings show."""
+    if len(label) <= most:
+        return label
+    cut = max(label.rfind(sign, 0, most) for sign in (" + ", " − ", " = "))
+    return f"{label[:cut] if cut > 0 else label[:most]} …"
+
+
+def stated_values(analysis: Analysis, result: RungResult) -> list[float | None]:
+    """Return what this fit would find on the robot of the file, None where it states nothing.
+
+    A value that stands for more than its label is compared with what the file's robot would show.
+    """
+    known, base = analysis.robot.nominal, analysis.base
+    stated = np.array([any(p.name in known for _, p in base.terms(r)) for r in range(len(base))])
+    member = np.abs(result.rung.M) > 0
+    return [
+        v.projected if v.projected is not None and stated[member[:, k]].any() else None
+        for k, v in enumerate(result.verdicts)
+    ]

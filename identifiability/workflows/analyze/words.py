@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -205,14 +204,6 @@ def _chance(motions: Motions, columns: Sequence[str]) -> str:
 
 #: Why no verdict is believed where a model would be used that is no better than no model.
 WORSE = "no model predicts motion that it has not seen better than a constant torque would"
-
-#: Error on unseen motion, of how much torque varies, up to which it is called so; a rule of thumb.
-GRADES = ((0.03, "very-good"), (0.08, "good"), (0.15, "fair"), (0.5, "poor"), (math.inf, "useless"))
-
-
-def grade_of(error: float) -> str:
-    """Return the name of the grade of an error on unseen motion."""
-    return next(name for limit, name in GRADES if error <= limit)
 
 
 def state_answer(

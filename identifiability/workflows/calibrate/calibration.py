@@ -1,6 +1,6 @@
 """Operating characteristics on the user's own robot and motion.
 
-`Answer` says in three lines whether intervals and verdicts of the model to use may be trusted,
+`Trust` says in three lines whether intervals and verdicts of the model to use may be trusted,
 `Calibration` holds what that rests on, `calibrate` makes it.
 """
 
@@ -17,6 +17,7 @@ import pandas as pd
 
 from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.noise import ResidualNoise, find_runs
+from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.engines.mapping import Steps
 from identifiability.foundation.errors import LogError
@@ -33,11 +34,13 @@ from identifiability.foundation.options import (
     settle_count,
 )
 from identifiability.foundation.result import Result
+from identifiability.foundation.rounding import NONE, join, rough_percent, whole_percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.answers import answer_next, with_hints
 from identifiability.workflows.calibrate.outcome import (
     Cell,
     Experiment,
@@ -57,10 +60,17 @@ from identifiability.workflows.calibrate.world import (
     build_world,
     repeat,
 )
+from identifiability.workflows.commands import (
+    held_back,
+    ladder_option,
+    name_logs,
+    quote,
+    source_name,
+)
 from identifiability.workflows.diagnose import FalseNames, measure_false_names
 from identifiability.workflows.opening import Progress, in_memory, quiet, require_signal, share
 
-# `Answer`: may the intervals and verdicts of the model to use be trusted? In three lines.
+# `Trust`: may the intervals and verdicts of the model to use be trusted? In three lines.
 
 
 #: Least coverage of 95 % intervals, of all parameters together and of a single one.
@@ -140,7 +150,7 @@ class Effect:
 
 
 @frozen
-class Answer:
+class Trust:
     """The answer, and what it rests on.
 
     Attributes
@@ -364,10 +374,10 @@ class Calibration(Result):
     analysis: Analysis | None = None
 
     @property
-    def answer(self) -> Answer:
+    def answer(self) -> Trust:
         """May intervals and verdicts be trusted?"""
         missing = "" if self.analysis is None else self.analysis.missing.statement
-        return Answer(self.model, self.cells[0], self.effects, self.nothing, missing)
+        return Trust(self.model, self.cells[0], self.effects, self.nothing, missing)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a cell."""
@@ -383,6 +393,16 @@ class Calibration(Result):
     def lines(self) -> tuple[str, str, str]:
         """The answer in three lines."""
         return self.answer.lines
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return whether to trust, how often verdicts are wrong, where, what to do next."""
+        answers = (_trust(self), _wrong(self), _weakest(self))
+        commands = _next_commands(self)
+        return (*answers, answer_next(commands)) if commands else answers
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return how often verdicts are wrong, one row a simulated noise."""
+        return (Table.of("Verdicts by noise", VERDICTS, self.cells),)
 
     @property
     def statement(self) -> str:
@@ -699,3 +719,97 @@ def _world(
     tau, W = (np.concatenate(x) for x in zip(*chunks, strict=True))
     sizes = np.sqrt(analysis.full.estimate.variance)
     return build_world(experiment, robots, motion, (tau, W), find_runs(samples), sizes, rng)
+
+
+TONES = {"yes": "green", "no": "vermilion", "not enough trials": "amber"}
+
+
+def _trust(calibration: Calibration) -> Answer:
+    start, _, rest = calibration.lines[0].partition(": ")
+    text = f"{rest[:1].upper()}{rest[1:]}"
+    answer = calibration.answer
+    tone = "amber" if answer.word == "yes" and answer.missing else TONES[answer.word]
+    return Answer("May intervals and verdicts be trusted here?", f"{start}.", text, tone)
+
+
+def _wrong(calibration: Calibration) -> Answer:
+    cell, question = calibration.cells[0], "How often is a verdict wrong?"
+    if not cell.called:
+        return Answer(question, "Never: nothing is called identifiable.", tone="grey")
+    share = rough_percent(cell.wrong) if cell.wrong else "None"
+    short = f"{share} of what is called identifiable is off by more than half."
+    tone = "green" if cell.wrong_high <= MOST_WRONG else "amber"
+    text = f"At most {rough_percent(cell.wrong_high)} by these trials."
+    if cell.not_judged:
+        text += f" In {whole_percent(cell.not_judged)} of the repetitions nothing is judged."
+    return Answer(question, short, text, "vermilion" if cell.wrong_low > MOST_WRONG else tone)
+
+
+def _weakest(calibration: Calibration) -> Answer:
+    cell = calibration.cells[0]
+    name, share = cell.names[cell.worst], whole_percent(cell.each[cell.worst].value)
+    short = f"In {name}: {share} of its intervals hold the truth."
+    text = calibration.lines[2] if calibration.answer.word == "no" else ""
+    if cell.below and share != NONE:
+        text = f"Too few beyond chance: {join(list(cell.below))}. {text}".strip()
+    return Answer("Where is it weakest, and why?", short, text, "amber" if cell.below else "")
+
+
+def _next_commands(calibration: Calibration) -> list[tuple[str, str]]:
+    analysis = calibration.analysis
+    if analysis is None:
+        return []
+    robot, how = source_name(analysis.robot), analysis.settings.get("preparation")
+    names = [s.name for s in analysis.samples]
+    logs = name_logs(analysis.robot, names, how=how) + ladder_option(
+        analysis.robot, analysis.source
+    )
+    word = calibration.answer.word
+    use = (
+        "Use intervals and verdicts:",
+        f"identifiability analyze {robot} {logs} --report report.html --json result.json",
+    )
+    begun = name_logs(analysis.robot, names, "--start-from", how)
+    longer = (
+        "Find a motion to measure next, for longer and other logs:",
+        f"identifiability excite {robot} {begun} --out next.json",
+    )
+    if word == "yes" and analysis.missing.functions:
+        held = held_back(analysis.validation)
+        line = f"identifiability diagnose {robot} {logs}{held} --report missing.html"
+        return [("Find out what the model misses:", line), use]
+    if word == "yes":
+        return [use]
+    if word == "not enough trials":
+        again = f"--replicates {calibration.answer.enough} --report calibration.html"
+        return [
+            ("Ask again with more trials:", f"identifiability calibrate {robot} {logs} {again}")
+        ]
+    blamed = {e.cause for e in calibration.effects if e.harmful}
+    if Cause.LEFT_OUT in blamed and analysis.full.name != calibration.model:
+        model = f"--model {quote(analysis.full.name)} --report calibration.html"
+        text = "Ask the same of the model that leaves nothing out:"
+        return [(text, f"identifiability calibrate {robot} {logs} {model}"), longer]
+    return [longer]
+
+
+def _rare(share: float) -> str:
+    return NONE if np.isnan(share) else f"{100 * share:.2g} %"
+
+
+def label(cell: Cell) -> str:
+    """Return what a cell simulates, ``noise × 0.3, ρ = 0.9``."""
+    rho = "as the residual" if np.isnan(cell.rho) else f"ρ = {cell.rho:g}"
+    return f"noise × {cell.noise:g}, {rho}"
+
+
+VERDICTS = with_hints(
+    "verdicts",
+    Column("simulated noise", get=label),
+    Column("called identifiable", "{:.1f}".format, "called"),
+    Column("of these wrong", _rare, "wrong"),
+    Column("at most", _rare, "wrong_high"),
+    Column("not judged", whole_percent, "not_judged"),
+    Column("pass the 10× rule", "{:.1f}".format, "paper_called"),
+    Column("of these wrong", _rare, "paper_wrong"),
+)

@@ -10,12 +10,22 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import pandas as pd
 
+from identifiability.effects.registry import title_of
+from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
+from identifiability.foundation.rounding import digits, error_text, format_number, join, percent
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import LadderEntry, RungEntry, ladder_text
+from identifiability.workflows.answers import (
+    after_mass,
+    answer_next,
+    state_error,
+    tone_of,
+    with_hints,
+)
 from identifiability.workflows.commands import (
     held_back,
     name_export,
@@ -27,7 +37,7 @@ from identifiability.workflows.diagnose.completed import keep_completed, nearest
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
 from identifiability.workflows.diagnose.forward import ForwardGap, compare_forward
 from identifiability.workflows.diagnose.motion import Change
-from identifiability.workflows.diagnose.words import state, state_remainder
+from identifiability.workflows.diagnose.words import headline, state, state_remainder, weight_text
 from identifiability.workflows.predict import Fit, Predicts
 
 if TYPE_CHECKING:
@@ -81,6 +91,20 @@ class Diagnosis(Result, Findings, Predicts):
         """Return the model with the named effects as a ladder of one rung."""
         effects = list(self.model.texts)
         return LadderEntry(models=[RungEntry(name="the diagnosed model", effects=effects)])
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return what is missing, what it explains, what is left, what to do next."""
+        what = after_mass(_what(self), self.mass_warning)
+        return what, _gap(self), _left(self), answer_next(next_commands(self))
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return what changed in mid-log, the effects that were named, and the errors of joints."""
+        named = Table.of("Effects that were missing", NAMED, self.effects)
+        caption = "Each joint by itself on unseen motion, over its own scale"
+        rows = self.error_frame()[[*ERRORS]].itertuples(index=False, name=None)
+        errors = Table.of(caption, tuple(ERRORS.values()), rows)
+        changed = (_table_changes(self),) if self.changes else ()
+        return (*changed, *((named,) if self.effects else ()), errors)
 
     @property
     def statement(self) -> str:
@@ -145,11 +169,6 @@ class Diagnosis(Result, Findings, Predicts):
         ]
         frame = pd.DataFrame(rows).drop(columns="explained")
         return frame.rename(columns={"reversals": "near reversals"})
-
-    def _first_frame(self) -> pd.DataFrame:
-        """Return the effects; where nothing was named, what is wrong in every joint."""
-        frame = self.to_frame()
-        return self.error_frame() if frame.empty else frame
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
@@ -306,3 +325,110 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
             on_file(d, "json", "result.json", f"{again} --json", use),
         ),
     ]
+
+
+#: Places of an effect that the first line lists.
+PLACES = 3
+
+WEIGHT = (
+    "Posterior probability among all names for the same rows, with those that it cannot be told "
+    "from."
+)
+
+
+def _what(d: Diagnosis) -> Answer:
+    question = "What is missing?"
+    if not d.effects and not d.changes:
+        return Answer(question, "Nothing that can be named.", headline(d), "grey")
+    named = [f"{title_of(c.family)} in {c.place} in a part of {c.log}" for c in d.changes]
+    named += [f"{_call(e)} in {join(e.joints, PLACES)}" for e in d.effects]
+    short = join(named)
+    return Answer(question, f"{short[0].upper()}{short[1:]}.", headline(d), "vermilion")
+
+
+def _call(e: NamedEffect) -> str:
+    """Return a name with what the motion cannot tell from it: the first line may not be surer."""
+    others = len(e.alternatives)
+    return e.names if others < 2 else f"{e.title} or one of {others} that look like it"
+
+
+def _gap(d: Diagnosis) -> Answer:
+    question = "How much of the gap does it explain?"
+    if not d.effects:
+        short = f"The error on unseen motion stays at {percent(d.held_before)}."
+        return Answer(question, short, f"Measured on {d.verified_on}.")
+    low, high = (format_number(100 * x, 2) for x in d.interval)
+    falls = d.interval[1] < 0
+    before, after = percent(d.held_before), percent(d.held_after)
+    short = f"The error goes from {before} to {after}."
+    if before == after:
+        short = f"Hardly any: the error over all joints stays at {after}."
+    text = (
+        f"All joints together on {d.verified_on}, which was not fitted (95 % "
+        f"of the change: {low} … {high} points)."
+    )
+    return Answer(question, short, text, "green" if falls else "amber")
+
+
+def _left(d: Diagnosis) -> Answer:
+    error = d.held_after if d.effects else d.held_before
+    question = "How good is the model then?"
+    if not np.isfinite(error):
+        return Answer(question, "There is no error to tell.", d.unexplained, "grey")
+    judged, short, spread = state_error(error, d.robot.joints, d.error_frame()["after"].to_numpy())
+    return Answer(question, short, f"{spread}{d.unexplained}", tone_of(judged))
+
+
+# What is missing and how large errors are, as tables.
+
+
+NAMED = (
+    Column("effect", "code", lambda e: " or ".join([e.name, *e.alternatives])),
+    Column("where", get=lambda e: ", ".join(e.joints)),
+    Column("weight", get=lambda e: Cell(weight_text(e.sure), e.sure), hint=WEIGHT),
+    Column("p ≤", digits(2), "p_value", "Family-wise."),
+    Column("unseen error before", error_text, "before"),
+    Column("after", error_text, "after"),
+)
+
+#: Columns of errors by joint, by what `error_frame` calls them.
+ERRORS = dict(
+    zip(
+        ("joint", "before", "after", "rms_before", "rms_after", "raw_before", "raw_after", "unit"),
+        with_hints(
+            "gap-joints",
+            Column("joint"),
+            Column("before", error_text),
+            Column("after", error_text),
+            Column("rms before", digits(3), detail=True),
+            Column("rms after", digits(3)),
+            Column("raw before", error_text, detail=True),
+            Column("raw after", error_text),
+            Column("unit"),
+        ),
+        strict=True,
+    )
+)
+
+
+CHANGES = (
+    Column("when"),
+    Column("effect"),
+    Column("where"),
+    Column("parameter", "code"),
+    Column("value", digits(3)),
+    Column("± se", digits(2)),
+    Column("unit"),
+    Column("weight", hint="Posterior probability among all that may change at any instant."),
+    Column("or", hint="What this motion cannot tell it from."),
+)
+
+
+def _table_changes(d: Diagnosis) -> Table:
+    rows = []
+    for c in d.changes:
+        weight = Cell(weight_text(c.weight), c.weight)
+        others = join([f"{title_of(f)} in {place}" for f, place in c.others]) or "nothing"
+        values = zip(c.parameters, c.values, c.errors, c.units, strict=True)
+        rows += [(c.when, title_of(c.family), c.place, *row, weight, others) for row in values]
+    return Table.of("What changed in the middle of a log, and was left out", CHANGES, rows)

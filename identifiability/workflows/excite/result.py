@@ -14,10 +14,12 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
+from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import ClosureError, LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import csv_text, write_text
 from identifiability.foundation.result import Result
+from identifiability.foundation.rounding import digits, format_count, format_number, whole_percent
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.robot import Robot, complete_motion
@@ -27,6 +29,8 @@ from identifiability.simulation.motion import (
     Trajectory,
     write_trajectory_bag,
 )
+from identifiability.workflows.answers import answer_next, note, sentence
+from identifiability.workflows.commands import name_logs, on_file, source_name
 from identifiability.workflows.excite.criteria import VISIBLE, Criterion
 from identifiability.workflows.excite.limits import MARGIN, Clearance, Drive, Limits
 from identifiability.workflows.excite.search import End, Step
@@ -350,6 +354,18 @@ class Excitation(Result):
             return write_trajectory_bag(path, self.limits.joints, motion)
         return write_text(path, csv_text(_motion_frame(self.limits.joints, motion)))
 
+    def answers(self) -> tuple[Answer, ...]:
+        """Return what the robot should do, what it tells, whether it may play it, what next."""
+        return _motion(self), _worth(self), _safe(self), answer_next(_next_commands(self))
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return one row a joint."""
+        return (_limits_table(self),)
+
+    def cautions(self) -> tuple[Note, ...]:
+        """Return what is to be kept in mind."""
+        return tuple(_notes(self))
+
     @property
     def statement(self) -> str:
         """The answer in plain words."""
@@ -441,3 +457,91 @@ def _ceil(x: float) -> str:
     """Return a number rounded up to two digits."""
     power = 10.0 ** (np.floor(np.log10(x)) - 1)
     return f"{np.ceil(x / power) * power:g}"
+
+
+#: σ of a parameter relative to before, up to which it is known better.
+BETTER = 0.95
+
+
+def _motion(result: Excitation) -> Answer:
+    joints = format_count(len(result.limits.joints), "joint")
+    seconds = format_number(result.trajectory.period, 3)
+    short = f"Move {joints} along this motion of {seconds} s, several times."
+    return Answer("What should the robot do?", short, sentence("excitation.files"), "blue")
+
+
+def _worth(result: Excitation) -> Answer:
+    gain = result.gain[np.isfinite(result.gain)]
+    better = int((gain < BETTER).sum())
+    short = (
+        f"{better} of {format_count(len(result.gain), 'parameter')} are known better than from "
+        f"{result.beside}."
+    )
+    tone = "green" if better > len(result.gain) / 2 else "amber"
+    return Answer("What does it tell?", short, result.worth, tone)
+
+
+def _safe(result: Excitation) -> Answer:
+    frame, question = result.to_frame(), "May the robot play it?"
+    fast = float((frame["speed"] / frame["speed_limit"]).max())
+    text = f"{result.limits_statement} The fastest joint uses {whole_percent(fast)} of its speed."
+    if result.limits.assumed:
+        return Answer(question, "Check the limits first: some were assumed.", text, "amber")
+    return Answer(question, "Yes, as far as its limits say.", text, "green")
+
+
+def _next_commands(result: Excitation) -> list[tuple[str, str]]:
+    robot = source_name(result.robot)
+    logs = name_logs(result.robot, [*result.logs, "next.csv"])
+    return [
+        (
+            "Rehearse it in simulation:",
+            on_file(
+                result,
+                "json",
+                "motion.json",
+                f"identifiability excite {robot} --out",
+                f"identifiability simulate {robot} {{file}} --out rehearsal.csv",
+            ),
+        ),
+        (
+            "When it is measured (as next.csv), judge all logs together:",
+            f"identifiability analyze {robot} {logs} --report report.html",
+        ),
+    ]
+
+
+def _range(row: Any) -> Cell:
+    low, high = (format_number(x, 3) for x in (row.lower_limit, row.upper_limit))
+    return Cell(f"{low} … {high}", row.upper_limit - row.lower_limit)
+
+
+LIMITS = (
+    Column("joint", get="joint"),
+    Column("least", digits(3), "least"),
+    Column("largest", digits(3), "largest"),
+    Column("range", "number", _range, "Limits of position."),
+    Column("speed", digits(3), "speed"),
+    Column("limit", digits(3), "speed_limit", "Of the speed."),
+    Column("acceleration", digits(3), "acceleration"),
+    Column("limit", digits(3), "acceleration_limit", "Of the acceleration."),
+)
+
+
+def _limits_table(result: Excitation) -> Table:
+    """Return one row a joint."""
+    caption = "What each joint does, and may do [SI units]"
+    return Table.of(caption, LIMITS, result.to_frame().itertuples())
+
+
+def _notes(result: Excitation) -> list[Note]:
+    notes = []
+    if result.end == "evaluations":
+        notes.append(note("evaluations", motions=result.evaluations))
+    if not result.reproducible:
+        notes.append(note("time"))
+    if result.limits.assumed:
+        notes.append(note("assumed", names=", ".join(result.limits.assumed)))
+    if result.criterion.name == "separate" and result.after.figure > CONFUSABLE:
+        notes.append(note("alike"))
+    return notes

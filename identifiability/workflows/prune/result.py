@@ -1,5 +1,6 @@
 """`Ladder`: the rungs from the unpruned model down, which one to use, and why."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -7,9 +8,19 @@ import numpy as np
 import pandas as pd
 
 from identifiability.estimation.verdict import Class, Verdict
+from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.output import write_text
+from identifiability.foundation.rounding import (
+    NONE,
+    digits,
+    error_text,
+    format_count,
+    format_number,
+    percent_text,
+    whole_percent,
+)
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import (
     LadderEntry,
@@ -19,7 +30,23 @@ from identifiability.regression.reduction import (
     rung_entry,
 )
 from identifiability.workflows.analyze.assessment import Laddered, RungResult
+from identifiability.workflows.analyze.result import error_tables, found_cell
 from identifiability.workflows.analyze.words import state_physics
+from identifiability.workflows.answers import (
+    after_mass,
+    answer_next,
+    answer_quality,
+    answer_trust,
+    note,
+    with_hints,
+)
+from identifiability.workflows.commands import (
+    held_back,
+    name_export,
+    name_logs,
+    on_file,
+    source_name,
+)
 from identifiability.workflows.prune.elimination import Criterion, Refusal
 from identifiability.workflows.prune.moves import Partition
 from identifiability.workflows.prune.rung import Absorption, Measured, PrunedRung, Stability
@@ -89,6 +116,19 @@ class Ladder(Laddered, Measured):
     def partition(self) -> Partition:
         """What became of each column of the starting model."""
         return self.chosen.step.partition
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return what to use, how good it is, whether to trust it, what to do next."""
+        return _answers(self)
+
+    def cautions(self) -> tuple[Note, ...]:
+        """Return what is to be kept in mind."""
+        return tuple(_notes(self))
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return the models of the path, and the errors of the one to use by joint and by log."""
+        path = Table.of("", MOVES, self.rungs, marked=self.selected)
+        return (path, *error_tables(self))
 
     @property
     def statement(self) -> str:
@@ -184,3 +224,127 @@ def _identifiable(ladder: Ladder) -> str:
     count = ladder.result.count(Class.IDENTIFIABLE)
     total = len(ladder.chosen)
     return "All are identifiable" if count == total else f"{count} of them are identifiable"
+
+
+def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
+    robot, how = source_name(ladder.robot), ladder.settings.get("preparation")
+    logs = name_logs(ladder.robot, [s.name for s in ladder.samples], how=how)
+    held = held_back(ladder.validation)
+    if ladder.nothing:
+        return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
+    again = f"identifiability prune {robot} {logs}{held}"
+    another = name_logs(ladder.robot, [s.name for s in (ladder.validation or ladder.samples)])
+    text, name = name_export(ladder.robot, ladder.fit.names, ladder.fit.errors)
+    export = f"identifiability export {robot} {{file}} --out {name}"
+    predict = f"identifiability predict {robot} {{file}} {another} --out torque.csv"
+    diagnose = f"identifiability diagnose {robot} {logs}{held} --model {{file}}"
+    commands = [
+        (
+            text,
+            on_file(ladder, "json", "result.json", f"{again} --json", export),
+        ),
+        (
+            "Predict torque, of this log or another:",
+            on_file(ladder, "json", "result.json", f"{again} --json", predict),
+        ),
+        (
+            "Find out what even this model misses:",
+            on_file(
+                ladder,
+                "model",
+                "pruned.toml",
+                f"{again} --out",
+                f"{diagnose} --report missing.html",
+            ),
+        ),
+    ]
+    return [*commands[-1:], *commands[:-1]] if ladder.missing.functions else commands
+
+
+def _notes(ladder: Ladder) -> Iterator[Note]:
+    if ladder.mass_warning:
+        yield note("mass", warning=ladder.mass_warning)
+    if not ladder.feasible:
+        yield note("infeasible", why=ladder.result.physical.sentence)
+    for rung in ladder.rungs[1 : ladder.selected + 1]:
+        evidence, move = rung.step.evidence, rung.step.move
+        if evidence is not None and evidence.either and move is not None:
+            yield note("either", one=move.text.removeprefix("zero "), other=evidence.either)
+    kind = "stable" if ladder.stability.same > 0.5 else "unstable"
+    yield note(kind, statement=ladder.stability.statement)
+
+
+def _move_cell(r: PrunedRung) -> Cell:
+    move = r.step.move
+    return Cell(f"{move.kind.value}: {move.text}" if move is not None else r.name, note=r.reason)
+
+
+def _p_value(r: PrunedRung) -> float:
+    return r.step.evidence.p_value if r.step.evidence is not None else np.nan
+
+
+def _spread_cell(r: PrunedRung) -> Cell:
+    return Cell(f"± {percent(r.error_se, 2)}" if r.error_se > 0 else NONE, r.error_se)
+
+
+def _worst_cell(r: PrunedRung) -> Cell:
+    condition = f"condition {format_number(r.estimate.condition, 3)}"
+    return Cell(percent_text(r.worst_sigma_percent), r.worst_sigma_percent, condition)
+
+
+def _signs_cell(r: PrunedRung) -> Cell:
+    wrong = ", ".join(r.infeasible[:4]) + (" …" if len(r.infeasible) > 4 else "")
+    text, word = ("possible", "pass") if r.feasible else ("impossible", "differs")
+    return Cell(text, None, wrong, word)
+
+
+MOVES = with_hints(
+    "moves",
+    Column("move", "text", _move_cell),
+    Column("size", "number", len),
+    Column("p", digits(2), _p_value, detail=True),
+    Column("identifiable", "number", found_cell),
+    Column("fitted", error_text, "error_ra"),
+    Column("unseen", error_text, "error_ra_unseen"),
+    Column("± SE", "error", _spread_cell, detail=True),
+    Column("density [nats]", digits(3), "density"),
+    Column("weight", digits(2), "weight", detail=True),
+    Column("squares", digits(3), "error_squares", detail=True),
+    Column("worst σ%", "number", _worst_cell),
+    Column("signs", "badge", _signs_cell),
+)
+
+
+def _answers(ladder: Ladder) -> tuple[Answer, ...]:
+    chosen, full = ladder.chosen, ladder.full
+    outside = np.isfinite(chosen.error_ra_validation)
+    error = chosen.error_ra_validation if outside else chosen.error_ra_unseen
+    before = full.error_ra_validation if outside else full.error_ra_unseen
+    found, size = ladder.result.count(Class.IDENTIFIABLE), len(chosen)
+    kind = "the validation logs" if outside else "stretches that the fits had not seen"
+    kind = f"{kind} ({error_text(before)} unpruned)"
+    question = "Which model is worth using?"
+    share = ladder.stability
+    if ladder.nothing:
+        short = f"None: 0 of {len(full)} parameters are worth using."
+        use = Answer(question, short, f"Because {ladder.nothing}.", "vermilion")
+    else:
+        short = f"{size} of {len(full)} parameters, {found} of them identifiable."
+        real = state_physics(ladder.result)  # the formula of the certificate is in the note
+        again = f"{whole_percent(share.same)} of {format_count(share.replicates, 'resampled log')}"
+        text = f"{real} {again} choose exactly this model." if share.replicates else real
+        use = Answer(question, short, text, "green" if ladder.feasible else "amber")
+    each = ladder.held_out.joint_error()[:, 0]
+    doubt = f"Nothing is identifiable, because {ladder.nothing}." if ladder.nothing else ""
+    return (
+        after_mass(use, ladder.mass_warning),
+        answer_quality(error, ladder.robot.joints, each, kind),
+        answer_trust(
+            ladder.cautions(),
+            doubt or ladder.result.unjudged,
+            found,
+            size,
+            ladder.missing.statement,
+        ),
+        answer_next(_next_commands(ladder)),
+    )

@@ -12,8 +12,8 @@ from typing import Any, ClassVar, Literal, TypeAlias
 import numpy as np
 import pandas as pd
 
+from identifiability.foundation.rounding import MARKS, NONE, format_measured, format_number
 from identifiability.foundation.values import frozen
-from identifiability.report.numbers import MARKS, NONE, format_measured, format_number
 
 Kind = Literal["text", "number", "error", "bar", "badge", "code"]
 
@@ -33,6 +33,8 @@ class Cell:
         Word whose mark (colour and symbol) the text gets.
     share : float
         Length of a bar, 0 to 1.
+    link : str
+        Page that the text leads to.
     """
 
     text: str
@@ -40,6 +42,7 @@ class Cell:
     note: str = ""
     badge: str = ""
     share: float = 0.0
+    link: str = ""
 
     @property
     def sort_key(self) -> str | None:
@@ -115,6 +118,10 @@ class Table:
         Row that is emphasised.
     cards : bool
         Whether rows become cards on a phone; otherwise the table scrolls in its own box.
+    long : bool
+        Whether it is too long for a terminal.
+    worst : int or None
+        Column whose largest numbers decide which rows are shown where not all are.
     """
 
     caption: str
@@ -123,6 +130,8 @@ class Table:
     filter_by: int | None = None
     marked: int | None = None
     cards: bool = True
+    long: bool = False
+    worst: int | None = None
     kind: ClassVar[str] = "table"
 
     @classmethod
@@ -138,10 +147,25 @@ class Table:
             Say what of each row they show, and how.
         rows : iterable
         options
-            `filter_by`, `marked` and `cards`.
+            `filter_by`, `marked`, `cards`, `long` and `worst`.
         """
         cells = (tuple(c.cell(row, k) for k, c in enumerate(columns)) for row in rows)
         return cls(caption, tuple(columns), tuple(cells), **options)
+
+    def brief(self, most: int | None = None) -> Table:
+        """Return it without what is detail, with at most so many rows, in their order."""
+        shown = [k for k, c in enumerate(self.columns) if not c.detail]
+        at = list(range(len(self.rows)))
+        if most is not None and len(at) > most:
+            if self.worst is not None:
+                at.sort(key=lambda r: -_number(self.rows[r][self.worst or 0]))
+            at = sorted(at[:most])
+        rows = tuple(tuple(self.rows[r][k] for k in shown) for r in at)
+        marked = at.index(self.marked) if self.marked in at else None
+        chips = None if self.filter_by is None else self.filter_by % len(self.columns)
+        filter_by = shown.index(chips) if chips in shown else None
+        columns = tuple(self.columns[k] for k in shown)
+        return replace(self, columns=columns, rows=rows, marked=marked, filter_by=filter_by)
 
     @property
     def words(self) -> list[tuple[str, int]]:
@@ -229,6 +253,10 @@ def as_cell(x: Any, digits: int = 4) -> Cell:
     return Cell(NONE if x is None else str(x))
 
 
+def _number(cell: Cell) -> float:
+    return cell.key if isinstance(cell.key, float) and not math.isnan(cell.key) else -math.inf
+
+
 def _kind(values: Sequence[Any], *, first: bool) -> Kind:
     if (
         not first
@@ -242,3 +270,42 @@ def _kind(values: Sequence[Any], *, first: bool) -> Kind:
 def _rank(word: str) -> tuple[int, str]:
     order = list(MARKS)
     return (order.index(word) if word in order else len(order)), word
+
+
+@frozen
+class Note:
+    """A caveat, or the absence of one.
+
+    Attributes
+    ----------
+    level : {"warning", "note", "good"}
+    title, text : str
+    """
+
+    level: Literal["warning", "note", "good"]
+    title: str
+    text: str
+
+    @property
+    def symbol(self) -> str:
+        """Stands before the title."""
+        return {"warning": "▲", "note": "●", "good": "✓"}[self.level]
+
+
+@frozen
+class Answer:
+    """A question that every reader has, its answer in a few words, and what is said of it.
+
+    Attributes
+    ----------
+    question, short, text : str
+    tone : str
+    commands : tuple of (what, command)
+        Lines for the terminal, ready to copy, with what each is for.
+    """
+
+    question: str
+    short: str
+    text: str = ""
+    tone: str = ""
+    commands: tuple[tuple[str, str], ...] = ()

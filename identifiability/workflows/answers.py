@@ -1,84 +1,106 @@
-"""What every reader asks first: how good is it, may it be trusted? And what sections derive."""
+"""What every result answers first: how good is it, may it be trusted, what next? And its words.
+
+Questions, notes and hints of columns stand in `words.toml`; whoever shows a result reads them here.
+"""
 
 from __future__ import annotations
 
+import math
+import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from identifiability.estimation.evidence import LEVELS
-from identifiability.estimation.verdict import Class, Verdict
+from identifiability.estimation.verdict import Verdict
+from identifiability.foundation.answers import (
+    Answer,
+    Column,
+    Note,
+    Table,
+    badge_cell,
+    measured_cells,
+)
 from identifiability.foundation.names import Array
-from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.report.blocks import Answer, Note
-from identifiability.report.numbers import NONE, error_text, format_count
-from identifiability.report.tables import Cell, Column, Table, badge_cell, measured_cells
-from identifiability.report.words import sentence
-from identifiability.robot import Robot
-from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.assessment import RungResult, state_joints
-from identifiability.workflows.analyze.words import grade_of
+from identifiability.foundation.rounding import NONE, error_text, format_count
 
-if TYPE_CHECKING:
-    from identifiability.workflows.prune.rung import PrunedRung
+WORDS: dict[str, Any] = tomllib.loads(
+    Path(__file__).with_name("words.toml").read_text(encoding="utf-8")
+)
 
 
-# What several sections derive from an analysis.
+def words(name: str, /, **holes: Any) -> dict[str, Any]:
+    """Return the words of some name, each by what it is, with their holes filled."""
+    return {what: text.format(**holes) for what, text in WORDS[name].items()}
 
 
-def unseen_samples(analysis: Analysis) -> tuple[Prepared, ...]:
-    """Return the logs that held-out predictions are made on."""
-    return analysis.validation or analysis.samples
+def sentence(name: str, what: str = "text", /, **holes: Any) -> str:
+    """Return one of the words of some name, with its holes filled."""
+    filled: str = WORDS[name][what].format(**holes)
+    return filled
 
 
-def torque_units(robot: Robot) -> tuple[str, ...]:
-    """Return N or N·m for each actuated joint."""
-    return robot.torque_units
+def note(name: str, /, **holes: Any) -> Note:
+    """Return a caveat."""
+    return Note(**words(f"note.{name}", **holes))
 
 
-def velocity_units(robot: Robot) -> tuple[str, ...]:
-    """Return m/s or rad/s for each actuated joint."""
-    return tuple("m/s" if robot.is_prismatic(int(k)) else "rad/s" for k in robot.actuated)
+def with_hints(table: str, *own: Column) -> tuple[Column, ...]:
+    """Return the columns of a table with their hints."""
+    hints = WORDS[f"hints.{table}"]
+    return tuple(replace(c, hint=hints.get(c.title, c.hint)) for c in own)
 
 
-def model_title(result: RungResult) -> str:
-    """Return the name of a model as it stands in a sentence."""
-    return result.name if "model" in result.name.lower() else f"“{result.name}”"
+#: Error on unseen motion, of how much torque varies, up to which it is called so; a rule of thumb.
+GRADES = ((0.03, "very-good"), (0.08, "good"), (0.15, "fair"), (0.5, "poor"), (math.inf, "useless"))
 
 
-def sigma_inflation(result: RungResult) -> float:
-    """Return by how much autocorrelation widens σ, over the determined parameters."""
-    pairs = [(v.sigma_robust, v.sigma) for v in result.verdicts]
-    ratios = [a / b for a, b in pairs if 0 < b < np.inf and np.isfinite(a)]
-    return float(np.median(ratios)) if ratios else 1.0
+def grade_of(error: float) -> str:
+    """Return the name of the grade of an error on unseen motion."""
+    return next(name for limit, name in GRADES if error <= limit)
 
 
-def stated_values(analysis: Analysis, result: RungResult) -> list[float | None]:
-    """Return what this fit would find on the robot of the file, None where it states nothing.
+#: Errors of joints differ where the largest is more than so many times the least.
+DIFFERENT = 2.0
 
-    A value that stands for more than its label is compared with what the file's robot would show.
+
+#: Joints whose errors a sentence states one by one.
+WORST = 4
+
+
+def state_joints(joints: Sequence[str], each: Array, together: float) -> str:
+    """Return the errors of joints, worst first, where that of all together hides them.
+
+    It does where joints differ, and where their loads differ so much that the torque of all
+    together varies more than that of any.
+
+    Parameters
+    ----------
+    joints : sequence of str
+    each : (n,)
+        On unseen motion, over each joint's own scale.
+    together : float
+        Of all joints.
     """
-    known, base = analysis.robot.nominal, analysis.base
-    stated = np.array([any(p.name in known for _, p in base.terms(r)) for r in range(len(base))])
-    member = np.abs(result.rung.M) > 0
-    return [
-        v.projected if v.projected is not None and stated[member[:, k]].any() else None
-        for k, v in enumerate(result.verdicts)
-    ]
+    if len(joints) < 2 or not np.isfinite(each).all():
+        return ""
+    if np.max(each) <= DIFFERENT * min(np.min(each), together):
+        return ""
+    return f"Each joint over its own variation: {list_worst(joints, 100 * each, '%')}."
 
 
-def sigma_percents(result: RungResult) -> tuple[Array, Array]:
-    """Return σ white and σ for the label of each parameter [% of its value], (k,) each."""
-    white = np.array([v.sigma_percent for v in result.verdicts], float)
-    return white, np.array([v.sigma_label_percent for v in result.verdicts], float)
-
-
-def found_cell(model: RungResult | PrunedRung) -> Cell:
-    """Return how many parameters of a model are identifiable."""
-    found = sum(v.verdict is Class.IDENTIFIABLE for v in model.verdicts)
-    return Cell("not judged" if model.unjudged else str(found), found)
+def list_worst(joints: Sequence[str], each: Array, unit: str) -> str:
+    """Return the errors of joints, (n,) in a unit, worst first; the smaller ones together."""
+    order = np.argsort(-each, kind="stable")
+    said = [f"{joints[k]} {each[k]:.2g} {unit}" for k in order[:WORST]]
+    if len(order) == WORST + 1:
+        said.append(f"{joints[order[-1]]} {each[order[-1]]:.2g} {unit}")
+    elif len(order) > WORST:
+        said.append(f"the other {len(order) - WORST} at most {each[order[WORST]]:.2g} {unit}")
+    return ", ".join(said)
 
 
 def bias_columns(verdicts: Sequence[Verdict]) -> tuple[Column, ...]:
@@ -94,12 +116,15 @@ def _sigmas(moved: float | None) -> str:
 
 #: What every table of judged parameters shows of a `Verdict`.
 VALUE = Column("value", "number", lambda v: measured_cells(v.value, v.sigma_robust)[0])
+
+
 SIGMA = Column("± σ", "error", lambda v: measured_cells(v.value, v.sigma_robust)[1])
+
+
 UNIT = Column("unit", get="unit")
+
+
 VERDICT = Column("verdict", "badge", lambda v: badge_cell(v.verdict.value, v.reason), quiet=True)
-
-
-# What every reader asks first: how good it is, and whether to trust it.
 
 
 #: Error from which on a joint by itself is no longer good where all together are.
