@@ -39,7 +39,8 @@ def sentences() -> Iterator[None]:
     except BrokenPipeError:  # the reader of our output went away; typer knows what to do
         raise
     except OSError as error:
-        _fail(legible(f"'{error.filename}' cannot be used: {error.strerror or error}."))
+        what = f"'{error.filename}' cannot be used" if error.filename else "The system refused"
+        _fail(legible(f"{what}: {error.strerror or error}."))
     except MemoryError:
         _fail(
             "There is not enough memory for this. Joints and effects take it, hardly the length of "

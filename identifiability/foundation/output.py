@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import math
@@ -12,8 +13,8 @@ import shutil
 import sys
 import tempfile
 import weakref
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -33,6 +34,12 @@ if TYPE_CHECKING:
 
 if sys.platform != "win32":  # where nothing is swept
     import fcntl
+
+#: Locked by who puts files of its folder in their places: containers have hosts of their own.
+_TURN = ".identifiability-turn.tmp"
+
+#: What the system says where there is no room.
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 #: How to open what is locked: a folder, too, and no link, nor a pipe that would be waited for.
 _PLAIN = sum(getattr(os, name, 0) for name in ("O_CLOEXEC", "O_NOFOLLOW", "O_NONBLOCK"))
@@ -75,13 +82,25 @@ def sweep(paths: Iterable[Path]) -> None:
                 os.close(held)
 
 
+class _Folder(tempfile.TemporaryDirectory[str]):
+    """A folder that goes with its ``with`` block; that there is no room in it is a sentence."""
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        super().__exit__(kind, error, trace)
+        if isinstance(error, OSError) and error.errno in _NO_ROOM:
+            raise OutputError(
+                f"What is needed for a while cannot be written: {_reason(error)}; make room in "
+                f"'{tempfile.gettempdir()}', or let TMPDIR name another folder."
+            ) from None
+
+
 def temporary_folder() -> tempfile.TemporaryDirectory[str]:
     """Return a folder that goes with its ``with`` block, or with the program; sweep orphans."""
     name = f"identifiability-{host_mark()}-"
     sweep(Path(tempfile.gettempdir()).glob(f"{name}*-*"))
     while True:
         prefix = f"{name}{os.getpid()}-"
-        folder = tempfile.TemporaryDirectory(prefix=prefix, ignore_cleanup_errors=True)
+        folder = _Folder(prefix=prefix, ignore_cleanup_errors=True)
         if hold(folder, Path(folder.name)):
             return folder
 
@@ -204,11 +223,13 @@ def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
     fresh = [_beside(target) for target in targets]
     aside: list[tuple[Path, Path]] = []
     placed: list[Path] = []
+    turn = ExitStack()
     try:
         _held = [
             _fill(temporary, content, target)
             for temporary, (_, content), target in zip(fresh, files, targets, strict=True)
         ]
+        turn.enter_context(_taking_turns(targets[-1].parent))
         for target in reversed(targets):
             if target.exists():
                 name = target.with_name(f"{target.name}.{secrets.token_hex(4)}.old")
@@ -226,9 +247,32 @@ def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
             names = " and ".join(f"'{path}'" for path, _ in files)
             raise OutputError(f"{names} cannot be written: {_reason(error)}.") from None
         raise
+    else:
+        _remove(name for name, _ in aside)
     finally:
+        turn.close()
         _remove(fresh)
-    _remove(name for name, _ in aside)
+
+
+@contextmanager
+def _taking_turns(folder: Path) -> Iterator[None]:
+    """Let one program at a time put files of a folder in their places, where there are locks."""
+    path, held = folder / _TURN, -1
+    with suppress(OSError):  # a file system without locks, a program of another user
+        while sys.platform != "win32":
+            held = os.open(path, os.O_RDWR | os.O_CREAT | _PLAIN, 0o600)
+            fcntl.flock(held, fcntl.LOCK_EX)
+            with suppress(FileNotFoundError):  # who had it before has removed it
+                if os.path.samestat(os.fstat(held), path.stat()):
+                    break
+            os.close(held)
+            held = -1
+    try:
+        yield
+    finally:
+        if held >= 0:
+            _remove([path])
+            os.close(held)
 
 
 def kept_aside(path: Path) -> Path | None:
@@ -242,7 +286,7 @@ def kept_aside(path: Path) -> Path | None:
 def _beside(target: Path) -> Path:
     """Return where a file is filled before it is put in its place; sweep what the killed left."""
     host = host_mark()
-    sweep(target.parent.glob(f".{host}-*-*.tmp"))
+    sweep([target.with_name(_TURN), *target.parent.glob(f".{host}-*-*.tmp")])
     return target.with_name(f".{host}-{os.getpid()}-{secrets.token_hex(6)}.tmp")
 
 

@@ -2,26 +2,33 @@
 
 import errno
 import os
+import resource
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from identifiability import analyze, inspect
 from identifiability.foundation.errors import OutputError, RobotError
 from identifiability.logs import Log
 from identifiability.robot import Robot
+from identifiability.simulation import PrescribedMotion
+from identifiability.simulation.motion import write_command_bag, write_trajectory_bag
 from identifiability.workflows.export import write_parameters
 from identifiability.workflows.prune import prune
+from identifiability.workflows.study import new_study
 
 
 def files_in(folder):
-    return {p: p.read_bytes() for p in folder.iterdir()}
+    return {p: p.read_bytes() for p in folder.rglob("*") if not p.is_dir()}
 
 
 FULL = OSError(errno.ENOSPC, "No space left on device")
 KINDS = ("json", "html", "csv", "parquet", "xml", "urdf", "sidecar", "model")
+MORE = ("twin", "template", "motion bag", "command bag", "study")
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +46,10 @@ def written(results, tmp_path):
     def build(kind):
         arm = Robot.load("six-dof-arm" if kind in ("urdf", "sidecar") else "two-link")
         robot = tmp_path / ("out.xml" if kind == "xml" else "out.urdf")
+        six, motion = (
+            Robot.load("six-dof-arm"),
+            PrescribedMotion(np.arange(9.0), *np.ones((3, 9, 1))),
+        )
         parameters = arm.nominal | ({f"{arm.axes[0].name}.Fc": 0.7} if kind == "sidecar" else {})
         ways = {
             "json": ("out.json", results["analysis"].to_json),
@@ -49,6 +60,11 @@ def written(results, tmp_path):
             "urdf": ("out.urdf", lambda _: write_parameters(arm, parameters, robot)),
             "sidecar": ("out.toml", lambda _: write_parameters(arm, parameters, robot)),
             "model": ("out.toml", results["ladder"].write_model),
+            "twin": ("out.xml", lambda path: write_parameters(six, six.nominal, path)),
+            "template": ("out.csv", inspect("two-link").write_template),
+            "motion bag": ("out.mcap", lambda path: write_trajectory_bag(path, ["j"], motion)),
+            "command bag": ("out.mcap", lambda path: write_command_bag(path, motion.t, motion.q)),
+            "study": ("study", new_study),
         }
         name, write = ways[kind]
         path = tmp_path / name
@@ -82,6 +98,30 @@ def test_a_stopped_write_leaves_the_old_file_and_nothing_else(kind, stop, writte
     monkeypatch.undo()
     assert path.read_bytes() == old
     assert {p.name for p in path.parent.iterdir()} == beside
+
+
+@contextmanager
+def no_file_longer(most):
+    """A disk without room: the system itself refuses each byte after so many of a file."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("kind", [*KINDS, *MORE])
+def test_a_disk_that_fills_is_one_sentence_of_the_library_and_leaves_nothing(
+    kind, written, tmp_path
+):
+    _, write = written(kind)
+    before = files_in(tmp_path)
+    with no_file_longer(10), pytest.raises(OutputError, match="cannot be written: File too large"):
+        write()
+    assert files_in(tmp_path) == before
+    write()  # there is room again
+    assert files_in(tmp_path) != before
 
 
 KILLED = """
@@ -159,6 +199,47 @@ def test_a_process_that_is_killed_leaves_no_mixed_pair(count, tmp_path):
         assert kept == ["old"]
         with pytest.raises(RobotError, match=r"interrupted. Its old content is '.*xml.\w+.old'; w"):
             Robot.load(pair[1])
+
+
+WRITES = """
+import sys
+from pathlib import Path
+from identifiability.foundation.output import write_bytes, write_together
+
+me = sys.argv[1].encode()
+pair = [(Path(name), me * 10_000) for name in ("robot.toml", "robot.xml")]
+print("ready", flush=True)
+sys.stdin.readline()
+for _ in range(60):
+    write_together(pair)
+    write_bytes("result.json", me * 10_000)
+"""
+
+
+def test_two_runs_that_write_the_same_files_leave_those_of_one(tmp_path):
+    root = Path(__file__).resolve().parents[2]
+    more = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    runs = [
+        subprocess.Popen(
+            [sys.executable, "-c", WRITES, me],
+            cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(root)}, text=True, **more,
+        )
+        for me in "ab"
+    ]  # fmt: skip
+    for run in runs:
+        run.stdout.readline()
+    for run in runs:
+        run.stdin.write("\n")
+        run.stdin.flush()
+    seen = set()
+    while any(run.poll() is None for run in runs):
+        if (tmp_path / "result.json").exists():
+            seen.add((tmp_path / "result.json").read_bytes())
+    assert [run.communicate()[1] for run in runs] == ["", ""]
+    found = files_in(tmp_path)
+    assert {p.name for p in found} == {"robot.toml", "robot.xml", "result.json"}
+    assert found[tmp_path / "robot.toml"] == found[tmp_path / "robot.xml"]
+    assert seen <= {b"a" * 10_000, b"b" * 10_000}
 
 
 def test_a_sidecar_takes_no_other_files_name(tmp_path):

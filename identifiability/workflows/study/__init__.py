@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shlex
-import shutil
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import Annotated
 
 from identifiability.foundation.errors import LogError, OutputError, listing
 from identifiability.foundation.options import Expected, FilePath, checked
-from identifiability.foundation.output import check_writable, write_text
+from identifiability.foundation.output import check_writable, write_bytes
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs.formats.reader import check_there
@@ -138,14 +137,24 @@ def new_study(
             texts["template.csv"] = template_frame(known).to_csv(index=False)
         if sidecar.name not in files:
             texts[sidecar.name] = _filled("sidecar.toml", {**told, **_facts(known)})
+    whole = {name: path.read_bytes() for name, path in files.items()}
+    whole |= {name: text.encode() for name, text in texts.items()}
+    new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
-    for name, path in files.items():
-        shutil.copyfile(path, folder / name)
-    written = [write_text(folder / name, text) for name, text in texts.items()]
+    written: list[Path] = []
+    try:
+        for name, content in whole.items():
+            written.append(write_bytes(folder / name, content))
+    except BaseException:  # a full disk, Ctrl-C: half a study would be in the way of the next one
+        for path in written:
+            path.unlink()
+        if new:
+            folder.rmdir()
+        raise
     return Study(
         folder=folder,
         robot=source.name,
-        written=(*(folder / name for name in files), *written),
+        written=tuple(written),
         fitted=tuple(fitted),
         held_back=held_back,
         has_logs=has_logs,
