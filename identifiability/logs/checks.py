@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Sequence
 from copy import copy
 from typing import TYPE_CHECKING
@@ -58,7 +59,7 @@ def find_joints(columns: list[str], source: str, of: Collection[str] = ()) -> li
             f"{source} has no column 't' (time in s){guess} It has the columns {listing(columns)}."
             f"{rows}"
         )
-    repeated = sorted({c for c in columns if columns.count(c) > 1})
+    repeated = sorted(c for c, times in Counter(columns).items() if times > 1)
     if repeated:
         raise LogError(f"{source} has the column '{repeated[0]}' more than once; keep one of them.")
     joints = [c.removesuffix(".q") for c in columns if c.endswith(".q")]

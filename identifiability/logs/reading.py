@@ -345,6 +345,7 @@ class Reading:
         """
         start = frame.attrs.get("start")
         frame = with_index(frame.set_axis([str(c) for c in frame.columns], axis=1))
+        frame.attrs = {}  # pandas would copy them, deeply, with each column
         self._form = form
         frame = self._take_base(frame)
         if not self._naming.columns:

@@ -23,7 +23,7 @@ def test_spoilt_files_give_our_sentences_and_neither_crash_nor_hang():
     for tally in tallies.values():
         assert tally["inputs"] == tally["accepted"] + tally["refused"] == EXAMPLES
         assert tally["refused"] > EXAMPLES / 2  # the files were spoilt indeed
-        assert tally["reasons"] > 3
+        assert tally["reasons"] > 2
     assert out.stderr == ""
 
 

@@ -426,8 +426,9 @@ def _collect(
             wanted = wanted or names
             if sorted(names) != sorted(wanted) or len(set(names)) < len(names):
                 continue
-        if wanted and set(wanted) <= set(names):
-            order = [names.index(j) for j in wanted]
+        places = {name: k for k, name in reversed([*enumerate(names)])}
+        if wanted and places.keys() >= set(wanted):
+            order = [places[j] for j in wanted]
             rows.append({c: _pick(getattr(message, f), names, order) for c, f in FIELDS.items()})
             measured = message.header.stamp
             if not len(rows) % 100_000:
