@@ -212,6 +212,15 @@ def error_over_joints(squares: Array, variation: Array) -> Array:
     return total
 
 
+def loaded_joints(rms: Array) -> list[int]:
+    """Return the joints whose torque there is something to say of; all where there is none.
+
+    What nothing drives, as a base, has none along most motions.
+    """
+    loaded = np.flatnonzero(rms > 0)
+    return (loaded if len(loaded) else np.arange(len(rms))).tolist()
+
+
 def split_evenly(x: Array, parts: int) -> list[Array]:
     """Return consecutive parts of about equal length, none empty."""
     return [part for part in np.array_split(x, parts) if len(part)]

@@ -49,9 +49,7 @@ from identifiability.workflows.analyze.result import (
     MOST_NAMES,
 )
 from identifiability.workflows.analyze.words import SeveralLogs
-from identifiability.workflows.answers import (
-    level_table,
-)
+from identifiability.workflows.answers import count_joints, level_table
 
 # The answer: what to use, who is who, and what to keep in mind.
 
@@ -263,7 +261,7 @@ def build_analysis_page(analysis: Analysis) -> Page:
     robot = analysis.robot
     logs = format_count(len(analysis.samples), "log")
     subtitle = (
-        f"{robot.path.name} · {format_count(len(robot.joints), 'actuated joint')} · {logs} with "
+        f"{robot.path.name} · {count_joints(robot)} · {logs} with "
         f"{format_count(analysis.information.samples, 'sample')}"
     )
     return Page(

@@ -14,7 +14,7 @@ def build_batch_page(result: Batch) -> Page:
     """Return the report as a page of blocks, to look at or to extend."""
     return Page(
         title=result.name,
-        sections=(section_robots(result), *section_failed(result)),
+        sections=(section_robots(result), *section_failed(result), *section_warnings(result)),
         overline="Batch",
         subtitle=f"{result.verb} · {format_count(len(result.rows), 'robot')}",
         summary=(
@@ -32,6 +32,13 @@ def answer_batch(result: Batch) -> Answers:
 def section_robots(result: Batch) -> Section:
     """Return the table of robots."""
     return section("batch.robots", *result.tables())
+
+
+def section_warnings(result: Batch) -> tuple[Section, ...]:
+    """Return what to check in logs and files, robot by robot, if there is anything."""
+    notes = tuple(Note("note", row.robot, " ".join(row.warnings)) for row in result.done)
+    notes = tuple(n for n in notes if n.text)
+    return (section("batch.warnings", Notes(notes)),) if notes else ()
 
 
 def section_failed(result: Batch) -> tuple[Section, ...]:

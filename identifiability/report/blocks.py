@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import ClassVar, TypeAlias
 
@@ -258,6 +259,34 @@ class Fold:
     blocks: tuple[Block, ...]
     detail: bool = False
     kind: ClassVar[str] = "fold"
+
+
+def fold_rows(
+    table: Table, first: Sequence[bool], those: str, rest: str
+) -> tuple[Table | Fold, ...]:
+    """Return a table of some rows, and below it one of the others that opens on demand.
+
+    Where there are only some, or only others, the table stays whole.
+
+    Parameters
+    ----------
+    table : Table
+    first : sequence of bool
+        Which of its rows stand first.
+    those, rest : str
+        What these and the others are, for the caption of the one and the summary of the other.
+    """
+    count = sum(first)
+    if not 0 < count < len(table.rows):
+        return (table,)
+    shown, hidden = (
+        tuple(row for row, is_first in zip(table.rows, first, strict=True) if is_first is kind)
+        for kind in (True, False)
+    )
+    counts = ", ".join(f"{n} {word}" for word, n in replace(table, rows=hidden).words)
+    said = f"The other {len(hidden)}: {counts or rest}"
+    more = replace(table, caption="", rows=hidden, marked=None)
+    return replace(table, caption=f"The {count} {those}", rows=shown), Fold(said, (more,))
 
 
 Block: TypeAlias = (

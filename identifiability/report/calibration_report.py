@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from identifiability.effects import title_of
 from identifiability.foundation.answers import Column, Table
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import (
@@ -36,7 +37,7 @@ from identifiability.report.drawing import (
 from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, moved_pose, sketch_parts
 from identifiability.report.words import picture, section
-from identifiability.workflows.answers import note, sentence, with_hints
+from identifiability.workflows.answers import note, sentence, with_hints, words
 from identifiability.workflows.calibrate.calibration import (
     WORDS,
     Calibration,
@@ -286,7 +287,7 @@ def _names(found: FalseNames) -> Section:
     rows = []
     for family, size in sorted(found.detectable.items(), key=lambda x: x[1]):
         least, most = (format_number(100 * x, 2) for x in found.detectable_interval(family))
-        rows.append((family.replace("_", " "), size, f"{least} … {most} %"))
+        rows.append((title_of(family), size, f"{least} … {most} %"))
     low, high = (100 * x for x in found.interval)
     given = f": {'; '.join(found.named)}" if found.named else ""
     numbers = {"named": len(found.named), "trials": found.trials, "low": low, "high": high}
@@ -299,15 +300,15 @@ def _names(found: FalseNames) -> Section:
 def _method(calibration: Calibration) -> Section:
     counts = [c.trials for c in calibration.cells]
     repeated = {"trials": counts[-1], "first": counts[0], "seed": calibration.seed}
-    text = sentence("calibration.how", "how", **repeated)
+    told = [*words("calibration.how", **repeated).values()]
     if calibration.ranks is not None:
         numbers = {"replicates": calibration.ranks.replicates, "width": f"{PRIOR_WIDTH:g}"}
-        text += sentence("calibration.ranks", "how", **numbers)
+        told.append(sentence("calibration.ranks", "how", **numbers))
     table, own = None, calibration.own
     if own is not None:
         rows = zip(calibration.joints, own.orders, own.sd, own.times, strict=True)
         table = Table.of("Noise like the residual", NOISE, rows)
-    return section("calibration.method", text, table)
+    return section("calibration.method", Prose(tuple(told)), table)
 
 
 NOISE = with_hints(

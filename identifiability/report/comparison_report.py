@@ -12,7 +12,15 @@ from identifiability.foundation.answers import Column, Table, measured_cells
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rounding import digits, join, rough_percent
-from identifiability.report.blocks import Answers, Fold, Notes, Prose, Section, Sketch
+from identifiability.report.blocks import (
+    Answers,
+    Fold,
+    Notes,
+    Prose,
+    Section,
+    Sketch,
+    fold_rows,
+)
 from identifiability.report.drawing import DASHED, INK, drawn, row_canvas, row_lines, whiskers
 from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, sketch_parts
@@ -118,9 +126,11 @@ def section_parameters(result: Comparison) -> Section:
         Column("in σ", digits(2), "sigmas"),
     )
     rows: list[Any] = list(frame.itertuples())
+    beyond = (frame["sigmas"].abs() > REACH).tolist()
     table = Table.of("Before and after", own, rows)
+    tables = fold_rows(table, beyond, f"that differ by more than {REACH:.3g} σ", "nearer")
     shown = picture("changes", figure, count=len(largest))
-    return section("comparison.parameters", shown, table)
+    return section("comparison.parameters", shown, *tables)
 
 
 def section_method(result: Comparison) -> Section:

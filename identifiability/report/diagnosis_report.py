@@ -10,6 +10,7 @@ from identifiability.effects import find_effect, title_of
 from identifiability.foundation.answers import Cell, Column, Note, Table
 from identifiability.foundation.rounding import (
     digits,
+    format_count,
     format_number,
     join,
     percent,
@@ -17,6 +18,7 @@ from identifiability.foundation.rounding import (
 )
 from identifiability.report.blocks import (
     Answers,
+    Fold,
     Gallery,
     Notes,
     Picture,
@@ -45,7 +47,7 @@ from identifiability.workflows.answers import (
 )
 from identifiability.workflows.diagnose.findings import Curve, NamedEffect
 from identifiability.workflows.diagnose.forward import ForwardGap
-from identifiability.workflows.diagnose.result import Diagnosis
+from identifiability.workflows.diagnose.result import PLACES, Diagnosis
 from identifiability.workflows.diagnose.words import remarks, weight_text
 
 # What a diagnosis answers first: what is missing, what it explains, what is left, what next.
@@ -199,22 +201,41 @@ def _section_gap(d: Diagnosis) -> Section:
     t = rows.t[first]
     part = np.flatnonzero(first)[(t >= t[0]) & (t <= t[0] + STRETCH)]
     units, speeds = d.robot.torque_units, velocity_units(d.robot)
-    over_time, against = [], []
-    for k, joint in enumerate(d.robot.joints[:SHOWN]):
+    over_time: dict[int, Picture] = {}
+    against: dict[int, list[Picture]] = {}
+    named = {c.joint for c in d.curves}
+    for k in _first_joints(d, named):
+        joint = d.robot.joints[k]
         pair = residual[:, k, 0], residual[:, k, -1]
         figure = draw_gap(rows.t[part], pair[0][part], pair[1][part], joint, units[k])
-        over_time.append(picture("gap", figure, joint=joint))
+        over_time[k], against[k] = picture("gap", figure, joint=joint), []
         for what, x, unit in (
             ("velocity", rows.dq[:, k], speeds[k]),
             ("position", rows.q[:, k], speeds[k].removesuffix("/s")),
             ("load", rows.measured[:, k], units[k]),
         ):
             figure = draw_against(x, *pair, joint, (unit, units[k]), what)
-            against.append(picture("against", figure, joint=joint, what=what))
+            against[k].append(picture("against", figure, joint=joint, what=what))
     errors = {"before": percent(d.real_before), "after": percent(d.real_after)}
     real = sentence("diagnosis.real", **errors) if np.isfinite(d.real_after) else ""
-    galleries = gallery("gap", over_time, seconds=f"{STRETCH:g}"), gallery("against", against)
-    return section("diagnosis.gap", *galleries, d.tables()[-1], real=real)
+    first = [k for k in over_time if k in named] or list(over_time)
+    shown, others = (
+        (
+            gallery("gap", [over_time[k] for k in own], seconds=f"{STRETCH:g}"),
+            gallery("against", [one for k in own for one in against[k]]),
+        )
+        for own in (first, [k for k in over_time if k not in first])
+    )
+    rest = format_count(len(over_time) - len(first), "joint")
+    fold = Fold(f"The same of {rest} in which nothing was named", others)
+    more = (fold,) if len(first) < len(over_time) else ()
+    return section("diagnosis.gap", *shown, d.tables()[-1], *more, real=real)
+
+
+def _first_joints(d: Diagnosis, named: set[int]) -> list[int]:
+    """Return the joints that are drawn: those in which something was named first."""
+    order = sorted(range(len(d.robot.joints)), key=lambda k: k not in named)
+    return order[: max(SHOWN, len(named))]
 
 
 def _section_where(d: Diagnosis) -> Section:
@@ -271,8 +292,12 @@ STEPS = (
 
 def _section_aliases(d: Diagnosis) -> Section:
     hidden = sorted((a for a in d.aliases if a.structural), key=lambda a: a.remaining)
+    why: dict[tuple[str, str], list[str]] = {}
+    for r in d.refusals:
+        why.setdefault((title_of(r.family), r.reason), []).append(r.place)
     refused = tuple(
-        Term(f"{r.family.replace('_', ' ')} {r.place}".strip(), r.reason) for r in d.refusals
+        Term(" in ".join(filter(None, (title, join(list(filter(None, places)), PLACES)))), reason)
+        for (title, reason), places in why.items()
     )
     if not hidden and not refused:
         return section("diagnosis.aliases", "Every family is visible in this motion.")
@@ -281,7 +306,7 @@ def _section_aliases(d: Diagnosis) -> Section:
 
 
 HIDDEN = (
-    Column("effect", get=lambda a: a.family.replace("_", " ")),
+    Column("effect", get=lambda a: title_of(a.family)),
     Column("where", get="place"),
     Column("visible", rough_percent, "remaining"),
     Column("hidden behind", get=lambda a: ", ".join(a.behind)),
@@ -295,7 +320,7 @@ def _section_remainder(d: Diagnosis) -> Section:
     )
     sizes = sorted(d.remainder.detectable.items(), key=lambda x: x[1])
     caption = "Sizes that are named in four of five logs like these, at the best place"
-    table = Table.of(caption, columns, [(name.replace("_", " "), size) for name, size in sizes])
+    table = Table.of(caption, columns, [(title_of(name), size) for name, size in sizes])
     return section("diagnosis.remainder", table)
 
 
@@ -305,7 +330,7 @@ RULES = (Column("rule", "code"), Column("value", digits(3)), Column("meaning"))
 def _section_method(d: Diagnosis) -> Section:
     names = dict.fromkeys([*d.base, *(f for s in d.steps for f, _ in s.evidence)])
     terms = [
-        Term(name.replace("_", " "), e.source, formula=e.equation)
+        Term(title_of(name), e.source, formula=e.equation)
         for name, e in ((n, find_effect(n)) for n in names)
     ]
     prepared = tuple(f"{s.name}: {'; '.join(s.notes)}." for s in (*d.samples, *d.validation))

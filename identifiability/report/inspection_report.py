@@ -36,7 +36,7 @@ from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, actuated_pose, sketch_parts
 from identifiability.report.torque import plot_runs
 from identifiability.report.words import picture, section
-from identifiability.workflows.answers import note, sentence
+from identifiability.workflows.answers import count_joints, note, sentence
 from identifiability.workflows.inspect import JOINTS, Inspection, Record
 
 # What a log holds of a joint: position, velocity and torque over time.
@@ -137,7 +137,7 @@ def build_inspection_page(result: Inspection) -> Page:
         logs = (section_traces, section_motion, section_torque, section_clock)
         folds = [Fold(part.title, (Prose((part.lead,)), *part.blocks)) for part in own]
         own = [*(build(result) for build in logs), section("inspection.robot", *folds)]
-    about = [result.robot.path.name, format_count(len(result.robot.joints), "actuated joint")]
+    about = [result.robot.path.name, count_joints(result.robot)]
     about += [format_count(len(result.records), "log")] if result.records else []
     return Page(
         title=result.robot.title or result.robot.name,

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from identifiability.effects import title_of
 from identifiability.estimation.estimator import PAPER_FACTOR
-from identifiability.estimation.verdict import Class
+from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Column, Table
 from identifiability.foundation.linalg import RANK_TOLERANCE
 from identifiability.foundation.names import Array
@@ -29,7 +29,17 @@ from identifiability.foundation.rounding import (
 )
 from identifiability.physical.cad_prior import mass_rows, total_mass
 from identifiability.report.belief import draw_precision, draw_pulls
-from identifiability.report.blocks import Fold, Gallery, Picture, Prose, Section, Term, Terms
+from identifiability.report.blocks import (
+    Block,
+    Fold,
+    Gallery,
+    Picture,
+    Prose,
+    Section,
+    Term,
+    Terms,
+    fold_rows,
+)
 from identifiability.report.drawing import (
     BLUE,
     COLOURS,
@@ -343,9 +353,16 @@ def section_full_model(analysis: Analysis) -> Section:
     return section("analysis.full-model", fold, size=len(full.rung), title=title)
 
 
-def parameter_blocks(analysis: Analysis, result: RungResult) -> tuple[Gallery, Table]:
-    """Return pictures and table of the parameters of a model."""
-    return parameter_pictures(analysis, result), parameter_table(analysis, result)
+def parameter_blocks(analysis: Analysis, result: RungResult) -> tuple[Block, ...]:
+    """Return pictures and table of the parameters of a model, those that are known first."""
+    table = parameter_table(analysis, result)
+    return parameter_pictures(analysis, result), *fold_verdicts(table, result.verdicts)
+
+
+def fold_verdicts(table: Table, verdicts: Sequence[Verdict]) -> tuple[Table | Fold, ...]:
+    """Return a table of judged parameters, those that are not identifiable one click away."""
+    known = [v.verdict is Class.IDENTIFIABLE for v in verdicts]
+    return fold_rows(table, known, "identifiable parameters", "parameters")
 
 
 def parameter_pictures(analysis: Analysis, result: RungResult) -> Gallery:

@@ -17,11 +17,12 @@ from identifiability.foundation.rounding import (
     whole_percent,
 )
 from identifiability.report.blocks import Answers, Fold, Notes, Prose, Section
-from identifiability.report.models import draw_ladder, draw_survival, mass_table
+from identifiability.report.models import draw_ladder, draw_survival, fold_verdicts, mass_table
 from identifiability.report.page import Page
 from identifiability.report.skeleton import sketch_robot
 from identifiability.report.torque import section_budget, section_confused
 from identifiability.report.words import picture, section
+from identifiability.workflows.analyze.result import label_note
 from identifiability.workflows.answers import (
     SIGMA,
     UNIT,
@@ -76,9 +77,10 @@ def section_ladder(ladder: Ladder) -> Section:
         [(len(r), r.error_ra, r.error_ra_unseen, r.error_se) for r in ladder.rungs]
     ).T
     figure = draw_ladder(sizes, fitted, unseen, spread, ladder.selected, ladder.least)
-    table = ladder.tables()[0]
+    path = ladder.tables()[0]
+    every = Fold(f"All {format_count(len(ladder.rungs), 'model')} of the path", (path,))
     why = sentence("pruning.why", ladder.criterion)
-    return section("pruning.ladder", picture("ladder", figure), table, why=why)
+    return section("pruning.ladder", picture("ladder", figure), every, why=why)
 
 
 def section_survivors(ladder: Ladder) -> Section:
@@ -91,7 +93,7 @@ def section_survivors(ladder: Ladder) -> Section:
 
     own = with_hints(
         "survivors",
-        Column("parameter", get=lambda v: Cell(v.name, note=v.label)),
+        Column("parameter", get=lambda v: Cell(v.name, note=label_note(v))),
         VALUE,
         SIGMA,
         UNIT,
@@ -102,7 +104,8 @@ def section_survivors(ladder: Ladder) -> Section:
     )
     table = Table.of("", own, ladder.verdicts, filter_by=-1)
     size = format_count(len(ladder.chosen), "parameter")
-    return section("pruning.survivors", table, *ladder.tables()[1:], size=size)
+    tables = fold_verdicts(table, ladder.verdicts)
+    return section("pruning.survivors", *tables, *ladder.tables()[1:], size=size)
 
 
 def share_cell(share: float) -> Cell:

@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from identifiability.estimation.noise import autocorrelation
+from identifiability.estimation.torque_errors import loaded_joints
 from identifiability.foundation.answers import Column, Table
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
@@ -432,14 +433,9 @@ def draw_curve(
     """
     figure, (axes,) = canvas(400, 260, (60, 10, 50, 38))
     rows = spread_rows(len(x), POINTS)
-    dots(axes, x[rows], data[rows], MUTED, 2.4, 0.4)
+    dots(axes, x[rows], data[rows], MUTED, 3.0, 0.6)
     order = np.argsort(x)
-    # Neighbours in x differ by what the low-pass leaves of where the motion came from.
-    near = np.ones(max(len(x) // SMOOTH, 1)) / max(len(x) // SMOOTH, 1)
-    learned, spread = (
-        np.convolve(y[order], near, "same") / np.convolve(np.ones(len(x)), near, "same")
-        for y in (learned, spread)
-    )
+    learned, spread = learned[order], spread[order]
     low, high = learned - REACH * spread, learned + REACH * spread
     band: Any = {"color": BLUE, "alpha": 0.2, "linewidth": 0, "label": "95 %"}
     axes.fill_between(x[order], low, high, **band)
@@ -449,8 +445,8 @@ def draw_curve(
     return figure
 
 
-#: Points of a line of means over a motion, and parts of it that a learned curve is smoothed over.
-MEANS, SMOOTH = 24, 80
+#: Points of a line of means over a motion.
+MEANS = 24
 
 
 @drawn
@@ -549,12 +545,12 @@ def torque_traces(analysis: Analysis) -> Traces:
     t, whole = out.t[0], out.to_draw(m)
     most = max(300, LINE_POINTS // (2 * len(analysis.robot.joints)))
     groups = []
-    for k, (joint, unit) in enumerate(
-        zip(analysis.robot.joints, analysis.robot.torque_units, strict=True)
-    ):
+    joints, units = analysis.robot.joints, analysis.robot.torque_units
+    for k in loaded_joints(out.rms):
+        joint, unit = joints[k], units[k]
         measured, predicted = (x[: len(t), k] for x in whole)
         rows = peak_rows((measured, predicted, measured - predicted), most)
-        lines = {"measured": measured, "predicted": predicted, "left over": measured - predicted}
+        lines = {"measured": measured, "predicted": predicted, "residual": measured - predicted}
         groups.append(Trace.of(joint, unit, t[rows], {n: y[rows] for n, y in lines.items()}))
     return Traces(tuple(groups), sentence("analysis.traces", log=unseen_samples(analysis)[0].name))
 
@@ -569,7 +565,8 @@ def torque_pictures(analysis: Analysis, part: slice) -> tuple[Block, ...]:
     most = int(np.clip(LINE_POINTS // (3 * len(joints)), 200, 1500))
     width = {1: 720, 2: 500}.get(len(joints), 400)
     pictures = []
-    for k, joint in enumerate(joints):
+    for k in loaded_joints(out.rms):
+        joint = joints[k]
         title = f"{joint}, error {error_text(errors[k])}"
         figure = draw_torque(t, tau[:, k], predicted[:, k], title, units[k], most, width)
         pictures.append(picture("torque", figure, joint=joint))
@@ -644,6 +641,7 @@ PAIRS = 3
 def section_budget(fit: Fit, samples: Sequence[Prepared]) -> Section:
     """Return what the torque of each joint is spent on along some logs."""
     frame = torque_budget(fit, samples)
+    frame = frame.iloc[loaded_joints(frame["measured"].to_numpy())]
     whole = frame["measured"].to_numpy()
     shares = frame[list(PARTS)].to_numpy() / np.where(whole > 0, whole, np.nan)[:, None]
     text = [f"{format_number(x, 3)} {unit}" for x, unit in zip(whole, frame["unit"], strict=True)]

@@ -26,6 +26,7 @@ from identifiability.foundation.answers import (
 )
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import NONE, error_text, format_count
+from identifiability.robot import Robot
 
 WORDS: dict[str, Any] = tomllib.loads(
     Path(__file__).with_name("words.toml").read_text(encoding="utf-8")
@@ -52,6 +53,13 @@ def with_hints(table: str, *own: Column) -> tuple[Column, ...]:
     """Return the columns of a table with their hints."""
     hints = WORDS[f"hints.{table}"]
     return tuple(replace(c, hint=hints.get(c.title, c.hint)) for c in own)
+
+
+def count_joints(robot: Robot) -> str:
+    """Return how many joints have motors, and whether the base floats."""
+    motors = len(robot.motor_joints)
+    said = [format_count(motors, "actuated joint")] if motors or robot.base is None else []
+    return " · ".join([*said, *(["floating base"] if robot.base is not None else [])])
 
 
 #: Error on unseen motion, of how much torque varies, up to which it is called so; a rule of thumb.
@@ -85,11 +93,16 @@ def state_joints(joints: Sequence[str], each: Array, together: float) -> str:
     together : float
         Of all joints.
     """
-    if len(joints) < 2 or not np.isfinite(each).all():
-        return ""
-    if np.max(each) <= DIFFERENT * min(np.min(each), together):
+    if not hides_joints(each, together):
         return ""
     return f"Each joint over its own variation: {list_worst(joints, 100 * each, '%')}."
+
+
+def hides_joints(each: Array, together: float) -> bool:
+    """Return whether the error of all joints hides those of each, (n,); see `state_joints`."""
+    if len(each) < 2 or not np.isfinite(each).all():
+        return False
+    return bool(np.max(each) > DIFFERENT * min(np.min(each), together))
 
 
 def list_worst(joints: Sequence[str], each: Array, unit: str) -> str:

@@ -22,8 +22,10 @@ from inspect import Parameter, signature
 from pathlib import Path
 from statistics import median
 from typing import IO, Annotated, Any, ClassVar, Literal, get_type_hints
+from urllib.parse import quote as quote_link
 
 import joblib
+import numpy as np
 import pandas as pd
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -50,7 +52,7 @@ from identifiability.logs.tables import write_table
 from identifiability.robot import Robot
 from identifiability.robot.locate import locate_robot
 from identifiability.workflows.analyze import analyze
-from identifiability.workflows.answers import with_hints
+from identifiability.workflows.answers import answer_next, hides_joints, list_worst, with_hints
 from identifiability.workflows.commands import quote
 from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.opening import Progress
@@ -313,6 +315,8 @@ class Row:
         Relative errors of that model on fitted and unseen motion.
     error_before : float or None
         Of a diagnosis: on unseen motion without what was missing.
+    joints : str
+        The errors of joints on unseen motion, worst first, where that of all together hides them.
     missing : tuple of str
         What is missing: of a diagnosis by name, else functions of which joint.
     warnings : tuple of str
@@ -331,6 +335,7 @@ class Row:
     error: float | None = None
     error_unseen: float | None = None
     error_before: float | None = None
+    joints: str = ""
     missing: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     failed: str = ""
@@ -398,18 +403,30 @@ def _fill(row: Row, told: Mapping[str, Any]) -> Row:
             error=told["after"]["error_ra"],
             error_unseen=told["after"]["error_ra_validation"],
             error_before=told["before"]["error_ra_validation"],
+            joints=_worst_joints(told, "after", told["after"]["error_ra_validation"]),
         )
     chosen = next(m for m in told["models"] if m["name"] == told["selected"])
     unseen = (chosen.get("error_ra_validation"), chosen.get("error_ra_unseen"))
+    error = next((e for e in unseen if e is not None), None)
     return replace(
         row,
         model=chosen["name"],
         parameters=len(told["parameters"]),
         verdicts=dict(Counter(p["verdict"] for p in told["parameters"])),
         error=chosen["error_ra"],
-        error_unseen=next((e for e in unseen if e is not None), None),
+        error_unseen=error,
+        joints=_worst_joints(told, "error_validation", error),
         missing=tuple(f"{f['of']}, {f['joint']}" for f in told["missing_functions"]),
     )
+
+
+def _worst_joints(told: Mapping[str, Any], kind: str, together: float | None) -> str:
+    """Return the errors of joints where they differ, of a result as JSON has it."""
+    rows = told["errors"].get("joints", [])
+    each = np.array([np.nan if row[kind] is None else row[kind] for row in rows], float)
+    if together is None or not hides_joints(each, together):
+        return ""
+    return list_worst([row["joint"] for row in rows], 100 * each, "%")
 
 
 # The answer of the study.
@@ -428,6 +445,8 @@ class Batch(Result):
         One a robot.
     found : int
         Robots that were done before, and not again.
+    study : str
+        Path of the file that asks; empty of a mapping.
     """
 
     schema: ClassVar[str] = "identifiability/batch/1"
@@ -437,6 +456,7 @@ class Batch(Result):
     folder: Path
     rows: tuple[Row, ...]
     found: int = 0
+    study: str = ""
 
     @property
     def done(self) -> tuple[Row, ...]:
@@ -456,7 +476,7 @@ class Batch(Result):
 
     def answers(self) -> tuple[Answer, ...]:
         """Return whether every robot has an answer, how well they are described, what to check."""
-        return _done(self), _errors(self), _check(self)
+        return _done(self), _errors(self), _check(self), _next(self)
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a robot."""
@@ -470,9 +490,9 @@ class Batch(Result):
             *map(_count, sorted(kinds)),
             _error("error", "error"),
             *before,
-            _error("unseen", "error_unseen"),
-            Column("missing", "text", lambda row: "; ".join(row.missing)),
-            Column("warnings", "text", lambda row: " ".join(row.warnings)),
+            _error("unseen", "error_unseen", "joints"),
+            Column("missing", "text", lambda row: "; ".join(row.missing) or NONE),
+            Column("warnings", "number", lambda row: len(row.warnings)),
         )
         return (Table.of("One row a robot", own, self.rows),)
 
@@ -486,7 +506,12 @@ class Batch(Result):
         if self.worst:
             errors = [row.unseen for row in self.worst]
             low, middle, high = map(percent, (errors[-1], median(errors), errors[0]))
-            worst = listing([f"{r.robot} ({percent(r.unseen)})" for r in self.worst[:3]])
+            worst = listing(
+                [
+                    f"{r.robot} ({percent(r.unseen)}{f': {r.joints}' if r.joints else ''})"
+                    for r in self.worst[:3]
+                ]
+            )
             size = f"{low} to {high} (median {middle}); the largest: {worst}"
             said.append(
                 "Torque of unseen motion is predicted with an error of "
@@ -515,6 +540,7 @@ class Batch(Result):
                 "error": row.error,
                 "error_unseen": row.error_unseen,
                 **({"error_before": row.error_before} if self.verb == "diagnose" else {}),
+                "joints": row.joints,
                 "missing": "; ".join(row.missing),
                 "warnings": " ".join(row.warnings),
                 "failed": row.failed,
@@ -594,7 +620,10 @@ def batch(
                 _note(stream, {"key": key.hexdigest(), "row": asdict(row)})
             say(f"asked {task.name}", len(rows) / len(tasks))
         in_order = tuple(rows[task.name] for task in tasks)
-        result = Batch(name=name, verb=entry.verb, folder=folder, rows=in_order, found=found)
+        source = "" if isinstance(study, Mapping) else str(study)
+        result = Batch(
+            name=name, verb=entry.verb, folder=folder, rows=in_order, found=found, study=source
+        )
         write_table(folder / TABLE, result.to_frame())
         write_json(folder / Path(TABLE).with_suffix(".json"), result.to_dict())
         result.write_report(folder / PAGE)
@@ -701,8 +730,19 @@ def _check(result: Batch) -> Answer:
     return Answer("Which should I look at?", short, " ".join(filter(None, parts)), tone)
 
 
+def _next(result: Batch) -> Answer:
+    study, folder = quote(result.study or "study.toml"), quote(str(result.folder))
+    when = "these are mended" if result.failed else "there are more robots or logs"
+    line = f"identifiability batch {study} --out {folder}"
+    commands = [(f"When {when}, the same: what is finished is not done again.", line)]
+    if result.verb != "diagnose" and any(row.missing for row in result.done):
+        text = 'Name what is missing: copy the study, with verb = "diagnose" in it.'
+        commands.append((text, "identifiability batch missing.toml --out missing"))
+    return answer_next(commands)
+
+
 def _link(row: Row) -> Cell:
-    return Cell(row.robot, row.robot, note=row.file, link=quote(row.page))
+    return Cell(row.robot, row.robot, note=row.file, link=quote_link(row.page))
 
 
 def _count(kind: str) -> Column:
@@ -712,9 +752,9 @@ def _count(kind: str) -> Column:
     return Column(kind, "number", of)
 
 
-def _error(title: str, name: str) -> Column:
+def _error(title: str, name: str, note: str = "") -> Column:
     def of(row: Row) -> Cell:
-        error = getattr(row, name)
-        return Cell(NONE, float("nan")) if error is None else Cell(error_text(error), error)
+        error, below = getattr(row, name), getattr(row, note) if note else ""
+        return Cell(NONE, float("nan")) if error is None else Cell(error_text(error), error, below)
 
     return Column(title, "number", of)

@@ -37,7 +37,7 @@ from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.sidecar import Held
-from identifiability.workflows.answers import answer_next, answer_quality, with_hints
+from identifiability.workflows.answers import answer_next, answer_quality, state_joints, with_hints
 from identifiability.workflows.commands import name_export, name_logs, quote, source_name
 from identifiability.workflows.opening import Logs
 from identifiability.workflows.session import Session
@@ -221,6 +221,9 @@ class TorquePrediction(Result):
             f"The torque of {listing(known, 4)} is predicted by the model '{self.model}' {size}; "
             f"{100 * share:.3g} % of the samples lie in the 95 % interval of a new one."
         )
+        if self.errors is not None:
+            each = self.errors[0].joint_error()[:, 0]
+            text += f" {state_joints(self.robot.joints, each, self.error_ra)}".rstrip()
         few = [j for j, s in zip(self.robot.joints, self.inside, strict=True) if s < FEW_INSIDE]
         if few:
             text += (
@@ -756,7 +759,7 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
 
 
 #: Parts of the torque in the order in which they are shown, and the whole.
-PARTS = ("gravity and springs", "inertia", "friction", "left over")
+PARTS = ("gravity and springs", "inertia", "friction", "residual")
 
 #: A part below this share of the largest is a rounding error.
 ROUNDING = 1e-9

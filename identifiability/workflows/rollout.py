@@ -31,7 +31,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.robot.changed import new_place
 from identifiability.robot.servo import state_delay
 from identifiability.simulation.rollout import NO_SERVO, CommandedRobot, forgotten
-from identifiability.workflows.answers import DIFFERENT, list_worst
+from identifiability.workflows.answers import hides_joints, list_worst
 from identifiability.workflows.opening import Logs
 from identifiability.workflows.servo_gains import learn_gains, read_commanded
 
@@ -145,7 +145,7 @@ class RolledOut(Result):
     def by_joint(self) -> str:
         """Errors of the last robot by joint, worst first, where that of all together hides them."""
         each = 1e3 * self.errors[-1, self.alike]
-        if len(each) < 2 or not np.isfinite(each).all() or each.max() <= DIFFERENT * each.min():
+        if not hides_joints(each, np.inf):
             return ""
         joints = [j for j, a in zip(self.robot.joints, self.alike, strict=True) if a]
         return f"By joint of {self.runs[-1].name}: {list_worst(joints, each, self.unit)}."
@@ -237,6 +237,7 @@ class RolledOut(Result):
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
+            "statement": self.statement,
             "logs": [
                 {"name": log.name, "samples": len(log), "sha256": log.sha256} for log in self.logs
             ],

@@ -15,10 +15,12 @@ import numpy as np
 import pytest
 
 from identifiability.cli.demo import run_demo
+from identifiability.foundation.engines.local import Serial
 from identifiability.robot import Robot
 from identifiability.robot.locate import locate_robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, random_trajectory, simulate
 from identifiability.workflows.analyze import analyze
+from identifiability.workflows.batch import batch
 from identifiability.workflows.calibrate.calibration import calibrate
 from identifiability.workflows.compare import compare
 from identifiability.workflows.diagnose import diagnose
@@ -29,7 +31,7 @@ from identifiability.workflows.prune import prune
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 #: Kinds of reports that are opened whenever everything is tested.
-LATER = ("payload", "comparison", "excitation", "prediction", "robot")
+LATER = ("payload", "comparison", "excitation", "prediction", "robot", "batch", "floating")
 KINDS = ("demo", "inspection", "analysis", "pruning", "calibration", "table", "index", "diagnosis")
 LONG = "a_joint_whose_name_is_" + "very_" * 12 + "long<script>alert(1)</script>"
 
@@ -129,6 +131,20 @@ def _hostile(folder: Path) -> tuple[Robot, object]:
     return robot, _record(robot, rng)
 
 
+def _shipped(robot: str, log: str) -> Path:
+    return locate_robot(robot).parent / "logs" / log
+
+
+def _batch(folder: Path) -> object:
+    """Two robots, of which one cannot be asked."""
+    study = folder / "fleet.toml"
+    text = 'name = "{0}"\nfile = "{0}"\ntrain = "{1}"\n'
+    logs = {"cart-arm": _shipped("cart-arm", "pushed.csv"), "two-link": folder / "none.csv"}
+    rows = [f"[[robots]]\n{text.format(robot, log)}" for robot, log in logs.items()]
+    study.write_text("\n".join(['verb = "analyze"', "[options]", "quick = true", *rows]))
+    return batch(study, folder / "fleet", engine=Serial())
+
+
 def _record(robot: Robot, rng: np.random.Generator) -> object:
     motion = PrescribedMotion.of(random_trajectory(robot, rng), 500)
     return simulate(robot, motion, noise=PAPER_NOISE, rng=rng)
@@ -157,6 +173,8 @@ def later_reports(tmp_path_factory) -> dict[str, Path]:
         "excitation": excite(robot, start_from=log, evaluations=100, iterations=2),
         "prediction": result.predict(more[1]),
         "robot": inspect(robot),
+        "batch": _batch(folder),
+        "floating": analyze("cart-arm", _shipped("cart-arm", "pushed.csv"), quick=True),
     }
     return {k: r.write_report(folder / f"{k}.html") for k, r in results.items()}
 

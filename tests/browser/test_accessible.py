@@ -1,5 +1,6 @@
 """axe-core on the reports: nothing that keeps anybody from reading them."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,7 @@ LATER = (
     ("pruning", 400),
     *((kind, w) for kind in ("diagnosis", "calibration", "inspection", "demo") for w in WIDTHS),
 )
-GOING_ON = ("payload", "comparison", "excitation", "prediction", "robot")
+GOING_ON = ("payload", "comparison", "excitation", "prediction", "robot", "batch", "floating")
 
 
 @pytest.fixture(scope="session")
@@ -54,6 +55,54 @@ def test_everybody_can_read_the_others(kind, width, reports, visit, axe):
 @pytest.mark.parametrize("kind", GOING_ON)
 def test_everybody_can_read_what_goes_on_from_a_result(kind, width, later_reports, visit, axe):
     look(later_reports[kind], width, visit, axe)
+
+
+#: What of a page does not survive its way onto paper of this size [px], of which 205 mm are free.
+PAPER = {"width": 688, "height": 1017}
+PRINTED = """() => [...document.querySelectorAll("main *")].flatMap((e) => {
+  const box = e.getBoundingClientRect(), said = [];
+  if (e.matches(".plot svg") && box.height > 206 * 96 / 25.4) said.push("taller than a page");
+  if (e.matches("thead button") && getComputedStyle(e).display !== "contents")
+    said.push("not printed again on the next page");
+  if (e.matches("section, .plot, .table") && box.right > innerWidth + 1) said.push("cut off");
+  return said.map((s) => [s, e.outerHTML.slice(0, 90)]);
+})"""
+
+#: Sentences of the first screen with more words than this lose their reader.
+WORDS = 25
+SENTENCES = """() => [
+  ...[...document.querySelectorAll(".answers :is(dt, strong, .what, figcaption)")],
+  ...[...document.querySelectorAll(".answers dd")].flatMap((e) => [...e.childNodes])
+    .filter((e) => e.nodeType === Node.TEXT_NODE),
+].map((e) => e.textContent.trim()).filter((text) => text)"""
+
+
+def look_printed(page: Path, visit) -> None:
+    with visit(page, PAPER["width"]) as seen:
+        seen.page.emulate_media(media="print")
+        seen.page.evaluate(OPEN)
+        assert seen.page.evaluate(PRINTED) == []
+        texts = seen.page.evaluate(SENTENCES)
+    assert texts
+    for text in texts:
+        for sentence in re.split(r"(?<=[.!?])\s+", text):
+            assert len(re.findall(r"[A-Za-z]\S*", sentence)) <= WORDS, sentence
+
+
+def test_a_page_survives_its_way_onto_paper_and_is_read_in_one_go(reports, visit):
+    look_printed(reports["pruning"], visit)
+
+
+@pytest.mark.everything
+@pytest.mark.parametrize("kind", ["analysis", "calibration", "diagnosis", "inspection", "demo"])
+def test_other_pages_survive_it(kind, reports, visit):
+    look_printed(reports[kind], visit)
+
+
+@pytest.mark.everything
+@pytest.mark.parametrize("kind", GOING_ON)
+def test_what_goes_on_from_a_result_survives_it(kind, later_reports, visit):
+    look_printed(later_reports[kind], visit)
 
 
 def test_what_axe_finds_fails(tmp_path, visit, axe):

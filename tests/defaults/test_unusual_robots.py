@@ -136,7 +136,7 @@ def test_rounding_is_not_something_that_is_left(case):
     assert found.effects == ()
     assert (
         found.unexplained
-        == "What is left is rounding: the logs are explained to their last digits."
+        == "The residual is rounding: the logs are explained to their last digits."
     )
 
 

@@ -19,5 +19,5 @@ def test_parts_are_those_that_were_put_in():
         speed = motion.actuated_v[:, k]
         friction = np.sqrt(np.mean((fv * speed + fc * np.sign(speed)) ** 2))
         assert np.isclose(frame.loc[joint, "friction"], friction, rtol=0.02)
-        assert frame.loc[joint, "left over"] < 0.02 * frame.loc[joint, "measured"]
+        assert frame.loc[joint, "residual"] < 0.02 * frame.loc[joint, "measured"]
     assert (frame[list(PARTS[:2])] > 0).all().all()

@@ -8,6 +8,7 @@ import pytest
 from jinja2 import UndefinedError
 from matplotlib.figure import Figure
 
+from identifiability.foundation.answers import badge_cell
 from identifiability.foundation.errors import OutputError
 from identifiability.report import (
     Cell,
@@ -29,6 +30,7 @@ from identifiability.report import (
     render_page,
     write_page,
 )
+from identifiability.report.blocks import fold_rows
 from identifiability.report.page import set_symbols
 
 EVIL = '<img src=x onerror="alert(1)">'
@@ -137,3 +139,16 @@ def test_a_page_is_written_whole_or_not_at_all(tmp_path):
     assert path.read_text(encoding="utf-8") == before
     with pytest.raises(OutputError, match="does not exist"):
         write_page("Title", "Answer", (), tmp_path / "none" / "page.html")
+
+
+def test_rows_that_are_not_asked_for_first_are_one_click_away():
+    own = (Column("name"), Column("verdict", "badge", lambda r: badge_cell(r[1])))
+    rows = [("a", "identifiable"), ("b", "weak"), ("c", "identifiable"), ("d", "weak")]
+    table = Table.of("", own, rows, filter_by=-1)
+    first, fold = fold_rows(table, [v == "identifiable" for _, v in rows], "that are known", "")
+    assert first.caption == "The 2 that are known"
+    assert [row[0].text for row in first.rows] == ["a", "c"]
+    assert fold.summary == "The other 2: 2 weak"
+    assert [row[0].text for row in fold.blocks[0].rows] == ["b", "d"]
+    for alike in (True, False):
+        assert fold_rows(table, [alike] * 4, "", "") == (table,)

@@ -11,6 +11,7 @@ import pandas as pd
 
 from identifiability.estimation.evidence import Folds
 from identifiability.estimation.prediction import Prediction
+from identifiability.estimation.torque_errors import loaded_joints
 from identifiability.estimation.verdict import Class, Thresholds, Verdict
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.options import check_choice
@@ -364,15 +365,20 @@ def _cautions(analysis: Analysis) -> tuple[Note, ...]:
     return tuple(sorted(notes, key=lambda n: order[n.level]))
 
 
-def _physics_notes(analysis: Analysis) -> Iterator[Note]:
-    chosen, full = analysis.chosen, analysis.full
-    if analysis.mass_warning:
-        yield note("mass", warning=analysis.mass_warning)
+def physics_notes(chosen: RungResult) -> Iterator[Note]:
+    """Say which values no real robot has; the combination itself stands in a section below."""
     near = f"the nearest real robot errs by {error_text(chosen.error_ra_physical)} on unseen motion"
     if chosen.infeasible:
         yield note("impossible", names=join(chosen.infeasible), near=near)
     elif not chosen.feasible and chosen.physical.certificate is not None:
         yield note("nearly", near=near)
+
+
+def _physics_notes(analysis: Analysis) -> Iterator[Note]:
+    chosen, full = analysis.chosen, analysis.full
+    if analysis.mass_warning:
+        yield note("mass", warning=analysis.mass_warning)
+    yield from physics_notes(chosen)
     if full.infeasible and full is not chosen:
         names, size = join(full.infeasible), len(full.rung)
         yield note("unpruned", title=model_title(full), names=names, size=size)
@@ -477,8 +483,10 @@ def error_tables(result: Laddered) -> tuple[Table, ...]:
         result._used.autocorrelation_time,
         strict=True,
     )
+    every = list(rows)
+    shown = [every[k] for k in loaded_joints(out.rms)]
     joints = Table.of(
-        "Each joint by itself, over how much its own torque varies", JOINTS, rows, worst=4
+        "Each joint by itself, over how much its own torque varies", JOINTS, shown, worst=4
     )
     samples = (*result.samples, *result.validation)
     if len(samples) == 1:

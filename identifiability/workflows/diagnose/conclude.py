@@ -18,7 +18,7 @@ from identifiability.physical.fitted_model import LeastSquares, physical_set
 from identifiability.physical.project import Projection
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
+from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.diagnose.evidence import View, explain, factor_of
 from identifiability.workflows.diagnose.findings import (
     Curve,
@@ -369,17 +369,24 @@ def _curve(p: Problem, h: Hypothesis, view: View, k: int, placed: Placement) -> 
     """Return what a part was learned to be, along the fitted motion."""
     c, rows = p.candidates[k], p.seen
     left, D = p.residual(rows, h.parts, view), rows.D.take(c.columns)
-    added, spread = D @ placed.values, np.sqrt((D**2) @ placed.errors**2)
+    robot, added = p.setting.structure.robot, D @ placed.values
     j = int(np.argmax(np.abs(added).sum(0)))
-    of = c.family.drawn_over(c.effect, p.setting.structure.robot, j)
+    of = c.family.drawn_over(c.effect, robot, j)
+    law = D[:, j]
+    if c.family.against in ("velocity", "position") and not (c.family.remembers or robot.closed):
+        # As it is, not as the low-pass leaves it, which depends on where the motion came from.
+        law = np.zeros_like(D)
+        motion = complete_motion(robot, rows.t, rows.q, rows.dq, rows.ddq)
+        Placed([c.part]).fill(robot, motion, law)
+        law = law[:, j]
     return Curve(
         title=c.family.title,
         joint=j,
         of=of,
         against=c.family.against,
         x=rows.along(of)[c.family.against],
-        learned=added[:, j],
-        spread=spread[:, j],
+        learned=law @ placed.values,
+        spread=np.sqrt(law**2 @ placed.errors**2),
         data=left[:, j] + added[:, j],
     )
 

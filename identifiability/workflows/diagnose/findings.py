@@ -148,7 +148,8 @@ class Curve:
         Actuated joint where it is largest, and joint whose motion it is drawn over.
     against : {"velocity", "position", "load", "time", "session"}
     x, learned, spread, data : (N,)
-        Motion, torque of the effect, its standard error, and the residual without the effect.
+        Motion; torque of the effect, low-passed only where it remembers or is no function of one
+        joint's motion, and its standard error; and the low-passed residual without the effect.
     """
 
     title: str

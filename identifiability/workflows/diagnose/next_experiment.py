@@ -124,7 +124,7 @@ class NextMotion:
                 )
             return (
                 f"To show {told}, which these logs cannot tell from the model, {motion}: what is "
-                f"as large as what is left stands out with a chance of {_percent(self.chance)} "
+                f"as large as the residual stands out with a chance of {_percent(self.chance)} "
                 f"(without it: {_percent(self.before)}). {self.excitation.limits_statement}"
             )
         first, *others = self.names

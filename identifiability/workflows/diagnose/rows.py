@@ -245,7 +245,7 @@ def _refuse(robot: Robot, family: Family, present: Present, fixed: bool) -> str:
     """Return why a family makes no sense anywhere; empty if it does."""
     places = family.places(robot)
     if not places:
-        return f"{robot.name} has no place for it"
+        return "the robot has no place for it"
     if not fixed and all((family.name, place) in present for place in places):
         return HAS
     if family.fixed_only and not fixed and any(name == "rigid_body" for name, _ in present):

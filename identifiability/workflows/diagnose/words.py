@@ -7,6 +7,7 @@ import numpy as np
 from identifiability.effects import find_family, title_of
 from identifiability.foundation.numbers import REACH, holm, percent
 from identifiability.foundation.values import frozen
+from identifiability.workflows.answers import state_joints
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
 from identifiability.workflows.diagnose.motion import Change, join
 
@@ -38,7 +39,9 @@ class Remark:
 
 def state(d: Findings) -> str:
     """Return the answer in plain words, and below it a list of what should be known with it."""
-    first = " ".join(filter(None, (d.mass_warning, headline(d))))
+    error = d.held_after if d.effects else d.held_before
+    each = state_joints(d.robot.joints, d.gap.joint_error()[:, -1], error)
+    first = " ".join(filter(None, (d.mass_warning, headline(d), each)))
     return "\n- ".join([first, *(r.text for r in remarks(d)), state_remainder(d)])
 
 
@@ -210,9 +213,10 @@ def _state_contradicted(e: NamedEffect, verified_on: str) -> str:
         return f"{start} the torque where it is never changes."
     change = _change(e.shown.before, e.shown.after, e.shown.interval)
     likelier = "likelier" if e.shown.odds > 0 else "less likely"
+    odds = f"{e.shown.odds:.2g}".replace("-", "−")
     return (
-        f"{start} the torque is {likelier} with it (log likelihood ratio {e.shown.odds:.2g}), and "
-        f"the error of its joints, each on its own scale, goes {change}.".replace("-", "−")
+        f"{start} the torque is {likelier} with it (log likelihood ratio {odds}), and the error of "
+        f"its joints, each on its own scale, goes {change}."
     )
 
 
@@ -292,15 +296,15 @@ def state_remainder(d: Findings) -> str:
     """Return what is left in words."""
     r = d.remainder
     if max(d.held_after, d.error_after) < ROUNDING:
-        return "What is left is rounding: the logs are explained to their last digits."
+        return "The residual is rounding: the logs are explained to their last digits."
     parts = []
     if r.detectable:
         name, size = min(r.detectable.items(), key=lambda x: x[1])
         parts.append(
             f"The smallest nameable effect here is {name.replace('_', ' ')} of "
-            f"{percent(size, 2)} of what is left"
+            f"{percent(size, 2)} of the residual"
         )
-    parts += [_functions(d), f"What is left looks like {_looks(d)}"]
+    parts += [_functions(d), f"The residual looks like {_looks(d)}"]
     return " ".join(f"{part}." for part in parts)
 
 
@@ -318,7 +322,7 @@ def _functions(d: Findings) -> str:
         )
     corrected = holm(np.array([left.p_value for left in asked.values()]))
     seen = [
-        f"{percent(left.share, 2)} of what is left in {joint}"
+        f"{percent(left.share, 2)} of the residual in {joint}"
         for (joint, left), p in zip(asked.items(), corrected, strict=True)
         if p < d.rules.lack
     ]

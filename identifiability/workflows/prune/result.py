@@ -30,7 +30,7 @@ from identifiability.regression.reduction import (
     rung_entry,
 )
 from identifiability.workflows.analyze.assessment import Laddered, RungResult
-from identifiability.workflows.analyze.result import error_tables, found_cell
+from identifiability.workflows.analyze.result import error_tables, found_cell, physics_notes
 from identifiability.workflows.analyze.words import state_physics
 from identifiability.workflows.answers import (
     after_mass,
@@ -264,8 +264,8 @@ def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
 def _notes(ladder: Ladder) -> Iterator[Note]:
     if ladder.mass_warning:
         yield note("mass", warning=ladder.mass_warning)
-    if not ladder.feasible:
-        yield note("infeasible", why=ladder.result.physical.sentence)
+    if not ladder.nothing:
+        yield from physics_notes(ladder.result)
     for rung in ladder.rungs[1 : ladder.selected + 1]:
         evidence, move = rung.step.evidence, rung.step.move
         if evidence is not None and evidence.either and move is not None:
