@@ -64,14 +64,14 @@ def test_each_figure_is_drawn_by_itself(result, prediction, tmp_path):
     assert {"Model 1", "Model 4"} <= rows
 
 
-def test_confused_parameters_are_those_that_hang_together(result, robot):
+def test_correlated_parameters_are_those_that_hang_together(result, robot):
     class Two(type(result.fit).__mro__[1]):
         def covariance_frame(self):
             from identifiability.workflows.predict import square_frame
 
             return square_frame(np.array([[1, 0.99, 0], [0.99, 1, 0], [0, 0, 1.0]]), "abc")
 
-    texts = {label.get_text() for label in plot.confused(Two()).axes[0].get_yticklabels()}
+    texts = {label.get_text() for label in plot.correlated(Two()).axes[0].get_yticklabels()}
     assert {"a", "b"} <= texts
     assert "c" not in texts
 

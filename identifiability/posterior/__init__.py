@@ -5,7 +5,7 @@ What to use when:
 - `target.Target` states the posterior: data, `prior.Prior`, physical set, autocorrelation;
 - `ensemble.sample_posterior` draws from it with emcee, and `diagnostics.diagnose_convergence` says
   whether the draws may be shown;
-- `edges.measure_sway` asks whether the likelihood decides, or the prior at an edge;
+- `edges.measure_prior_sensitivity` asks whether the likelihood decides, or the prior at an edge;
 - `exact.ExactSampler` walks without emcee;
 - `calibration.calibrate_posterior` checks the sampler by simulation.
 

@@ -27,7 +27,7 @@ from identifiability.posterior.ensemble import ENSEMBLES, Posterior
 # So a posterior is asked what it would be under priors that differ by powers of the distances to
 # the edges. To first order a mean moves by its covariance with the logarithm of what the prior is
 # multiplied by [Gustafson 1996; Kallioinen 2024]: the draws at hand answer, and none is weighed
-# anew. Intervals get room for that much; where it is more than `SWAY` none is stated.
+# anew. Intervals get room for that much; where it is more than `PRIOR_SENSITIVITY` none is stated.
 
 
 #: By how much the powers differ, as the root of their sum of squares: one half is the step from
@@ -36,7 +36,7 @@ POWER = 0.5
 
 #: A mean that moves by more than this share of its standard deviation is the prior's. A value with
 #: an edge of its own, and no other, is so where it is less than 2.5 standard deviations away.
-SWAY = 0.2
+PRIOR_SENSITIVITY = 0.2
 
 #: Distances below this share of their mean are rounding.
 TINY = 1e-9
@@ -65,7 +65,7 @@ def log_distances(region: PhysicalSet, phi: Array) -> Array:
     return np.asarray(np.log(np.maximum(distance, np.maximum(TINY * mean, 1e-300))))
 
 
-def measure_sway(draws: Array, logs: Array) -> Array:
+def measure_prior_sensitivity(draws: Array, logs: Array) -> Array:
     """Return how far means may move under other priors, in standard deviations of the draws.
 
     The worst of all priors that differ by `POWER`. Ensembles are independent, so that products of

@@ -38,7 +38,7 @@ from identifiability.report.results import write_result
 from identifiability.report.skeleton import sketch_robot
 from identifiability.report.torque import (
     section_budget,
-    section_confused,
+    section_correlated,
     section_prediction,
     section_residuals,
     unseen_samples,
@@ -188,13 +188,13 @@ def section_provenance(analysis: Analysis) -> Section:
 
 
 def budget_of(analysis: Analysis) -> Section:
-    """Return what the torque of each joint is spent on along the unseen motion."""
+    """Return what each joint's torque consists of along the unseen motion."""
     return section_budget(analysis.fit, unseen_samples(analysis))
 
 
-def confused_of(analysis: Analysis) -> Section:
-    """Return which parameters of the selected model are confused with each other."""
-    return section_confused(analysis.fit)
+def correlated_of(analysis: Analysis) -> Section:
+    """Return which parameters of the selected model are correlated with each other."""
+    return section_correlated(analysis.fit)
 
 
 SECTIONS = (
@@ -202,7 +202,7 @@ SECTIONS = (
     section_ladder,
     section_prediction,
     budget_of,
-    confused_of,
+    correlated_of,
     section_motions,
     section_residuals,
     section_physics,
@@ -224,7 +224,7 @@ OF_TORQUE = {
     section_physics,
     section_full_model,
     budget_of,
-    confused_of,
+    correlated_of,
 }
 
 #: Only where a posterior was sampled.
@@ -249,7 +249,7 @@ def choose_sections(analysis: Analysis) -> tuple[Section, ...]:
     explained = np.isfinite(analysis.chosen.error_ra_validation)
     hidden = set() if explained else OF_TORQUE
     if analysis.nothing:  # nothing to predict by
-        hidden = hidden | {budget_of, confused_of}
+        hidden = hidden | {budget_of, correlated_of}
     if analysis.belief is None or not explained:
         hidden = hidden | OF_BELIEF
     shown = [section for section in SECTIONS if section not in hidden]

@@ -27,7 +27,7 @@ from identifiability.foundation.rounding import (
     stated_text,
     whole_percent,
 )
-from identifiability.posterior.diagnostics import SWAY, Thresholds
+from identifiability.posterior.diagnostics import PRIOR_SENSITIVITY, Thresholds
 from identifiability.report.blocks import Fold, Gallery, Notes, Section, Term, Terms
 from identifiability.report.drawing import (
     BLUE,
@@ -432,7 +432,13 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
             names = np.array(analysis.chosen.rung.columns)[~summary.stated].tolist()
             share = f"{len(names)} of {len(summary.stated)}"
             notes.append(
-                note("swayed", name=name, share=share, names=join(names, ROWS), limit=100 * SWAY)
+                note(
+                    "prior-sensitive",
+                    name=name,
+                    share=share,
+                    names=join(names, ROWS),
+                    limit=100 * PRIOR_SENSITIVITY,
+                )
             )
     return tuple(notes)
 

@@ -1,7 +1,7 @@
 """The figures of a report one by one, for notebooks and papers.
 
 What to use when: `precision` for how well each parameter is known, `models` for the models of a
-ladder, `way_down` for a pruning, `confused` for parameters that hang together, `torque` for
+ladder, `reduction_path` for a pruning, `correlated` for parameters that hang together, `torque` for
 measured and predicted torque, `missing` for what a diagnosis found. Each takes a result and
 returns a Matplotlib figure, which nobody else holds: change it, or ``figure.savefig("a.pdf")``.
 
@@ -24,7 +24,7 @@ from identifiability.foundation.errors import near_match
 from identifiability.foundation.options import OptionError
 from identifiability.report.belief import draw_precision
 from identifiability.report.models import draw_errors, draw_ladder, sigma_percents
-from identifiability.report.torque import draw_confusion, draw_shrink, draw_torque, order_confused
+from identifiability.report.torque import draw_confusion, draw_shrink, draw_torque, order_correlated
 
 if TYPE_CHECKING:  # every report loads this module, and few need what prunes or diagnoses
     from identifiability.workflows.analyze import Analysis
@@ -32,7 +32,7 @@ if TYPE_CHECKING:  # every report loads this module, and few need what prunes or
     from identifiability.workflows.predict import Covaries, TorquePrediction
     from identifiability.workflows.prune import Ladder
 
-__all__ = ["confused", "missing", "models", "precision", "torque", "way_down"]
+__all__ = ["correlated", "missing", "models", "precision", "reduction_path", "torque"]
 
 
 def precision(result: Analysis, model: str | None = None) -> Figure:
@@ -59,15 +59,15 @@ def models(result: Analysis) -> Figure:
     return draw_errors([m.name for m in result.models], fitted, unseen, spread, result.selected)
 
 
-def way_down(result: Ladder) -> Figure:
+def reduction_path(result: Ladder) -> Figure:
     """Draw the error of each model of a pruning against its number of parameters."""
     rungs = [(len(r), r.error_ra, r.error_ra_unseen, r.error_se) for r in result.rungs]
     sizes, fitted, unseen, spread = np.array(rungs).T
     return draw_ladder(sizes, fitted, unseen, spread, result.selected, result.least)
 
 
-def confused(result: Covaries, most: int = 20) -> Figure:
-    """Draw the correlation of the parameters that are confused with others.
+def correlated(result: Covaries, most: int = 20) -> Figure:
+    """Draw the correlation of the parameters that are correlated with others.
 
     Parameters
     ----------
@@ -81,9 +81,9 @@ def confused(result: Covaries, most: int = 20) -> Figure:
         If none is.
     """
     table = result.correlation_frame()
-    at = order_confused(table.to_numpy(), most)
+    at = order_correlated(table.to_numpy(), most)
     if not len(at):
-        raise OptionError("No two parameters are confused; there is nothing to draw.")
+        raise OptionError("No two parameters are correlated; there is nothing to draw.")
     names = [str(table.columns[k]) for k in at]
     return draw_confusion(names, table.to_numpy()[np.ix_(at, at)])
 
@@ -122,3 +122,7 @@ def missing(result: Diagnosis) -> Figure:
     """Draw how the error on unseen motion falls with each effect that was found."""
     labels = ["model as it was", *(f"+ {e.title}" for e in result.effects)]
     return draw_shrink(labels, np.array([result.held_before, *(e.after for e in result.effects)]))
+
+
+#: Their names until the release before this one; they go with the next.
+confused, way_down = correlated, reduction_path

@@ -20,7 +20,7 @@ from identifiability.report.blocks import Answers, Fold, Notes, Prose, Section
 from identifiability.report.models import draw_ladder, draw_survival, fold_verdicts, mass_table
 from identifiability.report.page import Page
 from identifiability.report.skeleton import sketch_robot
-from identifiability.report.torque import section_budget, section_confused
+from identifiability.report.torque import section_budget, section_correlated
 from identifiability.report.words import picture, section
 from identifiability.workflows.analyze.result import label_note
 from identifiability.workflows.answers import (
@@ -43,7 +43,7 @@ def build_pruning_page(ladder: Ladder) -> Page:
         section_survivors(ladder),
         section_ladder(ladder),
         *(() if ladder.nothing else (section_budget(ladder.fit, ladder.samples),)),
-        *(() if ladder.nothing else (section_confused(ladder.fit),)),
+        *(() if ladder.nothing else (section_correlated(ladder.fit),)),
         section_stability(ladder),
         section_bodies(ladder),
         replace(section_absorption(ladder), detail=True),

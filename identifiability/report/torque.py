@@ -209,20 +209,20 @@ def binned_median(x: Array, y: Array, bins: int = 10) -> tuple[Array, Array]:
     return np.array([np.median(x[p]) for p in parts]), np.array([np.median(y[p]) for p in parts])
 
 
-# Which parameters are confused with each other, and what the torque is spent on.
+# Which parameters are correlated with each other, and what torque consists of.
 
 
 #: Side of a cell of the map, and the most parameters that it holds [px].
 CELL, MOST = 17, 30
 
-#: Parameters are confused where the absolute correlation of their estimates is above this.
+#: Parameters are correlated where the absolute correlation of their estimates is above this.
 CONFUSED = 0.7
 
 #: Colours of the parts of the torque, in their order.
 PART_COLOURS = (BLUE, COLOURS["green"], COLOURS["amber"], VERMILION)
 
 
-def order_confused(correlation: Array, most: int = MOST) -> np.ndarray:
+def order_correlated(correlation: Array, most: int = MOST) -> np.ndarray:
     """Return parameters with a partner above `CONFUSED`, those of one group beside each other.
 
     Groups are connected by such pairs; if there are too many, the strongest groups are returned.
@@ -639,7 +639,7 @@ PAIRS = 3
 
 
 def section_budget(fit: Fit, samples: Sequence[Prepared]) -> Section:
-    """Return what the torque of each joint is spent on along some logs."""
+    """Return what each joint's torque consists of along some logs."""
     frame = torque_budget(fit, samples)
     frame = frame.iloc[loaded_joints(frame["measured"].to_numpy())]
     whole = frame["measured"].to_numpy()
@@ -655,17 +655,17 @@ def section_budget(fit: Fit, samples: Sequence[Prepared]) -> Section:
     return section("analysis.budget", picture("budget", figure), table)
 
 
-def section_confused(fit: Fit) -> Section:
+def section_correlated(fit: Fit) -> Section:
     """Return the parameters whose estimates hang together, as a map and in words."""
     correlation = correlation_of(fit.covariance)
-    at = order_confused(correlation)
+    at = order_correlated(correlation)
     if not len(at):
         text = f"None: no two estimates are correlated by more than {CONFUSED:g}."
-        return section("analysis.confused", text=text)
+        return section("analysis.correlated", text=text)
     names = [fit.names[k] for k in at]
     own = correlation[np.ix_(at, at)]
     figure = draw_confusion(names, own)
-    return section("analysis.confused", picture("confused", figure), text=_words(names, own))
+    return section("analysis.correlated", picture("correlated", figure), text=_words(names, own))
 
 
 def _words(names: Sequence[str], correlation: Array) -> str:
@@ -680,7 +680,7 @@ def _words(names: Sequence[str], correlation: Array) -> str:
     most = " (the strongest groups are shown)" if len(names) == MOST else ""
     return (
         f"The logs tell these {len(names)} parameters apart worse than each from zero{most}. Most "
-        f"confused: {join(pairs)}. Where the correlation is near −1 their sum, near 1 their "
+        f"correlated: {join(pairs)}. Where the correlation is near −1 their sum, near 1 their "
         "difference is known better than either of them; a motion that moves them apart helps."
     )
 

@@ -77,7 +77,7 @@ MOST_MJCF = 5
 GROUND = "world"
 
 
-def twin_mjcf(robot: Description) -> ET.Element:
+def converted_mjcf(robot: Description) -> ET.Element:
     """Return the file, with placeholders for inertias; loops are connections of sites."""
     top = ET.Element("mujoco", model=robot.title)
     ET.SubElement(top, "compiler", angle="radian")
@@ -158,7 +158,7 @@ def links_between(robot: Description) -> dict[str, str]:
     return out
 
 
-def twin_urdf(robot: Description) -> ET.Element:
+def converted_urdf(robot: Description) -> ET.Element:
     """Return the file, with placeholders for inertias; loops stand in the sidecar."""
     top = ET.Element("robot", name=robot.title)
     ground, between = ground_of(robot), links_between(robot)
@@ -204,7 +204,7 @@ def twin_urdf(robot: Description) -> ET.Element:
 _ANEW = ("locked", "massless", "loops", "couplings", "axes", "actuated", "home", "rest")
 
 
-def twin_sidecar(robot: Description, path: Path) -> dict[str, Any]:
+def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
     """Return what stands in the sidecar of a robot that is written to another path.
 
     Raises
@@ -359,7 +359,7 @@ def _check_turn(robot: Description, bound: Bound) -> None:
 # the text of its file: no geometry, so a simulator shows nothing and nothing collides.
 
 
-def write_twin(robot: Description, path: Path) -> None:
+def write_converted(robot: Description, path: Path) -> None:
     """Write a robot in another format, with placeholders for its inertias, and its sidecar.
 
     Parameters
@@ -375,10 +375,10 @@ def write_twin(robot: Description, path: Path) -> None:
     """
     _check(robot, path)
     robot.check_stands("conversion to another format")
-    top = twin_mjcf(robot) if path.suffix == ".xml" else twin_urdf(robot)
+    top = converted_mjcf(robot) if path.suffix == ".xml" else converted_urdf(robot)
     ET.indent(top)
     write_text(path, ET.tostring(top, encoding="unicode") + "\n")
-    write_text(path.with_suffix(".toml"), toml_text(twin_sidecar(robot, path)))
+    write_text(path.with_suffix(".toml"), toml_text(converted_sidecar(robot, path)))
 
 
 def _check(robot: Description, path: Path) -> None:

@@ -751,7 +751,7 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
     return fit
 
 
-# What the torque of each joint is spent on: weight and springs, motion, friction, and the rest.
+# What each joint's torque consists of: weight and springs, motion, friction, and the rest.
 #
 # The parts are told apart by what they do, not by the names of effects, so that those of a user's
 # own count too: what is left at rest in the same pose; what changes its sign with velocity; and

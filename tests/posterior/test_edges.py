@@ -5,7 +5,12 @@ import pytest
 from scipy import integrate, stats
 
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.posterior.diagnostics import POWER, SWAY, log_distances, measure_sway
+from identifiability.posterior.diagnostics import (
+    POWER,
+    PRIOR_SENSITIVITY,
+    log_distances,
+    measure_prior_sensitivity,
+)
 
 SIGNS = PhysicalSet(np.empty((0, 10), int), np.array([True, False]))
 
@@ -13,7 +18,7 @@ SIGNS = PhysicalSet(np.empty((0, 10), int), np.array([True, False]))
 def sway(draws):
     """Of draws (D, 2), the first of which may not be negative, as four ensembles."""
     chains = draws.reshape(4, 8, -1, 2)
-    return measure_sway(chains, log_distances(SIGNS, chains))
+    return measure_prior_sensitivity(chains, log_distances(SIGNS, chains))
 
 
 def test_an_exponential_moves_by_half_of_its_sd():
@@ -41,7 +46,7 @@ def test_a_truncated_normal_moves_as_its_mean_under_another_power(mean):
     draws = law.ppf(np.random.default_rng(1).uniform(size=(160_000, 2)))
     found = sway(draws)[0]
     assert found == pytest.approx(moved, abs=0.015)
-    assert (found > SWAY) == (mean < 2.5)
+    assert (found > PRIOR_SENSITIVITY) == (mean < 2.5)
 
 
 def test_few_draws_do_not_accuse_what_has_nothing_to_do_with_an_edge():
@@ -51,15 +56,17 @@ def test_few_draws_do_not_accuse_what_has_nothing_to_do_with_an_edge():
         rng.standard_normal((4, 8, 10, 200)),
         np.log(rng.exponential(size=(4, 8, 10, 30))),
     )
-    found = measure_sway(chains, logs)
+    found = measure_prior_sensitivity(chains, logs)
     assert np.mean(found**2 > 0) < 0.7
     assert np.mean(found) < 0.09
-    assert np.mean(found > SWAY) < 0.01
+    assert np.mean(found > PRIOR_SENSITIVITY) < 0.01
 
 
 def test_what_never_moves_is_not_moved_by_a_prior():
     chains = np.zeros((4, 8, 10, 2))
-    np.testing.assert_array_equal(measure_sway(chains, log_distances(SIGNS, chains)), [0.0, 0.0])
+    np.testing.assert_array_equal(
+        measure_prior_sensitivity(chains, log_distances(SIGNS, chains)), [0.0, 0.0]
+    )
 
 
 def test_the_distance_of_a_body_is_its_determinant():

@@ -1,4 +1,4 @@
-"""What torque is spent on, against parts that are known one by one."""
+"""What torque consists of, against parts that are known one by one."""
 
 import numpy as np
 

@@ -13,7 +13,7 @@ from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.report import build_analysis_page, write_analysis_report
 
 SECTIONS = (
-    "parameters", "models", "prediction", "budget", "confused", "motions", "residuals", "physics",
+    "parameters", "models", "prediction", "budget", "correlated", "motions", "residuals", "physics",
     "structure", "full-model", "motion", "thresholds", "provenance",
 )  # fmt: skip
 

@@ -59,15 +59,22 @@ def test_the_sections_are_there_only_with_a_posterior(believed_analysis, whole_p
     assert not sections(replace(believed_analysis, belief=None))
 
 
-def swayed(analysis, share):
+def sensitive(analysis, share):
     """Return an analysis in which the prior moves the intervals with bodies so far, in sd."""
     belief = analysis.belief
-    sway = np.broadcast_to(np.asarray(share, float), belief.physical.sway.shape)
-    return replace(analysis, belief=replace(belief, physical=replace(belief.physical, sway=sway)))
+    prior_sensitivity = np.broadcast_to(
+        np.asarray(share, float), belief.physical.prior_sensitivity.shape
+    )
+    return replace(
+        analysis,
+        belief=replace(
+            belief, physical=replace(belief.physical, prior_sensitivity=prior_sensitivity)
+        ),
+    )
 
 
 def test_every_road_has_its_interval(believed_analysis):
-    believed_analysis = swayed(believed_analysis, np.linspace(0, 0.3, 12))
+    believed_analysis = sensitive(believed_analysis, np.linspace(0, 0.3, 12))
     layers, stated = forest_layers(believed_analysis)
     assert list(layers) == [
         "white σ", "robust σ", "block bootstrap", "posterior with signs", "posterior with bodies",
@@ -119,13 +126,13 @@ def test_what_the_motion_leaves_open_is_seen_from_the_posterior(believed_analysi
 
 
 def test_intervals_that_the_prior_decides_are_named_and_withheld(believed_analysis):
-    believed_analysis = swayed(believed_analysis, np.linspace(0, 0.3, 12))
+    believed_analysis = sensitive(believed_analysis, np.linspace(0, 0.3, 12))
     physical = believed_analysis.belief.physical
     (only,) = sections(believed_analysis)["posterior"].blocks[0].notes
     left = np.array(believed_analysis.chosen.rung.columns)[~physical.stated]
     assert only.title.startswith(f"The prior decides {len(left)} of 12 intervals of the posterior")
     assert all(name in only.text for name in left)
-    calm = swayed(believed_analysis, 0.0)
+    calm = sensitive(believed_analysis, 0.0)
     assert not hasattr(sections(calm)["posterior"].blocks[0], "notes")
     assert np.isfinite(forest_layers(calm)[0]["posterior with bodies"]).all()
 

@@ -18,7 +18,7 @@ from identifiability.regression.reduction import LadderEntry, LadderSource, Rung
 from identifiability.report import build_analysis_page, render_page
 from identifiability.report.blocks import Trace
 from identifiability.report.skeleton import Part, draw_skeleton, trace_limbs
-from identifiability.report.torque import order_confused, section_confused
+from identifiability.report.torque import order_correlated, section_correlated
 from identifiability.robot import Robot
 from identifiability.workflows.answers import (
     answer_quality,
@@ -120,19 +120,19 @@ def test_a_gap_breaks_a_trace_and_values_are_short():
     assert "0.333333" not in trace.data
 
 
-def test_confused_parameters_stand_beside_each_other_and_others_are_left_out():
+def test_correlated_parameters_stand_beside_each_other_and_others_are_left_out():
     correlation = np.eye(5)
     for a, b, rho in ((0, 3, -0.95), (1, 4, 0.8), (2, 3, 0.5)):
         correlation[a, b] = correlation[b, a] = rho
-    assert order_confused(correlation).tolist() == [0, 3, 1, 4]
+    assert order_correlated(correlation).tolist() == [0, 3, 1, 4]
 
 
 def test_the_words_of_the_map_say_which_pair_and_its_sign():
     covariance = np.array([[4.0, -1.9, 0.0], [-1.9, 1.0, 0.0], [0.0, 0.0, 9.0]])
     assert np.isclose(correlation_of(covariance)[0, 1], -0.95)
-    found = section_confused(SimpleNamespace(covariance=covariance, names=("a", "b", "c")))
+    found = section_correlated(SimpleNamespace(covariance=covariance, names=("a", "b", "c")))
     assert "a and b (−0.95)" in found.lead
-    apart = section_confused(SimpleNamespace(covariance=np.eye(3), names=("a", "b", "c")))
+    apart = section_correlated(SimpleNamespace(covariance=np.eye(3), names=("a", "b", "c")))
     assert apart.blocks == ()
     assert apart.lead.startswith("None")
 

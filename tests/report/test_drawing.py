@@ -77,10 +77,10 @@ def draw_all(names, value=1.0):
     ]
 
 
-MORE = (pytest.param(x, marks=pytest.mark.everything) for x in (1.0, -1.0, 1e-30))
+MORE = (pytest.param(x, marks=pytest.mark.everything) for x in (0.0, INF, 1.0, -1.0, 1e-30))
 
 
-@pytest.mark.parametrize("value", [0.0, NAN, INF, 1e30, *MORE])
+@pytest.mark.parametrize("value", [NAN, 1e30, *MORE])
 def test_every_figure_survives_any_number(value):
     for figure in draw_all(["a", "b"], value):
         assert svg(figure).startswith("<svg viewBox=")

@@ -28,12 +28,12 @@ from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import FittedModel, Held, LeastSquares
 from identifiability.physical.project import project
 from identifiability.posterior.diagnostics import (
-    SWAY,
+    PRIOR_SENSITIVITY,
     Convergence,
     diagnose_convergence,
     log_distances,
     may_suffice,
-    measure_sway,
+    measure_prior_sensitivity,
 )
 from identifiability.posterior.ensemble import Posterior, sample_posterior
 from identifiability.posterior.exact import Progress
@@ -113,7 +113,7 @@ class Summary:
         All draws by ensemble and walker, in order.
     at_edge : (m,)
         Share of draws within 1 % of an interval's width of zero, for one-sided parameters.
-    sway : (m,)
+    prior_sensitivity : (m,)
         By how many sd the mean may move where the prior has another density at the edges of what
         is possible.
     convergence : Convergence
@@ -126,13 +126,13 @@ class Summary:
     draws: Array
     chains: Array
     at_edge: Array
-    sway: Array
+    prior_sensitivity: Array
     convergence: Convergence
 
     @property
     def stated(self) -> np.ndarray:
         """Which intervals may be stated, (m,) bool; the others are the prior's."""
-        return np.asarray(self.sway <= SWAY)
+        return np.asarray(self.prior_sensitivity <= PRIOR_SENSITIVITY)
 
     @property
     def trustworthy(self) -> bool:
@@ -307,7 +307,7 @@ def belief_dict(result: RungResult, belief: Belief) -> dict[str, Any]:
             known = {"name": result.rung.columns, "mean": summary.mean, "sd": summary.sd}
             pairs = zip(summary.interval.tolist(), summary.stated, strict=True)
             ends = [pair if stated else None for pair, stated in pairs]
-            frame = pd.DataFrame({**known, "interval95": ends, "sway": summary.sway})
+            frame = pd.DataFrame({**known, "interval95": ends, "sway": summary.prior_sensitivity})
             out[name]["parameters"] = frame.to_dict("records")
     standard = belief.standard
     if standard is not None and belief.physical is not None and belief.physical.trustworthy:
@@ -372,7 +372,7 @@ def build_datatree(
     constants = {
         "estimate": (PARAMETER, estimate.value),
         "sigma": (PARAMETER, estimate.sigma),
-        "sway": (PARAMETER, summary.sway),
+        "sway": (PARAMETER, summary.prior_sensitivity),
         "unit": (PARAMETER, [v.unit for v in result.verdicts]),
     }
     names = {PARAMETER: list(result.rung.columns)}
@@ -541,8 +541,10 @@ def _sample_signs(model: FittedModel, rng: np.random.Generator, effort: Effort) 
     start[low] = 0.01 * np.maximum(estimate.sigma[low], 1e-12)
     # The start must lie inside; a step of 1 % of σ off the edge is nothing to the sampler.
     posterior, convergence = _sample(target, start, rng, effort)
-    sway = measure_sway(posterior.draws, log_distances(region, posterior.draws))
-    return _summarise(posterior.draws, rung, rng, sway, convergence)
+    prior_sensitivity = measure_prior_sensitivity(
+        posterior.draws, log_distances(region, posterior.draws)
+    )
+    return _summarise(posterior.draws, rung, rng, prior_sensitivity, convergence)
 
 
 def _sample(
@@ -596,8 +598,8 @@ def _sample_physical(
     start[signed] = np.maximum(start[signed], OFF_EDGE * prior.sd[signed])
     posterior, convergence = _sample(target, start, rng, effort, progress)
     chains = posterior.draws @ model.to_x.T
-    sway = measure_sway(chains, log_distances(region, posterior.draws))
-    summary = _summarise(chains, model.rung, rng, sway, convergence)
+    prior_sensitivity = measure_prior_sensitivity(chains, log_distances(region, posterior.draws))
+    summary = _summarise(chains, model.rung, rng, prior_sensitivity, convergence)
     return summary, _look_at_standard(structure, target, posterior)
 
 
@@ -627,12 +629,16 @@ def _look_at_standard(structure: Structure, target: Target, posterior: Posterior
 
 
 def _summarise(
-    chains: Array, rung: Rung, rng: np.random.Generator, sway: Array, convergence: Convergence
+    chains: Array,
+    rung: Rung,
+    rng: np.random.Generator,
+    prior_sensitivity: Array,
+    convergence: Convergence,
 ) -> Summary:
     draws = chains.reshape(-1, chains.shape[-1])
     sd = draws.std(0, ddof=1)
     interval = believed_interval(draws, rung.nonnegative)
-    interval = widen_interval(interval, rung.nonnegative, sway * sd)
+    interval = widen_interval(interval, rung.nonnegative, prior_sensitivity * sd)
     width = interval[:, 1] - interval[:, 0]
     edge = np.where(rung.nonnegative, (draws < 0.01 * width).mean(0), 0.0)
     shown = draws[rng.permutation(len(draws))[:SHOWN]]
@@ -643,6 +649,6 @@ def _summarise(
         draws=shown,
         chains=chains,
         at_edge=edge,
-        sway=sway,
+        prior_sensitivity=prior_sensitivity,
         convergence=convergence,
     )

@@ -236,8 +236,8 @@ def _state_nearest(e: NamedEffect) -> str:
         return "No effect that has a name can be there."
     function = f"{e.title.removeprefix('an unnamed ')} in {join(e.joints)}"
     return (
-        f"No name explains this {function} as well; with the nearest in its stead the error of its "
-        f"joints on unseen motion is another: {near}."
+        f"No name explains this {function} as well; with the nearest instead of it the error of "
+        f"its joints on unseen motion is another: {near}."
     )
 
 

@@ -41,7 +41,7 @@ from identifiability.physical.cad_prior import state_mass
 from identifiability.physical.feasibility import ANOTHER, is_another
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.other_format import write_twin
+from identifiability.robot.other_format import write_converted
 from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.robot.write import write_robot
 from identifiability.workflows.predict import Entry, MissingEntry, RobotEntry, state_missing
@@ -274,13 +274,13 @@ def write_parameters(
     if path.suffix.lower() in (".xml", ".urdf") and (path.suffix.lower() == ".urdf") == robot.mjcf:
         with temporary_folder() as folder:  # the same robot in the other format is the template
             beside = Path(folder) / f"{path.stem}{path.suffix.lower()}"
-            write_twin(robot, beside)
-            twin = replace(Robot.load(beside), rest=robot.rest).turned(robot.gravity)
+            write_converted(robot, beside)
+            converted = replace(Robot.load(beside), rest=robot.rest).turned(robot.gravity)
             shapes = robot.shapes if shapes is None else shapes
             reference = robot.reference if reference is None else reference
             whole = complete_values(robot, parameters, keep=keep)
             return write_parameters(
-                twin,
+                converted,
                 whole,
                 path,
                 keep=False,

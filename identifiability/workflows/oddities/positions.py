@@ -97,7 +97,7 @@ def find_hung(logs: MeasuredLogs) -> tuple[str, ...]:
         return ()
     return (
         f"A column repeats one value and then jumps, although the robot goes on ({listing(said, 4)}"
-        "): the reading hung; cut these rows out, splitting the log there.",
+        "): the reading stood still; cut these rows out, splitting the log there.",
     )
 
 

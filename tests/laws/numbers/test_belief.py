@@ -25,11 +25,12 @@ def verdict(kind, robust=1.0):
     )  # fmt: skip
 
 
-def summary(sd, reasons=(), sway=0.0):
+def summary(sd, reasons=(), prior_sensitivity=0.0):
     one = np.ones(1)
     return Summary(
         mean=3.0 * one, sd=np.array([sd]), interval=np.array([[2.5, 3.5]]),
-        draws=np.zeros((5, 1)), chains=np.zeros((1, 1, 5, 1)), at_edge=0 * one, sway=sway * one,
+        draws=np.zeros((5, 1)), chains=np.zeros((1, 1, 5, 1)), at_edge=0 * one,
+        prior_sensitivity=prior_sensitivity * one,
         convergence=Convergence(one, one, one, one, 0.5, tuple(reasons)),
     )  # fmt: skip
 
@@ -50,10 +51,18 @@ class Judged:
 
 
 def refined(
-    kind=Class.WEAK, *, sd=0.1, prior=1.0, data=1.0, robust=1.0, reasons=(), rules=None, sway=0.0
+    kind=Class.WEAK,
+    *,
+    sd=0.1,
+    prior=1.0,
+    data=1.0,
+    robust=1.0,
+    reasons=(),
+    rules=None,
+    prior_sensitivity=0.0,
 ):
     belief = Belief(
-        signs=None, physical=summary(sd, reasons, sway), standard=standard(),
+        signs=None, physical=summary(sd, reasons, prior_sensitivity), standard=standard(),
         model_prior_sd=np.array([prior]), model_data_sd=np.array([data]),
     )  # fmt: skip
     (found,) = refine_verdicts(Judged((verdict(kind, robust),)), belief, rules)
@@ -99,9 +108,9 @@ def test_what_is_half_as_wide_as_the_prior_is_learned(prior, kind):
     assert found.interval95 == (2.5, 3.5)
 
 
-@pytest.mark.parametrize(("sway", "stated"), [(0.19, True), (0.21, False)])
-def test_what_the_density_at_an_edge_decides_has_no_interval(sway, stated):
-    found = refined(sway=sway)
+@pytest.mark.parametrize(("prior_sensitivity", "stated"), [(0.19, True), (0.21, False)])
+def test_what_the_density_at_an_edge_decides_has_no_interval(prior_sensitivity, stated):
+    found = refined(prior_sensitivity=prior_sensitivity)
     assert found.verdict is (Class.CONSTRAINT if stated else Class.PRIOR)
     assert found.believed == ((2.5, 3.5) if stated else None)
     assert ("no interval is stated" in found.reason) == (not stated)
