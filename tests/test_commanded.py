@@ -20,6 +20,7 @@ from identifiability.estimation.rollouts import (
     fit_gains,
     fit_rollouts,
 )
+from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.foundation.options import OptionError
@@ -477,9 +478,11 @@ def test_a_log_that_contradicts_the_files_bodies_says_so_and_names_the_farthest(
     assert combine_with_file(structure, A, A @ phi, structure.G, 2.0).hint == ""
 
 
-def test_gains_that_contradict_the_motion_are_refused(arm, frames, tmp_path):
+@pytest.mark.parametrize("factor", [0.01, 5.0])
+def test_gains_that_contradict_the_motion_are_refused(arm, frames, tmp_path, factor):
     shutil.copy(arm.path, tmp_path / "arm.xml")
-    (tmp_path / "arm.toml").write_text("[servo]\nkp = 3\nkv = 1\n")
+    kp, kv = (dict(zip(arm.joints, factor * x, strict=True)) for x in (arm.servo.kp, arm.servo.kv))
+    (tmp_path / "arm.toml").write_text(toml_text({"servo": {"kp": kp, "kv": kv}}))
     with pytest.raises(LogError, match="contradict the motion"):
         analyze(tmp_path / "arm.xml", frames[1], quick=True)
 

@@ -22,6 +22,7 @@ from identifiability.estimation.noise import autocorrelation_time
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
+from identifiability.logs.prepare.plan import noise_level, resolution
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 from identifiability.simulation.rollout import STEP, CommandedRobot, forgotten
@@ -42,8 +43,9 @@ LATEST = 0.06
 #: Where a third of a log is so long, the search begins on that: steps there cost a third [s].
 ENOUGH = 2.0
 
-#: Share of a joint's motion by which the best rollout errs where gains contradict it.
-CONTRADICTED = 0.5
+#: Share of what there is to explain by which the best rollout errs where gains contradict it, and
+#: how many times the noise of positions is nothing to explain.
+CONTRADICTED, NOISES = 0.5, 5.0
 
 #: Length of blocks of time whose errors are taken to be independent [s].
 TOGETHER = 1.0
@@ -256,9 +258,26 @@ def _start(robot: Robot, servo: Servo, log: Log) -> tuple[Servo, dict[str, Array
 
 
 def share_missed(errors: Array, logs: Sequence[Log]) -> Array:
-    """Return errors of positions (n,) as shares of how the joints of logs move, (n,)."""
-    moved = np.sqrt(np.mean([log.q.var(0) for log in logs], axis=0))
-    return np.asarray(errors / np.maximum(moved, 1e-3))
+    """Return errors of positions (n,) as shares of what there is to explain, (n,).
+
+    That is how far a joint is from its command, merely delayed: it is what a servo makes torque of,
+    and what any servo that is stiff enough would leave, whatever moves behind it. It is no more
+    than how the joint moves, and no less than what noise would be.
+    """
+    every = np.mean([_unexplained(log) for log in logs], axis=0)
+    return np.asarray(errors / np.maximum(np.sqrt(every), 1e-3))
+
+
+def _unexplained(log: Log) -> Array:
+    """Return the variance of a log's positions about its commands, merely delayed, (n,)."""
+    moved = log.q.var(0)
+    if log.q_ref is None:
+        return np.asarray(moved)
+    most = min(round(LATEST / signals.sampling_step(log.t)), len(log) // 2)
+    target, q = log.q_ref, log.q[most:]
+    apart = [(q - target[most - k : len(log) - k]).var(0) for k in range(most + 1)]
+    noise = NOISES * np.maximum(noise_level(log.q, log.t), resolution(log.q))
+    return np.asarray(np.minimum(np.maximum(np.min(apart, axis=0), noise**2), moved))
 
 
 def _middle(log: Log) -> Log:

@@ -164,7 +164,8 @@ def _check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> None:
         raise LogError(
             f"The servos of {robot.servo.source} contradict the motion in "
             f"{listing([log.name for log in logs], 4)}: moved by the commands, '{robot.joints[k]}' "
-            f"errs by {100 * share[k]:.0f} % of how it moves, whatever its friction and rotor are; "
+            f"errs by {100 * share[k]:.0f} % of how far it is from its command, merely delayed, "
+            f"whatever its friction and rotor are; "
             f"check its gains (kp = {robot.servo.kp[k]:.4g}, kv = {robot.servo.kv[k]:.4g}) and the "
             "sign and zero of its command."
         )

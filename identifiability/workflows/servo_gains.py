@@ -188,8 +188,8 @@ def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
         raise LogError(
             f"No gains make '{robot.joints[k]}' follow its commands in "
             f"{listing([x.name for x in every], 4)}: at best it errs by {100 * share[k]:.0f} % of "
-            "how it moves; check the sign and zero of its command, and that its servo holds "
-            "positions."
+            "how far it is from them, merely delayed; check the sign and zero of its command, and "
+            "that its servo holds positions."
         )
     values, axes = np.linalg.eigh(found.covariance)
     doubt = (np.sqrt(np.maximum(values, 0.0)) * axes).T
