@@ -74,6 +74,9 @@ READ = 40
 #: logs of which one can be odd.
 STRETCHES, STANDS_OUT, FEWEST = 8, 1.5, 3
 
+#: What refutes the value of an effect, not its name.
+OTHER = "unseen motion has it with another value"
+
 
 @frozen
 class Roles:

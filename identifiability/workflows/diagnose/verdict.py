@@ -19,6 +19,7 @@ from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.evidence import View, factor_of
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.hypothesis import Hypothesis
+from identifiability.workflows.diagnose.motion import OTHER
 from identifiability.workflows.diagnose.problem import Problem
 from identifiability.workflows.diagnose.search import Search
 
@@ -37,12 +38,15 @@ class Judged:
         Logarithm of the predictive likelihood ratio of unseen motion, with the part over without.
     asked : bool
         Whether there is any unseen motion of its joints.
+    alone : float [nat]
+        Log odds for it on the unseen motion by itself, with whatever value it has there.
     """
 
     odds: float
     scatter: float
     unseen: float
     asked: bool = True
+    alone: float = -np.inf
 
     def stands(self, odds: float) -> bool:
         """Whether a part is stated: sure on the fitted motion, and not refuted by the unseen."""
@@ -60,6 +64,8 @@ class Judged:
     @property
     def why(self) -> str:
         """What refuted it, to follow its name."""
+        if self.refuted and self.alone > 0:
+            return OTHER
         return REFUTED if self.refuted else WORSE
 
 
@@ -82,7 +88,11 @@ def judge_parts(search: Search, h: Hypothesis, view: View) -> dict[int, Judged]:
         for k, scatter, blocks in zip(own, *moderate(*found.T), strict=True):
             odds = _odds_of(search, k, h, view, max(1.0, scatter), blocks)
             asked = bool(moves[list(p.acts(k))].any())
-            out[k] = Judged(odds, max(1.0, float(scatter)), fitted.foretold(k), asked)
+            rest = h.without({k}).parts
+            price = catalogue.price(h.parts) - catalogue.price(rest)
+            alone = fitted.foretold(k, alone=True) / max(1.0, scatter) - price
+            seen = fitted.foretold(k)
+            out[k] = Judged(odds, max(1.0, float(scatter)), seen, asked, float(alone))
     return {k: out[k] for k in h.parts}
 
 
@@ -247,8 +257,8 @@ class Fitted:
         return found
 
     @cached_property
-    def _predicted(self) -> tuple[Array, Array]:
-        """Products of torque and columns beside the model, on fitted and on both motions."""
+    def _predicted(self) -> tuple[Array, Array, Array]:
+        """Products of torque and columns beside the model, on fitted, unseen and both motions."""
         p, view = self.problem, self.view
         errors = p.errors(p.unseen, self.parts, view)
         weights = view.tempered.tolist()
@@ -256,20 +266,26 @@ class Fitted:
         # Squares of unseen errors may be larger than those of noise.
         scale = max(1.0, float(squares) / max(sum(len(e) for e in errors), 1))
         b = p.rows.X.shape[2]
-        both = self._total + view.total(self.at, p.unseen) / scale
-        return _beside_model(self._total, b), _beside_model(both, b)
+        unseen = view.total(self.at, p.unseen) / scale
+        one, other, both = (
+            _beside_model(x, b) for x in (self._total, unseen, self._total + unseen)
+        )
+        return one, other, both
 
-    def foretold(self, without: int | None = None) -> float:
+    def foretold(self, without: int | None = None, *, alone: bool = False) -> float:
         """Return the log predictive density of unseen motion over that without a part.
 
         The Bayes factor of both motions less that of the fitted one; of nothing over the model.
+        Where unseen motion is `alone` it is the Bayes factor of that.
         """
         if self.problem.unseen is self.problem.fitted or not self.at:
             return 0.0
         b, sizes = self.problem.rows.X.shape[2], self.view.typical[self.at]
         every = np.arange(len(sizes))
         gone = every if without is None else self._own[without] - 1 - b
-        fitted, both = self._predicted
+        fitted, unseen, both = self._predicted
+        if alone:
+            fitted, both = np.zeros_like(unseen), unseen
         rest = np.setdiff1d(every, gone)
         return sum(
             sign * (_log_bayes(both, sizes, at) - _log_bayes(fitted, sizes, at))

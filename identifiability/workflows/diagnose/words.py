@@ -9,7 +9,7 @@ from identifiability.foundation.numbers import REACH, holm, percent
 from identifiability.foundation.values import frozen
 from identifiability.workflows.answers import state_joints
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
-from identifiability.workflows.diagnose.motion import Change, join
+from identifiability.workflows.diagnose.motion import OTHER, Change, join
 
 #: Effects that the headline states in full, and names and places that it lists of each.
 FULL, LISTED = 2, 3
@@ -208,7 +208,8 @@ def _state_mass(e: NamedEffect) -> str:
 def _state_contradicted(e: NamedEffect, verified_on: str) -> str:
     """Return what the motion that verifies says against an effect."""
     named = _capital(_state_effect(e))
-    start = f"{named} stood out from the fitted motion and is refuted: on {verified_on}"
+    what = f"its value is refuted ({OTHER})" if e.why == OTHER else "is refuted"
+    start = f"{named} stood out from the fitted motion and {what}: on {verified_on}"
     if np.isnan(e.shown.before):  # without a scale of its own there is no error over it
         return f"{start} the torque where it is never changes."
     change = _change(e.shown.before, e.shown.after, e.shown.interval)

@@ -14,7 +14,7 @@ from typing import Annotated
 
 import numpy as np
 
-from identifiability.effects import default_effects
+from identifiability.effects import default_effects, find_families
 from identifiability.effects.gravity import TILTS, GravityTilt, horizontal_axes
 from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.registry import title_of
@@ -170,6 +170,7 @@ def diagnose(
     """
     say, draws = progress or quiet, settle_count(replicates, DRAWS, DRAWS // 2, quick=quick)
     streams = tuple(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6))
+    find_families(effects)  # what is misspelt is told before logs are read
     with one_thread():
         robot = Robot.of(robot)
         before = None

@@ -164,6 +164,11 @@ def test_no_name_makes_the_unseen_motion_of_its_joints_worse(arm):
 def test_a_part_stands_where_it_is_sure_and_shown():
     rules = Rules()
     sure = Judged(odds=rules.odds, scatter=1.0, unseen=0.1)
+    # What unseen motion by itself has is no wrong name, but a value that does not hold.
+    other, wrong = (replace(sure, unseen=-0.1, alone=a) for a in (0.1, -0.1))
+    assert other.refuted
+    assert other.why == "unseen motion has it with another value"
+    assert wrong.why == "unseen motion is likelier without it"
     assert sure.stands(rules.odds)
     for spoilt in ({"odds": rules.odds - 0.1}, {"unseen": -0.1}):
         assert not replace(sure, **spoilt).stands(rules.odds)
@@ -221,6 +226,7 @@ def test_predictive_odds_are_the_ratio_of_dense_densities(arm):
     fitted = Fitted(p, [k], view)
     assert fitted.foretold() == pytest.approx(expected, abs=1e-4)
     assert fitted.foretold(k) == pytest.approx(expected, abs=1e-4)
+    assert fitted.foretold(k, alone=True) == pytest.approx(contrasts(p.unseen), abs=1e-4)
     assert Fitted(p, [], view).foretold() == 0.0
 
 
