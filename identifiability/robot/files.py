@@ -290,7 +290,9 @@ def _ask_for_base(path: Path, root: ET.Element) -> None:
     }
     children = {child for _, child in ends.values()}
     tops = [link.get("name", "") for link in root.findall("link")]
-    (base,) = [name for name in tops if name not in children] or [""]
+    base, *others = [name for name in tops if name not in children] or [""]
+    if others:  # some of them hang on nothing and carry nothing
+        return
     weighs = {
         link.get("name") for link in root.findall("link") if link.find("inertial") is not None
     }
