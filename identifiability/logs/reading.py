@@ -220,8 +220,9 @@ _WORDS = {
 # `Reading`: the first reading of a table, piece by piece: what is what, and whether it can be.
 
 
-#: A joint that is held moves less than this [rad or m].
-PLAY = 0.01
+#: A joint that is held moves less than this [rad or m], but for less than a share of the rows,
+#: which are left out.
+PLAY, STANDS = 0.01, 0.5
 
 
 def _held_on(before: pd.DataFrame | None, held: pd.DataFrame) -> pd.DataFrame:
@@ -328,6 +329,7 @@ class Reading:
         self._base: BaseColumns | None = None
         self._beside: dict[str, list[Array]] = {}
         self.beside: RawBase | None = None
+        self._places: dict[str, list[Array]] = {}
 
     def add(self, frame: pd.DataFrame, form: Form = PLAIN) -> None:
         """Check the next rows.
@@ -485,24 +487,41 @@ class Reading:
     def _follow_locked(self, column: Column, given: pd.Series) -> None:
         """Follow where a joint is that is said not to move; single wrong values do not count."""
         values = column.scale(to_floats(given))
+        if self.keep:
+            self._places.setdefault(column.name, []).append(values)
         values = values[np.isfinite(values)]
         if len(values):
             low, high = np.quantile(values, [0.01, 0.99])
             least, most = self._held.get(column.name, (np.inf, -np.inf))
             self._held[column.name] = min(least, float(low)), max(most, float(high))
 
-    def _check_locked(self) -> None:
-        """Refuse a lock that the positions contradict; say where a joint stands elsewhere.
+    def _check_locked(self) -> np.ndarray:
+        """Return in which rows a locked joint moves, (N,) bool, none where none ever does.
+
+        A lock that the positions contradict most of the time is refused; where a joint stands
+        elsewhere is said.
 
         Raises
         ------
         LogError
         """
-        notes = []
+        notes, moving = [], np.empty(0, bool)
         for name, (low, high) in self._held.items():
             joint, at = name.removesuffix(".q"), 0.5 * (low + high)
             held = self.known.locked[joint]
-            if high - low > PLAY:
+            q = np.concatenate(self._places.get(name, [np.empty(0)]))
+            known, wanders = np.isfinite(q), high - low > PLAY
+            if wanders and known.any():
+                at = float(np.median(q[known]))
+                moves = ~(np.abs(np.where(known, q, at) - at) <= PLAY)
+                if moves.mean() < STANDS:
+                    moving = moves if not len(moving) else moving | moves
+                    notes.append(
+                        f"'{joint}' is locked and moves in {moves.sum()} of {len(q)} rows, whose "
+                        "equations are left out"
+                    )
+                    wanders = False
+            if wanders:
                 raise LogError(
                     f"{self.source}: the joint '{joint}' is locked, but '{name}' moves by "
                     f"{high - low:.3g} ({low:.4g} … {high:.4g}); take the lock out, or give a "
@@ -514,6 +533,7 @@ class Reading:
                     f"--lock {joint}={at:.4g}"
                 )
         self._naming = replace(self._naming, notes=(*self._naming.notes, *notes))
+        return moving
 
     def finish(self) -> dict[str, Array]:
         """Return the columns, each (N,), as far as they were kept.
@@ -523,8 +543,9 @@ class Reading:
         LogError
             If a value cannot be, or the times are too few or do not increase.
         """
-        self._check_locked()
-        times = np.concatenate(self._kept["t"]) if self._beside else np.empty(0)
+        moving = self._check_locked()
+        asked = bool(self._beside) or moving.any()
+        times = np.concatenate(self._kept["t"]) if asked else np.empty(0)
         if self.keep:
             self._unify()
         elif self._is_mixed():
@@ -555,6 +576,9 @@ class Reading:
                 numbers.finish()
         self.clock.finish()
         values = {c: np.concatenate(kept) for c, kept in self._kept.items() if kept}
+        if moving.any():
+            near = np.interp(values["t"], times, moving.astype(float)) > 0
+            values |= {c: np.where(near, np.nan, x) for c, x in values.items() if c[-4:] == ".tau"}
         if self.known.base is not None:
             raw = {key: np.concatenate(x) for key, x in self._beside.items()}
             flags = [c.flag for c in self.known.base.contacts]

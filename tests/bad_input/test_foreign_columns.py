@@ -109,6 +109,11 @@ def test_a_lock_that_the_log_contradicts_is_refused_short_and_long_alike(called,
     still = np.where(np.arange(len(frame)) == 7, 3.0, 0.001)  # one wrong value moves nothing
     assert all("elbow' stands" not in note for note in locked(frame, **{called: still}))
     assert "lock it there, --lock elbow=0.5" in locked(frame, **{called: 0.5})[-1]
+    some = np.where(np.arange(len(frame)) < 0.2 * len(frame), 0.3, 0.001)
+    told = Log.from_frame(frame.assign(**{called: some}), "log", known)
+    count = int(np.ceil(0.2 * len(frame)))
+    assert f"moves in {count} of {len(frame)} rows, whose equations are left out" in str(told.notes)
+    np.testing.assert_array_equal(told.unmeasured[:, 0], some > 0.1)
 
 
 def test_what_another_device_has_is_not_proposed_for_a_joint(arm):
