@@ -87,7 +87,7 @@ def test_every_verb_takes_the_same_band(two_link, coarse, verb, monkeypatch):
         taken.append(how)
         return prepare_log(robot, log, how, **options)
 
-    where = {"predict": "predict.fit"}.get(verb, f"{verb}.workflow")
+    where = "inspect" if verb == "inspect" else "session"
     monkeypatch.setattr(f"identifiability.workflows.{where}.prepare_log", prepare)
     other = replace(coarse.cut(0, 3500, "other"), sha256="other")
     if verb == "compare":

@@ -190,11 +190,19 @@ def bandwidth_of_windows(windows: Sequence[Array], dt: float) -> float:
 
 @frozen
 class Band:
-    """The low-pass of computed derivatives, and what it lets through.
+    """The low-pass of computed derivatives, up to where torque is kept, and what comes through.
+
+    Torque and columns pass the filter of decimation alike, the motion one more. Where that ends in
+    the same band what is sharp differs, as when dry friction turns: inertia lacks what its filter
+    takes, and the sign of a smoothed speed turns at another time. So the motion is low-passed where
+    its noise begins to count, and what is kept ends well below.
 
     Attributes
     ----------
     cutoff : float [Hz]
+        Of the motion.
+    outputs : float [Hz]
+        Up to where torque and columns are kept.
     bandwidth : float [Hz]
         Of the motion, of the fastest joint and log.
     limit : float [Hz]
@@ -202,20 +210,18 @@ class Band:
     noise : float
         Share of the power of an acceleration that noise has at the cut-off, of the worst joint.
     reason : str
-        Why the cut-off is there, for the report; nothing where it was given.
+        Why outputs end there, for the report; nothing where the cut-off was given.
     joints : (n,) [Hz]
         Bandwidth of each joint, of the fastest log.
-    widest : float [Hz]
-        The largest cut-off that noise and sampling rate allow, whatever the motion's band.
     """
 
     cutoff: float
+    outputs: float
     bandwidth: float
     limit: float
     noise: float
     reason: str
     joints: Array
-    widest: float
 
 
 def choose_band(
@@ -226,9 +232,10 @@ def choose_band(
 ) -> Band:
     """Return the low-pass for all logs that are judged together.
 
-    Ten times the band of the motion, at least `LOWEST_CUTOFF`; less where noise would have more
-    than `NOISE_SHARE` of the power of an acceleration, but never less than five times the band
-    and `LEAST_CUTOFF`; and a fifth of the sampling rate at most.
+    Torque and columns are kept up to ten times the band of the motion, at least `LOWEST_CUTOFF`;
+    less where noise would have more than `NOISE_SHARE` of the power of an acceleration, but never
+    less than five times the band and `LEAST_CUTOFF`; and a fifth of the sampling rate at most. The
+    motion is low-passed there, or wherever above that noise and sampling rate allow.
 
     Parameters
     ----------
@@ -259,7 +266,7 @@ def choose_band(
     loud = np.flatnonzero([noise(at) > NOISE_SHARE for at in tried])
     limit = float(tried[max(loud[0] - 1, 0)] if len(loud) else tried[-1])
     if cutoff is not None:
-        return Band(cutoff, band, limit, noise(cutoff), "", joints, cutoff)
+        return Band(cutoff, cutoff, band, limit, noise(cutoff), "", joints)
     chosen, reason = most, f"10 × the motion's band of {band:.3g} Hz"
     if most == LOWEST_CUTOFF:
         reason = f"the least there is, the motion's band is {band:.2g} Hz"
@@ -272,5 +279,6 @@ def choose_band(
         )
     if highest < chosen:
         chosen, reason = highest, f"a fifth of the sampling rate, the motion reaches {band:.3g} Hz"
-    widest = max(chosen, min(limit, highest))
-    return Band(chosen, band, limit, noise(chosen), reason, joints, widest)
+    # What a joint without a say has above is noise, which no spectrum tells.
+    wide = max(chosen, min(limit, highest)) if asked.all() else chosen
+    return Band(wide, chosen, band, limit, noise(wide), reason, joints)

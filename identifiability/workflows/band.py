@@ -64,8 +64,8 @@ def settle_band(
         other = settle_cutoff(structure.robot, logs, how, fastest)
         if APART * _least(other) <= _least(found[-1]):
             found.append(other)
-    asked = [replace(x, cutoff=_least(x)) for x in found] if given else found
-    if len({x.cutoff for x in asked}) == 1:
+    asked = [replace(x, cutoff=_least(x), outputs=_least(x)) for x in found] if given else found
+    if len({(x.cutoff, x.outputs) for x in asked}) == 1:
         return first
     try:
         errors = [score.error for score in _score(structure, logs, asked)]
@@ -75,10 +75,10 @@ def settle_band(
 
 
 def _least(how: Preparation) -> float:
-    """Return the least cut-off that leaves alone what a band says is motion [Hz]."""
+    """Return up to where torque is to be kept for what a band says is motion [Hz]."""
     assert isinstance(how, SettledPreparation)
     assert how.band is not None
-    return max(how.band.cutoff, NARROW * how.band.bandwidth)
+    return max(how.band.outputs, NARROW * how.band.bandwidth)
 
 
 def _score(

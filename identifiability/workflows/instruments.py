@@ -145,9 +145,7 @@ def _try_noise(
 def _noise_share(robot: Robot, log: Recording, samples: Prepared) -> float:
     """Return the share that noise has of an acceleration (rms), on a window of a long log."""
     part = log if isinstance(log, Log) else log.rows(*signals.spread_windows(len(log))[0])
-    if isinstance(samples, Samples):
-        return noise_share(robot, part, samples.cutoff)
-    return noise_share(robot, part, samples.stretches[0].plan.cutoff)
+    return noise_share(robot, part, samples.band)
 
 
 def _own_motion(samples: Prepared) -> Samples | None:

@@ -838,7 +838,7 @@ def _tell_noise(robot: Robot, logs: Sequence[Recording], how: Preparation) -> li
 
 def _cutoff(log: Log, how: Preparation) -> float | None:
     """Return the low-pass of computed derivatives; None where they were measured."""
-    return None if {"dq", "ddq"} <= set(log.channels) else how.cutoff
+    return None if {"dq", "ddq"} <= set(log.channels) else how.outputs or how.cutoff
 
 
 def choose_body(structure: Structure, body: str | None) -> tuple[str, Array]:

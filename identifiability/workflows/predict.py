@@ -663,11 +663,10 @@ def _other_robot(where: str, robot: Robot, why: str) -> IdentifiabilityError:
 
 
 def settled(given: object, samples: Sequence[Prepared]) -> Preparation:
-    """Return a preparation with the cut-off that was chosen for some logs."""
+    """Return a preparation with the low-pass that was chosen for some logs."""
     known = given if isinstance(given, Preparation) else Preparation()
-    cutoff = next((s.cutoff for s in samples if s.cutoff is not None), known.cutoff)
-    names = [f.name for f in fields(Preparation)]
-    return Preparation(**{n: getattr(known, n) for n in names} | {"cutoff": cutoff})
+    own = next(({"cutoff": s.cutoff, "outputs": s.band} for s in samples if s.cutoff), {})
+    return Preparation(**{f.name: getattr(known, f.name) for f in fields(Preparation)} | own)
 
 
 # `Predicts`: what results that hold one fitted model have in common.

@@ -18,7 +18,7 @@ MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator
 
 
 def choose_cutoff(q):
-    return choose_band([Spectrum.of([q], STEP)]).cutoff
+    return choose_band([Spectrum.of([q], STEP)]).outputs
 
 
 @pytest.fixture

@@ -142,6 +142,11 @@ class LongSamples:
         """Low-pass of computed derivatives [Hz]; None where there is none."""
         return self.stretches[0].plan.cutoff
 
+    @property
+    def band(self) -> float | None:
+        """Up to where torque and regressor are kept beside computed derivatives [Hz]."""
+        return self.stretches[0].plan.band
+
     def pieces(self, size: int) -> Iterator[Piece]:
         """Yield pieces of about `size` input samples."""
         for stretch in self.stretches:

@@ -351,6 +351,8 @@ class Plan:
         Of measured velocities, of which signs are taken; None where there is none.
     hints : tuple of str
         What to say of it where every reader looks.
+    band : float or None [Hz]
+        Up to where torque and columns are kept beside computed derivatives; None without these.
     """
 
     step: float
@@ -365,6 +367,7 @@ class Plan:
     grid: Grid | None = None
     smoothing: Smoothing | None = None
     hints: tuple[str, ...] = ()
+    band: float | None = None
 
     @property
     def decimation(self) -> signals.Decimation | None:

@@ -29,6 +29,7 @@ from identifiability.logs.prepare.plan import (
     joint_log,
 )
 from identifiability.logs.spectrum import (
+    HIGHEST,
     LOWEST_CUTOFF,
     Band,
     Spectrum,
@@ -96,10 +97,10 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
     """Return a plan that bridges short gaps and splits the log at others, and says so."""
     least = 1
     longest = max(BRIDGED / LOWEST_CUTOFF, FEW * plan.step)  # measured derivatives need no filter
-    if plan.cutoff is not None:
-        longest = BRIDGED / plan.cutoff
+    if plan.band is not None:
+        longest = BRIDGED / plan.band
         gaps.check(samples)
-        least = max(SHORTEST_STRETCH, int(np.ceil(1.0 / (plan.cutoff * plan.step))))
+        least = max(SHORTEST_STRETCH, int(np.ceil(1.0 / (plan.band * plan.step))))
     grid = gaps.divide(longest, least)
     uneven = []
     if plan.cutoff is not None and abs(gaps.drift) > DRIFT:
@@ -114,7 +115,7 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
     if len(grid.after) and plan.cutoff is not None:
         notes.append(
             f"lost samples ({int(grid.lost.sum())}, at most {gaps.length[~split].max():.3g} s from "
-            "one to the next) were bridged by cubics, which half of the cut-off's period allows"
+            "one to the next) were bridged by cubics, which half a period of what is kept allows"
         )
     if len(grid.breaks):
         hints.append(
@@ -158,7 +159,7 @@ class Preparation:
         them by Butterworth.
     cutoff : float or None [Hz]
         Low-pass for computed derivatives [Hz]; by default it is chosen for all logs together, from
-        10 × the bandwidth of the motion and from the noise (`logs.spectrum.choose_band`).
+        the noise and the bandwidth of the motion (`logs.spectrum.choose_band`).
     period : float or None [s]
         Period of periodic motion [s], for the Fourier fit; by default the whole fraction of the
         duration that fits best.
@@ -166,12 +167,11 @@ class Preparation:
         Harmonics of the Fourier fit.
     decimate : int or None
         Parallel filter of torque and regressor, of which every k-th sample is kept; by default the
-        band up to the cut-off where derivatives are computed by Butterworth (torque above it has no
-        acceleration left to explain it), else everything.
+        band up to `outputs` where derivatives are computed by Butterworth, else everything.
     outputs : float or None [Hz]
-        Up to where torque and regressor are kept where `decimate` does not say it; None for the
-        cut-off. Sharp events, as when dry friction turns, are alike in both only where the low-pass
-        of the motion takes nothing.
+        Up to where torque and regressor are kept where `decimate` does not say it; None for a
+        cut-off that is given (torque above it has no acceleration left to explain it), or for 10 ×
+        the bandwidth of the motion with one that is chosen.
     keep_rest : bool
         Take the torque of joints that stand, too. Dry friction is anything up to its level there,
         so it is no data for that joint (`identifiability.logs.prepare.plan.DwellRule`), whatever
@@ -237,7 +237,8 @@ def _settle(
 ) -> SettledPreparation:
     """Return the preparation for logs, from windows of each."""
     band = _choose_band(robot, logs, how.cutoff, fastest)
-    return SettledPreparation(**{**vars(how), "cutoff": band.cutoff, "band": band})
+    own = {"cutoff": band.cutoff, "outputs": how.outputs or band.outputs, "band": band}
+    return SettledPreparation(**{**vars(how), **own})
 
 
 def _is_filtered(log: Log | LogFile, how: Preparation) -> bool:
@@ -331,6 +332,8 @@ def _plan_filter(log: Log | LogFile, gaps: Gaps, plan: Plan, how: Preparation) -
     if gaps.jitter > ROUNDED:
         jitter = f" (time stamps jitter by {100 * gaps.jitter:.0f} % of a step; taken as even)"
     assert cutoff is not None
+    if how.outputs is not None:  # chosen for logs of which some are sampled faster
+        cutoff = max(how.outputs, min(cutoff, HIGHEST / dt))
     lowest = 1.0 / (log.clock.last - log.clock.first)
     if not lowest <= cutoff < 0.5 / dt:
         raise LogError(
@@ -339,12 +342,14 @@ def _plan_filter(log: Log | LogFile, gaps: Gaps, plan: Plan, how: Preparation) -
         )
     source = "given velocities" if "dq" in log.channels else "positions"
     band = how.band if isinstance(how, SettledPreparation) else None
+    outputs = how.outputs or cutoff
+    kept = f", and torque is kept up to {outputs:.3g} Hz" if outputs != cutoff else ""
     reason = f" ({band.reason})" if band and band.reason else ""
     note = (
         f"velocity and acceleration are derivatives of the {source} after a zero-phase "
-        f"4th-order Butterworth low-pass at {cutoff:.3g} Hz{reason}{jitter}"
+        f"4th-order Butterworth low-pass at {cutoff:.3g} Hz{kept}{reason}{jitter}"
     )
-    return replace(plan, step=dt, cutoff=cutoff, notes=(note,))
+    return replace(plan, step=dt, cutoff=cutoff, band=outputs, notes=(note,))
 
 
 def _plan_series(robot: Robot, log: Log | LogFile, plan: Plan, how: Preparation) -> Plan:
@@ -394,6 +399,6 @@ def _choose_factor(plan: Plan, how: Preparation) -> int:
     """Return the decimation asked for, or the one that suits the cut-off."""
     if how.decimate is not None:
         return how.decimate
-    if plan.cutoff is None:
+    if plan.band is None:
         return 1
-    return max(1, int(0.5 / ((how.outputs or plan.cutoff) * plan.step)))
+    return max(1, int(0.5 / (plan.band * plan.step)))

@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from identifiability.foundation.errors import ClosureError, LogError, RobotError
 from identifiability.foundation.names import Array
@@ -42,6 +43,11 @@ DWELLS = (
 
 #: Rows that a note lists.
 LISTED = 5
+
+#: Periods of the cut-off on each side of a reversal in which its time is not known: half of the
+#: main lobe of the low-pass. Twice as many cost a diagnosis half of the laws of friction near zero
+#: speed, half as many left names to robots that stick.
+BLUR = 0.25
 
 
 @frozen
@@ -302,6 +308,8 @@ class Samples:
         draws on; None for all.
     cutoff : float or None [Hz]
         Low-pass of computed derivatives; None where there is none.
+    band : float or None [Hz]
+        Up to where torque and regressor are kept beside them.
     instrument : Motion or None
         A second record of the motion at the same samples, whose errors are not those of `motion`.
     record : {"measured", "smoothed", "command"}
@@ -326,6 +334,7 @@ class Samples:
     sha256: str
     own: Rows | None = None
     cutoff: float | None = None
+    band: float | None = None
     instrument: Motion | None = None
     record: Record = "measured"
     lost: int = 0
@@ -339,6 +348,20 @@ class Samples:
         """The samples along the second record of the motion."""
         other = self.instrument
         return None if other is None else replace(self, motion=other, instrument=None, echoes=())
+
+    def without_reversals(self) -> Samples:
+        """The same, the torque of a joint being no data while its speed crosses zero.
+
+        When dry friction turns is known no better than the low-pass of the motion lets it, and a
+        joint that sticks for that long cannot be told from one that does not.
+        """
+        v = self.motion.actuated_v
+        step = signals.sampling_step(self.motion.t)
+        reach = 1 if self.cutoff is None else int(np.ceil(BLUR / (self.cutoff * step)))
+        turns = np.zeros(v.shape, bool)
+        turns[:-1] = np.signbit(v[:-1]) != np.signbit(v[1:])
+        near = maximum_filter1d(turns, 2 * reach + 1, axis=0)
+        return replace(self, dwells=near if self.dwells is None else self.dwells | near)
 
     @cached_property
     def runs(self) -> list[tuple[int, int]]:
@@ -501,7 +524,8 @@ def prepare_rows(
     moved = {k: getattr(motion, k) + origin + part.start for k in rows}
     motion = replace(motion, **moved, start=log.start)
     samples = Samples(log.name, motion, tau, plan.decimation, (), log.sha256, own, plan.cutoff)
-    return replace(samples, lost=lost, breaks=breaks, hints=plan.hints, dwells=dwells)
+    samples = replace(samples, lost=lost, breaks=breaks, hints=plan.hints, dwells=dwells)
+    return replace(samples, band=plan.band)
 
 
 def _touch(robot: Robot, log: Log) -> Array | None:

@@ -288,10 +288,11 @@ def settle_robot(
 
 # The low-pass of computed derivatives: does it cut the motion, let noise in, do values follow it?
 #
-# The model is fitted again, as it was, at half and at double the cut-off. Where the band is right,
-# little changes: a value moves by what the rows that were added or lost knew of it [Hausman 1978].
-# Where noise, flexibility or the motion itself lie at the edge of the band, values follow the
-# cut-off.
+# The model is fitted again, as it was, with torque up to half and to double of where it is kept;
+# the motion is low-passed there too where it was, and else no lower than before. Where the band is
+# right, little changes: a value moves by what the rows that were added or lost knew of it
+# [Hausman 1978]. Where noise, flexibility or the motion itself lie at the edge of the band, values
+# follow the cut-off.
 
 
 #: Multiples of the cut-off that are tried.
@@ -380,13 +381,18 @@ def vary_cutoff(
     then only half of it says something.
     """
     known = np.array([v.verdict is Class.IDENTIFIABLE for v in result.verdicts])
-    cutoffs, structure = [s.cutoff for s in opening.samples], opening.structure
-    if not known.any() or None in cutoffs:
+    structure = opening.structure
+    bands = [(s.cutoff, s.band) for s in opening.samples if s.cutoff and s.band]
+    if not known.any() or len(bands) < len(opening.samples):
         return ""
     windows = _windows([len(log) for log in logs], enough_samples(structure.robot))
 
     def refit(factor: float) -> Estimate | None:
-        cut = [replace(how, cutoff=factor * (cutoffs[k] or np.inf)) for k, _, _ in windows]
+        cut = []
+        for k, _, _ in windows:
+            wide, kept = bands[k]
+            widest = max(wide, factor * kept) if wide > kept else factor * kept
+            cut.append(replace(how, cutoff=widest, outputs=factor * kept))
         try:
             samples = tuple(
                 prepare_samples(structure.robot, logs[k].rows(a, b), at)
@@ -408,7 +414,7 @@ def vary_cutoff(
     b = how.band
     silent = b is not None and b.cutoff <= b.limit
     for factor in FACTORS:
-        if b is not None and silent and factor * b.cutoff > b.limit:
+        if b is not None and silent and factor * b.outputs > b.limit:
             continue
         other = refit(factor)
         if other is None:
@@ -416,13 +422,13 @@ def vary_cutoff(
         moved = _moves(result, base, other)
         at = np.flatnonzero(known & (np.abs(moved) > 0))
         if len(at):
-            band = " … ".join(sorted({f"{factor * (c or 0.0):.3g}" for c in cutoffs}, key=float))
+            band = " … ".join(sorted({f"{factor * kept:.3g}" for _, kept in bands}, key=float))
             order = at[np.argsort(-moved[at])]
             names = (f"{result.rung.columns[k]} by {moved[k]:.2g} σ" for k in order)
             found.append(f"{listing(names, NAMED)} at {band} Hz")
     if not found:
         return ""
-    now = " … ".join(sorted({f"{c:.3g}" for c in cutoffs if c is not None}, key=float))
+    now = " … ".join(sorted({f"{kept:.3g}" for _, kept in bands}, key=float))
     return (
         f"Identifiable values follow the cut-off of {now} Hz and leave their intervals: "
         f"{'; '.join(found)}. Set it from the band of the motion (--cutoff) and use what stays."

@@ -83,7 +83,7 @@ class MotionErrors:
     def of(robot: Robot, samples: Samples, raw: Log, how: Preparation) -> MotionErrors:
         """Return the errors of a log that was prepared."""
         if samples.cutoff is not None:
-            how = replace(how, cutoff=samples.cutoff)
+            how = replace(how, cutoff=samples.cutoff, outputs=samples.band)
         plan = make_plan(robot, raw, how)
         log = joint_log(robot, plan.mend(raw))
         none = np.zeros(log.q.shape)

@@ -18,7 +18,6 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.estimator import Estimate
@@ -29,15 +28,13 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, checks, signals
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.longsamples import Prepared, prepare_samples
-from identifiability.logs.prepare.preparation import SettledPreparation, make_plan
+from identifiability.logs.prepare.preparation import make_plan
 from identifiability.logs.prepare.samples import check_left, join_motions
 from identifiability.logs.prepare.samples import prepare_rows as prepare_stretch
 from identifiability.logs.repeats import Recording
 from identifiability.logs.spectrum import (
     HIGHEST,
     LOWEST_CUTOFF,
-    NARROW,
-    NOISE_SHARE,
     WIDE,
     bandwidth_of_windows,
 )
@@ -60,13 +57,6 @@ LEAST = 100
 #: are thinned to stretches.
 MOST_SAMPLES, MOST_IN_ALL = 6000, 8000
 STRETCH = 300
-#: Periods of the cut-off on each side of a reversal in which its time is not known: half of the
-#: main lobe of the low-pass. Twice as many cost half of the laws of friction near zero speed, half
-#: as many left names to robots that stick.
-BLUR = 0.25
-#: Share of the low-pass of the motion up to which torque and columns are kept: of fourth order,
-#: there and back, it takes 1 / (1 + .5⁸), .4 %, of what is there.
-KEPT = 0.5
 #: Samples of a long log that are read for each of these: of one that is logged far faster than the
 #: robot moves fewer are looked at, so that neither time nor memory grow without end.
 READ = 40
@@ -169,29 +159,6 @@ def samples_each(lengths: Iterable[int]) -> int:
     return max(STRETCH, min(MOST_SAMPLES, share))
 
 
-def widen(how: Preparation) -> Preparation:
-    """Return a preparation in which the low-pass of the motion takes nothing from what is kept.
-
-    Torque and columns pass the filter of decimation alike, the motion one more. Where that ends in
-    the same band what is sharp differs, as when dry friction turns: inertia lacks what its filter
-    takes, and the sign of a smoothed speed turns late, which looks like an error of clocks. So the
-    motion is low-passed where its noise begins to count, and what is kept ends well below.
-
-    Parameters
-    ----------
-    how : Preparation
-        For an estimate; where its cut-off was given it is left alone.
-    """
-    if not isinstance(how, SettledPreparation) or how.band is None:
-        return how
-    band = how.band
-    if not band.reason or how.decimate is not None:
-        return how
-    kept = max(min(band.cutoff, KEPT * band.widest), min(NARROW * band.bandwidth, band.widest))
-    reason = f"up to there noise has at most {100 * NOISE_SHARE:.2g} % of an acceleration's power"
-    return replace(how, cutoff=band.widest, outputs=kept, band=replace(band, reason=reason))
-
-
 def prepare_rows(
     robot: Robot, log: Recording, how: Preparation | None, most: int = MOST_SAMPLES
 ) -> Samples:
@@ -211,26 +178,6 @@ def prepare_rows(
             factor -= 1
         how = Preparation(decimate=max(factor, 1))
     return prepare_thin(robot, log, how or Preparation(), most=most)
-
-
-def without_crossings(samples: Samples) -> Samples:
-    """Return samples in which the torque of a joint is no data while its speed crosses zero.
-
-    When dry friction turns is known no better than the low-pass of the motion lets it, and a joint
-    that sticks for that long cannot be told from one that does not. A few such rows, tens of
-    standard errors off, would speak for whatever bends there. Where no joint ever stands friction
-    does not stick, and all rows are data.
-    """
-    if samples.dwells is None or not samples.dwells.any():
-        return samples
-    motion = samples.motion
-    v = motion.actuated_v
-    step = signals.sampling_step(motion.t)
-    reach = 1 if samples.cutoff is None else int(np.ceil(BLUR / (samples.cutoff * step)))
-    turns = np.zeros(v.shape, bool)
-    turns[:-1] = np.signbit(v[:-1]) != np.signbit(v[1:])
-    near = maximum_filter1d(turns, 2 * reach + 1, axis=0)
-    return replace(samples, dwells=samples.dwells | near)
 
 
 def thin(samples: Samples, most: int = MOST_SAMPLES) -> Samples:

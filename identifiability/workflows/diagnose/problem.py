@@ -23,7 +23,7 @@ from identifiability.workflows.diagnose.evidence import (
     tempering,
 )
 from identifiability.workflows.diagnose.known_values import KnownValues
-from identifiability.workflows.diagnose.motion import Change, without_crossings
+from identifiability.workflows.diagnose.motion import Change
 from identifiability.workflows.diagnose.rows import (
     Candidate,
     Refusal,
@@ -132,7 +132,7 @@ class Problem:
         self.setting = setting
         s, fixed = setting.structure, setting.fixed
         logs = [part for part in (setting.samples, setting.validation) if part]
-        masked = [tuple(map(without_crossings, part)) for part in logs]
+        masked = [tuple(map(_without_stuck, part)) for part in logs]
         self.tables, whole = (
             tuple(Table.of(s, part, fixed, setting.known) for part in parts)
             for parts in (masked, logs)
@@ -341,6 +341,16 @@ class Problem:
             out[own] /= np.sqrt(len(c.columns))
         sizes: Array = np.where(np.isfinite(out), out, 0.0)
         return sizes
+
+
+def _without_stuck(samples: Samples) -> Samples:
+    """Return samples of a diagnosis: where a joint ever stands friction sticks at reversals.
+
+    A few such rows, tens of standard errors off, would speak for whatever bends there. Where no
+    joint ever stands all rows are data.
+    """
+    sticks = samples.dwells is not None and samples.dwells.any()
+    return samples.without_reversals() if sticks else samples
 
 
 def family_blocks(rows: Rows, candidates: Sequence[Candidate], joint: int) -> list[Array]:

@@ -66,7 +66,6 @@ from identifiability.workflows.diagnose.motion import (
     prepare_rows,
     samples_each,
     still_odd,
-    widen,
 )
 from identifiability.workflows.diagnose.problem import Problem, Setting
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
@@ -229,7 +228,7 @@ def _open(
     roles, robot = assign_roles(given.fitted, given.held), session.structure.robot
     parts = Recordings(roles.fit, roles.verify, given.hints)
     session = replace(session, recordings=parts)
-    how = session.preparation if session.how.cutoff is None else widen(session.how)
+    how = session.preparation if session.how.cutoff is None else session.how
     most = samples_each(map(len, roles.fit))
     opening = session.open("diagnosed", partial(prepare_rows, robot, how=how, most=most))
     fit, verify = (in_memory(s, Samples) for s in (opening.samples, opening.validation))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import reduce
+from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -191,7 +192,8 @@ def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
     """Return by how much the torque of all joints is late; None where a log is too short to tell.
 
     A small delay d adds ``−d τ'`` to the torque τ of the model. What friction lacks at low and high
-    speed is fitted beside it.
+    speed is fitted beside it. What a joint that stands supplies is no data, nor when it turns: dry
+    friction holds it for a while, and its torque changes before it moves again.
     """
     samples = _consecutive(prepared)
     if samples is None:
@@ -208,8 +210,16 @@ def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
         return None
     dt = float(np.median(np.diff(motion.t) / np.diff(motion.kept)))
 
+    still = samples.without_reversals().dwells
+    assert still is not None
+    at = [slice(down.reach, len(r) - down.reach, down.factor) for r in runs]
+    moves = np.concatenate([~still[r][k] for r, k in zip(runs, at, strict=True)])
+
     def filtered(parts: Sequence[Array]) -> Array:
-        return np.concatenate([down.apply(x) for x in parts])
+        """Return columns (N, n, …) of the stretches, filtered without what is no data."""
+        kept = [np.where(_beside(still[r], x), 0.0, x) for r, x in zip(runs, parts, strict=True)]
+        out = np.concatenate([down.apply(x) for x in kept])
+        return np.where(_beside(moves, out), out, 0.0)
 
     tau = filtered([samples.tau[r] for r in runs])
     spread = tau.std(0)
@@ -225,7 +235,7 @@ def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
     model = (filtered(W) * weight[:, None]).reshape(outputs * n, -1)
     top = np.maximum(np.abs(motion.actuated_v[rows]).max(0), 1e-300)
     speeds = [motion.actuated_v[r] / top for r in runs]
-    known = [model, each(np.ones((outputs, n)))]
+    known = [model, each(filtered([np.ones((len(r), n)) for r in runs]))]
     known += [each(filtered([v * np.abs(v) for v in speeds]))]
     known += [each(filtered([np.sign(v) * np.exp(-np.abs(v) / u) for v in speeds])) for u in SLOW]
     y = (tau * weight).reshape(-1)
@@ -234,12 +244,18 @@ def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
     return _test_shift(-slopes, y, np.hstack(known), dt)
 
 
+def _beside(mask: np.ndarray, x: Array) -> np.ndarray:
+    """Return a mask (N, n) that goes with x (N, n, …)."""
+    out: np.ndarray = mask.reshape(*mask.shape, *(1,) * (x.ndim - 2))
+    return out
+
+
 def measure_position(log: Log) -> Shift | None:
     """Return by how much positions are late beside measured velocities; None where none are."""
     if log.dq is None or len(log) < STRETCHES * 8 or signals.has_gap(log.t).any():
         return None
     dt = signals.sampling_step(log.t)
-    cutoff = choose_band([Spectrum.of([log.q], dt)]).cutoff
+    cutoff = choose_band([Spectrum.of([log.q], dt)]).outputs
     if 2 * cutoff * dt * len(log) < STRETCHES:
         return None
     v = signals.lowpass(log.dq, dt, cutoff)
@@ -273,13 +289,16 @@ def _test_shift(slopes: Array, y: Array, known: Array, dt: float) -> Shift | Non
     d, count = d[:, used], slopes.shape[1]
     if not used.any() or not (rest**2).sum() > 0:
         return None
-    H = np.linalg.pinv(d.T @ d)
-    each = H @ (d.T @ rest)
-    left = rest - d @ each
-    stretch = np.repeat(np.arange(len(y) // count) * STRETCHES // (len(y) // count), count)
-    scores = np.stack([d[stretch == k].T @ left[stretch == k] for k in range(STRETCHES)])
-    free = len(y) / (len(y) - Q.shape[1] - d.shape[1])
-    C = free**2 * STRETCHES / (STRETCHES - 1) * H @ scores.T @ scores @ H
+    each = np.linalg.pinv(d.T @ d) @ (d.T @ rest)
+    # Without one stretch after the other [Künsch 1989]: few rows tell of each.
+    columns = np.hstack([Q, d, y[:, None]])
+    edges = np.arange(STRETCHES + 1) * (len(y) // count) // STRETCHES * count
+    parts = np.stack([columns[a:b].T @ columns[a:b] for a, b in pairwise(edges)])
+    without = parts.sum(0) - parts
+    found = [np.linalg.lstsq(G[:-1, :-1], G[:-1, -1], rcond=1e-10)[0] for G in without]
+    moved = np.array(found)[:, Q.shape[1] :]
+    moved -= moved.mean(0)
+    C = (STRETCHES - 1) / STRETCHES * moved.T @ moved
     # Joints that disagree by more than their own errors make the mean uncertain, too
     # [DerSimonian & Laird 1986].
     w = 1.0 / np.maximum(np.diag(C), 1e-300)

@@ -86,7 +86,7 @@ def test_the_bandwidth_holds_99_per_cent_of_the_velocitys_energy(fast, reach):
 def test_the_cut_off_is_ten_bandwidths_within_its_bounds():
     for hertz, expected in ((0.2, 5.0), (3.0, 30.0), (40.0, 100.0)):
         band = choose_band([Spectrum.of([at(hertz, 10_000)[:, None]], DT)])
-        assert band.cutoff == pytest.approx(expected, rel=0.05)
+        assert band.outputs == pytest.approx(expected, rel=0.05)
 
 
 def test_long_logs_are_decided_on_even_windows():
