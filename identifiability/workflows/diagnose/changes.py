@@ -191,7 +191,7 @@ class Scan:
         if self.rows.root is not None:
             G[:b, :b] += self.rows.root.T @ self.rows.root
         size = self.problem.sizes[at]
-        prior = np.where(size > 0, 1.0 / np.maximum(size, 1e-300) ** 2, 0.0)
+        prior = 1.0 / np.where(size > 0, size, np.inf) ** 2
         G[range(b, len(G)), range(b, len(G))] += prior
         return factor_of(G)
 
