@@ -421,6 +421,7 @@ def _check_expanded(path: Path, root: ET.Element) -> None:
 def _check_urdf(path: Path, root: ET.Element) -> None:
     _check_expanded(path, root)
     links = [e.get("name", "") for e in root.findall("link")]
+    known = set(links)
     if not links:
         raise RobotError(
             f"{path} has no <link>; it may only define parts that xacro puts into other files: "
@@ -437,7 +438,7 @@ def _check_urdf(path: Path, root: ET.Element) -> None:
         for end in ("parent", "child"):
             element = joint.find(end)
             link = "" if element is None else element.get("link", "")
-            if link not in links:
+            if link not in known:
                 raise RobotError(
                     f"{path}: joint '{joint.get('name', '')}' names the {end} link '{link}', which "
                     f"is not there{near_match(link, links)}"

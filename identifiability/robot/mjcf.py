@@ -9,6 +9,7 @@ import copy
 import re
 import warnings
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -497,8 +498,9 @@ def read_entries(m: Any, floating: Any = None) -> dict[str, dict[str, Entry]]:
         for word, kind in (("qvel", "dq"), ("qacc", "ddq"), ("qfrc_actuator", "tau")):
             add(word, (int(m.jnt_dofadr[j]), name), Entry(f"{name}.{kind}"))
     gears = driven_joints(m)
+    motors = Counter(j for j, _ in gears.values())
     for a, (j, gear) in gears.items():
-        if j not in names or not gear or sum(j == other for other, _ in gears.values()) > 1:
+        if j not in names or not gear or motors[j] > 1:
             continue  # of several at one joint the sum is what moves it
         keys = (a, m.actuator(a).name, names[j])
         add("actuator_force", keys, Entry(f"{names[j]}.tau", gear))

@@ -162,6 +162,14 @@ def test_limits_of_robot_files(refuses, what):
     refuses(Robot.load, "robot.xml", content, sentence)
 
 
+def test_what_is_read_takes_a_time_that_grows_like_the_file(tmp_path, at_once):
+    path = tmp_path / "robot.xml"
+    motors = "<actuator>" + '<motor joint="j"/>' * 6_000 + "</actuator>"
+    path.write_text(arm().replace("</mujoco>", f"{motors}</mujoco>"))
+    with at_once():
+        assert Robot.load(path).joints == ("j",)
+
+
 def test_limits_of_joints(refuses, tmp_path):
     most = magnitudes.MOST_JOINTS
     refuses(Robot.load, "robot.urdf", chain(most + 1), f"has {most + 1} degrees of freedom")
