@@ -81,7 +81,11 @@ def real(data: Path | None) -> Iterator[Case]:
 def every_case(data: Path | None, only: tuple[str, ...] = ()) -> Iterator[Case]:
     """Yield all cases, or those that are asked for by name."""
     for name in shipped_robots():
-        if name in ("cart-arm", "free-body"):  # they float, and are not simulated
+        if name in (
+            "cart-arm",
+            "free-body",
+            "walking-quadruped",
+        ):  # they float, and are not simulated
             continue
         if not only or name in only:
             yield simulated(name)
