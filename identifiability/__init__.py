@@ -183,6 +183,12 @@ def _draw_figures(*given: Any) -> Any:
     return draw_figures(*given)
 
 
+def _result_plots(*given: Any) -> Any:
+    from identifiability.report.plot import Plots  # noqa: PLC0415
+
+    return Plots(*given)
+
+
 def _save_robot(*given: Any) -> Any:
     from identifiability.workflows.export.workflow import save_robot  # noqa: PLC0415
 
@@ -194,6 +200,7 @@ hand_down(
     notebook_piece=_notebook_piece,
     notebook_result=_notebook_result,
     draw_figures=_draw_figures,
+    result_plots=_result_plots,
     write_page=_write_page,
     save_robot=_save_robot,
 )

@@ -92,6 +92,18 @@ def test_verdicts_bear_the_marks_of_the_report_and_the_style_stays_within(result
     assert ":root" not in html
 
 
+def test_a_result_draws_its_own_figures_and_says_which(results):
+    analysis, ladder = results["analysis"], results["ladder"]
+    shell = InteractiveShell(config=Config({"HistoryManager": {"enabled": False}}))
+    shown, _ = shell.display_formatter.format(analysis.plot.precision())
+    assert shown["image/png"][:4] == b"\x89PNG"
+    assert dir(analysis.plot) == ["correlated", "models", "precision"]
+    assert len(ladder.plot.reduction_path().axes) == 1
+    with pytest.raises(AttributeError, match=r"has no 'reduction_path'"):
+        _ = analysis.plot.reduction_path
+    assert "correlated" in repr(ladder.plot)
+
+
 def test_a_model_named_like_a_tag_does_not_run(results):
     analysis = results["analysis"]
     chosen = replace(analysis.chosen, rung=replace(analysis.chosen.rung, name=HOSTILE))

@@ -85,6 +85,11 @@ class Result(ABC):
         found: dict[str, Figure] = handed("draw_figures")(self)
         return found
 
+    @property
+    def plot(self) -> Any:
+        """The figures of `identifiability.plot` that this result has, as its methods."""
+        return handed("result_plots")(self)
+
     def parameters_frame(self) -> pd.DataFrame:
         """Return one row a parameter, by name in the column ``name`` or ``parameter``."""
         return self.to_frame()

@@ -10,17 +10,20 @@ Example
 >>> from identifiability import analyze, plot  # doctest: +SKIP
 >>> result = analyze("arm.urdf", "run.csv")  # doctest: +SKIP
 >>> plot.precision(result).savefig("precision.pdf")  # doctest: +SKIP
+>>> result.plot.precision()  # the same  # doctest: +SKIP
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from identifiability.estimation.estimator import PAPER_FACTOR
-from identifiability.foundation.errors import near_match
+from identifiability.foundation.errors import listing, near_match
 from identifiability.foundation.options import OptionError
 from identifiability.report.belief import draw_precision
 from identifiability.report.models import draw_errors, draw_ladder, sigma_percents
@@ -126,3 +129,46 @@ def missing(result: Diagnosis) -> Figure:
 
 #: Their names until the release before this one; they go with the next.
 confused, way_down = correlated, reduction_path
+
+
+#: The figures by name, and whose they are.
+FIGURES: dict[str, tuple[Callable[..., Figure], tuple[str, ...]]] = {
+    "precision": (precision, ("Analysis",)),
+    "models": (models, ("Analysis",)),
+    "reduction_path": (reduction_path, ("Ladder",)),
+    "correlated": (correlated, ("Analysis", "Ladder", "Diagnosis", "Fit")),
+    "torque": (torque, ("TorquePrediction",)),
+    "missing": (missing, ("Diagnosis",)),
+}
+
+
+class Plots:
+    """The figures of one result, as `Result.plot` gives them: methods without the result."""
+
+    def __init__(self, result: object) -> None:
+        self._result = result
+
+    def __dir__(self) -> list[str]:
+        """Return the figures that the result has."""
+        kinds = {kind.__name__ for kind in type(self._result).__mro__}
+        return [name for name, (_, whose) in FIGURES.items() if kinds & set(whose)]
+
+    def __getattr__(self, name: str) -> Callable[..., Figure]:
+        """Return one of them.
+
+        Raises
+        ------
+        AttributeError
+            If the result has none of that name.
+        """
+        known = dir(self)
+        if name not in known:
+            kind = type(self._result).__name__
+            own = listing(sorted(known), len(FIGURES)) or "only those of .figures()"
+            near = near_match(name, known)
+            raise AttributeError(f"{kind}.plot has no '{name}'{near} It has {own}.")
+        return partial(FIGURES[name][0], self._result)
+
+    def __repr__(self) -> str:
+        """Return what there is."""
+        return f"<figures: {', '.join(sorted(dir(self)))}>"
