@@ -20,7 +20,6 @@ from identifiability.estimation.noise import fit_noise
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import FEWEST
-from identifiability.workflows.diagnose.conclude import is_body
 from identifiability.workflows.diagnose.evidence import (
     Products,
     View,
@@ -31,7 +30,7 @@ from identifiability.workflows.diagnose.evidence import (
 from identifiability.workflows.diagnose.known_values import VECTORS
 from identifiability.workflows.diagnose.motion import Change
 from identifiability.workflows.diagnose.problem import Setting
-from identifiability.workflows.diagnose.rows import Candidate, list_candidates, number
+from identifiability.workflows.diagnose.rows import Candidate, is_body, list_candidates, number
 from identifiability.workflows.diagnose.search import Search
 from identifiability.workflows.diagnose.verdict import Verdict, of_few, scatter_of
 

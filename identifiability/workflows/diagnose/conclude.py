@@ -32,7 +32,7 @@ from identifiability.workflows.diagnose.gap import Gap, Left, Remainder, find_di
 from identifiability.workflows.diagnose.hypothesis import Hypothesis
 from identifiability.workflows.diagnose.problem import Problem
 from identifiability.workflows.diagnose.result import Diagnosis
-from identifiability.workflows.diagnose.rows import Candidate
+from identifiability.workflows.diagnose.rows import is_body
 from identifiability.workflows.diagnose.search import Search, Step
 from identifiability.workflows.diagnose.verdict import Judged, Verdict
 
@@ -471,11 +471,6 @@ def smallest_sizes(search: Search, h: Hypothesis, view: View, rms: Array) -> dic
             share = float(reach / np.sqrt(information) * p.sizes[k] * size[j, k] / rms[j])
             out[c.family.name] = min(out.get(c.family.name, np.inf), share)
     return out
-
-
-def is_body(c: Candidate) -> bool:
-    """Whether a candidate is a body by itself, with mass, moments and inertia."""
-    return c.family.name == "payload" and len(c.columns) == len(INERTIAL)
 
 
 def fit_body(p: Problem, rest: Sequence[int], k: int, view: View) -> Array:

@@ -19,7 +19,7 @@ from identifiability.effects import Effect, Family, Part, Placed, Span
 from identifiability.effects.effect import measure_spans
 from identifiability.effects.functions import has_session
 from identifiability.estimation.noise import JointRuns, Runs, find_runs
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.samples import Piece
@@ -93,6 +93,11 @@ class Candidate:
     def part(self) -> Part:
         """The candidate as a part of an effect."""
         return Part(self.effect, self.place, self.kinds)
+
+
+def is_body(c: Candidate) -> bool:
+    """Whether a candidate is a body by itself, with mass, moments and inertia."""
+    return c.family.name == "payload" and len(c.columns) == len(INERTIAL)
 
 
 @frozen
