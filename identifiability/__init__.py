@@ -195,7 +195,19 @@ def _save_robot(*given: Any) -> Any:
     return save_robot(*given)
 
 
-# Lower rooms ask for these, which stand above them.
+def _convert_dh(*given: Any) -> Any:
+    from identifiability.robot.dh import convert_dh  # noqa: PLC0415
+
+    return convert_dh(*given)
+
+
+def _write_code(*given: Any) -> Any:
+    from identifiability.workflows.export.code import write_code  # noqa: PLC0415
+
+    return write_code(*given)
+
+
+# Lower rooms ask for these, which stand above them, or are extras that no room imports.
 hand_down(
     notebook_piece=_notebook_piece,
     notebook_result=_notebook_result,
@@ -203,6 +215,8 @@ hand_down(
     result_plots=_result_plots,
     write_page=_write_page,
     save_robot=_save_robot,
+    convert_dh=_convert_dh,
+    write_code=_write_code,
 )
 
 

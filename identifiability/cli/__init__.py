@@ -1,34 +1,19 @@
 """The command line: load, validate, call the function of the same name, print where results are.
 
-One file a command; heavy imports stand inside the functions, so that ``--help`` is quick.
+One file a command, which is found by itself; heavy imports stand inside the functions, so that
+``--help`` is quick.
 """
 
 import io
 import signal
 import sys
+from importlib import import_module
+from pkgutil import iter_modules
 from typing import Annotated, NoReturn
 
 import typer
 
-from identifiability.cli.analyze import analyze
-from identifiability.cli.batch import batch
-from identifiability.cli.calibrate import calibrate
-from identifiability.cli.compare import compare
-from identifiability.cli.convert import convert
-from identifiability.cli.demo import demo
-from identifiability.cli.diagnose import diagnose
-from identifiability.cli.excite import excite
-from identifiability.cli.export import export
-from identifiability.cli.gain import gain
-from identifiability.cli.inspect import inspect
-from identifiability.cli.new import new
 from identifiability.cli.options import Command
-from identifiability.cli.paper import paper
-from identifiability.cli.payload import payload
-from identifiability.cli.predict import predict
-from identifiability.cli.prune import prune
-from identifiability.cli.rollout import rollout
-from identifiability.cli.simulate import simulate
 
 app = typer.Typer(
     name="identifiability",
@@ -36,12 +21,16 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-verbs = (
-    *(new, demo, inspect, analyze, prune, diagnose, simulate, excite, predict, export, calibrate),
-    *(payload, compare, rollout, gain, convert, batch, paper),
+#: Verbs in the order of the help; any other file here with a function of its name is one, too.
+FIRST = (
+    *("new", "demo", "inspect", "analyze", "prune", "diagnose", "simulate", "excite", "predict"),
+    *("export", "calibrate", "payload", "compare", "rollout", "gain", "convert", "batch", "paper"),
 )
-for command in verbs:
-    app.command(cls=Command)(command)
+_found = sorted(module.name for module in iter_modules(__path__))
+for name in sorted(_found, key=lambda name: (*FIRST, name).index(name)):
+    command = getattr(import_module(f"{__name__}.{name}"), name, None)
+    if command is not None:
+        app.command(cls=Command)(command)
 
 
 def _print_version(wanted: bool) -> None:

@@ -14,6 +14,7 @@ from identifiability.estimation.estimator import NOTHING, Estimate, Estimator
 from identifiability.estimation.evidence import Folds, Score
 from identifiability.estimation.instrumental import InstrumentalVariables, RenoisedLeastSquares
 from identifiability.estimation.least_squares import (
+    BY_NAME,
     LogNoise,
     Noise,
     OrdinaryLeastSquares,
@@ -32,9 +33,7 @@ Method = str | Estimator
 #: Estimators that mend what another one finds.
 CORRECTED = (InstrumentalVariables, RenoisedLeastSquares)
 
-ESTIMATORS: dict[str, Estimator] = {
-    e.name: e for e in (OrdinaryLeastSquares(), WeightedLeastSquares())
-}
+ESTIMATORS: dict[str, Estimator] = {e.name: e for e in BY_NAME}
 
 
 def register_estimator(estimator: Estimator) -> None:

@@ -1,8 +1,8 @@
 """`Estimate`, and the `Estimator` that made it and is asked whatever follows from it.
 
 Resampling, scores, folds and the physical set know no method of estimation: an estimate carries
-its estimator, so that its spread is the spread of what made it. A new one is one file, and a line
-in `estimate.ESTIMATORS` or a call of `register_estimator`.
+its estimator, so that its spread is the spread of what made it. A new one is a class and
+its place in `least_squares.BY_NAME`, or a call of `register_estimator` in a plugin.
 """
 
 from __future__ import annotations

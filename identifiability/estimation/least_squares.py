@@ -503,3 +503,7 @@ def _equations(information: Information, weights: Array, value: Array) -> tuple[
     change[:k, :k] = unit_coordinates(R)
     change[:, k] = np.append(-value, 1.0)
     return change[:k, :k], information.products(weights, change[:, :k], change)
+
+
+#: Those that `analyze` and the command line are asked for by name.
+BY_NAME: tuple[Estimator, ...] = (OrdinaryLeastSquares(), WeightedLeastSquares())

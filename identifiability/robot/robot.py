@@ -11,7 +11,7 @@ from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Renames
 from identifiability.foundation.options import Expected, FilePath, Positive, checked
 from identifiability.foundation.output import check_ending
-from identifiability.foundation.result import shown
+from identifiability.foundation.result import handed, shown
 from identifiability.foundation.values import frozen
 from identifiability.robot.changed import (
     Moments,
@@ -124,10 +124,8 @@ class Robot(Description):
         OutputError
             If the files cannot be written, or the sidecar would replace one of the user's own.
         """
-        from identifiability.robot.dh import convert_dh  # noqa: PLC0415 - most robots are files
-
         place = new_place("robot_from_dh", ".xml") if out is None else out
-        return Robot.load(convert_dh(table, place).robot)
+        return Robot.load(handed("convert_dh")(table, place).robot)
 
     @staticmethod
     @checked

@@ -33,7 +33,7 @@ from identifiability.foundation.output import (
     write_json,
     write_text,
 )
-from identifiability.foundation.result import shown
+from identifiability.foundation.result import handed, shown
 from identifiability.foundation.values import frozen
 from identifiability.logs.mend import REPLACED
 from identifiability.logs.prepare.instruments import STANDS
@@ -482,9 +482,9 @@ def export(
         path = write_parameters_json(robot, given, physical, Path(out))
     elif wanted in ("python", "c"):
         robot.check_stands("code")
-        from identifiability.workflows.export.code import write_code  # noqa: PLC0415 - an extra
-
-        path = write_code(robot, given, shapes, Path(out), "c" if wanted == "c" else "python")
+        path = handed("write_code")(
+            robot, given, shapes, Path(out), "c" if wanted == "c" else "python"
+        )
     elif wanted == "isaaclab":
         path = write_isaaclab(robot, given, content, Path(out))
     if path is not None:

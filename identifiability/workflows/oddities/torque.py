@@ -232,7 +232,8 @@ def _lacks_weight(logs: MeasuredLogs, joints: list[int]) -> bool:
     # A tilt of the base is no parameter of what has no weight.
     there = np.isin(structure.columns, [p.name for p in model.parameters(light)])
     bare[:, joints] = 0.0
-    bare[np.ix_(range(len(bare)), joints, there)] = model.regressor(light, motion)[:, joints]
+    at = np.ix_(np.arange(len(bare)), np.asarray(joints), np.flatnonzero(there))
+    bare[at] = model.regressor(light, motion)[:, joints]
     W, bare = W[:, :, kept], bare[:, :, kept]
     given, lighter = (unexplained(x / spread[:, None], tau / spread) for x in (W, bare))
     return lighter <= WORSE * given
