@@ -36,10 +36,10 @@ if TYPE_CHECKING:
     from identifiability.foundation.errors import IdentifiabilityError
     from identifiability.logs import Log
     from identifiability.logs.prepare import Preparation, Samples, prepare_samples
-    from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
     from identifiability.regression.gather import gather_information
     from identifiability.regression.information import Information
     from identifiability.regression.regression import Model, Regression
+    from identifiability.regression.structure import BaseParameters, find_base_parameters
     from identifiability.report import plot
     from identifiability.robot import Motion, Robot
     from identifiability.simulation import Noise, Trajectory, simulate
@@ -70,7 +70,7 @@ _HOMES = {
         "foundation.errors": ("IdentifiabilityError",),
         "logs": ("Log",),
         "logs.prepare": ("Preparation", "Samples", "prepare_samples"),
-        "regression.base_parameters": ("BaseParameters", "find_base_parameters"),
+        "regression.structure": ("BaseParameters", "find_base_parameters"),
         "regression.gather": ("gather_information",),
         "regression.information": ("Information",),
         "regression.regression": ("Model", "Regression"),

@@ -25,9 +25,9 @@ import pandas as pd
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.output import write_json
 from identifiability.logs import Log
-from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
 from identifiability.regression.reduction import LadderEntry, RungEntry, ladder_path, read_ladder
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import BaseParameters, find_base_parameters
 from identifiability.report import (
     Check,
     Picture,

@@ -21,9 +21,9 @@ import pandas as pd
 from identifiability.estimation.estimate import estimate
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
+from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import Robot
 from identifiability.simulation import (
     Noise,

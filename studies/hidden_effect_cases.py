@@ -13,9 +13,8 @@ from identifiability.effects import FAMILIES
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, Samples, prepare_samples
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import Structure, find_base_parameters
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, Noise, random_trajectory
 from identifiability.simulation.forces import hideable

@@ -13,9 +13,8 @@ from hidden_effect_outside import EVERY, OUTSIDE
 
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import Structure, find_base_parameters
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, Noise, random_trajectory, shipped_trajectory
 from identifiability.workflows.diagnose import BASE_EFFECTS, Diagnosis, Problem, Setting, diagnose

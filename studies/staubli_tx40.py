@@ -25,10 +25,10 @@ from identifiability.foundation.linalg import scan_columns
 from identifiability.foundation.names import Array
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import ladder_model, read_ladder
 from identifiability.regression.regression import Model, Regression
+from identifiability.regression.structure import BaseParameters
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.analyze import Analysis, analyze
 

@@ -26,9 +26,9 @@ from paper_study.result import (
 from paper_study.subject import TRAJECTORIES, Subject, exact_log, load_subject
 
 from identifiability.foundation.rounding import format_number
-from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
 from identifiability.regression.reduction import Rung
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import BaseParameters, find_base_parameters
 from identifiability.report import Check
 from identifiability.robot import complete_motion
 from identifiability.simulation import MujocoRobot, shipped_trajectory

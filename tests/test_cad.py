@@ -11,9 +11,8 @@ from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import INERTIAL
 from identifiability.physical.cad_prior import draw_bodies, total_mass
 from identifiability.physical.pseudo_inertia import check_body, to_matrix
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import Structure, find_base_parameters
 
 
 @pytest.fixture

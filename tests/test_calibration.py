@@ -14,8 +14,8 @@ from identifiability.estimation.estimate import estimate
 from identifiability.estimation.noise import ResidualNoise, find_runs, fit_residual_noise
 from identifiability.foundation.numbers import clustered_share, exact_share
 from identifiability.foundation.options import OptionError
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.regression import Model, Regression
+from identifiability.regression.structure import find_base_parameters
 from identifiability.workflows.calibrate.calibration import Calibration, calibrate
 from identifiability.workflows.calibrate.outcome import (
     Experiment,

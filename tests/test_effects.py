@@ -7,8 +7,8 @@ from identifiability.effects import FAMILIES, find_effect
 from identifiability.foundation.errors import ModelError
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
-from identifiability.regression.base_parameters import find_base_parameters, random_motion
 from identifiability.regression.regression import Model, Regression
+from identifiability.regression.structure import find_base_parameters, random_motion
 from identifiability.robot import Robot
 from identifiability.simulation import (
     Campaign,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from identifiability import Model, Robot, analyze, find_base_parameters, prune, simulate
-from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.reduction import DEFAULT_EFFECTS, LadderEntry, RungEntry
+from identifiability.regression.structure import random_motion
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory
 from identifiability.workflows.calibrate.calibration import calibrate
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.verdict import IN_A_ROW
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import find_base_parameters
 
 SCRIPT = Path(__file__).with_name("processors.py")
 

@@ -5,8 +5,8 @@ import pytest
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import INERTIAL_KINDS
-from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import random_motion
 from identifiability.robot import Robot
 from identifiability.simulation import PrescribedMotion, simulate
 from identifiability.workflows.export import write_parameters

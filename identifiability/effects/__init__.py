@@ -15,12 +15,13 @@ from identifiability.effects.effect import (
     Effect,
     Family,
     Law,
+    Part,
+    Placed,
     Shaped,
     Span,
     joint_places,
     put,
 )
-from identifiability.effects.placed import Part, Placed
 from identifiability.effects.registry import (
     FAMILIES,
     bring,

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from identifiability.effects.effect import Along, AlongAxes, Effect, in_motor
-from identifiability.effects.placed import Part, Placed
+from identifiability.effects.effect import Along, AlongAxes, Effect, Part, Placed, in_motor
 from identifiability.effects.registry import declare
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
 from identifiability.robot import Axis, Motion, Robot

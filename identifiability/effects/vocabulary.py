@@ -7,9 +7,8 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Literal
 
-from identifiability.effects.effect import AlongAxes, Family
+from identifiability.effects.effect import AlongAxes, Elsewhere, Family
 from identifiability.effects.friction import settle_directions
-from identifiability.effects.placed import Elsewhere
 from identifiability.effects.registry import FAMILIES
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Parameter
 from identifiability.robot import Robot

@@ -21,9 +21,8 @@ from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
 from identifiability.physical.project import FeasibleEstimate, Projection
 from identifiability.physical.pseudo_inertia import BodyCheck, check_body
-from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.reduction import Rung, leave_to_terms
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import Structure, random_motion
 from identifiability.robot import Robot
 
 #: Share of the torque from which on what a model leaves out, and bodies need, is spoken of.

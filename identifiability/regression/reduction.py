@@ -26,10 +26,9 @@ from identifiability.foundation.names import Array, find_named, is_pattern
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import LARGEST
-from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.information import Information
 from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import BaseParameters, Structure
 from identifiability.robot import Robot
 
 #: The model of those that judge one alone: no torque offset, so that one can be named, or asked

@@ -44,14 +44,13 @@ from identifiability.logs.prepare.plan import joint_log, noise_level, resolution
 from identifiability.logs.prepare.samples import explain_silence
 from identifiability.logs.spectrum import Spectrum
 from identifiability.physical.feasibility import find_impossible_bodies
-from identifiability.regression.base_parameters import group_columns
 from identifiability.regression.reduction import (
     ModelLike,
     choose_model,
     find_ladder,
     ladder_model,
 )
-from identifiability.regression.structure import OfStructure, Structure
+from identifiability.regression.structure import OfStructure, Structure, group_columns
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.description import stated_speeds
 from identifiability.robot.parts import Coupling

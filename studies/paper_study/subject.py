@@ -13,7 +13,6 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
-from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.reduction import (
     Rung,
     build_ladder,
@@ -22,7 +21,7 @@ from identifiability.regression.reduction import (
     read_ladder,
 )
 from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import BaseParameters, Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
 from identifiability.simulation.forces import stribeck

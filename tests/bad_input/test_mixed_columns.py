@@ -13,9 +13,9 @@ from identifiability.logs.logfile import LogFile
 from identifiability.logs.mend import find_contradictions
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression import mix_up
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.mix_up import find_mix_up
 from identifiability.regression.regression import Model, Regression
+from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import Robot
 from identifiability.simulation import PAPER_NOISE, random_trajectory, simulate
 from identifiability.workflows.opening import read_recordings

@@ -12,9 +12,8 @@ from identifiability import Model, Robot, analyze, diagnose, excite, prune, simu
 from identifiability.cli import app
 from identifiability.effects import Placed
 from identifiability.foundation.errors import ModelError
-from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.reduction import build_ladder, ladder_text, read_ladder, rung_entry
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import Structure, random_motion
 from identifiability.simulation import shipped_trajectory
 from identifiability.workflows.calibrate.calibration import calibrate
 

@@ -22,9 +22,8 @@ from identifiability.foundation.errors import IdentifiabilityError, ModelError
 from identifiability.foundation.names import Parameter
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import Structure, random_motion
 from identifiability.robot import Robot
 from identifiability.simulation import shipped_trajectory, simulate
 from identifiability.workflows.diagnose import diagnose

@@ -7,7 +7,7 @@ import pytest
 
 from identifiability import Robot
 from identifiability.effects import find_effect
-from identifiability.effects.placed import Part, Placed
+from identifiability.effects.effect import Part, Placed
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure

@@ -7,9 +7,9 @@ from identifiability.estimation.estimate import estimate
 from identifiability.foundation.errors import ClosureError, IdentifiabilityError
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
+from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.kinematics import Point
 from identifiability.simulation import (

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from identifiability import Robot
 from identifiability.foundation.errors import IdentifiabilityError, RobotError
-from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import random_motion
 from identifiability.workflows.export.code import write_code
 
 PLATFORM = """<mujoco><compiler angle="radian"/><worldbody>

@@ -13,8 +13,8 @@ import pytest
 from identifiability import Robot, analyze, simulate
 from identifiability.effects import AlongAxes, Family, forget, register
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import random_motion
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.workflows.export import export
 from identifiability.workflows.export.code import write_code

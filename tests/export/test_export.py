@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 from identifiability import analyze
 from identifiability.cli import app
 from identifiability.physical.fitted_model import FittedModel
-from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import random_motion
 from identifiability.robot import Robot
 from identifiability.simulation import PrescribedMotion, simulate
 

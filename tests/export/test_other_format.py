@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from identifiability.foundation.errors import RobotError
-from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import random_motion
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import PrescribedMotion, simulate
 from identifiability.workflows.export import write_parameters

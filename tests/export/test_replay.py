@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from identifiability import analyze, prune
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import Robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
 

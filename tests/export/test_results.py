@@ -10,8 +10,8 @@ import pytest
 from identifiability import Robot, analyze, diagnose, simulate
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs.prepare.instruments import STANDS
-from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import random_motion
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.workflows.export import export, write_parameters
 

@@ -10,10 +10,9 @@ from identifiability.effects.gravity import GravityTilt, horizontal_axes, tilt_t
 from identifiability.effects.nominal import gravity_torque, rigid_torque
 from identifiability.logs.prepare import prepare_samples
 from identifiability.logs.prepare.preparation import settle_cutoff
-from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import Structure, random_motion
 from identifiability.report.diagnosis_report import answer_missing
 from identifiability.robot import complete_motion
 from identifiability.robot.description import Tilt

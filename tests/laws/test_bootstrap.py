@@ -11,9 +11,9 @@ from identifiability.estimation.least_squares import refit
 from identifiability.estimation.noise import block_length
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs.prepare import prepare_samples
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Regression
+from identifiability.regression.structure import find_base_parameters
 from identifiability.simulation.simulator import ar1
 
 

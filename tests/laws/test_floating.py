@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from identifiability.foundation.errors import RobotError
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.floating import BASE_JOINTS, base_acceleration
 

@@ -6,12 +6,11 @@ import pytest
 from identifiability.estimation.estimate import estimate
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression import gather as gather_module
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import build_ladder, read_ladder
 from identifiability.regression.regression import Regression
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import Structure, find_base_parameters
 
 
 @pytest.fixture

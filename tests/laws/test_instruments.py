@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from identifiability.logs.prepare import prepare_samples
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.regression import Regression
+from identifiability.regression.structure import find_base_parameters
 
 WEIGHTS = np.array([1.0, 0.1, 4.0])
 M = np.array([[1, 0], [1, 0], [0, 1.0], [0, 0], [0, 1]])

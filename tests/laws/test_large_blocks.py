@@ -7,9 +7,9 @@ from identifiability.estimation.bootstrap import draw_blocks
 from identifiability.estimation.least_squares import refit
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression import information as actuator_blocks
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Regression
+from identifiability.regression.structure import find_base_parameters
 
 
 def lies_in_a_file(array) -> bool:

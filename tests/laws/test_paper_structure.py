@@ -8,11 +8,10 @@ import pytest
 
 from identifiability.estimation.estimate import estimate
 from identifiability.logs.prepare import prepare_samples
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import build_ladder, read_ladder
 from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import Structure, find_base_parameters
 
 #: Table 1: row -> (name of the representative, coefficients), digits as printed.
 TABLE_1 = {

@@ -9,9 +9,8 @@ import pytest
 import identifiability
 from identifiability.foundation.names import INERTIAL
 from identifiability.physical.fitted_model import physical_set
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import Structure, find_base_parameters
 from identifiability.robot import Robot
 
 #: What makes a structure, and the columns that it makes.

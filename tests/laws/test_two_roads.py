@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from identifiability.foundation.names import INERTIAL_KINDS
-from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import random_motion
 from identifiability.simulation import MujocoRobot
 
 

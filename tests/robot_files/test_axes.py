@@ -10,9 +10,8 @@ from identifiability.effects.effect import measure_spans
 from identifiability.foundation.errors import RobotError
 from identifiability.logs.log import Log
 from identifiability.logs.prepare.plan import joint_log
-from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.reduction import build_ladder, default_ladder, ladder_model
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import Structure, random_motion
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows.export import write_parameters
 

@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 from identifiability.foundation.errors import RobotError
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.floating import base_acceleration
 

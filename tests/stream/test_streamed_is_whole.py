@@ -10,9 +10,9 @@ from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile, open_log
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.longsamples import prepare_log
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
+from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import Robot
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")

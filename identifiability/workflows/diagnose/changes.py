@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from identifiability.effects import find_families
-from identifiability.effects.placed import Placed
+from identifiability.effects.effect import Placed
 from identifiability.estimation.noise import fit_noise
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen

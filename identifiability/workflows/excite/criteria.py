@@ -17,11 +17,10 @@ from identifiability.foundation.names import Array, find_named
 from identifiability.foundation.options import check_choice
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model
 from identifiability.regression.regression import Model, Regression
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import BaseParameters, Structure
 from identifiability.robot import Robot
 
 # What an exciting motion is good for: the criteria, on Gram matrices ``WᵀW``.

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.effects import find_effect
+from identifiability.effects.effect import Part, Placed
 from identifiability.effects.friction import (
     CoulombAsymmetry,
     CoulombFriction,
@@ -14,7 +15,6 @@ from identifiability.effects.friction import (
 )
 from identifiability.effects.inertia import ActuatorInertia, RigidBody
 from identifiability.effects.measurement import TorqueOffset
-from identifiability.effects.placed import Part, Placed
 from identifiability.effects.springs import JointStiffness
 from identifiability.effects.transmission import LoadDependentFriction, PositionRipple
 from identifiability.foundation.errors import ModelError

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.foundation.names import Parameter
-from identifiability.regression.base_parameters import group_columns
+from identifiability.regression.structure import group_columns
 
 
 def parameters(*kinds):

@@ -8,7 +8,6 @@ import pytest
 
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Parameter
-from identifiability.regression.base_parameters import group_columns
 from identifiability.regression.reduction import (
     LadderEntry,
     build_ladder,
@@ -17,7 +16,7 @@ from identifiability.regression.reduction import (
     ladder_model,
 )
 from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import Structure, group_columns
 from identifiability.robot import Robot
 
 NOMINAL = {"arm.m": 2.0, "arm.mx": 0.3, "arm.Ixx": 0.5, "arm.Fv": 7.0, "arm.Fc+": 1.0}

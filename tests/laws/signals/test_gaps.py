@@ -19,9 +19,9 @@ from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.plan import noise_level
 from identifiability.logs.signals import has_gap
 from identifiability.logs.spectrum import bandwidth_of_windows
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
+from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose.forward import _starts
 
