@@ -139,7 +139,7 @@ def _batch(folder: Path) -> object:
     """Two robots, of which one cannot be asked."""
     study = folder / "fleet.toml"
     text = 'name = "{0}"\nfile = "{0}"\ntrain = "{1}"\n'
-    logs = {"cart-arm": _shipped("cart-arm", "pushed.csv"), "two-link": folder / "none.csv"}
+    logs = dict.fromkeys(("cart-arm", "two-link"), _shipped("cart-arm", "pushed.csv"))
     rows = [f"[[robots]]\n{text.format(robot, log)}" for robot, log in logs.items()]
     study.write_text("\n".join(['verb = "analyze"', "[options]", "quick = true", *rows]))
     return batch(study, folder / "fleet", engine=Serial())
