@@ -25,6 +25,7 @@ from identifiability.estimation.estimate import Method, find_estimator, settle_n
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import Rung, build_ladder, ladder_model, read_ladder
 from identifiability.regression.structure import Structure
@@ -152,12 +153,10 @@ def fit(
     stretches less.
     """
     derivatives, end, preparation = PROCESSINGS[processing]
-    fitted, *others = (
-        prepare_samples(
-            robot, load_log(data, robot, run, derivatives=derivatives, end=end), preparation
-        )
-        for run in (train, *others_than(train))
-    )
+    runs = (train, *others_than(train))
+    logs = [load_log(data, robot, run, derivatives=derivatives, end=end) for run in runs]
+    how = settle_cutoff(robot, logs[:1], preparation)  # as `analyze` does
+    fitted, *others = (prepare_samples(robot, log, how) for log in logs)
     entry = read_ladder(LADDER)
     structure = Structure.of(robot, ladder_model(entry))
     rungs = build_ladder(entry, structure)
