@@ -696,12 +696,12 @@ class Comparison(OfStructure, Result):
                 else "how stretches of each log scatter"
             )
             return (
-                f"The motions differ, so that a fit to each side was compared, with {scatter}; the "
+                f"The motions differ, so that a fit to each side was compared, with {scatter}. The "
                 "same motion on both sides would tell a change from what the model leaves out."
             )
         return (
             "Intervals are those of the results: of one log each, they hold nothing of what "
-            "another motion would change; compare logs of the same motion to be surer."
+            "another motion would change. Compare logs of the same motion to be surer."
         )
 
     @cached_property

@@ -270,8 +270,8 @@ def _missing_numbers(robot: Robot) -> list[Need]:
         what = [name for name, missing in open_.items() if missing]
         needs.append(
             Need(
-                f"Limits of {' and of '.join(what)} are not stated for every joint; excite assumes "
-                "some, and a wrong unit of time or angle cannot be told by them.",
+                f"Limits of {' and of '.join(what)} are not stated for every joint. Without them "
+                "excite assumes some, and no wrong unit of time or angle is found by them.",
                 f"[limits]\n{_key(joint)} = {{q = [-1, 1], v = 2, a = 10}}",
             )
         )

@@ -68,7 +68,7 @@ PRINTED = """() => [...document.querySelectorAll("main *")].flatMap((e) => {
   return said.map((s) => [s, e.outerHTML.slice(0, 90)]);
 })"""
 
-#: Sentences of the first screen, or their parts, with more words than this lose their reader.
+#: Sentences of the first screen with more words than this lose their reader.
 WORDS = 25
 SENTENCES = """() => [
   ...[...document.querySelectorAll(".answers :is(dt, strong, .what, figcaption)")],
@@ -85,7 +85,7 @@ def look_printed(page: Path, visit) -> None:
         texts = seen.page.evaluate(SENTENCES)
     assert texts
     for text in texts:
-        for sentence in re.split(r"(?<=[.!?;:])\s+", text):
+        for sentence in re.split(r"(?<=[.!?])\s+", text):
             assert len(re.findall(r"[A-Za-z]\S*", sentence)) <= WORDS, sentence
 
 

@@ -416,12 +416,12 @@ class Excitation(Result):
         share = float(np.exp(-rise / (2 * count)))
         if share > 0.995:
             return (
-                f"No motion was found that says more about {about} than {self.beside}; the best "
+                f"No motion was found that says more about {about} than {self.beside}. The best "
                 f"has a log-det of {self.after.figure:.4g} against {self.before.figure:.4g}."
             )
         return (
             f"Measured next, this motion of {self.trajectory.period:g} s says more about {about} "
-            f"than {self.beside}: the log-det of the information is {rise:.3g} higher, so standard "
+            f"than {self.beside}. The log-det of the information is {rise:.3g} higher, so standard "
             f"deviations shrink to {100 * share:.2g} % (geometric mean)."
         )
 
