@@ -74,9 +74,6 @@ WHOLE = LadderEntry(
     ]
 )
 
-#: What must hold: coverage of the pseudo-true value, and RMSE beside least squares at ten periods.
-COVERAGE, SMALLER = (0.92, 0.98), 0.7
-
 
 @dataclass(frozen=True)
 class Subject:

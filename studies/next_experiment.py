@@ -64,8 +64,8 @@ HIDDEN, ALIASED = 0.05, 0.4
 NOISE = Noise(additive=0.012, correlation=0.9)
 #: Encoders [rad, m].
 ENCODER = (2e-5, 1e-6)
-#: Looks of each search, draws of a case, and how many of them before another family is drawn.
-EVALUATIONS, DRAWS, SAME_FAMILY = 700, 40, 10
+#: Looks of each search, and draws of a case.
+EVALUATIONS, DRAWS = 700, 40
 #: Stated chances that are held together against what was achieved.
 BINS = (0.0, 0.25, 0.5, 0.75, 0.9, 1.01)
 

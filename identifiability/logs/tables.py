@@ -35,9 +35,6 @@ PIECE_ROWS, PIECE_CELLS = 32_768, 1_000_000
 #: Bytes of a cell, on average over a group of rows.
 LONGEST_CELL = 4_096
 
-#: Bytes of a Parquet file that is read at once.
-WHOLE = 64_000_000
-
 
 def is_parquet(path: Path) -> bool:
     """Whether the name of a file says that it is Parquet."""

@@ -50,8 +50,8 @@ CHANGES = {
 #: Names of files that commands may make.
 MADE = "made"
 
-#: What stands in a file that hostile files try to bring out, and the file that running code makes.
-SECRET, CANARY = "the-secret-of-the-study", "canary"
+#: What stands in a file that hostile files try to bring out.
+SECRET = "the-secret-of-the-study"
 
 
 @dataclass(frozen=True)

@@ -42,8 +42,6 @@ POWER = 0.8416
 SAME = 1.0 - 1e-6
 #: Names that are said beside a function.
 NEAREST = 3
-#: Simulated noises that are whitened together.
-AT_ONCE = 100
 
 
 def conclude(search: Search, verdict: Verdict, null: Array, rng: np.random.Generator) -> Diagnosis:
