@@ -95,7 +95,7 @@ class Result(ABC):
         return self.to_frame()
 
     def to_json(self, path: str | Path) -> Path:
-        """Write the result as JSON, whole or not at all.
+        """Write the result and its `answers` as JSON, whole or not at all.
 
         Raises
         ------
@@ -103,7 +103,12 @@ class Result(ABC):
             If it cannot be written, or is no .json.
         """
         check_ending(path, ".json")
-        return self.note_written("json", write_json(path, self.to_dict()))
+        written = self.note_written("json", Path(path))  # lines to type name the file
+        answers = [
+            {**vars(a), "commands": [{"what": w, "command": c} for w, c in a.commands]}
+            for a in self.answers()
+        ]
+        return write_json(written, {**self.to_dict(), "answers": answers})
 
     def note_written(self, kind: str, path: Path) -> Path:
         """Remember where the result was written as ``"json"`` or ``"model"``, and return that."""

@@ -42,7 +42,7 @@ from identifiability.foundation.options import (
     check_option,
     checked,
 )
-from identifiability.foundation.output import temporary_folder, write_bytes, write_json
+from identifiability.foundation.output import temporary_folder, write_bytes
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import NONE, error_text, format_count, rough_percent
 from identifiability.foundation.values import frozen
@@ -625,7 +625,7 @@ def batch(
             name=name, verb=entry.verb, folder=folder, rows=in_order, found=found, study=source
         )
         write_table(folder / TABLE, result.to_frame())
-        write_json(folder / Path(TABLE).with_suffix(".json"), result.to_dict())
+        result.to_json(folder / Path(TABLE).with_suffix(".json"))
         result.write_report(folder / PAGE)
     return result
 

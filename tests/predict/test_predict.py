@@ -176,7 +176,13 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path):
         assert np.isnan([found.error_ra, found.error_ra_raw, *found.inside]).all()
         assert "none was measured, so nothing is known of its error" in found.statement
         assert "tau" not in " ".join(found.hints)
-    assert json.loads(found.to_json(tmp_path / "p.json").read_text())["error_ra"] is None
+    told = json.loads(found.to_json(tmp_path / "p.json").read_text())
+    assert told["error_ra"] is None
+    for said, answer in zip(told["answers"], found.answers(), strict=True):
+        assert [said[k] for k in ("question", "short", "text", "tone")] == [
+            answer.question, answer.short, answer.text, answer.tone
+        ]  # fmt: skip
+        assert [(c["what"], c["command"]) for c in said["commands"]] == list(answer.commands)
     assert "<html" in found.write_report(tmp_path / "p.html").read_text()
     both = analysis.predict([bare, frame])
     assert both.error_ra == pytest.approx(whole.error_ra)
