@@ -150,3 +150,13 @@ def test_a_brake_that_drags_for_seconds_is_told_and_a_log_without_says_nothing(l
     assert ("coulomb_friction", "elbow") in ((change.family, change.place), *change.others)
     assert abs(change.start - logs[2].t[0] - begin) < 0.7
     assert abs(change.stop - logs[2].t[0] - end) < 0.7
+
+
+def test_friction_that_warms_up_through_a_session_is_no_change_at_an_instant(logs_of):
+    logs, begun = list(logs_of("two-link")[:4]), 0.0
+    for k, log in enumerate(logs):
+        t = log.t - log.t[0]
+        dry = 0.3 * np.exp(-(begun + t) / 8) * np.tanh(20 * np.gradient(log.q[:, 1], t))
+        logs[k] = replace(log, tau=log.tau + np.outer(dry, [0.0, 1.0]))
+        begun += t[-1]
+    assert not diagnose("two-link", logs[:3], logs[3:], **CHANGES).changes

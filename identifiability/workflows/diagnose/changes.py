@@ -2,8 +2,10 @@
 
 No effect of the robot says it, and no unseen motion can judge it: the fitted motion alone has the
 instant. So a change is a hypothesis beside all that is named: one part that acts in some blocks of
-one log only, priced by all instants, logs and places where it might have been. What was logged
-while it lasted is of another robot, and is left out of all that follows.
+one log only, priced by all instants, logs and places where it might have been. What drifts, as
+friction that warms up, is a step to those who know steps only: so each candidate may drift as well,
+in one log or in all, and a change is said where no drift is as good. What was logged while a change
+lasted is of another robot, and is left out of all that follows.
 """
 
 from __future__ import annotations
@@ -39,20 +41,25 @@ CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
 
 #: Changes with whose noise the search for the likeliest begins, and rounds that settle it.
 STARTS, SETTLED = 3, 3
+#: What drifts is linear in time, or decays with these time constants, in shares of all the time.
+DECAYS = (1 / 3, 1 / 10)
 #: Of each joint the block of its rows, torque and model, and candidates, whitened.
 Blocks = list[tuple[np.ndarray, Array, Array]]
 
 
 @frozen
 class Stay:
-    """Blocks of one log in which a candidate acts, with what the rows say of it.
+    """Where a candidate acts, in blocks of one log or as a drift, with what the rows say of it.
 
     Attributes
     ----------
     candidate : int
+    course : (blocks,)
+        How much of it acts in each block of all logs.
     log : int
+        Minus one for a drift.
     first, last : int
-        Blocks, the last one not with it.
+        Blocks of that log, the last one not with it.
     evidence, price : float [nat]
         Logarithm of its Bayes factor, and of the number of alternatives.
     others : (first, last, evidence less price), each (s,)
@@ -60,12 +67,18 @@ class Stay:
     """
 
     candidate: int
+    course: Array
     log: int
     first: int
     last: int
     evidence: float
     price: float
     others: tuple[np.ndarray, np.ndarray, Array]
+
+    @property
+    def drifts(self) -> bool:
+        """Whether it has no instant."""
+        return self.log < 0
 
     def ends(self, scatter: float) -> tuple[tuple[int, int], tuple[int, int]]:
         """Return between which blocks it began, and ended, in 95 % of what is likely.
@@ -115,6 +128,8 @@ class Scan:
         own = np.minimum(((t - self.begin[at]) / self.width[at]).astype(int), self.count[at] - 1)
         self.start = np.r_[0, np.cumsum(self.count)]
         self.block = self.start[at] + own
+        sessions = [x.start for x in motions]
+        self.drifts = self._drifts([x for x in sessions if x is not None])
 
     def whitened(self, view: View) -> Blocks:
         """Return of each joint the block of its rows, torque and model, and candidates."""
@@ -130,10 +145,9 @@ class Scan:
         return out
 
     def likeliest(self, rows: Blocks) -> list[Stay]:
-        """Return for every candidate where in the logs it is likeliest; and the others' evidence.
+        """Return for every candidate where in the logs it is likeliest, and how it would drift.
 
-        The evidence of a candidate is its sum over all stays, of which each is as likely
-        beforehand: half of them go on to the end of their log.
+        Half of the stays, of which each is as likely beforehand, go on to the end of their log.
         """
         blocks, m, K = int(self.start[-1]), rows[0][1].shape[1], len(self.sizes)
         head, own, cross = np.zeros((m, m)), np.zeros((blocks, K, K)), np.zeros((blocks, m, K))
@@ -146,9 +160,17 @@ class Scan:
                 cross[k] += A[here].T @ C[here]
         F = self._factor(head[1:, 1:])
         f, C = F @ head[1:, 0], np.einsum("ri,bik->brk", F, cross[:, 1:])
-        out = []
-        for at_candidate, c in enumerate(self.candidates):
-            at, best = list(c.columns), None
+        out: list[Stay] = []
+        for which, c in enumerate(self.candidates):
+            at = list(c.columns)
+            g, price = self.drifts
+            P = np.einsum("sb,bij->sij", g**2, own[:, at][:, :, at])
+            value = _evidence(P, g @ cross[:, 0, at], np.tensordot(g, C[:, :, at], 1), f)
+            k, every = int(np.argmax(value - price)), np.arange(len(g))
+            drift = Stay(which, g[k], -1, 0, blocks, value[k], price[k],
+                         (every, every, value - price))  # fmt: skip
+            out.append(drift)
+            best: Stay | None = None
             for n, log in enumerate(self.logs.tolist()):
                 here = slice(self.start[n], self.start[n + 1])
                 first, last, price = self._stays(n)
@@ -156,19 +178,36 @@ class Scan:
                     np.concatenate([np.zeros_like(x[:1]), np.cumsum(x, axis=0)])
                     for x in (own[here][:, at][:, :, at], cross[here][:, 0, at], C[here][:, :, at])
                 )
-                X = X[last] - X[first]
-                S = P[last] - P[first] - X.transpose(0, 2, 1) @ X + np.eye(len(at))
-                y = z[last] - z[first] - np.einsum("srk,r->sk", X, f)
-                L = np.linalg.cholesky(S)
-                u = np.linalg.solve(L, y[:, :, None])[:, :, 0]
-                value = 0.5 * (u**2).sum(1) - np.log(np.einsum("sii->si", L)).sum(1)
+                value = _evidence(P[last] - P[first], z[last] - z[first], X[last] - X[first], f)
                 k = int(np.argmax(value - price))
-                one = Stay(at_candidate, log, int(first[k]), int(last[k]), value[k], price[k],
-                           (first, last, value - price))  # fmt: skip
-                if best is None or one.evidence - one.price > best.evidence - best.price:
-                    best = one
-            out.append(best)
-        return sorted((x for x in out if x), key=lambda x: x.price - x.evidence)
+                if best is None or value[k] - price[k] > best.evidence - best.price:
+                    course = np.zeros(blocks)
+                    course[here][first[k] : last[k]] = 1.0
+                    best = Stay(which, course, log, int(first[k]), int(last[k]), value[k],
+                                price[k], (first, last, value - price))  # fmt: skip
+            if best is not None:
+                out.append(best)
+        return sorted(out, key=lambda x: x.price - x.evidence)
+
+    def _drifts(self, sessions: Sequence[float]) -> tuple[Array, Array]:
+        """Return how a drift may go, in each block (s, blocks), and what each must explain [nat].
+
+        It goes away or comes, in one log, in all alike, or along the session that they are of; and
+        what differs between logs is as slow as can be.
+        """
+        logs = np.repeat(np.arange(len(self.logs)), self.count)
+        t = (np.arange(len(logs)) - self.start[logs] + 0.5) * self.width[logs]
+        alone = [logs == n for n in range(len(self.logs))]
+        clocks = [np.where(on, t, np.nan) for on in alone] + [t]
+        if len(sessions) == len(self.logs):
+            clocks.append(t + (self.begin + np.array(sessions))[logs])
+        out = [on.astype(float) for on in alone]
+        for clock in clocks:
+            x = (clock - np.nanmin(clock)) / max(float(np.nanmax(clock) - np.nanmin(clock)), 1e-9)
+            for course in (1.0 - x, *(np.exp(-x / d) for d in DECAYS)):
+                out += [np.nan_to_num(course), np.nan_to_num(1.0 - course)]
+        price = np.log(2 * len(self.candidates) * len(out))
+        return np.array(out), np.full(len(out), price)
 
     def _stays(self, n: int) -> tuple[np.ndarray, np.ndarray, Array]:
         """Return first and last blocks of all stays in a log, and what each must explain [nat]."""
@@ -197,11 +236,7 @@ class Scan:
     def fit(self, stay: Stay, rows: Blocks) -> Fit:
         """Return a change fitted beside the model: values, covariance, scatter of its scores."""
         at = list(self.candidates[stay.candidate].columns)
-        low = self.start[np.searchsorted(self.logs, stay.log)]
-        every = []
-        for block, A, C in rows:
-            on = (block >= low + stay.first) & (block < low + stay.last)
-            every.append(np.column_stack([A, C[:, at] * on[:, None]]))
+        every = [np.column_stack([A, C[:, at] * stay.course[block, None]]) for block, A, C in rows]
         G = sum(A.T @ A for A in every)
         m, k = len(G) - len(at), len(at)
         F = self._factor(G[1:m, 1:m])
@@ -225,9 +260,7 @@ class Scan:
         """Return the rows weighed as a change leaves them, by the noise that is left beside it."""
         p, c = self.problem, self.candidates[stay.candidate]
         b, at = self.rows.X.shape[2], p.columns(self.parts)
-        low = self.start[np.searchsorted(self.logs, stay.log)]
-        on = (self.block >= low + stay.first) & (self.block < low + stay.last)
-        changed = (self.rows.D.take(c.columns) @ fit.values) * on[:, None]
+        changed = (self.rows.D.take(c.columns) @ fit.values) * stay.course[self.block, None]
         known = [
             np.concatenate([self.rows.X[:, j], p.rows.D.acting(j, at)], axis=1)
             for j in range(self.rows.joints)
@@ -247,6 +280,22 @@ class Scan:
             steps=steps,
             tempered=tempering(errors, share, rules.lag, rules.usual),
         )
+
+
+def _evidence(P: Array, z: Array, X: Array, f: Array) -> Array:
+    """Return the logarithms of Bayes factors of columns (s,), from products with their own kind.
+
+    Parameters
+    ----------
+    P, z, X : (s, k, k), (s, k) and (s, r, k)
+        Products with one another, with the torque, and with the model, that over its factor.
+    f : (r,)
+        The torque with the model, over its factor.
+    """
+    L = np.linalg.cholesky(P - X.transpose(0, 2, 1) @ X + np.eye(P.shape[1]))
+    u = np.linalg.solve(L, (z - np.einsum("srk,r->sk", X, f))[:, :, None])[:, :, 0]
+    value: Array = 0.5 * (u**2).sum(1) - np.log(np.einsum("sii->si", L)).sum(1)
+    return value
 
 
 def _held(c: Candidate) -> Candidate:
@@ -287,6 +336,8 @@ def find_change(
 ) -> Change | None:
     """Return the likeliest change in the middle of a log beside some parts, sure or not.
 
+    None where what drifts says it as well.
+
     Parameters
     ----------
     search : Search
@@ -303,16 +354,21 @@ def find_change(
     rows = scan.whitened(view)
     likely = [x for x in scan.likeliest(rows) if x.evidence > 0]
     # Beside noise that has the change in it another one may look likelier.
-    settled = [_settle(scan, x, rows, view) for x in likely[:STARTS]]
+    starts = [*likely[:STARTS], *[x for x in likely[STARTS:] if x.drifts][:1]]
+    settled = [_settle(scan, x, rows, view) for x in starts]
     if not settled:
         return None
     found, fit = max(settled, key=lambda x: _odds(x[0][0], x[1]))
     best, odds = found[0], _odds(found[0], fit)
-    c = scan.candidates[best.candidate]
+    c, share = scan.candidates[best.candidate], search.problem.setting.rules.level
     level = np.array([x.evidence - x.price for x in found]) / fit.scatter
     weights = np.exp(level - logsumexp(level))
-    sure = 1.0 - search.problem.setting.rules.level
-    among = found[: 1 + int(np.searchsorted(np.cumsum(weights), sure))]
+    drifts = np.array([x.drifts for x in found])
+    if best.drifts or weights[drifts].sum() > share:
+        return None
+    found = [x for x in found if not x.drifts]
+    weights = weights[~drifts] / weights[~drifts].sum()
+    among = found[: 1 + int(np.searchsorted(np.cumsum(weights), 1.0 - share))]
     n = int(np.searchsorted(scan.logs, best.log))
     begin, width = float(scan.begin[n]), float(scan.width[n])
     robot = search.problem.setting.structure.robot
