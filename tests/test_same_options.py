@@ -68,7 +68,8 @@ def arguments_of(verb, monkeypatch, *words):
         seen.update(options)
         raise StoppedError
 
-    monkeypatch.setattr(options.Machine, "load", lambda *_: SimpleNamespace())
+    robot = SimpleNamespace(check_stands=lambda _what: None)
+    monkeypatch.setattr(options.Machine, "load", lambda *_: robot)
     monkeypatch.setattr("identifiability.logs.formats.reader.check_there", lambda _path: None)
     module, name = {
         "analyze": ("identifiability.workflows.analyze", "analyze"),

@@ -10,6 +10,7 @@ import os
 import platform
 import secrets
 import shutil
+import stat
 import sys
 import tempfile
 import weakref
@@ -118,9 +119,10 @@ def check_writable(path: FilePath) -> Path:
     """
     path = Path(path)
     try:
-        if path.is_dir():
+        mode = _mode(path)
+        if mode is not None and stat.S_ISDIR(mode):
             raise OutputError(f"'{path}' is a folder; give a file name to write to.")
-        if path.exists() and not path.is_file():
+        if mode is not None and not stat.S_ISREG(mode):
             raise OutputError(f"'{path}' is no regular file; give another name to write to.")
         folder = real(path).parent
         if not folder.is_dir():
@@ -129,9 +131,24 @@ def check_writable(path: FilePath) -> Path:
         raise OutputError(f"'{path}' cannot be written: {_reason(error)}.") from None
     if not os.access(folder, os.W_OK):
         raise OutputError(f"The folder '{folder}' is not writable; choose another.")
-    if path.exists() and not os.access(path, os.W_OK):
-        raise OutputError(f"'{path}' is protected against writing; give another name.")
+    if mode is not None:
+        try:  # one question, as another run may put its file there at any time
+            os.close(os.open(path, os.O_WRONLY))
+        except FileNotFoundError:
+            pass
+        except OSError:
+            raise OutputError(
+                f"'{path}' is protected against writing; give another name."
+            ) from None
     return path
+
+
+def _mode(path: Path) -> int | None:
+    """Return the mode of what is there; None for nothing."""
+    try:
+        return path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return None
 
 
 @checked

@@ -270,7 +270,7 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
         gaps.check(len(log))
         at, dt = grid.places(0, len(log)), gaps.step
         t, q = fill(t, at), fill(q, at)
-    cutoff = choose_band([Spectrum.of([q], dt)]).cutoff
+    cutoff = choose_band([Spectrum.of([q], dt)]).outputs
     if grid is not None and gaps.length.max() > BRIDGED / cutoff:
         log.even_step()  # which says where the gap is
     smooth = signals.lowpass(q, dt, cutoff)

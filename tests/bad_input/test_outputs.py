@@ -88,13 +88,20 @@ def test_paths_that_cannot_be_written_are_refused_before_the_work(refuses, refus
 def test_folders_and_files_that_are_not_writable_are_refused(old, refused, monkeypatch):
     """Root may write everywhere, so the operating system's answer is made up."""
     words = ["simulate", "two-link", "a", "--out", old]
-    for place, sentence in (
-        (old.parent, f"The folder '{old.parent}' is not writable; choose another."),
-        (old, f"'{old}' is protected against writing; give another name."),
-    ):
-        shut = (place, os.W_OK)
-        monkeypatch.setattr(output.os, "access", lambda *asked, shut=shut: asked != shut)
-        assert refused(*words) == sentence
+    shut, really = (old.parent, os.W_OK), os.open
+    with monkeypatch.context() as patch:
+        patch.setattr(output.os, "access", lambda *asked: asked != shut)
+        told = f"The folder '{old.parent}' is not writable; choose another."
+        assert refused(*words) == told
+
+    def refuse(path, *how, **more):
+        if Path(path) == old:
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return really(path, *how, **more)
+
+    monkeypatch.setattr(output.os, "open", refuse)
+    told = f"'{old}' is protected against writing; give another name."
+    assert refused(*words) == told
 
 
 def test_pipes_and_devices_are_not_replaced_by_files(tmp_path):

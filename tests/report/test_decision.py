@@ -205,7 +205,7 @@ def test_a_cutoff_that_was_chosen_is_chosen_again():
         noise=0.0,
         reason="it is",
         joints=np.array([0.8]),
-        widest=20.0,
+        outputs=8.0,
     )
     chosen = SettledPreparation(cutoff=8.0, band=band)
     assert preparing_options(chosen) == ""

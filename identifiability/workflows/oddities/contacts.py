@@ -79,7 +79,7 @@ def find_aliases(logs: MeasuredLogs) -> tuple[str, ...]:
     if logs.robot.base is None:
         return ()
     found: dict[str, float] = {}
-    bands = {s.name: getattr(s, "cutoff", None) for s in logs.samples}
+    bands = {s.name: getattr(s, "band", None) for s in logs.samples}
     for _, log in logs.windows():
         if log.base is not None and len(log) > WINDOW:
             dt = sampling_step(log.t)

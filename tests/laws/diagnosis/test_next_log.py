@@ -15,6 +15,7 @@ from identifiability.simulation import random_trajectory
 from identifiability.workflows.diagnose import find_next, next_experiment
 from identifiability.workflows.diagnose.motion import MOST_IN_ALL, prepare_rows
 from identifiability.workflows.diagnose.next_experiment import Told
+from identifiability.workflows.diagnose.rules import Rules
 from identifiability.workflows.excite.criteria import pose_question
 
 
@@ -44,7 +45,7 @@ def ask(monkeypatch):
         for name, stub in stubs.items():
             monkeypatch.setattr(next_experiment, name, stub)
         sample = SimpleNamespace(name="first", output_times=lambda: np.arange(4) * 0.1)
-        d = SimpleNamespace(robot=Robot.load("two-link"), samples=[sample])
+        d = SimpleNamespace(robot=Robot.load("two-link"), samples=[sample], rules=Rules())
         found = find_next.__wrapped__(d, duration=10.0)  # no diagnosis is made
         return found.excitation.trajectory.period, found.periods, found.chance, tried
 
