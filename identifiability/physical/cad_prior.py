@@ -483,6 +483,7 @@ def real_robot_dict(
     structure: Structure,
     parameters: Mapping[str, float],
     errors: tuple[float, float, float],
+    each: Array,
     samples: Sequence[Prepared] = (),
     cad_weight: float = 0.0,
 ) -> dict[str, Any]:
@@ -497,6 +498,8 @@ def real_robot_dict(
     errors : (float, float, float)
         ε_RA on the fitted logs, of all parameters and of what a robot file holds of them: one of
         the robot's own format, and one of the other.
+    each : (n, 3)
+        The same of each joint over its own scale.
     samples : sequence of Samples or LongSamples
         The fitted logs.
     cad_weight : float
@@ -506,13 +509,19 @@ def real_robot_dict(
     own, other = file_kinds(robot)
     tilt = settle_gravity(robot, parameters)[0].tilt
     if tilt is not None and samples:
-        errors = _errors_tilted(structure, samples, parameters)
+        errors, each = _errors_tilted(structure, samples, parameters)
     return {
         **({} if tilt is None else {"gravity": tilt.to_dict()}),
         "error_ra": errors[0],
         "error_ra_file": errors[1],
         "file": own,
         "error_ra_files": {own: errors[1], other: errors[2]},
+        "error_joints": [
+            {"joint": joint, "error": row[0], "error_files": {own: row[1], other: row[2]}}
+            for joint, row in zip(robot.joints, each.tolist(), strict=True)
+        ]
+        if parameters
+        else [],
         "mass": total_mass(robot, parameters) if parameters else None,
         "mass_file": total_mass(robot, robot.nominal),
         "masses": mass_rows(robot, parameters),
@@ -524,8 +533,10 @@ def real_robot_dict(
 
 def _errors_tilted(
     structure: Structure, samples: Sequence[Prepared], values: Mapping[str, float]
-) -> tuple[float, float, float]:
+) -> tuple[tuple[float, float, float], Array]:
     """Return ε_RA of a robot whose base is tilted, and of what a file of either format holds.
+
+    And the same of each joint over its own scale, (n, 3).
 
     Gravity pulls at the bodies that were found, along where it points; the columns of a tilt are
     those of the file's bodies, and to first order.
@@ -542,8 +553,9 @@ def _errors_tilted(
     phi = np.array([[f.get(name, 0.0) for name in structure.columns] for f in held]).T
     first = [structure.columns.index(n) == k for k, n in enumerate(structure.columns)]
     regression = Regression(robot, structure.model, tuple(samples))
-    whole, own, other = predict(regression, phi * np.array(first)[:, None]).relative_error()
-    return float(whole), float(own), float(other)
+    found = predict(regression, phi * np.array(first)[:, None])
+    whole, own, other = found.relative_error()
+    return (float(whole), float(own), float(other)), found.joint_error()
 
 
 def _masses(body: str) -> tuple[str, str]:

@@ -87,8 +87,15 @@ def test_every_format_states_both_errors_and_they_are_those_of_its_files(learned
     assert exported.error_ra == pytest.approx(error, rel=1e-6)
     assert f"errs by {100 * exported.error_ra:.3g} %" in exported.statement
     assert f"alone holds by {100 * exported.error_ra_file:.3g} %" in exported.statement
+    told = result.to_dict()["physical"]["error_joints"]
+    assert [e["joint"] for e in told] == list(exported.error_joints) == list(result.robot.joints)
+    tau = result.samples[0].tau
+    each = np.sqrt(np.mean((tau - whole) ** 2, 0)) / tau.std(0)
+    np.testing.assert_allclose([a for a, _ in exported.error_joints.values()], each, rtol=1e-6)
+    differ = max(each) > 2 * min(*each, error)
     if ending == "json":
         assert exported.error_ra_file == exported.error_ra
+        assert ("Each joint over its own variation: " in exported.statement) == differ
         return
     copy = Robot.load(exported.robot)
     again, _ = errors_of(copy, result, copy.nominal)
@@ -97,6 +104,10 @@ def test_every_format_states_both_errors_and_they_are_those_of_its_files(learned
     alone = Robot.load(exported.robot)
     held, error = errors_of(alone, result, alone.nominal)
     assert exported.error_ra_file == pytest.approx(error, rel=1e-6)
+    each = np.sqrt(np.mean((tau - held) ** 2, 0)) / tau.std(0)
+    np.testing.assert_allclose([b for _, b in exported.error_joints.values()], each, rtol=1e-6)
+    joint = list(exported.error_joints)[int(np.argmax(each))]
+    assert f"alone: {joint} {100 * max(each):.2g} %" in exported.statement
     kind = {"xml": "mjcf", "urdf": "urdf"}[ending]
     rest = {n: v - held_by_file(result.robot, values, kind)[n] for n, v in values.items()}
     stated, _ = errors_of(result.robot, result, rest)

@@ -178,6 +178,8 @@ class RungResult(JudgedModel):
     error_ra_real, error_ra_file, error_ra_other : float
         ε_RA of the nearest real robot on the logs that were fitted, and of what a robot file
         holds of it without a sidecar: one of the robot's own format, and one of the other.
+    error_real_joints : (n, 3)
+        Errors of the same three, of each joint over its own scale.
     physical : PhysicalResult
         Whether a real robot has these parameters, and the nearest that has.
     physical_as_good : bool
@@ -192,6 +194,7 @@ class RungResult(JudgedModel):
     error_ra_real: float
     error_ra_file: float
     error_ra_other: float
+    error_real_joints: Array
     physical: PhysicalResult
     physical_as_good: bool = False
 
@@ -287,6 +290,7 @@ def assess_ladder(
     """
     m = len(models)
     error, held_error = fitted.relative_error(), held_out.relative_error()
+    each = fitted.joint_error()
     joints, held_joints = fitted.error_over_joints(), held_out.error_over_joints()
     best = int(np.nanargmin(held_joints[:m])) if np.isfinite(held_joints[:m]).any() else 0
     spread, joints_spread = (
@@ -326,6 +330,7 @@ def assess_ladder(
             error_ra_real=float(error[m + k]),
             error_ra_file=float(error[2 * m + k]),
             error_ra_other=float(error[3 * m + k]),
+            error_real_joints=each[:, [m + k, 2 * m + k, 3 * m + k]],
             infeasible=forbidden_signs(told.rung, told.information, told.estimate),
             physical=real,
             physical_as_good=stands_for(held_out if veto else None, real, k, m + k),
@@ -714,7 +719,12 @@ class Laddered(Result, Opening, Predicts):
         used, real = self._used, self._used.physical
         errors = used.error_ra_real, used.error_ra_file, used.error_ra_other
         return real_robot_dict(
-            self.structure, real.parameters(), errors, self.samples, real.cad_weight
+            self.structure,
+            real.parameters(),
+            errors,
+            used.error_real_joints,
+            self.samples,
+            real.cad_weight,
         )
 
     @property

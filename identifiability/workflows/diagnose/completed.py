@@ -216,7 +216,7 @@ def nearest_dict(d: Findings) -> dict[str, Any]:
     try:
         real = real_robot(d, structure) if known is None else known
     except IdentifiabilityError as error:
-        nothing = real_robot_dict(structure, {}, (np.nan,) * 3)
+        nothing = real_robot_dict(structure, {}, (np.nan,) * 3, np.empty((0, 3)))
         return {**nothing, "reason": str(error)}
     values = dict(real.values)
     # A named effect may have the columns of one in the model: these stand for both.
@@ -225,9 +225,10 @@ def nearest_dict(d: Findings) -> dict[str, Any]:
     files = [held_by_file(structure.robot, values, kind) for kind in file_kinds(structure.robot)]
     phi = np.array([[v[n] for n in names] for v in (values, *files)]).T
     regression = replace(structure.regression(d.samples, keep=True), instruments=None, echo=None)
-    errors = predict(regression, structure.G @ (phi * first[:, None])).relative_error()
+    found = predict(regression, structure.G @ (phi * first[:, None]))
+    errors, each = found.relative_error(), found.joint_error()
     held = (float(errors[0]), float(errors[1]), float(errors[2]))
-    return real_robot_dict(structure, _fold(values), held, d.samples, real.cad_weight)
+    return real_robot_dict(structure, _fold(values), held, each, d.samples, real.cad_weight)
 
 
 def _fold(values: dict[str, float]) -> dict[str, float]:

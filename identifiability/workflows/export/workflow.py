@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -44,6 +44,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.robot.other_format import write_converted
 from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.robot.write import write_robot
+from identifiability.workflows.answers import hides_joints, list_worst
 from identifiability.workflows.predict import Entry, MissingEntry, RobotEntry, state_missing
 
 # What is exported of a result: its JSON, checked against the robot.
@@ -60,6 +61,14 @@ class GravityEntry(Entry):
     degrees: float
 
 
+class JointEntry(Entry):
+    """The error of a joint over its own scale: of all that was fitted, and of files alone."""
+
+    joint: str
+    error: float | None
+    error_files: dict[str, float | None] = Field(default={})
+
+
 class PhysicalEntry(Entry):
     """The nearest real robot."""
 
@@ -68,6 +77,7 @@ class PhysicalEntry(Entry):
     error_ra: float | None
     error_ra_file: float | None
     error_ra_files: dict[str, float | None] = Field(default={})
+    error_joints: tuple[JointEntry, ...] = ()
     gravity: GravityEntry | None = None
     cad_prior: float = 0.0
     certificate: str = ""
@@ -181,6 +191,7 @@ def write_parameters_json(
         "shapes": physical.shapes,
         "bodies": bodies,
         "error_ra": physical.error_ra,
+        "error_joints": [{"joint": e.joint, "error": e.error} for e in physical.error_joints],
     }
     return write_json(out, told)
 
@@ -349,6 +360,8 @@ class Exported:
     error_ra, error_ra_file : float or None
         ε_RA on the fitted logs of all that was fitted, and of what the robot file alone holds;
         None where the torque does not vary.
+    error_joints : mapping
+        Both of each joint over its own scale, by name; empty where nobody measured them.
     mass : str
         What is wrong with the total mass, and the remedy; empty if nothing is.
     anew : bool
@@ -371,6 +384,7 @@ class Exported:
     error_ra: float | None
     error_ra_file: float | None
     mass: str
+    error_joints: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     anew: bool = False
     known: tuple[str, ...] = ()
     gravity: str = ""
@@ -407,6 +421,7 @@ class Exported:
                 f"{self.robot.name} alone holds was not measured when the result was made: make it "
                 "again to know."
             )
+        parts.append(self._state_joints())
         if self.error_ra is not None and self.mended:
             parts.append("Where samples were mended, these errors are of the mended ones.")
         if self.anew:
@@ -416,6 +431,16 @@ class Exported:
             )
         parts.append(state_missing(self.missing))
         return " ".join(filter(None, parts))
+
+    def _state_joints(self) -> str:
+        """Return the errors of joints where those of all together hide them."""
+        joints, each = list(self.error_joints), np.array([*self.error_joints.values()]).T
+        together = [np.inf if e is None else e for e in (self.error_ra, self.error_ra_file)]
+        if not any(hides_joints(e, all_) for e, all_ in zip(each, together, strict=False)):
+            return ""
+        real, alone = (list_worst(joints, 100 * e, "%") for e in each)
+        told = f"Each joint over its own variation: {real}"
+        return f"{told}." if real == alone else f"{told}; {self.robot.name} alone: {alone}."
 
     def _repr_html_(self) -> str:
         files = " and ".join(str(path) for path in (self.robot, self.sidecar) if path is not None)
@@ -494,6 +519,7 @@ def export(
             beside={},
             error_ra=physical.error_ra,
             error_ra_file=physical.error_ra,
+            error_joints=_joints_of_file(physical, None),
             mass=state_mass(robot, given, physical.cad_prior),
             gravity="" if robot.tilt is None else robot.tilt.text,
             mended=content.mended,
@@ -529,6 +555,7 @@ def export(
         beside={title: tuple(names) for title, names in beside.items()},
         error_ra=physical.error_ra,
         error_ra_file=alone,
+        error_joints=_joints_of_file(physical, wanted),
         mass=state_mass(robot, given, physical.cad_prior),
         mended=content.mended,
         missing=missing,
@@ -644,6 +671,15 @@ def _error_of_file(robot: Robot, physical: PhysicalEntry, kind: Kind) -> float |
     if held_by_file(robot, physical.parameters, kind) == physical.parameters:
         return physical.error_ra
     return physical.error_ra_file if kind == file_kinds(robot)[0] else None
+
+
+def _joints_of_file(physical: PhysicalEntry, kind: Kind | None) -> dict[str, tuple[float, float]]:
+    """Return both errors of each joint, the second of what a robot file holds, if it is one."""
+    pairs = {
+        e.joint: (e.error, e.error if kind is None else e.error_files.get(kind))
+        for e in physical.error_joints
+    }
+    return {j: (a, b) for j, (a, b) in pairs.items() if a is not None and b is not None}
 
 
 def _refuse_another(
