@@ -104,13 +104,12 @@ CHANGES = {"effects": ["payload", "coulomb_friction", "torque_offset"], "forward
 CHANGES |= {"quick": True}
 
 
-def gripped(log, since, mass=0.5):
-    """A log with a mass [kg] at (.1, 0, .05) m of the last body from a time on."""
-    robot, effect = Robot.load("two-link"), Model.of("payload")
+def gripped(log, since, mass=0.5, at=(0.1, 0.0, 0.05), name="two-link", body="link2"):
+    """A log with a mass [kg] at a point [m] of a body from a time on."""
+    robot, effect = Robot.load(name), Model.of(f"payload@{body}")
     motion = prepare_samples(robot, log, Preparation(decimate=1)).motion
     phi = np.zeros(10)
-    phi[:3] = mass, 0.1 * mass, 0.0
-    phi[3] = 0.05 * mass
+    phi[:4] = mass, *(mass * np.array(at))
     torque = effect.regressor(robot, motion) @ phi
     late = log.t >= log.t[0] + since
     own = np.stack([np.interp(log.t, motion.t, x) for x in torque.T], 1)
@@ -160,3 +159,13 @@ def test_friction_that_warms_up_through_a_session_is_no_change_at_an_instant(log
         logs[k] = replace(log, tau=log.tau + np.outer(dry, [0.0, 1.0]))
         begun += t[-1]
     assert not diagnose("two-link", logs[:3], logs[3:], **CHANGES).changes
+
+
+def test_a_large_load_on_a_closed_chain_is_not_said_to_be_an_offset_of_one_actuator(logs_of):
+    logs = list(logs_of("3-rps")[:4])
+    since = 0.6 * np.ptp(logs[1].t)
+    logs[1] = gripped(logs[1], since, 10.0, (0.0, 0.0, 0.0), "3-rps", "leg3_upper")
+    (change,) = diagnose("3-rps", logs[:3], logs[3:], **CHANGES).changes
+    said = {(change.family, change.place), *change.others}
+    assert ("payload", "leg3_upper") in said
+    assert said <= {("torque_offset", "slider3"), ("payload", "leg3_upper")}

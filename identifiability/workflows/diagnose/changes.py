@@ -256,6 +256,16 @@ class Scan:
         sizes = self.sizes[at]
         return Fit(value * sizes, half * sizes, P, max(1.0, scatter), equal, whole)
 
+    def widen(self, found: Sequence[Stay], rows: Blocks) -> Blocks:
+        """Let all be typically as large as they are where they are likeliest."""
+        ratio = np.ones(len(self.sizes))
+        for x in {x.candidate: x for x in reversed(found)}.values():
+            at = list(self.candidates[x.candidate].columns)
+            size = np.where(self.sizes[at] > 0, self.sizes[at], np.inf)
+            ratio[at] = np.maximum(np.abs(self.fit(x, rows).values) / size, 1.0)
+        self.sizes = self.sizes * ratio
+        return [(block, A, C * ratio) for block, A, C in rows]
+
     def reweigh(self, stay: Stay, fit: Fit, view: View) -> View:
         """Return the rows weighed as a change leaves them, by the noise that is left beside it."""
         p, c = self.problem, self.candidates[stay.candidate]
@@ -358,16 +368,22 @@ def find_change(
     settled = [_settle(scan, x, rows, view) for x in starts]
     if not settled:
         return None
-    found, fit = max(settled, key=lambda x: _odds(x[0][0], x[1]))
+    found, fit, rows = max(settled, key=lambda x: _odds(x[0][0], x[1]))
     best, odds = found[0], _odds(found[0], fit)
-    c, share = scan.candidates[best.candidate], search.problem.setting.rules.level
+    share = search.problem.setting.rules.level
     level = np.array([x.evidence - x.price for x in found]) / fit.scatter
     weights = np.exp(level - logsumexp(level))
     drifts = np.array([x.drifts for x in found])
     if best.drifts or weights[drifts].sum() > share:
         return None
+    if odds > 0:  # it is there: what it is was not less likely for being large
+        rows = scan.widen(found, rows)
+        found = scan.likeliest(rows)
     found = [x for x in found if not x.drifts]
-    weights = weights[~drifts] / weights[~drifts].sum()
+    best = found[0]
+    fit, c = scan.fit(best, rows), scan.candidates[best.candidate]
+    level = np.array([x.evidence - x.price for x in found]) / fit.scatter
+    weights = np.exp(level - logsumexp(level))
     among = found[: 1 + int(np.searchsorted(np.cumsum(weights), 1.0 - share))]
     n = int(np.searchsorted(scan.logs, best.log))
     begin, width = float(scan.begin[n]), float(scan.width[n])
@@ -400,8 +416,8 @@ def find_change(
     )
 
 
-def _settle(scan: Scan, start: Stay, rows: Blocks, view: View) -> tuple[list[Stay], Fit]:
-    """Return what is likeliest beside the noise that a change leaves, the first of it fitted."""
+def _settle(scan: Scan, start: Stay, rows: Blocks, view: View) -> tuple[list[Stay], Fit, Blocks]:
+    """Return what is likeliest beside the noise that a change leaves, the first fitted; rows."""
     best = start
     for _ in range(SETTLED):
         rows = scan.whitened(scan.reweigh(best, scan.fit(best, rows), view))
@@ -409,7 +425,7 @@ def _settle(scan: Scan, start: Stay, rows: Blocks, view: View) -> tuple[list[Sta
         best = found[0]
         if (best.candidate, best.log) == (before.candidate, before.log):
             break
-    return found, scan.fit(best, rows)
+    return found, scan.fit(best, rows), rows
 
 
 def _odds(stay: Stay, fit: Fit) -> float:
