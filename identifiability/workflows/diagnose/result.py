@@ -340,7 +340,7 @@ def _what(d: Diagnosis) -> Answer:
     question = "What is missing?"
     if not d.effects and not d.changes:
         return Answer(question, "Nothing that can be named.", headline(d), "grey")
-    named = [f"{title_of(c.family)} in {c.place} in a part of {c.log}" for c in d.changes]
+    named = [f"{_call_change(c)} in a part of {c.log}" for c in d.changes]
     named += [f"{_call(e)} in {join(e.joints, PLACES)}" for e in d.effects]
     short = join(named)
     return Answer(question, f"{short[0].upper()}{short[1:]}.", headline(d), "vermilion")
@@ -350,6 +350,13 @@ def _call(e: NamedEffect) -> str:
     """Return a name with what the motion cannot tell from it: the first line may not be surer."""
     others = len(e.alternatives)
     return e.names if others < 2 else f"{e.title} or one of {others} that look like it"
+
+
+def _call_change(c: Change) -> str:
+    """Return a change with what the log cannot tell from it, as `_call`."""
+    names = [f"{title_of(family)} in {place}" for family, place in ((c.family, c.place), *c.others)]
+    others = len(c.others)
+    return " or ".join(names) if others < 2 else f"{names[0]} or one of {others} that look like it"
 
 
 def _gap(d: Diagnosis) -> Answer:

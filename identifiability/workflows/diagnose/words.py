@@ -63,7 +63,7 @@ def state_change(c: Change) -> str:
         what, size = f"a mass of {size} on {c.place}" + what.removeprefix(names[0]), ""
     sure = ", ".join(filter(None, (size, f"weight {weight_text(c.weight)}")))
     return (
-        f"{_capital(c.when)} another robot was logged: {what} ({sure}); what was logged meanwhile "
+        f"{_capital(c.when)} another robot was logged: {what} ({sure}). What was logged meanwhile "
         "was left out."
     )
 
