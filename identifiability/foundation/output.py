@@ -78,6 +78,8 @@ def sweep(paths: Iterable[Path]) -> None:
             held = os.open(path, os.O_RDONLY | _PLAIN)
             try:
                 fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if not os.path.samestat(os.fstat(held), path.lstat()):
+                    continue  # another has taken the name since; what it made is its own
                 shutil.rmtree(path) if path.is_dir() else path.unlink()  # it follows no link
             finally:
                 os.close(held)
@@ -319,7 +321,7 @@ def _fill(temporary: Path, content: bytes, target: Path) -> BinaryIO:
             stream.write(content)
             stream.flush()
             os.fsync(stream.fileno())
-        if target.exists():
+        with suppress(FileNotFoundError):  # nothing there, or put aside by another run just now
             shutil.copymode(target, temporary)
         return stream
 

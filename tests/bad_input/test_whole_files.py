@@ -210,7 +210,7 @@ me = sys.argv[1].encode()
 pair = [(Path(name), me * 10_000) for name in ("robot.toml", "robot.xml")]
 print("ready", flush=True)
 sys.stdin.readline()
-for _ in range(60):
+for _ in range(40):
     write_together(pair)
     write_bytes("result.json", me * 10_000)
 """
@@ -224,7 +224,7 @@ def test_two_runs_that_write_the_same_files_leave_those_of_one(tmp_path):
             [sys.executable, "-c", WRITES, me],
             cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(root)}, text=True, **more,
         )
-        for me in "ab"
+        for me in "abcd"
     ]  # fmt: skip
     for run in runs:
         run.stdout.readline()
@@ -235,11 +235,43 @@ def test_two_runs_that_write_the_same_files_leave_those_of_one(tmp_path):
     while any(run.poll() is None for run in runs):
         if (tmp_path / "result.json").exists():
             seen.add((tmp_path / "result.json").read_bytes())
-    assert [run.communicate()[1] for run in runs] == ["", ""]
+    assert [run.communicate()[1] for run in runs] == [""] * 4
     found = files_in(tmp_path)
     assert {p.name for p in found} == {"robot.toml", "robot.xml", "result.json"}
     assert found[tmp_path / "robot.toml"] == found[tmp_path / "robot.xml"]
-    assert seen <= {b"a" * 10_000, b"b" * 10_000}
+    assert seen <= {me * 10_000 for me in (b"a", b"b", b"c", b"d")}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="nothing is swept on Windows")
+def test_who_sweeps_leaves_what_has_taken_the_name_since(tmp_path, monkeypatch):
+    """Between opening an orphan and locking it another run may remove it and begin its own."""
+    from identifiability.foundation import output
+
+    path = tmp_path / "turn.tmp"
+    path.write_text("orphan")
+
+    def lock(file, how):
+        path.rename(tmp_path / "gone")
+        path.write_text("another's")
+
+    monkeypatch.setattr(output.fcntl, "flock", lock)
+    output.sweep([path])
+    assert path.read_text() == "another's"
+
+
+def test_another_run_may_put_the_old_file_aside_while_the_new_one_is_filled(tmp_path, monkeypatch):
+    from identifiability.foundation import output
+
+    (tmp_path / "result.json").write_text("old")
+    copymode = output.shutil.copymode
+
+    def aside(old, new):
+        old.rename(tmp_path / "result.json.1.old")
+        copymode(old, new)
+
+    monkeypatch.setattr(output.shutil, "copymode", aside)
+    output.write_bytes(tmp_path / "result.json", b"new")
+    assert (tmp_path / "result.json").read_bytes() == b"new"
 
 
 def test_a_sidecar_takes_no_other_files_name(tmp_path):
