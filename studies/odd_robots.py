@@ -4,14 +4,16 @@
 millimetre to ten metres, one to thirty joints, logged at 10 Hz to 20 kHz with 30 samples to 10⁵ a
 log. MuJoCo alone makes their torque, dry friction and rotors are added here, and robot files are
 10 % wrong.
-The folder is a study of `identifiability batch`; run again, it goes on.
+Logs are written when their turn comes and deleted after it; the folder keeps each robot's file and
+answer, and run again, the study goes on.
 """
 
 from __future__ import annotations
 
 import json
-import resource
+import os
 import sys
+import traceback
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,20 +21,11 @@ import mujoco
 import numpy as np
 import pandas as pd
 
-from identifiability import Model, Robot, batch, find_base_parameters
+from identifiability import IdentifiabilityError, Model, Robot, analyze, find_base_parameters
 from identifiability.regression.reduction import DEFAULT_EFFECTS
 
 #: Samples times joints of a log, at most: a larger one asks nothing else.
 MOST = 100_000
-
-STUDY = """verb = "analyze"
-options = {quick = true}
-[[robots]]
-each = "fleet/*"
-file = "{each}/robot.xml"
-train = "{each}/fit.csv"
-validate = "{each}/unseen.csv"
-"""
 
 
 @dataclass(frozen=True)
@@ -148,13 +141,24 @@ class Odd:
             values |= {f"j{k}.{n}": float(v) for n, v in (own | {"off": 0.0}).items()}
         return values
 
-    def write(self, folder: Path) -> None:
-        """Write robot file and logs, once."""
-        if not (folder / "unseen.csv").is_file():
+    def ask(self, folder: Path) -> Path:
+        """Write robot file and logs, analyze them once, keep the answer alone."""
+        answer, page = folder / "answer.json", folder / "page.html"
+        if not answer.is_file():
             folder.mkdir(parents=True, exist_ok=True)
             (folder / "robot.xml").write_text(self.text(0.1))
-            for which, name in enumerate(("fit", "unseen")):
-                self.log(which).to_csv(folder / f"{name}.csv", index=False)
+            logs = [folder / name for name in ("fit.csv", "unseen.csv")]
+            try:
+                for which, log in enumerate(logs):
+                    self.log(which).to_csv(log, index=False)
+                robot = Robot.load(folder / "robot.xml")
+                result = analyze(robot, logs[0], logs[1], quick=True)
+                result.write_report(page)
+                result.to_json(answer)
+            finally:
+                for log in logs:
+                    log.unlink(missing_ok=True)
+        return answer
 
 
 def outside(odd: Odd, path: Path, told: dict) -> tuple[int, int, list[str]]:
@@ -175,37 +179,31 @@ def outside(odd: Odd, path: Path, told: dict) -> tuple[int, int, list[str]]:
 def main() -> None:
     folder = Path(sys.argv[1])
     count, seed = (int(x) for x in [*sys.argv[2:4], *(200, 0)[len(sys.argv) - 2 :]])
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "study.toml").write_text(STUDY)
-    drawn = {f"{k:03d}": Odd.draw(1000 * seed + k) for k in range(count)}
-    for name, odd in drawn.items():
-        odd.write(folder / "fleet" / name)
-    begun = sum(resource.getrusage(w).ru_utime for w in (resource.RUSAGE_SELF, -1))
-    result = batch(
-        folder / "study.toml",
-        folder / "results",
-        progress=lambda text, share: sys.stderr.write(f"{share:5.1%} {text}\n"),
-    )
-    spent = sum(resource.getrusage(w).ru_utime for w in (resource.RUSAGE_SELF, -1)) - begun
-    total = wrong = 0
-    for row in result.rows:
-        odd = drawn[row.robot]
+    total = wrong = refused = 0
+    for k in range(count):
+        odd, place = Odd.draw(1000 * seed + k), folder / f"{k:03d}"
         about = f"{odd.scale:.2g} m {odd.mass:.2g} kg {odd.kinds} {odd.rate:.0f} Hz {odd.samples}"
-        if row.failed:
-            print(f"{row.robot} {about}: {row.failed}")
+        begun = sum(os.times()[:2])
+        try:
+            answer = odd.ask(place)
+        except IdentifiabilityError as error:
+            refused += 1
+            print(f"{k:03d} {about}: {error}", flush=True)
             continue
-        told = json.loads((result.folder / "robots" / f"{row.robot}.json").read_text())
-        called, out, which = outside(odd, folder / "fleet" / row.robot / "robot.xml", told)
+        except Exception:  # noqa: BLE001 - what the study looks for
+            print(f"{k:03d} {about}: FAULT {traceback.format_exc()}", flush=True)
+            continue
+        told = json.loads(answer.read_text())
+        called, out, which = outside(odd, place / "robot.xml", told)
         total, wrong = total + called, wrong + out
-        page = (result.folder / row.page).read_text()
-        odd_words = [
-            w for w in (" nan", ">nan", "Traceback") if w in page or w in told["statement"]
-        ]
-        print(f"{row.robot} {about}: {called} called, {out} outside {which[:2]} {odd_words or ''}")
+        page = (place / "page.html").read_text()
+        words = [w for w in (" nan", ">nan", "Traceback") if w in page or w in told["statement"]]
+        spent = sum(os.times()[:2]) - begun
+        counts = f"{called} called, {out} outside {which[:2]} {words or ''}"
+        print(f"{k:03d} {about}: {counts} {spent:.1f} s", flush=True)
     print(
-        f"{len(result.rows)} robots, {len(result.failed)} refused, {total} identifiable, {wrong} "
-        f"outside ({wrong / max(total, 1):.1%}); {spent:.0f} s of processor time, "
-        f"{max(resource.getrusage(w).ru_maxrss for w in (resource.RUSAGE_SELF, -1)) / 1e6:.2f} GB"
+        f"{count} robots, {refused} refused, {total} identifiable, {wrong} outside "
+        f"({wrong / max(total, 1):.1%}); {sum(os.times()[:2]):.0f} s of processor time"
     )
 
 

@@ -7,30 +7,79 @@ One file a command, which is found by itself; heavy imports stand inside the fun
 import io
 import signal
 import sys
+from collections.abc import Iterator, Mapping
 from importlib import import_module
 from pkgutil import iter_modules
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 
-from identifiability.cli.options import Command
+from identifiability.cli.options import Verb
 
-app = typer.Typer(
-    name="identifiability",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",
-)
 #: Verbs in the order of the help; any other file here with a function of its name is one, too.
 FIRST = (
     *("new", "demo", "inspect", "analyze", "prune", "diagnose", "simulate", "excite", "predict"),
     *("export", "calibrate", "payload", "compare", "rollout", "gain", "convert", "batch", "paper"),
 )
-_found = sorted(module.name for module in iter_modules(__path__))
-for name in sorted(_found, key=lambda name: (*FIRST, name).index(name)):
-    command = getattr(import_module(f"{__name__}.{name}"), name, None)
-    if command is not None:
-        app.command(cls=Command)(command)
+
+
+def _find(name: str) -> Verb | None:
+    found = getattr(import_module(f"{__name__}.{name}"), name, None)
+    return found if isinstance(found, Verb) else None
+
+
+class Verbs(Mapping[str, Any]):
+    """The commands by name, each made when it is asked for."""
+
+    def __init__(self) -> None:
+        here = sorted(module.name for module in iter_modules(__path__))
+        self.names = [n for n in FIRST if n in here]
+        self.names += [n for n in here if n not in FIRST and _find(n)]
+        self.made: dict[str, Any] = {}
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self.made:
+            verb = _find(name) if name in self.names else None
+            if verb is None:
+                raise KeyError(name)
+            self.made[name] = verb.made(name)
+        return self.made[name]
+
+
+class Group(typer.core.TyperGroup):
+    """The command line: its help needs no verb's options."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given)
+        self.commands = Verbs()  # type: ignore[assignment] # nothing is added to it
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help."""
+        verbs = {name: _find(name) for name in self.commands}
+        brief = {n: typer.core.TyperCommand(n, help=v.help) for n, v in verbs.items() if v}
+        typer.core.TyperGroup(
+            name=self.name,
+            commands=brief,  # type: ignore[arg-type] # of typer's own kind
+            params=self.params,
+            help=self.help,
+            no_args_is_help=True,
+            rich_markup_mode="markdown",
+        ).format_help(ctx, formatter)
+
+
+app = typer.Typer(
+    name="identifiability",
+    cls=Group,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+)
 
 
 def _print_version(wanted: bool) -> None:

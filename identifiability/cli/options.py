@@ -583,9 +583,28 @@ class Place:
             )
 
 
+@dataclass(frozen=True)
+class Verb:
+    """A command that is made when it is typed: eighteen of them take longer than a help may."""
+
+    function: Callable[..., None]
+    make: Callable[[Callable[..., None]], Callable[..., None]]
+
+    @property
+    def help(self) -> str:
+        """What it says of itself."""
+        return _HELP.split(getdoc(self.function) or "")[0]
+
+    def made(self, name: str) -> Any:
+        """Return it with its options, as typer has it."""
+        alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")
+        alone.command(name, cls=Command)(self.make(self.function))
+        return typer.main.get_command(alone)
+
+
 def command(
     library: str = "", but: Sequence[str] = (), *, motion_alone: bool = False
-) -> Callable[[Callable[..., None]], Callable[..., None]]:
+) -> Callable[[Callable[..., None]], Verb]:
     """Make a function a command, as by `grouped`; files are looked at first.
 
     Parameters
@@ -596,7 +615,7 @@ def command(
         Whether it takes logs without torque.
     """
     looked = partial(look, motion_alone=motion_alone)
-    return partial(grouped, first=looked, library=library, but=but)
+    return partial(Verb, make=partial(grouped, first=looked, library=library, but=but))
 
 
 def split_names(text: str | None) -> list[str] | None:
