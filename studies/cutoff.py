@@ -33,7 +33,8 @@ from identifiability.logs.prepare import Preparation, Samples, prepare_samples
 from identifiability.logs.prepare.instruments import SecondRecord, attach_record
 from identifiability.logs.prepare.plan import joint_log
 from identifiability.logs.prepare.preparation import make_plan, settle_cutoff
-from identifiability.logs.spectrum import LEAST_CUTOFF, NARROW, NOISE_SHARE, WIDE, Spectrum
+from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.logs.spectrum import Spectrum
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import choose_model
 from identifiability.regression.structure import Structure
@@ -87,8 +88,20 @@ def right_cutoff(log: Log, rate: int, step: float) -> float:
     exact = Spectrum.of([log.q], 1 / rate)
     band = float(exact.bandwidths().max())
     density = 2 * step**2 / 12 / rate
-    power = NOISE_SHARE * exact.acceleration(WIDE * band).min() * 5 / density / (2 * np.pi) ** 4
-    return float(max(min(WIDE * band, power**0.2), NARROW * band, LEAST_CUTOFF))
+    power = (
+        LOG_RULES.noise_share
+        * exact.acceleration(LOG_RULES.cutoff_wide * band).min()
+        * 5
+        / density
+        / (2 * np.pi) ** 4
+    )
+    return float(
+        max(
+            min(LOG_RULES.cutoff_wide * band, power**0.2),
+            LOG_RULES.cutoff_narrow * band,
+            LOG_RULES.cutoff_least,
+        )
+    )
 
 
 def make_log(log: Log, rate: int, step: float, rng: np.random.Generator) -> Log:

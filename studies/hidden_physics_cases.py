@@ -38,7 +38,7 @@ from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.preparation import settle_cutoff
-from identifiability.logs.spectrum import HIGHEST
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.reduction import USUAL_EFFECTS
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
@@ -410,7 +410,7 @@ class Case:
         how = Preparation(derivatives="given", keep_rest=True)
         if logs:
             band = settle_cutoff(self.robot, logs, None).band
-            wide = max(band.cutoff, min(band.limit, HIGHEST * self.rate))
+            wide = max(band.cutoff, min(band.limit, LOG_RULES.cutoff_highest * self.rate))
             how = Preparation(cutoff=wide, decimate=1, keep_rest=True)
         for k in range(FITTED):
             log = logs[k] if logs else self._exact(runs, k)

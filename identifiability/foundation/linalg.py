@@ -25,6 +25,12 @@ MOST_BYTES = 2**26
 #: Share of the largest torque below which that of a joint is rounding: it has no load.
 ROUNDING = 1e-11
 
+#: Share below which what is left of a chain of products, differences and solves is rounding.
+ROUNDOFF = 1e-9
+
+#: What differs by less than this share is the same to data: nothing measured has six digits.
+NEARLY = 1e-6
+
 
 def few_at_once(count: int, nbytes: int) -> Iterator[slice]:
     """Yield which of many matrices of so many bytes to work on at a time."""

@@ -20,6 +20,7 @@ from identifiability.foundation.names import Array, Renames
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.aliases import words_for
+from identifiability.logs.rules import RULES
 from identifiability.robot.floating import Base
 
 #: What comes first in the name of a column about the base.
@@ -33,15 +34,6 @@ _KINDS = {
 } | {"": "pos"}
 _NUMBERED = {"0": 0, "1": 1, "2": 2, "3": 3}
 _AXES = {"x": 0, "y": 1, "z": 2, "w": 3}
-
-#: A quaternion whose norm is further from one than this is none.
-UNIT = 0.01
-
-#: Of two readings the one that errs by less than this share of the other's error is meant.
-BETTER = 0.5
-
-#: So long a gyroscope is trusted, after which gravity corrects it [s].
-TRUSTED = 10.0
 
 #: Where parts of a record are: proper acceleration, angular velocity, up; contacts follow.
 ACC, GYRO, UP, AFTER = slice(0, 3), slice(3, 6), slice(6, 9), 9
@@ -207,7 +199,7 @@ def _orientation(
         return None
     size = np.linalg.norm(quat, axis=1)
     worst = int(np.argmax(np.abs(size - 1)))
-    if not abs(size[worst] - 1) < UNIT:
+    if not abs(size[worst] - 1) < RULES.quaternion_norm:
         raise LogError(
             f"{source}: the quaternion of the base has norm {size[worst]:.3g} in data row "
             f"{worst + 1}, and an orientation has 1; check its columns, or leave them out where an "
@@ -221,7 +213,7 @@ def _orientation(
         for k, q in orders.items()
     }
     best, other = sorted(errors, key=lambda k: errors[k])
-    if not errors[best] < BETTER * errors[other]:
+    if not errors[best] < RULES.reading_better * errors[other]:
         raise LogError(
             f"{source}: nothing says which of the four numbers of the base's quaternion is which; "
             "call its columns 'base.qw', 'base.qx', 'base.qy' and 'base.qz', as with --map."
@@ -319,7 +311,7 @@ def _level(acc: Array, omega: Array, t: Array) -> Array:
     turn = scipy.spatial.transform.Rotation.from_quat(quat)
     still = turn.apply(acc)
     spans = np.polynomial.chebyshev.chebvander(
-        np.linspace(-1, 1, len(t)), int(step * len(t) / TRUSTED)
+        np.linspace(-1, 1, len(t)), int(step * len(t) / RULES.gyro_trusted)
     )
     slow = spans @ np.linalg.lstsq(spans, still, rcond=None)[0]
     size = np.linalg.norm(slow, axis=1, keepdims=True)

@@ -12,6 +12,7 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.logs.rules import RULES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,18 +22,6 @@ COMMANDS = ("q_ref", "dq_ref", "tau_ff")
 
 #: What a log has of each joint.
 CHANNELS = ("q", "dq", "ddq", "tau", *COMMANDS)
-
-#: Fewer samples than this say nothing about any robot.
-FEWEST = 20
-
-#: No time, position or torque in SI units is larger (time since 1970 in s is 1.7e9).
-LARGEST = 1e12
-
-#: No log is sampled faster than this [s].
-SHORTEST_STEP = 1e-7
-
-#: Steps of the clock that differ from the usual one by more than this share of it are remembered.
-ODD = 0.4
 
 
 def find_joints(columns: list[str], source: str, of: Collection[str] = ()) -> list[str]:
@@ -126,7 +115,7 @@ class Numbers:
             )
         numbers = to_floats(given)
         bad = np.flatnonzero(~np.isfinite(numbers))
-        large = np.flatnonzero(np.abs(numbers) > LARGEST)
+        large = np.flatnonzero(np.abs(numbers) > RULES.largest)
         if len(bad) and self._first is None:
             self._first = (self.rows + int(bad[0]), str(given.iloc[bad[0]])[:40])
         if len(large) and self._large is None:
@@ -242,7 +231,7 @@ class Clock:
         self.shortest = min(self.shortest, step(steps.argmin()), key=lambda s: s.length)
         if np.isnan(self._usual):
             self._usual = float(np.median(steps))
-        odd = np.flatnonzero(np.abs(steps - self._usual) > ODD * self._usual)
+        odd = np.flatnonzero(np.abs(steps - self._usual) > RULES.clock_odd * self._usual)
         self._odd.append(np.stack([start + odd, t[odd], t[odd + 1]]))
         back = np.flatnonzero(~(steps > 0))
         if len(back) and self._back is None:
@@ -270,10 +259,10 @@ class Clock:
         ------
         LogError
         """
-        if self.rows < FEWEST:
+        if self.rows < RULES.fewest:
             raise LogError(
                 f"{self.source} has {self.rows} samples, too few to say anything; at least "
-                f"{FEWEST} are needed and some hundreds are usual."
+                f"{RULES.fewest} are needed and some hundreds are usual."
             )
         if self._back is not None:
             raise LogError(
@@ -281,7 +270,7 @@ class Clock:
                 f"{self._back.t:g} s, then {self._back.then:g} s); sort the rows and remove "
                 "repeated ones."
             )
-        if self._usual < SHORTEST_STEP:
+        if self._usual < RULES.shortest_step:
             raise LogError(
                 f"{self.source} has a sampling step of {self._usual:.3g} s, which no robot has; "
                 "give the time in s."

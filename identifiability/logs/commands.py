@@ -16,11 +16,8 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.logs import signals
 from identifiability.logs.log import Log
+from identifiability.logs.rules import RULES
 from identifiability.robot.servo import Servo
-
-#: A command is followed if positions correlate with it so much at some delay, up to this one [s],
-#: and if it does not vary as many times as much as degrees would; what varies less stands [rad, m].
-FOLLOWED, LATE, LIKE_DEGREES, STILL = 0.5, 0.5, (30.0, 120.0), 1e-3
 
 
 def held_mean(t: Array, x: Array, at: Array, width: float) -> Array:
@@ -123,22 +120,25 @@ def check_commands(log: Log) -> None:
     """
     if log.q_ref is None:
         return
-    most = max(1, round(LATE / signals.sampling_step(log.t)))
+    most = max(1, round(RULES.command_late / signals.sampling_step(log.t)))
     for k, joint in enumerate(log.joints):
         command, moved = log.q_ref[:, k], float(log.q[:, k].std())
-        if max(moved, float(command.std())) < STILL:
+        if max(moved, float(command.std())) < RULES.command_still:
             continue
         own = _follows(command, log.q[:, k], most)
-        ratio = float(command.std()) / max(moved, STILL)
-        if own > FOLLOWED and not LIKE_DEGREES[0] < ratio < LIKE_DEGREES[1]:
+        ratio = float(command.std()) / max(moved, RULES.command_still)
+        if (
+            own > RULES.command_followed
+            and not RULES.command_degrees[0] < ratio < RULES.command_degrees[1]
+        ):
             continue
         others = [i for i in range(len(log.joints)) if i != k]
         near = [_follows(command, log.q[:, i], most) for i in others]
         best = int(np.argmax(near)) if near else 0
         meant = ""
-        if near and near[best] > max(own, FOLLOWED):
+        if near and near[best] > max(own, RULES.command_followed):
             meant = f"; '{log.joints[others[best]]}' does"
-        elif LIKE_DEGREES[0] < ratio < LIKE_DEGREES[1]:
+        elif RULES.command_degrees[0] < ratio < RULES.command_degrees[1]:
             meant = "; it looks like degrees"
         raise LogError(
             f"{log.name}: '{joint}' does not follow its command{meant}: say which column is its "

@@ -10,12 +10,11 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.signals import CONSTANT, sampling_step
-
-#: Samples that are off by less than this share of a step are evenly spaced.
-EVEN = 1e-3
+from identifiability.logs.rules import RULES
+from identifiability.logs.signals import sampling_step
 
 
 @frozen
@@ -159,7 +158,7 @@ def _fit_together(
     for order, gram in grams.items():
         own = np.linalg.lstsq(gram, rights[order], rcond=None)[0]
         left = np.maximum(squares[order] - (own * rights[order]).sum(0), 0.0)
-        weights[order] = 1.0 / np.maximum(left, CONSTANT**2 * squares[order] + 1e-300)
+        weights[order] = 1.0 / np.maximum(left, ROUNDOFF**2 * squares[order] + 1e-300)
     for j in range(values.shape[1]):
         size = sum(w[j] for w in weights.values())
         gram = sum((weights[k][j] / size * g for k, g in grams.items()), np.zeros(()))
@@ -182,7 +181,7 @@ def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:
     duration = t[-1] - t[0] + step
     best, chosen = np.inf, duration
     spread = max(float(np.sum((q - q.mean(0)) ** 2)), 1e-300)
-    even = np.abs(t - t[0] - step * np.arange(N)).max() < EVEN * step
+    even = np.abs(t - t[0] - step * np.arange(N)).max() < RULES.even * step
     power = 2.0 / N * (np.abs(np.fft.rfft(q - q.mean(0), axis=0)) ** 2).sum(1) if even else None
     for k in range(1, most + 1):
         if 4 * harmonics * k > N:

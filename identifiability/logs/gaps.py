@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import Clock
 from identifiability.logs.log import Log
+from identifiability.logs.rules import RULES
 
 # Samples that repeat the one before, because nothing new had arrived when they were written.
 #
@@ -24,17 +26,6 @@ from identifiability.logs.log import Log
 # Half a step of motion is then missing at one sample, which differences take for a blow. Such
 # values are recognised by what the joint did before and after, and interpolated.
 
-
-#: Longest run of values that repeat the one before [samples]; what lasts longer is a rest or a gap.
-LONGEST = 5
-
-#: Across a run of repeated values a joint moves by at least so many steps of its encoder, else
-#: rounding explains that nothing changed.
-STEPS = 4.0
-
-#: Changes are whole steps of an encoder if `ALL` of them are, to this share of a step; and a step
-#: that is this share of the usual change from sample to sample is worth a note.
-EXACT, ALL, COARSE = 0.02, 0.95, 0.25
 
 #: What channels are called.
 NAMES = {"q": "position", "dq": "velocity", "ddq": "acceleration", "tau": "torque"}
@@ -98,9 +89,9 @@ def tell_steps(windows: Sequence[Log], steps: Array) -> str:
     """
     change = np.abs(np.concatenate([np.diff(w.q, axis=0) for w in windows]))
     whole = change / np.where(steps > 0, steps, np.inf)
-    is_step = (np.abs(whole - np.round(whole)) < EXACT).mean(0) > ALL
+    is_step = (np.abs(whole - np.round(whole)) < RULES.encoder_exact).mean(0) > RULES.encoder_all
     usual = np.array([np.median(c[c > 0]) if (c > 0).any() else np.inf for c in change.T])
-    coarse = np.flatnonzero(is_step & (steps > COARSE * usual))
+    coarse = np.flatnonzero(is_step & (steps > RULES.encoder_coarse * usual))
     if not len(coarse):
         return ""
     worst = coarse[np.argmax(steps[coarse] / usual[coarse])]
@@ -120,8 +111,8 @@ def smallest_change(x: Array) -> Array:
 def find_stale(x: Array, steps: Array) -> np.ndarray:
     """Return which samples of x (N, n) repeat the one before although a joint moves, (N,) bool.
 
-    A joint moves if it went the same way before and after, by `STEPS` encoder steps or more across
-    the repeated samples.
+    A joint moves if it went the same way before and after, by `repeats_steps` encoder steps or more
+    across the repeated samples.
     """
     stale = np.zeros(len(x), bool)
     same = np.concatenate([[False], (np.diff(x, axis=0) == 0).all(1), [False]])
@@ -129,10 +120,10 @@ def find_stale(x: Array, steps: Array) -> np.ndarray:
     first, last = np.flatnonzero(edges == 1) + 1, np.flatnonzero(edges == -1)
     for a, b in zip(first.tolist(), last.tolist(), strict=True):
         # Rows a … b hold what row a - 1 holds.
-        if b - a >= LONGEST or a < 2 or b + 1 >= len(x):
+        if b - a >= RULES.repeats_longest or a < 2 or b + 1 >= len(x):
             continue
         after, before = x[b + 1] - x[b], x[a - 1] - x[a - 2]
-        moved = (after * before > 0) & (np.abs(after) >= STEPS * steps)
+        moved = (after * before > 0) & (np.abs(after) >= RULES.repeats_steps * steps)
         stale[a : b + 1] = moved.any()
     return stale
 
@@ -162,19 +153,8 @@ def interpolate(x: Array, stale: np.ndarray) -> Array:
 # and differentiated by itself.
 
 
-#: A step is a gap if it is longer than the usual one by this share of it, or by `JITTER` times what
-#: 95 % of the steps nearer than that deviate by, where that is more: four standard deviations.
-LOST, JITTER = 0.5, 2.0
-
 #: How often the usual step is taken anew as the median of those near it.
 CENTRED = 2
-
-#: A gap is bridged up to this share of the period of the cut-off [Nyquist 1928].
-BRIDGED = 0.5
-
-#: More gaps than this share of the samples are lost samples only where half of them are whole steps
-#: up to `WHOLE` of one, which of uneven steps a quarter is: else the clock is no clock.
-MOST, WHOLE = 0.25, 0.125
 
 #: Gaps that a note lists.
 LISTED = 3
@@ -228,12 +208,12 @@ class Gaps:
         steps = np.concatenate([np.diff(t) for t in windows])
         dt = float(np.median(steps))
         for _ in range(CENTRED):  # lost samples are no jitter, and move the median of all
-            near = steps[np.abs(steps / dt - 1) < LOST]
+            near = steps[np.abs(steps / dt - 1) < (RULES.gap - 1)]
             dt = float(np.median(near))
         usual = float(np.quantile(np.abs(near / dt - 1), 0.95))
         rows, t, then = clock.odd
         ratio = (then - t) / dt
-        gap = ratio - 1 > max(LOST, JITTER * usual)
+        gap = ratio - 1 > max((RULES.gap - 1), RULES.gap_jitter * usual)
         gap &= ~_late(rows, ratio)
         worst = max(clock.longest.length, clock.shortest.length, key=lambda s: abs(s / dt - 1))
         odd = np.abs(ratio[~gap] - 1)
@@ -269,7 +249,7 @@ class Gaps:
         """
         if not len(self):
             return None
-        split = self.length > longest * (1 + 1e-9)
+        split = self.length > longest * (1 + ROUNDOFF)
         return Grid(self.rows[split] + 1, self.rows[~split], self.lost[~split], least)
 
     def check(self, samples: int) -> None:
@@ -280,8 +260,8 @@ class Gaps:
         LogError
         """
         steps = self.length / self.step
-        whole = len(self) and float(np.median(np.abs(steps - np.rint(steps)))) < WHOLE
-        if self.lost.sum() > samples or (len(self) > MOST * samples and not whole):
+        whole = len(self) and float(np.median(np.abs(steps - np.rint(steps)))) < RULES.gap_whole
+        if self.lost.sum() > samples or (len(self) > RULES.gap_most * samples and not whole):
             raise LogError(
                 f"{self.name} is sampled so unevenly (every {samples / len(self):.2g}th step is "
                 f"longer than the usual {self.step:.3g} s, the first after t = {self.t[0]:.6g} s) "
@@ -365,5 +345,5 @@ def _late(rows: np.ndarray, ratio: Array) -> np.ndarray:
     if not len(rows):
         return np.zeros(0, bool)
     run = np.concatenate([[0], np.cumsum(np.diff(rows) != 1)])
-    late: np.ndarray = np.bincount(run, ratio - 1)[run] < LOST
+    late: np.ndarray = np.bincount(run, ratio - 1)[run] < (RULES.gap - 1)
     return late

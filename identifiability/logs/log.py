@@ -27,6 +27,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import stack_arrays
 from identifiability.logs.naming import Naming, propose_locks
 from identifiability.logs.reading import Reading
+from identifiability.logs.rules import RULES
 from identifiability.logs.source import scan_file
 from identifiability.logs.tables import write_table
 
@@ -243,13 +244,13 @@ class Log:
         usual = float(np.quantile(np.abs(steps / dt - 1), 0.95))
         worst = max(self.clock.longest, self.clock.shortest, key=lambda s: abs(s.length / dt - 1))
         jitter = abs(worst.length / dt - 1)
-        if jitter > min(max(0.5, 5 * usual), 3.0):
+        if jitter > min(max(RULES.gap - 1, 5 * usual), RULES.gap_kept - 1):
             raise LogError(
                 f"{self.name} has a gap of {worst.length:.3g} s after t = {worst.t:.6g} s "
                 f"(data row {worst.row + 1}) at a sampling step of {dt:.3g} s; velocity and "
                 "acceleration cannot be computed across it: split the log there."
             )
-        if jitter <= 0.01:  # a clock's rounding
+        if jitter <= RULES.clock_rounded:  # a clock's rounding
             return dt, ""
         return dt, f" (time stamps jitter by {100 * jitter:.0f} % of a step; taken as even)"
 

@@ -12,11 +12,13 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import COMMANDS
 from identifiability.logs.log import Log, join_logs
 from identifiability.logs.logfile import LogFile
+from identifiability.logs.rules import RULES
 from identifiability.logs.signals import spread_windows
 from identifiability.logs.spikes import Spike, WrapFinder, Wraps, find_spikes, mend_column
 from identifiability.robot import Robot
@@ -146,18 +148,6 @@ _LENGTHS = {"mm": 1e3, "cm": 1e2}
 #: What sentences call derivatives.
 WORDS = {"dq": "velocities", "ddq": "accelerations"}
 
-#: Share of the motion's variance that a given derivative may leave unexplained.
-UNEXPLAINED = 0.2
-
-#: The given derivative may be this much too small, or its inverse too large.
-SCALE = 0.8
-
-#: Motion must stand out this much from the noise of single samples to be compared.
-STANDS_OUT = 4.0
-
-#: Steps longer than this many usual ones are gaps.
-GAP = 3.0
-
 
 def check_units(robot: Robot, windows: Sequence[Log]) -> None:
     """Refuse degrees given as radians and millimetres given as metres, where they can be seen.
@@ -194,7 +184,10 @@ def check_units(robot: Robot, windows: Sequence[Log]) -> None:
 def looks_like_degrees(q: Array, low: float, high: float) -> bool:
     """Return whether positions (N,) fit limits [rad] in degrees, and not in rad by whole turns."""
     middle = round((float(np.median(q)) - 0.5 * (low + high)) / (2 * np.pi)) * 2 * np.pi
-    if not np.isfinite(middle) or np.mean((q - middle < low) | (q - middle > high)) < 0.01:
+    if (
+        not np.isfinite(middle)
+        or np.mean((q - middle < low) | (q - middle > high)) < RULES.positions_odd
+    ):
         return False
     return _fits(q, low, high, 180 / np.pi)
 
@@ -203,7 +196,7 @@ def _fits(q: Array, low: float, high: float, factor: float) -> bool:
     """Return whether positions (N,) do not fit limits as they are, but divided by a factor do."""
     if not np.isfinite(high - low) or np.mean((q < low) | (q > high)) <= 0.5:
         return False
-    return bool(np.mean((q >= low * factor) & (q <= high * factor)) > 0.99)
+    return bool(np.mean((q >= low * factor) & (q <= high * factor)) > 1 - RULES.positions_odd)
 
 
 def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
@@ -253,11 +246,11 @@ def _check_rate(windows: Sequence[Log], joint: int, kind: str, rate_kind: str) -
     slope = np.concatenate([np.gradient(getattr(w, kind)[:, joint], w.t) for w in windows])
     rate = np.concatenate([getattr(w, rate_kind)[:, joint] for w in windows])
     size = np.sqrt(np.mean(slope**2)), np.sqrt(np.mean(rate**2))
-    if min(size) <= 1e-6 * max(size):  # one of them is zero but for noise
+    if min(size) <= NEARLY * max(size):  # one of them is zero but for noise
         return
     fit = float(np.mean(slope * rate)) / (size[0] * size[1])
     ratio = fit * size[1] / size[0]
-    if abs(fit) > 0.9 and not 0.5 < ratio < 2:
+    if abs(fit) > RULES.unit_fit and not 0.5 < ratio < 2:
         log, name = windows[0], windows[0].joints[joint]
         raise LogError(
             f"{log.name}: '{name}.{rate_kind}' is {ratio:.4g} times the time derivative of "
@@ -298,7 +291,7 @@ class Contradiction:
     @property
     def in_unit(self) -> bool:
         """Whether it is the derivative, but in another unit or of another sign."""
-        return self.explained > 1 - UNEXPLAINED and not 0.5 < self.slope < 2
+        return self.explained > 1 - RULES.derivative_unexplained and not 0.5 < self.slope < 2
 
 
 def contradictions(log: Log) -> list[Contradiction]:
@@ -317,7 +310,10 @@ def contradictions(log: Log) -> list[Contradiction]:
             if fit is None:
                 continue
             slope, unexplained = fit
-            if unexplained > UNEXPLAINED or not SCALE < slope < 1 / SCALE:
+            if (
+                unexplained > RULES.derivative_unexplained
+                or not RULES.derivative_scale < slope < 1 / RULES.derivative_scale
+            ):
                 found.append(Contradiction(joint, kind, of, 1 - unexplained, slope))
     return found
 
@@ -360,7 +356,7 @@ def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float] | None:
     None if the motion does not stand out from the noise.
     """
     dt = np.diff(t)
-    whole = dt < GAP * np.median(dt)
+    whole = dt < RULES.gap_kept * np.median(dt)
     given = np.cumsum(np.where(whole, np.diff(x), 0.0))
     integral = np.cumsum(np.where(whole, 0.5 * (rate[1:] + rate[:-1]) * dt, 0.0))
     # An offset of the rate is a drift of its integral, which says nothing of its shape.
@@ -369,7 +365,7 @@ def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float] | None:
     given, integral = given - Q @ (Q.T @ given), integral - Q @ (Q.T @ integral)
     noise = np.sqrt(np.mean(np.diff(x, 2) ** 2) / 6) if len(x) > 2 else 0.0
     size = float(np.sqrt(np.mean(given**2)))
-    if not size > STANDS_OUT * noise or not size > 0:
+    if not size > RULES.derivative_visible * noise or not size > 0:
         return None
     square = float(integral @ integral)
     slope = float(given @ integral) / square if square > 0 else 0.0

@@ -16,11 +16,12 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.logs.aliases import INDEX, guess_column
 from identifiability.logs.base import BaseColumns, RawBase
-from identifiability.logs.checks import FEWEST, Clock, Numbers, to_floats
+from identifiability.logs.checks import Clock, Numbers, to_floats
 from identifiability.logs.command_names import Command, choose_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
 from identifiability.logs.naming import Column, Naming, name_columns
+from identifiability.logs.rules import RULES
 from identifiability.logs.spikes import SpikeFinder, WrapFinder
 from identifiability.logs.to_si import (
     as_times,
@@ -45,18 +46,8 @@ if TYPE_CHECKING:
 # through their own samples, torque on straight lines, which no friction step makes overshoot.
 
 
-#: A column that lacks less than this share of the rows has broken rows, not another rate.
-LACKING = 0.2
-
-#: Values repeat in runs of about equal length, at least so long: so many of the runs have the usual
-#: length up to one sample. Those that come twice are recognised one by one (`stale`).
-LEAST, ALIKE = 3, 0.9
-
-#: Nothing is put between samples of a column that lie farther apart than so many of its steps.
-FAR = 2.5
-
-#: Velocities that come slower than positions by this factor are left out, and computed.
-SLOWER = 2.0
+#: Values repeat in runs at least so long; what comes twice is recognised one by one (`stale`).
+LEAST = 3
 
 
 def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
@@ -68,9 +59,9 @@ def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
         ``t`` and columns of channels; NaN where a cell is empty.
     """
     known = {name: np.isfinite(x) for name, x in values.items() if name != "t"}
-    if len(values["t"]) < FEWEST or (np.diff(values["t"]) < 0).any():
+    if len(values["t"]) < RULES.fewest or (np.diff(values["t"]) < 0).any():
         return dict(values), ""
-    empty = any((~rows).mean() > LACKING for rows in known.values())
+    empty = any((~rows).mean() > RULES.rows_lacking for rows in known.values())
     if not empty:
         held = {name: _fresh(rows) for name, rows in _by_channel(values).items()}
         known = {name: held[name.rpartition(".")[2]] for name in known}
@@ -80,9 +71,9 @@ def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
     counts = {name: int(rows.sum()) for name, rows in known.items()}
     needed = [name for name in counts if name.endswith((".q", ".tau"))]
     slowest = min(needed, key=lambda name: counts[name])
-    if counts[slowest] < FEWEST:
+    if counts[slowest] < RULES.fewest:
         return dict(values), ""
-    kept = [n for n in counts if n in needed or SLOWER * counts[n] >= counts[slowest]]
+    kept = [n for n in counts if n in needed or RULES.rate_slower * counts[n] >= counts[slowest]]
     at = t[known[slowest]]
     out = {name: _resample(t[known[name]], values[name][known[name]], at, name) for name in kept}
     good = np.all([np.isfinite(x) for x in out.values()], axis=0)
@@ -109,10 +100,10 @@ def _fresh(x: Array) -> np.ndarray:
     new = np.concatenate([[True], (np.diff(x, axis=0) != 0).any(1)])
     starts = np.flatnonzero(new)
     lengths = np.diff(starts)
-    if len(lengths) < FEWEST:
+    if len(lengths) < RULES.fewest:
         return every
     usual = int(np.median(lengths))
-    if usual < LEAST or np.mean(np.abs(lengths - usual) <= 1) < ALIKE:
+    if usual < LEAST or np.mean(np.abs(lengths - usual) <= 1) < RULES.runs_alike:
         return every
     since = np.arange(len(x)) - np.maximum.accumulate(np.where(new, np.arange(len(x)), 0))
     fresh: np.ndarray = since % usual == 0
@@ -122,11 +113,11 @@ def _fresh(x: Array) -> np.ndarray:
 
 def _resample(t: Array, x: Array, at: Array, name: str) -> Array:
     """Return a column sampled at t (m,) at other times; NaN beyond its ends and in its gaps."""
-    if len(t) < FEWEST:
+    if len(t) < RULES.fewest:
         return np.full(len(at), np.nan)
     right = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
     inside = (at >= t[0]) & (at <= t[-1])
-    near = t[right] - t[right - 1] <= FAR * np.median(np.diff(t))
+    near = t[right] - t[right - 1] <= RULES.rate_far * np.median(np.diff(t))
     if name.endswith(".tau"):
         found = np.interp(at, t, x)
     else:
@@ -153,10 +144,6 @@ def _tell(
         f"columns came at rates of their own ({', '.join(rates)}; {why}) and were brought to the "
         f"times of {slowest}{rest}"
     )
-
-
-#: Rates that differ by this share are two.
-OTHER = 0.1
 
 
 def put_on_clock(
@@ -198,7 +185,7 @@ def put_on_clock(
             else:
                 found = _resample(at, x, t, key)
                 out[key] = np.where(np.isfinite(found), found, np.interp(t, at, x))
-        if not same and abs(np.log(step / usual)) > OTHER and not set(own) & {*discrete}:
+        if not same and abs(np.log(step / usual)) > RULES.rate_other and not set(own) & {*discrete}:
             rates[stem] = 1 / step
     said = [f"{_WORDS.get(stem, repr(stem))} at {rate:.3g} Hz" for stem, rate in rates.items()]
     if not said:
@@ -218,11 +205,6 @@ _WORDS = {
 
 
 # `Reading`: the first reading of a table, piece by piece: what is what, and whether it can be.
-
-
-#: A joint that is held moves less than this [rad or m], but for less than a share of the rows,
-#: which are left out.
-PLAY, STANDS = 0.01, 0.5
 
 
 def _held_on(before: pd.DataFrame | None, held: pd.DataFrame) -> pd.DataFrame:
@@ -510,11 +492,11 @@ class Reading:
             joint, at = name.removesuffix(".q"), 0.5 * (low + high)
             held = self.known.locked[joint]
             q = np.concatenate(self._places.get(name, [np.empty(0)]))
-            known, wanders = np.isfinite(q), high - low > PLAY
+            known, wanders = np.isfinite(q), high - low > RULES.locked_play
             if wanders and known.any():
                 at = float(np.median(q[known]))
-                moves = ~(np.abs(np.where(known, q, at) - at) <= PLAY)
-                if moves.mean() < STANDS:
+                moves = ~(np.abs(np.where(known, q, at) - at) <= RULES.locked_play)
+                if moves.mean() < RULES.locked_share:
                     moving = moves if not len(moving) else moving | moves
                     notes.append(
                         f"'{joint}' is locked and moves in {moves.sum()} of {len(q)} rows, whose "
@@ -527,7 +509,7 @@ class Reading:
                     f"{high - low:.3g} ({low:.4g} … {high:.4g}); take the lock out, or give a "
                     "stretch of the log in which it stands still."
                 )
-            if abs(at - held) > PLAY:
+            if abs(at - held) > RULES.locked_play:
                 notes.append(
                     f"'{joint}' stands at {at:.4g} and is locked at {held:.4g}: lock it there, "
                     f"--lock {joint}={at:.4g}"
@@ -589,7 +571,7 @@ class Reading:
         """Whether cells are empty, or values come again, as between messages of other rates."""
         if not all(x.clean for x in self.numbers.values()):
             return False
-        if any(x.bad > LACKING * x.rows for x in self.numbers.values()):
+        if any(x.bad > RULES.rows_lacking * x.rows for x in self.numbers.values()):
             return True
         return bool(unify_rates({c: kept[0] for c, kept in self._kept.items() if kept})[1])
 
@@ -599,7 +581,7 @@ class Reading:
             return
         values = {c: np.concatenate(kept) for c, kept in self._kept.items()}
         # Torque that is missing for a while, or altogether, comes at no rate of its own.
-        gone = {c for c, x in values.items() if c.endswith(".tau") and 2 * _gaps(x) < FEWEST}
+        gone = {c for c, x in values.items() if c.endswith(".tau") and 2 * _gaps(x) < RULES.fewest}
         gone = {c for c in gone if np.isnan(values[c]).any()}
         kept = {*gone, *self.commands}  # commands are held, whatever comes between
         found, note = unify_rates({c: x for c, x in values.items() if c not in kept})

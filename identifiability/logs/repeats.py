@@ -13,10 +13,11 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.logs import signals
-from identifiability.logs.checks import FEWEST
 from identifiability.logs.log import Log
 from identifiability.logs.logfile import LogFile
+from identifiability.logs.rules import RULES
 
 # Rows that are given more than once: copies are no new evidence, however often they come.
 #
@@ -28,27 +29,18 @@ from identifiability.logs.logfile import LogFile
 # these then agree nearby, where the motion does, says how many of them chance explains.
 
 
-#: Values agree within this share of their standard deviation.
-AGREES = 1e-4
-
 #: No difference below this share of how much the liveliest joint varies counts: what never moves
 #: varies by rounding.
-FINEST = 1e-7
+FINEST: Tolerance = 1e-7
 
 #: Consecutive rows that must agree with consecutive earlier ones; standstills count as one.
 RUN = 16
-
-#: A run that chance explains comes less often than this in all the rows.
-CHANCE = 0.01
 
 #: Rows on each side of a run that say how often torque agrees by chance.
 NEARBY = 64 * RUN
 
 #: Distances between rows that come twice that are followed, the most frequent.
 MOST_LAGS = 16
-
-#: A log that is too long to be compared row by row is a copy if this share of some windows is.
-COPY = 0.9
 
 Recording = Log | LogFile
 
@@ -124,9 +116,9 @@ def _keep(log: Recording, copied: np.ndarray) -> list[Recording]:
     if not copied.any():
         return [log]
     if isinstance(log, LogFile):
-        return [] if copied.mean() >= COPY else [log]
+        return [] if copied.mean() >= RULES.copy_share else [log]
     edges = np.flatnonzero(np.diff(np.concatenate([[1], copied.astype(int), [1]])))
-    stretches = [(a, b) for a, b in edges.reshape(-1, 2).tolist() if b - a >= FEWEST]
+    stretches = [(a, b) for a, b in edges.reshape(-1, 2).tolist() if b - a >= RULES.fewest]
     if len(stretches) == 1:
         return [log.rows(*stretches[0])]
     return [log.cut(a, b, f"{log.name}, rows {a + 1}–{b}") for a, b in stretches]
@@ -188,7 +180,7 @@ def _comes_again(log: LogFile, period: int, near: Array, kinds: Sequence[str]) -
             now, then = pair
             same = np.asarray((np.abs(now - then) <= near).all(1))
             told = _noise_changes(now, near, len(log.joints))
-            if min(same.mean(), same[told].mean() if told.any() else 1.0) < COPY:
+            if min(same.mean(), same[told].mean() if told.any() else 1.0) < RULES.copy_share:
                 return False
     return True
 
@@ -230,7 +222,9 @@ def _near(rows: Array, kinds: int) -> Array:
     """Return how close the values of rows (N, kinds · n) are taken as equal."""
     spread = rows.std(0).reshape(kinds, -1)
     floor = FINEST * spread.max(1, initial=0.0, keepdims=True)
-    near: Array = np.maximum(AGREES * spread, np.maximum(floor, np.finfo(float).tiny)).ravel()
+    near: Array = np.maximum(
+        RULES.copy_agrees * spread, np.maximum(floor, np.finfo(float).tiny)
+    ).ravel()
     return near
 
 
@@ -267,7 +261,9 @@ def _match(rows: Array, starts: np.ndarray, joints: int) -> np.ndarray:
             same = np.abs(rows[beside] - rows[beside - lag]) <= near
             moved, again = (np.asarray(part.all(1)) for part in np.hsplit(same, [joints]))
             chance = again[moved].mean() if moved.any() else 0.0
-            copied[a:b] = chance >= COPY or len(rows) * chance**count < CHANCE
+            copied[a:b] = (
+                chance >= RULES.copy_share or len(rows) * chance**count < RULES.copy_chance
+            )
     return copied
 
 

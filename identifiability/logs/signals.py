@@ -15,22 +15,18 @@ from functools import cached_property
 import numpy as np
 import scipy
 
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
+from identifiability.logs.rules import RULES
 
 #: Decisions about a long log are made on this many windows of so many samples.
 WINDOWS, WINDOW = 8, 16_384
 
-#: A step longer than so many usual ones is a gap.
-GAP = 1.5
-
 #: What is left of a filter's transient where it is called over; twice differentiated it must
 #: still be small beside 1e-8.
-FORGOTTEN = 1e-14
-
-#: What spans less than this share of its size is constant: sensors resolve nothing below it, and
-#: conversions of units leave less.
-CONSTANT = 1e-9
+FORGOTTEN: Tolerance = 1e-14
 
 
 def sampling_step(t: Array) -> float:
@@ -41,7 +37,7 @@ def sampling_step(t: Array) -> float:
 def has_gap(t: Array) -> np.ndarray:
     """Return after which samples at times t (N,) others are missing, (N - 1,) bool."""
     steps = np.diff(t)
-    found: np.ndarray = steps > GAP * np.median(steps)
+    found: np.ndarray = steps > RULES.gap * np.median(steps)
     return found
 
 
@@ -58,7 +54,7 @@ def is_constant(low: Array, high: Array, size: float = 0.0) -> np.ndarray:
     -------
     (n,) bool
     """
-    never: np.ndarray = high - low <= CONSTANT * (size + np.maximum(np.abs(low), np.abs(high)))
+    never: np.ndarray = high - low <= ROUNDOFF * (size + np.maximum(np.abs(low), np.abs(high)))
     return never
 
 

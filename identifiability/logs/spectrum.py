@@ -17,46 +17,10 @@ import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.logs.rules import RULES
 
-#: No computed derivatives are low-passed below this for the motion's sake: however slow the
-#: program, friction and flexibility make joints move at some hertz, and inertia is seen nowhere
-#: but there [Hz].
-LOWEST_CUTOFF = 5.0
-
-#: Nor below this for the noise's sake: gravity and friction are seen in slow motion too, whatever
-#: its accelerations are, and need outputs [Hz].
-LEAST_CUTOFF = 2.5
-
-#: The cut-off in bandwidths of the motion: what is taken, and the least that noise may lower it to.
-#: At three bandwidths few outputs are left, and nothing can be judged.
-WIDE, NARROW = 10.0, 5.0
-
-#: Largest cut-off as a share of the sampling rate.
-HIGHEST = 0.2
-
-#: Largest power that noise may have in the acceleration, as a share of the acceleration's.
-NOISE_SHARE = 0.01
-
-#: Joints with less than this share of the acceleration of the one that accelerates most (rms) do
-#: not lower the cut-off of the others.
-STILL = 0.1
-
-#: The noise at a frequency is the median over these multiples of it: a motion falls there by
-#: orders of magnitude, and white noise does not; neither does the rounding of coarse encoders,
-#: whose spectrum is flat up to the rate of its steps only.
-ABOVE = (2.0, 8.0)
-
-#: Where the smoothed spectrum is not so many times the noise, there is no motion to be seen: the
-#: steps of a coarse encoder fall with the square of the frequency, which is 25 times over `ABOVE`,
-#: positions with the sixth power or faster.
-SEEN = 40.0
-
-#: Samples of encoders so coarse that they change more slowly are averaged until they change every
-#: time, but no longer than this [s]; so many samples are left at least.
-COARSE, LEFT = 0.02, 256
-
-#: Windows that are shorter than this share of the longest show no slow motion.
-HALF = 0.5
+#: Samples that are left at least where those of a coarse encoder are averaged.
+LEFT = 256
 
 #: Frequencies at which the noise is looked up, a decade.
 LOOKS = 16
@@ -117,14 +81,18 @@ class Spectrum:
 
     def _level(self, k: int) -> Array:
         last = len(self.f) - 1
-        first = min(int(ABOVE[0] * k), int(0.9 * last))
-        level: Array = np.median(self.smooth[first : max(int(ABOVE[1] * k), first + 2)], axis=0)
+        first = min(int(RULES.noise_above[0] * k), int(0.9 * last))
+        level: Array = np.median(
+            self.smooth[first : max(int(RULES.noise_above[1] * k), first + 2)], axis=0
+        )
         return level
 
     @cached_property
     def motion(self) -> Array:
         """Density of the motion above the noise, (K, n)."""
-        above: Array = np.where(self.smooth > SEEN * self.noise, self.power - self.noise, 0.0)
+        above: Array = np.where(
+            self.smooth > RULES.motion_seen * self.noise, self.power - self.noise, 0.0
+        )
         return np.maximum(above, 0.0)
 
     def bandwidths(self, share: float = 0.99) -> Array:
@@ -159,7 +127,7 @@ def _average_steps(windows: Sequence[Array], dt: float) -> tuple[Sequence[Array]
     changes = [np.flatnonzero(x) for w in windows for x in np.diff(w, axis=0).T]
     # The median does not see rests.
     lengths = [float(np.median(np.diff(at))) for at in changes if len(at) > 1]
-    block = int(min(max(lengths, default=1.0), COARSE / dt, len(windows[0]) / LEFT))
+    block = int(min(max(lengths, default=1.0), RULES.coarse_longest / dt, len(windows[0]) / LEFT))
     if block < 2:
         return windows, dt
     rows = len(windows[0]) // block
@@ -172,7 +140,7 @@ def spectra_of(windows: Sequence[Array], dt: float, order: int = 2) -> list[Spec
     Those that are less than half as long as the longest are left out: they show no slow motion.
     """
     lengths = sorted({len(x) for x in windows}, reverse=True)
-    used = [n for n in lengths if n > HALF * lengths[0]]
+    used = [n for n in lengths if n > RULES.window_half * lengths[0]]
     return [Spectrum.of([x for x in windows if len(x) == n], dt, order) for n in used]
 
 
@@ -206,7 +174,7 @@ class Band:
     bandwidth : float [Hz]
         Of the motion, of the fastest joint and log.
     limit : float [Hz]
-        Up to here noise has at most `NOISE_SHARE` of the power of every acceleration.
+        Up to here noise has at most `noise_share` of the power of every acceleration.
     noise : float
         Share of the power of an acceleration that noise has at the cut-off, of the worst joint.
     reason : str
@@ -232,9 +200,9 @@ def choose_band(
 ) -> Band:
     """Return the low-pass for all logs that are judged together.
 
-    Torque and columns are kept up to ten times the band of the motion, at least `LOWEST_CUTOFF`;
-    less where noise would have more than `NOISE_SHARE` of the power of an acceleration, but never
-    less than five times the band and `LEAST_CUTOFF`; and a fifth of the sampling rate at most. The
+    Torque and columns are kept up to ten times the band of the motion, at least `cutoff_lowest`;
+    less where noise would have more than `noise_share` of the power of an acceleration, but never
+    less than five times the band and `cutoff_least`; and a fifth of the sampling rate at most. The
     motion is low-passed there, or wherever above that noise and sampling rate allow.
 
     Parameters
@@ -251,31 +219,35 @@ def choose_band(
     joints = np.max([s.bandwidths() for s in spectra], axis=0)
     asked = joints <= fastest
     band = float(joints[asked].max(initial=0.0))
-    highest = HIGHEST * min(s.rate for s in spectra)
-    most = max(WIDE * band, LOWEST_CUTOFF)
+    highest = RULES.cutoff_highest * min(s.rate for s in spectra)
+    most = max(RULES.cutoff_wide * band, RULES.cutoff_lowest)
     signal = np.sum([s.acceleration(most) for s in spectra], axis=0)
     kinds = np.array(sliding or [False] * len(signal), bool)
     largest = [signal[kinds == kind].max(initial=0.0) for kind in kinds]
-    counts = asked & (signal > 0) & (signal >= STILL**2 * np.array(largest))
+    counts = asked & (signal > 0) & (signal >= RULES.noise_still**2 * np.array(largest))
 
     def noise(at: float) -> float:
         power = np.sum([s.noise_in_acceleration(at) for s in spectra], axis=0)
         return float((power[counts] / signal[counts]).max(initial=0.0))
 
-    tried = np.geomspace(max(NARROW * band, LEAST_CUTOFF), 0.5 * highest / HIGHEST, 129)
-    loud = np.flatnonzero([noise(at) > NOISE_SHARE for at in tried])
+    tried = np.geomspace(
+        max(RULES.cutoff_narrow * band, RULES.cutoff_least),
+        0.5 * highest / RULES.cutoff_highest,
+        129,
+    )
+    loud = np.flatnonzero([noise(at) > RULES.noise_share for at in tried])
     limit = float(tried[max(loud[0] - 1, 0)] if len(loud) else tried[-1])
     if cutoff is not None:
         return Band(cutoff, cutoff, band, limit, noise(cutoff), "", joints)
     chosen, reason = most, f"10 × the motion's band of {band:.3g} Hz"
-    if most == LOWEST_CUTOFF:
+    if most == RULES.cutoff_lowest:
         reason = f"the least there is, the motion's band is {band:.2g} Hz"
     if limit < chosen:
         chosen, own = limit, noise(limit)
-        which = "above, noise has more than" if own <= NOISE_SHARE else "although noise has"
+        which = "above, noise has more than" if own <= RULES.noise_share else "although noise has"
         reason = (
             f"{chosen / max(band, 1e-3):.2g} × the motion's band of {band:.3g} Hz, {which} "
-            f"{100 * max(own, NOISE_SHARE):.2g} % of the acceleration's power"
+            f"{100 * max(own, RULES.noise_share):.2g} % of the acceleration's power"
         )
     if highest < chosen:
         chosen, reason = highest, f"a fifth of the sampling rate, the motion reaches {band:.3g} Hz"

@@ -7,14 +7,16 @@ from itertools import groupby
 
 import numpy as np
 
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.logs.rules import RULES
 
 # Single wrong samples of a column: found among their neighbours, before anything is filtered.
 #
 # A filter smears a wrong torque over every output that draws on it, and two differences turn a
 # wrong position into many wrong accelerations; so they are looked for in the raw column. A spike
-# leaves the column and comes back within `WIDEST` samples. It stands above the opening of the
+# leaves the column and comes back within `spike_widest` samples. It stands above the opening of the
 # column, or below its closing [Serra 1982], which steps, ramps and plateaus do not. It is wrong if
 # it is also
 #
@@ -24,20 +26,9 @@ from identifiability.foundation.values import frozen
 # - far beyond the tail of the column's other spikes.
 
 
-#: A wrong value, and the same repeated, lasts at most so many samples.
-WIDEST = 3
-
 #: Samples on each side that show how high spikes are here; the highest `ALLOWED` of both sides
 #: may be wrong themselves.
 NEAR, ALLOWED = 20, 3
-
-#: A spike is wrong if it is so many times higher than any step, than those around it, than the
-#: column's resolution, and than where the tail of all spikes begins.
-STEPS, AROUND, RESOLUTION, TAIL = 1.5, 4.0, 4.0, 3.0
-
-#: At an end of the column, where it is not seen to come back, it must be so many times higher than
-#: the range of the column: differences are wrong there by halves.
-ENDS = 1.0
 
 #: The tail is one sample in so many, at least and at most so many samples; no more are mended.
 TAIL_SHARE, TAIL_LEAST, TAIL_MOST = 2000, 20, 200
@@ -46,7 +37,7 @@ TAIL_SHARE, TAIL_LEAST, TAIL_MOST = 2000, 20, 200
 PIECE = 16_384
 
 #: Samples on each side that a judgement draws on, and the filters.
-REACH, FILTERS = NEAR + 3 * WIDEST, 2 * WIDEST
+REACH, FILTERS = NEAR + 3 * RULES.spike_widest, 2 * RULES.spike_widest
 
 
 @frozen
@@ -123,7 +114,11 @@ class SpikeFinder:
             self._judge(last=True)
         size = int(np.clip(self._judged // TAIL_SHARE, TAIL_LEAST, TAIL_MOST))
         finest = self._finest if self._finest < np.inf else 0.0
-        least = max(self._least, RESOLUTION * finest, TAIL * float(self._tail[-1 - size]))
+        least = max(
+            self._least,
+            RULES.spike_around * finest,
+            RULES.spike_tail * float(self._tail[-1 - size]),
+        )
         found = sorted((c for c in self._found if abs(c.height) > least), key=lambda c: c.row)
         # Consecutive samples on one side make one spike. Beside a high one, a right sample stands
         # in a hole that its neighbours do not show.
@@ -132,7 +127,7 @@ class SpikeFinder:
         for _, group in groupby(enumerate(found), lambda e: (e[1].row - e[0], e[1].height > 0)):
             spike = [c for _, c in group]
             returns = spike[0].row > 0 and spike[-1].row < self._judged - 1
-            enough = least if returns else max(least, ENDS * (self._high - self._low))
+            enough = least if returns else max(least, RULES.spike_ends * (self._high - self._low))
             if any(abs(c.around[REACH] - c.predict(every)) > enough for c in spike):
                 wrong |= {c.row: c for c in spike}
         return [Spike(row, float(c.around[REACH]), c.predict({*wrong})) for row, c in wrong.items()]
@@ -140,7 +135,7 @@ class SpikeFinder:
     @property
     def _least(self) -> float:
         """Height that none but wrong spikes reach, by what is known so far."""
-        return max(STEPS * self._step, TAIL * float(self._tail[0]))
+        return max(RULES.spike_steps * self._step, RULES.spike_tail * float(self._tail[0]))
 
     def _judge(self, *, last: bool) -> None:
         x = np.concatenate(self._held)
@@ -167,7 +162,7 @@ class SpikeFinder:
         higher = height[own][~(height[own] <= self._tail[0])]  # soon few
         self._tail = np.sort(np.concatenate([self._tail, higher]))[-TAIL_MOST - 1 :]
         for k in own.start + np.flatnonzero(height[own] > self._least):
-            if height[k] > AROUND * _usual(height, int(k)):
+            if height[k] > RULES.spike_around * _usual(height, int(k)):
                 sign = 1.0 if above[k] >= below[k] else -1.0
                 self._keep(x, int(k), sign * float(height[k]))
         self._judged = ready
@@ -193,20 +188,22 @@ def _extend(x: Array, count: int) -> Array:
 
 
 def _open(x: Array) -> Array:
-    """Return x (N,) without what rises for up to `WIDEST` samples."""
+    """Return x (N,) without what rises for up to `spike_widest` samples."""
     return _spread(_spread(x, np.minimum), np.maximum, back=True)
 
 
 def _close(x: Array) -> Array:
-    """Return x (N,) without what falls for up to `WIDEST` samples."""
+    """Return x (N,) without what falls for up to `spike_widest` samples."""
     return _spread(_spread(x, np.maximum), np.minimum, back=True)
 
 
 def _spread(x: Array, extreme: np.ufunc, *, back: bool = False) -> Array:
-    """Return the extreme of each sample and the `WIDEST` after it, or before it."""
+    """Return the extreme of each sample and the `spike_widest` after it, or before it."""
     seen = 1
-    while seen <= WIDEST:  # the extreme of two such extremes is that of up to twice as many
-        k = min(seen, WIDEST + 1 - seen)
+    while (
+        seen <= RULES.spike_widest
+    ):  # the extreme of two such extremes is that of up to twice as many
+        k = min(seen, RULES.spike_widest + 1 - seen)
         out, inner = np.empty_like(x), slice(k, None) if back else slice(-k)
         extreme(x[k:], x[:-k], out=out[inner])
         ends = slice(k) if back else slice(-k, None)
@@ -219,7 +216,7 @@ def _usual(height: Array, k: int) -> float:
     """Return how high spikes are around a sample, without its own and the highest few."""
     low = max(0, min(k - NEAR, len(height) - 2 * NEAR - 1))
     around = np.arange(low, min(low + 2 * NEAR + 1, len(height)))
-    others = np.sort(height[around[np.abs(around - k) > WIDEST]])
+    others = np.sort(height[around[np.abs(around - k) > RULES.spike_widest]])
     return float(others[-1 - ALLOWED]) if len(others) > ALLOWED else np.inf
 
 
@@ -310,6 +307,6 @@ class WrapFinder:
             return None
         steps = np.concatenate(self._steps)
         turns = -TURN * np.sign(steps)
-        if (np.abs(steps + turns) > 1.5 * self._usual + 1e-9).any():
+        if (np.abs(steps + turns) > RULES.spike_steps * self._usual + ROUNDOFF).any():
             return None
         return Wraps(np.concatenate(self._rows), turns)

@@ -19,6 +19,7 @@ from identifiability.logs.aliases import CHANNEL_WORDS, COMMANDED, words_of
 from identifiability.logs.checks import to_floats
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.naming import Column, Naming, rename
+from identifiability.logs.rules import RULES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -184,22 +185,8 @@ def _tell(factors: Mapping[str, float], currents: Sequence[str], known: Conventi
 # say.
 
 
-#: Steps of a log of motion [s].
-FASTEST, SLOWEST = 5e-5, 0.5
-
-#: Nobody writes a log with longer steps than this [s].
-LONGEST = 20.0
-
-#: The fastest joint of a log is between as slow and as fast as this [rad/s or m/s], taken over so
-#: many samples: in a unit in which it were not, the times cannot be.
-SPEEDS, LAG = (0.002, 30.0), 5
-
-#: Velocities are those of positions in a unit if they correlate with their slope so well, and have
-#: its size up to this power of ten.
-ALIKE, FIT = 0.1, 0.9
-
-#: Seconds since 1970 between 2000 and 2100.
-EPOCH = (9.46e8, 4.1e9)
+#: Samples over which the speed of the fastest joint is taken.
+LAG = 5
 
 #: First samples that show which steps there are.
 SHOWN = 20_000
@@ -239,7 +226,7 @@ def settle_time(naming: Naming, first: pd.DataFrame, source: str, known: Convent
         unit, why = _find_unit(t, naming, first, source)
     factor = TIME_UNITS[unit] if unit else time.factor
     notes = [f"the times are in {unit}, {why}"] if unit and unit != "s" else []
-    offset = float(t[0]) if EPOCH[0] < t[0] * factor < EPOCH[1] else 0.0
+    offset = float(t[0]) if RULES.epoch[0] < t[0] * factor < RULES.epoch[1] else 0.0
     if offset:
         notes.append("the times count from 1970, and were read from the first on")
     return _with(naming, replace(time, factor=factor, offset=offset), *notes)
@@ -249,7 +236,7 @@ def start_of(naming: Naming) -> float | None:
     """Return the seconds since 1970 that a log's times count from; None where they do not say."""
     time = next(c for c in naming.columns if c.name == "t")
     seconds = time.offset * time.factor if time.dates is None else time.dates * 1e-9
-    return seconds if EPOCH[0] < seconds < EPOCH[1] else None
+    return seconds if RULES.epoch[0] < seconds < RULES.epoch[1] else None
 
 
 def as_dates(given: pd.Series, start: int) -> pd.Series | None:
@@ -308,19 +295,25 @@ def _find_unit(t: Array, naming: Naming, first: pd.DataFrame, source: str) -> tu
         If it may be more than one.
     """
     step = float(np.median(np.diff(t)))
-    fits = [u for u, size in TIME_UNITS.items() if FASTEST <= step * size <= SLOWEST]
+    fits = [
+        u
+        for u, size in TIME_UNITS.items()
+        if RULES.fastest_step <= step * size <= RULES.slowest_step
+    ]
     proved = _by_velocities(t, naming, first)
     if proved in fits and proved != "s":
         return proved, "for which velocities are what positions change by"
-    if step <= SLOWEST or not fits:
+    if step <= RULES.slowest_step or not fits:
         return "", ""
     rate = f"{1 / (step * TIME_UNITS[fits[0]]):.4g} Hz"
-    dated = [u for u in fits if EPOCH[0] < t[0] * TIME_UNITS[u] < EPOCH[1]]
+    dated = [u for u in fits if RULES.epoch[0] < t[0] * TIME_UNITS[u] < RULES.epoch[1]]
     if len(dated) == 1:
         return dated[0], f"for they count from 1970 ({rate})"
     speed = _top_speed(t, naming, first)
-    every = [*fits, *(["s"] if step <= LONGEST else [])]
-    moving = [u for u in every if not speed or SPEEDS[0] <= speed / TIME_UNITS[u] <= SPEEDS[1]]
+    every = [*fits, *(["s"] if step <= RULES.longest_step else [])]
+    moving = [
+        u for u in every if not speed or RULES.speeds[0] <= speed / TIME_UNITS[u] <= RULES.speeds[1]
+    ]
     if moving == ["s"]:
         return "", ""
     if len(moving) == 1:
@@ -359,8 +352,8 @@ def _by_velocities(t: Array, naming: Naming, first: pd.DataFrame) -> str:
     if not (np.isfinite(slope).all() and np.isfinite(rate).all()):
         return ""
     sizes = np.linalg.norm(slope), np.linalg.norm(rate)
-    if min(sizes) <= 0 or float((slope * rate).sum()) < FIT * sizes[0] * sizes[1]:
+    if min(sizes) <= 0 or float((slope * rate).sum()) < RULES.unit_fit * sizes[0] * sizes[1]:
         return ""
     ratio = float((slope * rate).sum()) / sizes[1] ** 2
-    near = [u for u, size in TIME_UNITS.items() if abs(np.log10(ratio / size)) < ALIKE]
+    near = [u for u, size in TIME_UNITS.items() if abs(np.log10(ratio / size)) < RULES.unit_size]
     return near[0] if near else ""

@@ -25,7 +25,7 @@ from identifiability.foundation.errors import ModelError, listing, near_match
 from identifiability.foundation.names import Array, find_named, is_pattern
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
-from identifiability.logs.checks import LARGEST
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.information import Information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import BaseParameters, Structure
@@ -42,7 +42,7 @@ DEFAULT_EFFECTS = (*USUAL_EFFECTS, "torque_offset")
 
 def _held(value: Any) -> Any:
     """Refuse what is neither a number nor the word, in one sentence instead of one for each."""
-    number = isinstance(value, (int, float)) and abs(value) < LARGEST
+    number = isinstance(value, (int, float)) and abs(value) < LOG_RULES.largest
     if not number and value != "nominal":
         raise ValueError("give a finite number in SI units, or 'nominal'")
     return value

@@ -43,6 +43,7 @@ from identifiability.report.torque import (
 from identifiability.report.words import gallery, picture, section
 from identifiability.workflows.answers import (
     level_table,
+    rule_table,
     sentence,
 )
 from identifiability.workflows.diagnose.findings import Curve, NamedEffect
@@ -324,9 +325,6 @@ def _section_remainder(d: Diagnosis) -> Section:
     return section("diagnosis.remainder", table)
 
 
-RULES = (Column("rule", "code"), Column("value", digits(3)), Column("meaning"))
-
-
 def _section_method(d: Diagnosis) -> Section:
     names = dict.fromkeys([*d.base, *(f for s in d.steps for f, _ in s.evidence)])
     terms = [
@@ -335,9 +333,12 @@ def _section_method(d: Diagnosis) -> Section:
     ]
     prepared = tuple(f"{s.name}: {'; '.join(s.notes)}." for s in (*d.samples, *d.validation))
     roles = sentence("diagnosis.roles", chosen=d.chosen_by, verified=d.verified_on)
-    rules = Table.of("By which numbers it was decided", RULES, d.rules.rows())
     return section(
-        "diagnosis.method", Terms(tuple(terms)), rules, level_table(), Prose((roles, *prepared))
+        "diagnosis.method",
+        Terms(tuple(terms)),
+        rule_table(d.rules),
+        level_table(),
+        Prose((roles, *prepared)),
     )
 
 

@@ -17,8 +17,9 @@ from identifiability.foundation.output import check_writable, temporary_folder, 
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.gaps import BRIDGED, Gaps, fill
+from identifiability.logs.gaps import Gaps, fill
 from identifiability.logs.mend import check_units
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.source import read_table
 from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.robot import Robot
@@ -271,7 +272,7 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
         at, dt = grid.places(0, len(log)), gaps.step
         t, q = fill(t, at), fill(q, at)
     cutoff = choose_band([Spectrum.of([q], dt)]).outputs
-    if grid is not None and gaps.length.max() > BRIDGED / cutoff:
+    if grid is not None and gaps.length.max() > LOG_RULES.gap_bridged / cutoff:
         log.even_step()  # which says where the gap is
     smooth = signals.lowpass(q, dt, cutoff)
     dq = signals.differentiate(smooth, dt)

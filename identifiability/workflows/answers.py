@@ -26,6 +26,7 @@ from identifiability.foundation.answers import (
 )
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import NONE, error_text, format_count
+from identifiability.foundation.rules import RuleTable
 from identifiability.robot import Robot
 
 WORDS: dict[str, Any] = tomllib.loads(
@@ -260,6 +261,18 @@ def answer_trust(
         )
     seen = "; ".join(f"“{g}”" for g in dict.fromkeys(grave))
     return Answer(question, "With care.", f"{held}. Read below: {seen}.", "amber")
+
+
+def rule_table(*tables: RuleTable) -> Table:
+    """Return the numbers of some rooms, as every page and the reference print them."""
+    columns = (
+        Column("rule", "code", "name"),
+        Column("value", get="text"),
+        Column("basis", get="basis", detail=True),
+        Column("meaning", get="meaning"),
+    )
+    rules = [r for table in tables for r in table.rows()]
+    return Table.of("By which numbers it was decided", columns, rules, long=True)
 
 
 def level_table() -> Table:

@@ -21,7 +21,7 @@ from identifiability.foundation.names import Array
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.preparation import SettledPreparation, settle_cutoff
 from identifiability.logs.repeats import Recording
-from identifiability.logs.spectrum import NARROW
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.structure import Structure
@@ -78,7 +78,7 @@ def _least(how: Preparation) -> float:
     """Return up to where torque is to be kept for what a band says is motion [Hz]."""
     assert isinstance(how, SettledPreparation)
     assert how.band is not None
-    return max(how.band.outputs, NARROW * how.band.bandwidth)
+    return max(how.band.outputs, LOG_RULES.cutoff_narrow * how.band.bandwidth)
 
 
 def _score(

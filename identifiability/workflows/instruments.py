@@ -12,11 +12,12 @@ from identifiability.estimation.least_squares import OrdinaryLeastSquares
 from identifiability.foundation.errors import LogError, listing
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Samples
-from identifiability.logs.prepare.echo import NOTHING, add_echoes, noise_share
+from identifiability.logs.prepare.echo import add_echoes, noise_share
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.prepare.samples import Record
 from identifiability.logs.repeats import Recording
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.robot import Robot
 from identifiability.workflows.opening import Opening
 
@@ -120,7 +121,7 @@ def _try_noise(
     robot = opening.robot
     pairs = list(zip(logs, opening.samples, strict=True))
     shares = [_noise_share(robot, log, samples) for log, samples in pairs]
-    if max(shares) < NOTHING:
+    if max(shares) < LOG_RULES.echo_nothing:
         return opening, plain
     tried = [
         add_echoes(robot, log, samples)

@@ -15,10 +15,10 @@ from scipy.interpolate import CubicSpline
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.checks import FEWEST
 from identifiability.logs.prepare import Preparation, Samples, prepare_samples
-from identifiability.logs.prepare.instruments import COVERED, find_lag
+from identifiability.logs.prepare.instruments import find_lag
 from identifiability.logs.repeats import Recording
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -109,7 +109,7 @@ def _on_one_clock(
     assert isinstance(other, Log)
     at = log.t + later
     inside = np.flatnonzero((at >= other.t[0]) & (at <= other.t[-1]))
-    if len(inside) < max(FEWEST, COVERED * len(log)):
+    if len(inside) < max(LOG_RULES.fewest, LOG_RULES.again_covered * len(log)):
         return None
     log = log.rows(int(inside[0]), int(inside[-1]) + 1)
     same = other.each(lambda x: CubicSpline(other.t, x)(log.t + later), t=log.t)

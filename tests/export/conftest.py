@@ -12,7 +12,7 @@ import pytest
 
 from identifiability.effects import FAMILIES
 from identifiability.logs.prepare import Samples, prepare_samples
-from identifiability.logs.prepare.instruments import OPEN
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
 from identifiability.workflows.export import export
@@ -49,7 +49,7 @@ def fitted_samples(copy: Robot, result, log) -> Samples:
     raw = prepare_samples(copy, log)
     (samples,) = follow(result.chosen.estimate.estimator, copy, [(log, raw)])
     moved = np.any(samples.motion.a != raw.motion.a, axis=1)
-    assert moved.mean() < OPEN
+    assert moved.mean() < LOG_RULES.loops_open
     np.testing.assert_array_equal(samples.tau, raw.tau)
     return samples
 

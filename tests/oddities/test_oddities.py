@@ -9,8 +9,8 @@ import scipy
 from identifiability import analyze, diagnose, prune
 from identifiability.estimation.verdict import Class
 from identifiability.logs import Log
-from identifiability.logs.checks import FEWEST
 from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
 from identifiability.workflows.oddities import MeasuredLogs, find_oddities
@@ -197,7 +197,7 @@ def test_an_effort_that_is_no_force(say, six_axis):
 
 def test_a_short_log_is_no_reason_to_speak(say, six_axis):
     structure, log = six_axis
-    assert say(structure, log.rows(0, 2 * FEWEST)) == ()
+    assert say(structure, log.rows(0, 2 * LOG_RULES.fewest)) == ()
 
 
 def exchanged(x):

@@ -6,7 +6,7 @@ import pytest
 
 from identifiability import Log, Robot, analyze
 from identifiability.logs.prepare.preparation import settle_cutoff
-from identifiability.logs.spectrum import HIGHEST
+from identifiability.logs.rules import RULES as LOG_RULES
 
 LINK = """<mujoco model="pendulum"><compiler angle="radian"/><worldbody><body name="link">
 <joint name="hinge" axis="0 1 0" range="-3 3" armature=".2"/>
@@ -62,4 +62,4 @@ def test_the_motion_of_a_quiet_log_passes_whole_where_torque_is_kept(link):
     log = sticking_log(4)
     how = settle_cutoff(link, [log], None)
     assert how.outputs <= 0.5 * how.cutoff
-    assert how.cutoff <= HIGHEST * 100.0 * (1 + 1e-9)
+    assert how.cutoff <= LOG_RULES.cutoff_highest * 100.0 * (1 + 1e-9)

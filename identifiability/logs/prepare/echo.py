@@ -13,7 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, signals
 from identifiability.logs.gaps import StaleRule
 from identifiability.logs.prepare.instruments import complete_along
@@ -26,16 +28,11 @@ from identifiability.logs.prepare.plan import (
 )
 from identifiability.logs.prepare.preparation import SHORT, Preparation, make_plan
 from identifiability.logs.prepare.samples import Samples
+from identifiability.logs.rules import RULES
 from identifiability.robot import Robot
 
-#: Noise with a smaller share of every acceleration (rms) does nothing to values.
-NOTHING = 0.01
-
-#: What the smoothed motion leaves out may be so many times what a low-pass leaves out of noise.
-EXPLAINED = 1.03
-
 #: The cut-off of the smoothed motion is found within this factor.
-WIDER = 1.1
+WIDER: Tolerance = 1.1
 
 
 def noise_share(robot: Robot, log: Log, cutoff: float | None, seed: int = 0) -> float:
@@ -128,6 +125,6 @@ def _smooth(x: Array, noise: Array, dt: float, highest: float) -> Array:
     def is_noise(cutoff: float) -> bool:
         left = np.sqrt(np.mean((x - signals.lowpass(x, dt, cutoff)) ** 2, axis=0))
         share = np.sqrt(max(1.0 - 2.0 * cutoff * dt, 0.0))
-        return bool(np.all(left <= EXPLAINED * share * noise + 1e-6 * x.std(0)))
+        return bool(np.all(left <= RULES.echo_explained * share * noise + NEARLY * x.std(0)))
 
     return signals.lowpass(x, dt, lowest_cutoff(is_noise, 1.0 / (dt * len(x)), highest, WIDER))

@@ -17,10 +17,10 @@ from scipy.fft import next_fast_len
 
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier, signals
 from identifiability.logs.prepare.plan import (
-    NEGLIGIBLE,
     Smoothing,
     joint_log,
     lowest_cutoff,
@@ -29,14 +29,11 @@ from identifiability.logs.prepare.plan import (
 )
 from identifiability.logs.prepare.preparation import SHORT
 from identifiability.logs.prepare.samples import Record, Samples
-from identifiability.logs.spectrum import HIGHEST, LOWEST_CUTOFF, WIDE, bandwidth_of_windows
+from identifiability.logs.rules import RULES
+from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.robot import Motion, Robot, complete_motion
 
 # Another motion of the actuated joints at the samples of a measured one, with all loops closed.
-
-
-#: Share of samples at which the loops may stay open along another motion.
-OPEN = 0.02
 
 
 def complete_along(
@@ -58,7 +55,7 @@ def complete_along(
         found = complete_motion(robot, measured.t, q, dq, ddq, measured.touch)
     except ClosureError:
         return None
-    if len(found) < (1.0 - OPEN) * len(measured):
+    if len(found) < (1.0 - RULES.loops_open) * len(measured):
         return None
     if len(found) == len(measured):
         return replace(found, kept=measured.kept, start=measured.start)
@@ -80,30 +77,15 @@ def put(motion: Motion, rows: np.ndarray, other: Motion) -> Motion:
 # the motion. Clocks are aligned by the lag at which positions agree, to a fraction of a sample.
 
 
-#: Positions of a repetition differ by no more than this share of how much they vary (rms), and
-#: noise; while its lag is looked for, they may differ by `FAR`.
-NEAR, FAR = 0.05, 0.2
-
-#: A repetition overlaps with at least this share of the motion.
-OVERLAP = 0.05
-
 #: Samples of a log in which repetitions are looked for, of how many other logs, and how many of
 #: them are used.
 ENOUGH_SHIFTED, LOGS, MOST = 16_384, 8, 24
 
-#: Share of the samples at which there must be a repetition; along the others the motion itself
-#: stands for it.
-COVERED = 0.9
+#: Order of the differences that leave noise alone.
+ORDER = 8
 
-#: Order of the differences that leave noise alone, and the correlation from which on two records
-#: are said to share it: rounding is the same where an encoder passes the same places.
-ORDER, SHARES = 8, 0.3
-
-#: Noise may have so many times the power that differences see.
-LOUDER = 1.5
-
-#: Lags are told apart where the squared difference rises to so many times `FAR` squared.
-WIDER_GAP = 4.0
+#: Lags are told apart where the squared difference rises to so many times `again_far` squared.
+WIDER_GAP: Tolerance = 4.0
 
 #: Rounds in which a lag is improved, on so many samples.
 ROUNDS, FEW = 4, 4096
@@ -153,12 +135,16 @@ def find_repetition(samples: Samples, others: Sequence[Samples] = ()) -> Repetit
             used.append(later)
             record, good = _follow(own.t + later, curves)
             x, y = own.actuated_q[good][:, moves], record[0, good][:, moves]
-            if good.sum() < OVERLAP * len(good) or not agrees(x, y) or shares_noise(x, y):
+            if (
+                good.sum() < RULES.again_overlap * len(good)
+                or not agrees(x, y)
+                or shares_noise(x, y)
+            ):
                 continue
             total[:, good] += record[:, good]
             count += good
     there = count > 0
-    if there.mean() < COVERED:
+    if there.mean() < RULES.again_covered:
         return None
     measured = np.stack([own.actuated_q, own.actuated_v, own.actuated_a])
     mean = total / np.maximum(count, 1)[:, None]
@@ -166,7 +152,7 @@ def find_repetition(samples: Samples, others: Sequence[Samples] = ()) -> Repetit
     return Repetition((q, dq, ddq), float(count.mean()))
 
 
-def find_lag(own: Motion, other: Motion, covered: float = COVERED) -> float | None:
+def find_lag(own: Motion, other: Motion, covered: float = RULES.again_covered) -> float | None:
     """Return how much later another log makes the motion of `own` [s]; None where it does not.
 
     Parameters
@@ -190,9 +176,9 @@ def find_lag(own: Motion, other: Motion, covered: float = COVERED) -> float | No
     return None
 
 
-def agrees(x: Array, y: Array, share: float = NEAR) -> bool:
+def agrees(x: Array, y: Array, share: float = RULES.again_near) -> bool:
     """Return whether positions (K, n) differ by little beside how much they vary, and noise."""
-    allowed = (share * x.std(0)) ** 2 + LOUDER * (_noise(x) + _noise(y))
+    allowed = (share * x.std(0)) ** 2 + RULES.noise_louder * (_noise(x) + _noise(y))
     return bool(np.all(np.mean((x - y) ** 2, axis=0) <= allowed))
 
 
@@ -210,7 +196,7 @@ def shares_noise(x: Array, y: Array) -> bool:
     """Return whether the noise of positions (K, n) and (K, n) is in part the same."""
     a, b = (np.diff(one, ORDER, axis=0) for one in (x, y))
     size = np.sqrt((a**2).sum(0) * (b**2).sum(0))
-    return bool(np.any(np.abs((a * b).sum(0)) > SHARES * size))
+    return bool(np.any(np.abs((a * b).sum(0)) > RULES.noise_shared * size))
 
 
 def align(own: Array, speed: Array, other: Array) -> float:
@@ -247,14 +233,16 @@ def _find_lags(near: Array, far: Array) -> list[int]:
 
     varies = sums(a, 0, 2) - sums(a, 0, 1) ** 2
     apart = sums(a, 0, 2) + sums(b, lags, 2) - 2 * cross / count
-    apart = apart - LOUDER * (_noise(near) + _noise(far))
+    apart = apart - RULES.noise_louder * (_noise(near) + _noise(far))
     share = (apart / np.maximum(varies, 1e-9 * a.var(0))).max(1)
-    share[count[:, 0] < OVERLAP * len(a)] = np.inf
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], share < WIDER_GAP * FAR**2, [0]])))
+    share[count[:, 0] < RULES.again_overlap * len(a)] = np.inf
+    edges = np.flatnonzero(
+        np.diff(np.concatenate([[0], share < WIDER_GAP * RULES.again_far**2, [0]]))
+    )
     found = []
     for first, last in edges.reshape(-1, 2).tolist():
         best = first + int(np.argmin(share[first:last]))
-        if share[best] < FAR**2:
+        if share[best] < RULES.again_far**2:
             found.append((-int(count[best, 0]), int(lags[best]) * stride))
     return [lag for _, lag in sorted(found)]
 
@@ -299,11 +287,6 @@ def _follow(
 # The motion that was commanded: no sensor was asked, so it has none of their noise.
 
 
-#: A command differs from the motion by no more than this share of how much it varies (rms), and
-#: comes no earlier or later than this [s].
-FOLLOWED, LATE = 0.3, 0.2
-
-
 def follow_command(log: Log, cutoff: float | None) -> tuple[tuple[Array, Array, Array], str] | None:
     """Return the commanded motion at the times of a log, and a note; None where it is of no use.
 
@@ -322,8 +305,8 @@ def follow_command(log: Log, cutoff: float | None) -> tuple[tuple[Array, Array, 
     if log.q_ref is None or signals.has_gap(log.t).any():  # no differences across one
         return None
     if cutoff is None:
-        wide = max(WIDE * bandwidth_of_windows([log.q_ref], dt), LOWEST_CUTOFF)
-        cutoff = min(wide, HIGHEST / dt)
+        wide = max(RULES.cutoff_wide * bandwidth_of_windows([log.q_ref], dt), RULES.cutoff_lowest)
+        cutoff = min(wide, RULES.cutoff_highest / dt)
     q = signals.lowpass(log.q_ref, dt, cutoff)
     dq = signals.differentiate(q, dt)
     ddq = signals.differentiate(dq, dt)
@@ -331,7 +314,9 @@ def follow_command(log: Log, cutoff: float | None) -> tuple[tuple[Array, Array, 
     for _ in range(ROUNDS):
         later += align(_delay(log.t, q, later), _delay(log.t, dq, later), log.q)
     motion = _delay(log.t, q, later), _delay(log.t, dq, later), _delay(log.t, ddq, later)
-    if abs(later) > LATE or not agrees(log.q, motion[0], FOLLOWED):
+    if abs(later) > RULES.instrument_late or not agrees(
+        log.q, motion[0], RULES.instrument_followed
+    ):
         return None
     if shares_noise(log.q, log.q_ref):
         return None
@@ -374,18 +359,14 @@ def _delay(t: Array, x: Array, later: float) -> Array:
 # asked: noise is what remains of differences of high order.
 
 
-#: A series explains a motion if what is left is at most so many times the noise.
-EXPLAINED = 1.15
-
 #: Harmonics that are tried.
 HARMONICS = (5, 10, 20, 40)
 
 #: Samples of a log in which its period is looked for.
 ENOUGH = 4096
 
-#: A smoothed motion may reach up to this share of the sampling rate: it shares the noise of its
-#: band. The cut-off is found within this factor.
-SHARED, WIDER = 0.15, 1.2
+#: The cut-off of the smoothed motion is found within this factor.
+WIDER: Tolerance = 1.2
 
 #: The mean of so many repetitions has a third of the noise's power or less, and none of the log's
 #: own; of fewer, a series that explains the motion has less noise.
@@ -445,7 +426,7 @@ def find_record(
     noise = [np.maximum(noise_level(x, log.t), resolution(x) / np.sqrt(12)) for x in channels]
     size = [x.std(0) for x in channels]
     worst = max(_share(s, v) for s, v in zip(noise, size, strict=True))
-    if worst < NEGLIGIBLE and len(channels) == 3 and not always:
+    if worst < RULES.noise_negligible and len(channels) == 3 and not always:
         return None
     again, series = find_repetition(samples, others), None
     if samples.cutoff is not None or len(channels) == 3:
@@ -532,7 +513,7 @@ def _fit_series(
 
 def _explained(rest: Array, x: Array, noise: Array) -> bool:
     floor = 1e-6 * x.std(0)
-    return bool(np.all(np.sqrt(np.mean(rest**2, 0)) <= EXPLAINED * noise + floor))
+    return bool(np.all(np.sqrt(np.mean(rest**2, 0)) <= RULES.series_explained * noise + floor))
 
 
 def _smooth(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> SecondRecord | None:
@@ -541,7 +522,7 @@ def _smooth(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> Seco
         return None
     dt = signals.sampling_step(log.t)
     cutoffs = tuple(_smoothing(x, level, dt) for x, level in zip(channels, noise, strict=True))
-    if any(f * dt > SHARED for f in cutoffs if np.isfinite(f)):
+    if any(f * dt > RULES.smooth_highest for f in cutoffs if np.isfinite(f)):
         return None
     used = ", ".join(f"{f:.3g} Hz" if np.isfinite(f) else "not at all" for f in cutoffs)
     note = (
@@ -566,13 +547,13 @@ def _filter(
 
 def _smoothing(x: Array, noise: Array, dt: float) -> float:
     """Return the lowest cut-off [Hz] that leaves out no more than noise; ∞ where there is none."""
-    if np.all(noise <= NEGLIGIBLE * x.std(0)):
+    if np.all(noise <= RULES.noise_negligible * x.std(0)):
         return np.inf
 
     def is_noise(cutoff: float) -> bool:
         return _explained(x - signals.lowpass(x, dt, cutoff), x, noise)
 
-    high = SHARED / dt
+    high = RULES.smooth_highest / dt
     if not is_noise(high):
         return 2.0 * high
     return lowest_cutoff(is_noise, 1.0 / (dt * len(x)), high, WIDER)
@@ -582,10 +563,6 @@ def _smoothing(x: Array, noise: Array, dt: float) -> float:
 #
 # Where noise throws passive joints of the measured motion far off, the record stands for it.
 
-
-#: Passive joints of two records are far apart at a sample if they are so many times as far as
-#: usual: noise makes them so where it brings a mechanism near a singular configuration.
-THROWN = 30.0
 
 #: What a note says of samples at which the record stands for the measured motion.
 STANDS = "there the instruments' motion stands for it"
@@ -652,7 +629,7 @@ def _thrown(robot: Robot, measured: Motion, other: Motion) -> np.ndarray:
     far = np.zeros((2, len(measured)), bool)
     for x, y in ((measured.v, other.v), (measured.a, other.a)):
         apart = np.abs(x - y)
-        beyond = apart > THROWN * np.median(apart, axis=0)
+        beyond = apart > RULES.thrown * np.median(apart, axis=0)
         far |= beyond[:, ~passive].any(1), beyond[:, passive].any(1)
     far = far[1] & ~far[0]  # where actuated joints are far too, one of the records is wrong
-    return np.flatnonzero(far) if far.mean() < OPEN else np.empty(0, int)
+    return np.flatnonzero(far) if far.mean() < RULES.loops_open else np.empty(0, int)

@@ -19,7 +19,6 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
-from identifiability.logs.checks import FEWEST
 from identifiability.logs.log import join_logs
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare.plan import Plan, joint_log
@@ -32,6 +31,7 @@ from identifiability.logs.prepare.samples import (
     join_motions,
     prepare_rows,
 )
+from identifiability.logs.rules import RULES
 from identifiability.logs.tables import is_parquet
 from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
 
@@ -174,7 +174,7 @@ def prepare_samples(robot: KnownRobot, log: Log, how: Preparation | None = None)
     plan = make_plan(robot, log, how)
     samples = prepare_rows(robot, log, 0, plan, (0, len(log)))
     notes = _check_survey(robot, samples.survey, plan, log)
-    while plan.factor > 1 and samples.outputs < FEWEST:
+    while plan.factor > 1 and samples.outputs < RULES.fewest:
         if how.decimate is not None:
             raise _too_short(log, plan)
         plan = replace(plan, factor=plan.factor - 1)
@@ -214,7 +214,7 @@ def prepare_log(
     found = list(engine.map(survey_stretch, stretches, progress=progress))
     survey = reduce(add, (s for s, *_ in found))
     notes = _check_survey(robot, survey, plan, log)
-    if survey.outputs < FEWEST:
+    if survey.outputs < RULES.fewest:
         raise _too_short(log, plan)
     motion = join_motions([m for _, m, *_ in found if len(m)])
     tau = np.concatenate([tau for _, _, tau, _ in found])
@@ -242,7 +242,7 @@ def _check_survey(robot: Robot, survey: Survey, plan: Plan, log: Log | LogFile) 
 def _too_short(log: Log | LogFile, plan: Plan) -> LogError:
     return LogError(
         f"{log.name} is too short to be decimated by {plan.factor}: of its {len(log)} samples "
-        f"fewer than {FEWEST} are left; give a longer log or a smaller decimation."
+        f"fewer than {RULES.fewest} are left; give a longer log or a smaller decimation."
     )
 
 

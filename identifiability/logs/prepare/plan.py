@@ -14,12 +14,15 @@ from scipy.ndimage import binary_propagation, maximum_filter1d
 from scipy.special import binom
 
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier, signals
 from identifiability.logs.base import ACC, GYRO
 from identifiability.logs.gaps import Grid, StaleRule, fill
 from identifiability.logs.log import join_logs
+from identifiability.logs.rules import RULES
 from identifiability.logs.spectrum import Spectrum
 from identifiability.robot import Robot
 from identifiability.robot.floating import BASE_JOINTS, SIX, base_acceleration
@@ -35,24 +38,17 @@ ORDER = 8
 
 #: Shares of the samples in the variance of a difference, and the quantile above which it is cut.
 WEIGHTS = binom(ORDER, np.arange(ORDER + 1)) ** 2 / binom(2 * ORDER, ORDER)
-CUT = 0.995
+CUT: Tolerance = 0.995
 
 #: Rounds of the fit of variances, and the least of them over the largest when they weigh.
-STEPS, FLOOR = 6, 1e-4
-
-#: Noise below this share of a signal moves no value by what could be seen.
-NEGLIGIBLE = 1e-3
+STEPS = 6
+FLOOR: Tolerance = 1e-4
 
 #: Cut-offs of the smoothed velocity that are tried, and in how many times the best one smoothing
 #: ends: what it takes from the motion is the same in every period, and no data average it out. It
 #: falls with the eighth power of the cut-off, the noise rises with its root.
-TRIED, WIDER = 48, 1.5
-
-#: Noise at rest of less than this share of that in motion (rms) cannot be told from none.
-RESOLVED = 0.3
-
-#: Changes are whole multiples of a step up to this share of it.
-WHOLE = 1e-3
+TRIED = 48
+WIDER: Tolerance = 1.5
 
 
 def noise_level(x: Array, t: Array | None = None) -> Array:
@@ -76,9 +72,9 @@ def resolution(x: Array) -> Array:
     steps = np.abs(np.diff(x, axis=0))
     found = np.zeros(x.shape[1])
     for k, own in enumerate(steps.T):
-        own = own[own > 1e-9 * np.ptp(x[:, k])]  # noqa: PLW2901 - what moved
+        own = own[own > ROUNDOFF * np.ptp(x[:, k])]  # noqa: PLW2901 - what moved
         least = own.min(initial=np.inf)
-        if len(own) and np.all(np.abs(own / least - np.rint(own / least)) < WHOLE):
+        if len(own) and np.all(np.abs(own / least - np.rint(own / least)) < RULES.even):
             found[k] = least
     return found
 
@@ -169,7 +165,7 @@ class Smoothing:
         """
         level = np.sqrt(np.mean([noise_level(x) ** 2 for x in windows], axis=0))
         size = np.sqrt(np.mean([x.var(0) for x in windows], axis=0))
-        noisy = level > NEGLIGIBLE * size
+        noisy = level > RULES.noise_negligible * size
         if not noisy.any():
             return None
         spectrum = Spectrum.of(windows, dt, 1)
@@ -184,7 +180,7 @@ class Smoothing:
         cutoff = min(WIDER * float(tried[best]), float(tried[-1]))
         sd = np.sqrt(np.interp(cutoff, tried, share)) * level
         at_rest = np.sqrt(np.mean([noise_parts(x)[0] for x in windows], axis=0))
-        at_rest[~noisy | (at_rest < RESOLVED * level)] = 0.0
+        at_rest[~noisy | (at_rest < RULES.noise_resolved * level)] = 0.0
         raw = at_rest <= sd
         return None if not at_rest.any() else Smoothing(cutoff, np.minimum(at_rest, sd), raw)
 
@@ -197,18 +193,11 @@ class Smoothing:
 # `Plan`: what was decided about the preparation of a log once; `DwellRule`: where joints stand.
 
 
-#: A stay about zero speed is a dwell where it lasts longer than a reversal would at this share of
-#: the joint's typical acceleration. Those of Gaussian motion at its reversals are Rayleigh
-#: distributed [Rice 1944]: 2 % of them are slower, √(−2 ln .98), and 5 %, √(−2 ln .95). The former
-#: counts within the errors of a record, the latter where a joint creeps.
-SLOW, SLOW_CREEP = 0.2, 0.32
+#: How often a speed that says nothing is halved.
+HALVED = 5
 
-#: Speed that says nothing, as a share of a joint's largest, and how often it is halved: nothing but
-#: friction at rest is learnt of such motion, and joints creep there where friction is regularised.
-CREEP, HALVED = 0.02, 5
-
-#: Samples of a dwell at least, and the errors of a record as a multiple of its noise's spread.
-SEVERAL, BAND = 3, 3.0
+#: Samples of a dwell at least.
+SEVERAL = 3
 
 
 @frozen
@@ -297,17 +286,17 @@ def choose_dwell_rule(plan: Plan, windows: Sequence[Log], origins: Sequence[int]
     levels = [noise_level(x, w.t) ** 2 for x, w in zip(records, windows, strict=True)]
     noise = np.sqrt(np.mean(levels, axis=0))
     step = np.min([resolution(x) for x in records], axis=0)
-    width = np.maximum((1 if speeds else 2) * BAND * noise, step)
+    width = np.maximum((1 if speeds else 2) * RULES.dwell_band * noise, step)
     parts = [plan.derive(w, k) for w, k in zip(windows, origins, strict=True)]
     q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
-    creep = CREEP * np.abs(dq).max(0) / 2.0 ** np.arange(HALVED + 1)[:, None]
+    creep = RULES.creep * np.abs(dq).max(0) / 2.0 ** np.arange(HALVED + 1)[:, None]
     moving = np.where(np.abs(dq) > creep[0], np.abs(ddq), np.nan)
     never = signals.never_moves(q.min(0), q.max(0)) | np.isnan(moving).all(0)
     slow = np.full(len(never), np.inf)  # of a Gaussian the median is .67 of its spread
     slow[~never] = np.nanmedian(moving[:, ~never], axis=0) / 0.6745
     slow = np.where(slow > 0, slow, np.inf)
-    crossing = 2 * creep / (SLOW_CREEP * slow)
-    slow = SLOW * slow
+    crossing = 2 * creep / (RULES.dwell_creep * slow)
+    slow = RULES.dwell * slow
     stay = 2 * width / slow if speeds else 2 * np.sqrt(2 * width / slow)
     least = np.maximum(np.ceil(stay / plan.step), SEVERAL).astype(int)
     blurred = 0.0 if plan.cutoff is None else 1.0 / plan.cutoff

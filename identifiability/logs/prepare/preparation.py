@@ -16,7 +16,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.options import Positive, at_least, check_fields
 from identifiability.foundation.values import frozen
 from identifiability.logs import fourier, signals
-from identifiability.logs.gaps import BRIDGED, Gaps, StaleRule, fill, tell_steps
+from identifiability.logs.gaps import Gaps, StaleRule, fill, tell_steps
 from identifiability.logs.log import Log, join_logs
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.mend import check_units, find_contradictions
@@ -28,14 +28,8 @@ from identifiability.logs.prepare.plan import (
     has_motors,
     joint_log,
 )
-from identifiability.logs.spectrum import (
-    HIGHEST,
-    LOWEST_CUTOFF,
-    Band,
-    Spectrum,
-    choose_band,
-    spectra_of,
-)
+from identifiability.logs.rules import RULES
+from identifiability.logs.spectrum import Band, Spectrum, choose_band, spectra_of
 from identifiability.robot import Robot
 
 # Where decisions about a log are made, and what is decided about the samples that are lost.
@@ -43,12 +37,6 @@ from identifiability.robot import Robot
 
 #: Fewest samples between two gaps that are used.
 SHORTEST_STRETCH = 4
-
-#: A mean step that differs from the usual one by this share of it is said.
-DRIFT = 0.01
-
-#: A log with derivatives of its own is not split at gaps of at most so many steps.
-FEW = 4.0
 
 
 @frozen
@@ -96,14 +84,16 @@ class Windows:
 def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
     """Return a plan that bridges short gaps and splits the log at others, and says so."""
     least = 1
-    longest = max(BRIDGED / LOWEST_CUTOFF, FEW * plan.step)  # measured derivatives need no filter
+    longest = max(
+        RULES.gap_bridged / RULES.cutoff_lowest, RULES.gap_kept * plan.step
+    )  # measured derivatives need no filter
     if plan.band is not None:
-        longest = BRIDGED / plan.band
+        longest = RULES.gap_bridged / plan.band
         gaps.check(samples)
         least = max(SHORTEST_STRETCH, int(np.ceil(1.0 / (plan.band * plan.step))))
     grid = gaps.divide(longest, least)
     uneven = []
-    if plan.cutoff is not None and abs(gaps.drift) > DRIFT:
+    if plan.cutoff is not None and abs(gaps.drift) > RULES.clock_rounded:
         uneven = [
             f"{gaps.name} is sampled unevenly: the mean step is {100 * gaps.drift:.2g} % off the "
             f"usual {gaps.step:.3g} s, and what is differentiated errs by as much: give samples at "
@@ -143,9 +133,6 @@ PIECE = 65_536
 
 #: So few samples do not tell noise from the motion.
 SHORT = 4 * ORDER
-
-#: Share of a step by which a clock's rounding makes steps differ.
-ROUNDED = 0.01
 
 
 @frozen
@@ -253,7 +240,7 @@ def _choose_band(
     """Return the band of what is differentiated."""
     spectra: list[Spectrum] = []
     for raw in logs:
-        windows = [joint_log(robot, w) for w in raw.even(BRIDGED / LOWEST_CUTOFF)]
+        windows = [joint_log(robot, w) for w in raw.even(RULES.gap_bridged / RULES.cutoff_lowest)]
         source, order = ([w.q for w in windows], 2)
         if windows[0].dq is not None:
             source, order = [w.dq for w in windows if w.dq is not None], 1
@@ -329,11 +316,11 @@ def _plan_derivatives(robot: Robot, log: Log | LogFile, gaps: Gaps, how: Prepara
 
 def _plan_filter(log: Log | LogFile, gaps: Gaps, plan: Plan, how: Preparation) -> Plan:
     dt, jitter, cutoff = gaps.step, "", how.cutoff
-    if gaps.jitter > ROUNDED:
+    if gaps.jitter > RULES.clock_rounded:
         jitter = f" (time stamps jitter by {100 * gaps.jitter:.0f} % of a step; taken as even)"
     assert cutoff is not None
     if how.outputs is not None:  # chosen for logs of which some are sampled faster
-        cutoff = max(how.outputs, min(cutoff, HIGHEST / dt))
+        cutoff = max(how.outputs, min(cutoff, RULES.cutoff_highest / dt))
     lowest = 1.0 / (log.clock.last - log.clock.first)
     if not lowest <= cutoff < 0.5 / dt:
         raise LogError(

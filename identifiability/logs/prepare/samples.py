@@ -19,8 +19,8 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.base import AFTER, UP
-from identifiability.logs.checks import FEWEST
 from identifiability.logs.prepare.plan import Plan, joint_log
+from identifiability.logs.rules import RULES
 from identifiability.logs.signals import is_constant, never_moves
 from identifiability.robot import Motion, Robot, complete_motion
 from identifiability.robot.along import known_torque, project
@@ -43,11 +43,6 @@ DWELLS = (
 
 #: Rows that a note lists.
 LISTED = 5
-
-#: Periods of the cut-off on each side of a reversal in which its time is not known: half of the
-#: main lobe of the low-pass. Twice as many cost a diagnosis half of the laws of friction near zero
-#: speed, half as many left names to robots that stick.
-BLUR = 0.25
 
 
 @frozen
@@ -357,7 +352,9 @@ class Samples:
         """
         v = self.motion.actuated_v
         step = signals.sampling_step(self.motion.t)
-        reach = 1 if self.cutoff is None else int(np.ceil(BLUR / (self.cutoff * step)))
+        reach = (
+            1 if self.cutoff is None else int(np.ceil(RULES.reversal_blur / (self.cutoff * step)))
+        )
         turns = np.zeros(v.shape, bool)
         turns[:-1] = np.signbit(v[:-1]) != np.signbit(v[1:])
         near = maximum_filter1d(turns, 2 * reach + 1, axis=0)
@@ -593,9 +590,9 @@ def check_left(name: str, left: int, total: int, notes: Sequence[str]) -> None:
     ------
     LogError
     """
-    if left < FEWEST:
+    if left < RULES.fewest:
         why = f" ({'; '.join(notes[1:])})" if notes[1:] else ""
         raise LogError(
             f"{name}: {left} of {total} samples are left{why}, too few to say anything; at least "
-            f"{FEWEST} are needed and some hundreds are usual."
+            f"{RULES.fewest} are needed and some hundreds are usual."
         )

@@ -22,7 +22,8 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation, Samples, prepare_samples
 from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.logs.repeats import Recording
-from identifiability.logs.spectrum import NARROW, Band
+from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.logs.spectrum import Band
 from identifiability.physical.cad_prior import WEAK, WEIGHTS
 from identifiability.physical.feasibility import (
     PhysicalResult,
@@ -354,7 +355,7 @@ def _say_cut(band: Band, whose: str) -> str:
     return (
         f"The cut-off of {band.cutoff:.3g} Hz cuts into the motion of {whose}, which reaches "
         f"{band.bandwidth:.3g} Hz: accelerations are missing, and values are wrong; set it to "
-        f"{NARROW * band.bandwidth:.2g} Hz or more (--cutoff)."
+        f"{LOG_RULES.cutoff_narrow * band.bandwidth:.2g} Hz or more (--cutoff)."
     )
 
 

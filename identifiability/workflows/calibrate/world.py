@@ -31,7 +31,8 @@ from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.instruments import SecondRecord, add_instrument, find_record
 from identifiability.logs.prepare.plan import Plan, joint_log, noise_size
 from identifiability.logs.prepare.preparation import make_plan
-from identifiability.logs.spectrum import HIGHEST, LOWEST_CUTOFF, WIDE, bandwidth_of_windows
+from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.physical.pseudo_inertia import BASIS, natural_scale, scale_matrix, to_matrix
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
@@ -170,8 +171,8 @@ def _smoothed(robot: Robot, samples: Samples, log: Log, plan: Plan) -> Samples:
     if plan.cutoff is not None or plan.series is not None or signals.has_gap(log.t).any():
         return samples
     dt = signals.sampling_step(log.t)
-    cutoff = max(WIDE * bandwidth_of_windows([log.q], dt), LOWEST_CUTOFF)
-    cutoff = min(cutoff, HIGHEST / dt)
+    cutoff = max(LOG_RULES.cutoff_wide * bandwidth_of_windows([log.q], dt), LOG_RULES.cutoff_lowest)
+    cutoff = min(cutoff, LOG_RULES.cutoff_highest / dt)
     given = plan.derive(log)
     errors = [(signals.lowpass(x, dt, cutoff) - x)[samples.motion.kept] for x in given]
     return _moved(robot, samples, errors)

@@ -21,7 +21,7 @@ from identifiability.effects.effect import Placed
 from identifiability.estimation.noise import fit_noise
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.checks import FEWEST
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.workflows.diagnose.evidence import (
     Products,
     View,
@@ -463,7 +463,7 @@ def leave_out(setting: Setting, change: Change) -> Setting | None:
     low, high = change.began[0], change.ended[1]
     rest = np.flatnonzero((t < low) | (t > high))
     kept = s.take(rest) if len(rest) else None
-    if kept is None or kept.outputs < FEWEST:
+    if kept is None or kept.outputs < LOG_RULES.fewest:
         samples.pop(change.number)
     else:
         samples[change.number] = replace(kept, notes=(*s.notes, f"{change.when}: left out"))

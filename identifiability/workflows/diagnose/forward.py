@@ -22,6 +22,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.samples import join_motions
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, complete_motion
 from identifiability.simulation.forward import ForwardRobot
@@ -207,7 +208,7 @@ def _starts(
             continue  # one step size for all
         while start + steps < len(kept):
             lasts = np.diff(samples.motion.t[start : start + steps + 1]).max()
-            if kept[start + steps] - kept[start] == steps and lasts < signals.GAP * dt:
+            if kept[start + steps] - kept[start] == steps and lasts < LOG_RULES.gap * dt:
                 found.append((samples, start))
                 start += steps
             else:

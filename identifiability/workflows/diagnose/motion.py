@@ -25,19 +25,15 @@ from identifiability.estimation.uncertainty import LEVEL, Motions, compare_motio
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log, checks, signals
+from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.longsamples import Prepared, prepare_samples
 from identifiability.logs.prepare.preparation import make_plan
 from identifiability.logs.prepare.samples import check_left, join_motions
 from identifiability.logs.prepare.samples import prepare_rows as prepare_stretch
 from identifiability.logs.repeats import Recording
-from identifiability.logs.spectrum import (
-    HIGHEST,
-    LOWEST_CUTOFF,
-    WIDE,
-    bandwidth_of_windows,
-)
+from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.regression import Regression
@@ -171,10 +167,12 @@ def prepare_rows(
     step = float(np.median(np.concatenate([np.diff(w.t) for w in windows])))
     even = log.clock.longest.length < 1.5 * step  # no filter reaches across a gap
     if how is None and even and {"dq", "ddq"} <= set(log.channels):
-        band = WIDE * bandwidth_of_windows([w.q for w in windows], step)
-        factor = int(0.5 / (min(max(band, LOWEST_CUTOFF), HIGHEST / step) * step))
+        band = LOG_RULES.cutoff_wide * bandwidth_of_windows([w.q for w in windows], step)
+        factor = int(
+            0.5 / (min(max(band, LOG_RULES.cutoff_lowest), LOG_RULES.cutoff_highest / step) * step)
+        )
         # Of a short part of a log enough must be left.
-        while factor > 1 and signals.Decimation(factor).outputs(len(log)) < checks.FEWEST:
+        while factor > 1 and signals.Decimation(factor).outputs(len(log)) < LOG_RULES.fewest:
             factor -= 1
         how = Preparation(decimate=max(factor, 1))
     return prepare_thin(robot, log, how or Preparation(), most=most)

@@ -2,66 +2,65 @@
 
 from __future__ import annotations
 
-import re
-from inspect import cleandoc
 from typing import Annotated
 
 import numpy as np
 
-from identifiability.foundation.options import Share, at_least, check_fields
+from identifiability.foundation.options import Share, at_least
+from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 
 
 @frozen
-class Rules:
+class Rules(RuleTable):
     """Thresholds of a diagnosis.
 
     Attributes
     ----------
-    level : float
+    level : float, level
         A part is stated where the odds for it are (1 - level) / level at least, 19 to 1 by default;
         and names that together have that share of the probability are listed as "A or B".
-    size : float
+    size : float, literature
         Typical size of an effect, as a share of its joint's torque (rms): the scale of the normal
         prior of its parameters. Friction laws, springs and ripples that were published for real
         arms are within a factor of three of it; the factor costs a nat.
-    alias : float
+    alias : float, by hand
         A candidate of which less than this share is outside the model is structurally aliased.
-    function : float [nat]
+    function : float [nat], reasoned
         What a function without a name must explain beyond a name, about one column more.
-    crowd : float [nat]
+    crowd : float [nat], derived
         Price of a second special effect over the same variable in the same joint: as much as the
         level asks, so that two names for one curve are rarer than one.
-    block : float [s]
+    block : float [s], reasoned
         Blocks over which scores and errors are taken as independent: five memories of the noise of
         usual arms.
-    similar : float
+    similar : float, derived
         Similarity from which on a name is said to resemble another: a quarter of its power is the
         other's.
-    lack : float
+    lack : float, level
         Level, after Holm's correction, at which functions without a name are said to explain more:
         one test a joint, of what nobody asked for.
-    visible : float
+    visible : float, derived
         Share of a residual's variance from which on its dependence on something is said: means over
         twelve bins of white noise stay below it from some 200 rows on.
-    near : float
+    near : float, by hand
         Share of a joint's rms speed below which it is near a reversal.
-    price : float [nat]
+    price : float [nat], reasoned
         What hidden effects need beside the odds of a name: the number of families and places.
-    lag : float
+    lag : float, calibrated
         Lag-one correlation of whitened errors beyond which more is not believed; and
-    usual : float
+    usual : float, calibrated
         their variance up to which it is not asked for. Both hold on simulated noise up to a
         correlation of .98.
-    beam : int
+    beam : int, by hand
         Hypotheses that are kept while searching.
-    options : int
+    options : int, by hand
         Moves of one kind that are tried from each.
-    hidden : int
+    hidden : int, by hand
         Parts that are tried beside rows as they leave them themselves, where no move gains.
-    most : int
+    most : int, by hand
         Parts of a hypothesis at most.
-    instants : int
+    instants : int, by hand
         Instants of a log at most at which something may change, `block` apart at least.
     """
 
@@ -84,16 +83,10 @@ class Rules:
     most: Annotated[int, at_least(1)] = 24
     instants: Annotated[int, at_least(2)] = 40
 
-    def __post_init__(self) -> None:
-        check_fields(self)
-
     @property
     def odds(self) -> float:
         """Log odds from which on a part is stated [nat]."""
         return float(np.log(1.0 / self.level - 1.0))
 
-    def rows(self) -> list[tuple[str, float, str]]:
-        """Return name, value and meaning of each, as they are printed."""
-        _, _, text = cleandoc(self.__doc__ or "").partition("Attributes\n----------\n")
-        told = re.findall(r"^(\w+) : .*\n((?:    .*(?:\n|$))+)", text, re.MULTILINE)
-        return [(name, getattr(self, name), " ".join(what.split())) for name, what in told]
+
+RULES = Rules()

@@ -9,8 +9,9 @@ import numpy as np
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
-from identifiability.logs.gaps import LONGEST, NAMES, smallest_change
+from identifiability.logs.gaps import NAMES, smallest_change
 from identifiability.logs.mend import looks_like_degrees
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.workflows.oddities.check import Does, check
 from identifiability.workflows.oddities.measured_logs import MeasuredLogs
 
@@ -69,7 +70,7 @@ def _outside(q: Array, low: float, high: float, *, turns: bool) -> bool:
 
 
 #: Shortest stretch that is said, in samples.
-SHORTEST = 4 * LONGEST
+SHORTEST = 4 * LOG_RULES.repeats_longest
 
 #: Over as many samples the column usually changes by so many times its resolution …
 CHANGES = 12.0

@@ -1,0 +1,311 @@
+"""`Rules`: limits and levels by which logs are read, mended and low-passed."""
+
+from __future__ import annotations
+
+from identifiability.foundation.rules import RuleTable
+from identifiability.foundation.values import frozen
+
+
+@frozen
+class Rules(RuleTable):
+    """Limits and levels by which logs are read, mended and low-passed.
+
+    Attributes
+    ----------
+    fewest : int, by hand
+        Fewer samples than this say nothing about any robot.
+    largest : float, reasoned
+        No time, position or torque in SI units is larger: time since 1970 is 1.7e9 s.
+    shortest_step : float [s], by hand
+        No log is sampled faster than this.
+    fastest_step : float [s], by hand
+        Usual steps of a log of motion are between this
+    slowest_step : float [s], by hand
+        and this.
+    longest_step : float [s], by hand
+        Nobody writes a log with longer steps than this.
+    speeds : tuple[float, float] [rad/s or m/s], by hand
+        The fastest joint of a log is between as slow and as fast as this, taken over a few
+        samples: in a unit in which it were not, the times cannot be.
+    unit_size : float, by hand
+        Velocities are those of positions in a unit if they have the size of their slope up
+        to this power of ten
+    unit_fit : float, by hand
+        and correlate with it so well.
+    epoch : tuple[float, float] [s], reasoned
+        Seconds since 1970 between 2000 and 2100: such times are of a calendar.
+    clock_odd : float, by hand
+        Steps of the clock that differ from the usual one by more than this share of it are
+        remembered.
+    clock_rounded : float, by hand
+        Share of a step by which a clock's rounding makes steps differ; a mean step that
+        differs from the usual one by more is said.
+    even : float, by hand
+        What is off by less than this share of a step, of time or of an encoder, is even.
+    gap : float, by hand
+        A step longer than so many usual ones is a gap.
+    gap_jitter : float, reasoned
+        Nor is a step a gap that is longer than the usual one by less than so many times
+        what 95 % of the steps nearer than that deviate by: four standard deviations.
+    gap_bridged : float, literature
+        A gap is bridged up to this share of the period of the cut-off [Nyquist 1928].
+    gap_most : float, by hand
+        More gaps than this share of the samples are lost samples only where half of them
+        are whole steps
+    gap_whole : float, reasoned
+        up to this share of one, which of uneven steps a quarter is: else the clock is no
+        clock.
+    gap_kept : float, by hand
+        A log with derivatives of its own is not split at gaps of at most so many steps, nor are
+        they compared across longer ones.
+    repeats_longest : int [samples], by hand
+        Longest run of values that repeat the one before; what lasts longer is a rest or a
+        gap.
+    repeats_steps : float, reasoned
+        Across a run of repeated values a joint moves by at least so many steps of its
+        encoder, else rounding explains that nothing changed.
+    encoder_exact : float, by hand
+        Changes are whole steps of an encoder up to this share of one,
+    encoder_all : float, by hand
+        if this share of them are;
+    encoder_coarse : float, by hand
+        and a step that is this share of the usual change from sample to sample is worth a
+        note.
+    derivative_unexplained : float, by hand
+        Share of the motion's variance that a given derivative may leave unexplained.
+    derivative_scale : float, by hand
+        The given derivative may be this much too small, or its inverse too large.
+    derivative_visible : float, by hand
+        Motion must stand out this much from the noise of single samples to be compared.
+    positions_odd : float, by hand
+        Share of the positions that may lie anywhere where it is asked whether limits in degrees
+        would hold all.
+    command_followed : float, by hand
+        A command is followed if positions correlate with it so much
+    command_late : float [s], by hand
+        at some delay up to this one,
+    command_degrees : tuple[float, float], reasoned
+        and if it does not vary so many times as much, as degrees would (57.3);
+    command_still : float [rad or m], by hand
+        what varies less stands.
+    rows_lacking : float, by hand
+        A column that lacks less than this share of the rows has broken rows, not another
+        rate.
+    runs_alike : float, by hand
+        Values repeat in runs of about equal length, so that a column has a rate of its own,
+        where this share of the runs has the usual length up to one sample.
+    rate_far : float, by hand
+        Nothing is put between samples of a column that lie farther apart than so many of
+        its steps.
+    rate_slower : float, by hand
+        Velocities that come slower than positions by this factor are left out, and
+        computed.
+    rate_other : float, by hand
+        Rates that differ by this share are two.
+    locked_play : float [rad or m], by hand
+        A joint that is locked moves less than this,
+    locked_share : float, by hand
+        but for less than a share of the rows, which are left out.
+    copy_agrees : float, by hand
+        Values agree within this share of their standard deviation.
+    copy_chance : float, level
+        A run that chance explains comes less often than this in all the rows.
+    copy_share : float, by hand
+        A log that is too long to be compared row by row is a copy if this share of some
+        windows is.
+    spike_steps : float, by hand
+        A spike is wrong if it is so many times higher than any step,
+    spike_around : float, by hand
+        so many times higher than those around it and than the column's resolution,
+    spike_tail : float, by hand
+        and so many times higher than where the tail of all spikes begins.
+    spike_ends : float, reasoned
+        At an end of the column, where it is not seen to come back, it must be so many times
+        higher than the range of the column: differences are wrong there by halves.
+    spike_widest : int [samples], by hand
+        A wrong value, and the same repeated, lasts at most so many samples.
+    quaternion_norm : float, by hand
+        A quaternion whose norm is further from one than this is none.
+    reading_better : float, by hand
+        Of two readings the one that errs by less than this share of the other's error is
+        meant.
+    gyro_trusted : float [s], by hand
+        So long a gyroscope is trusted, after which gravity corrects it.
+    cutoff_lowest : float [Hz], reasoned
+        No computed derivatives are low-passed below this for the motion's sake: however
+        slow the program, friction and flexibility make joints move at some hertz, and
+        inertia is seen nowhere but there.
+    cutoff_least : float [Hz], reasoned
+        Nor below this for the noise's sake: gravity and friction are seen in slow motion
+        too, whatever its accelerations are, and need outputs.
+    cutoff_wide : float, studies/cutoff.py
+        The cut-off in bandwidths of the motion,
+    cutoff_narrow : float, studies/cutoff.py
+        and the least that noise may lower it to: at three bandwidths few outputs are left,
+        and nothing can be judged.
+    cutoff_highest : float, by hand
+        Largest cut-off as a share of the sampling rate.
+    noise_share : float, studies/cutoff.py
+        Largest power that noise may have in the acceleration, as a share of the
+        acceleration's.
+    noise_still : float, by hand
+        Joints with less than this share of the acceleration of the one that accelerates
+        most (rms) do not lower the cut-off of the others.
+    noise_above : tuple[float, float], reasoned
+        The noise at a frequency is the median over these multiples of it: a motion falls
+        there by orders of magnitude, and white noise does not; neither does the rounding of
+        coarse encoders, whose spectrum is flat up to the rate of its steps only.
+    motion_seen : float, reasoned
+        Where the smoothed spectrum is not so many times the noise, there is no motion to be
+        seen: the steps of a coarse encoder fall with the square of the frequency, which is
+        25 times over `noise_above`, positions with the sixth power or faster.
+    coarse_longest : float [s], by hand
+        Samples of encoders so coarse that they change more slowly are averaged until they
+        change every time, but no longer than this.
+    window_half : float, by hand
+        Windows that are shorter than this share of the longest show no slow motion.
+    noise_negligible : float, by hand
+        Noise below this share of a signal moves no value by what could be seen.
+    noise_resolved : float, by hand
+        Noise at rest of less than this share of that in motion (rms) cannot be told from
+        none.
+    dwell : float, derived
+        A stay about zero speed is a dwell where it lasts longer than a reversal would at
+        this share of the joint's typical acceleration. Those of Gaussian motion at its
+        reversals are Rayleigh distributed [Rice 1944]: 2 % of them are slower, √(−2 ln
+        .98);
+    dwell_creep : float, derived
+        and 5 %, √(−2 ln .95). The former counts within the errors of a record, this where a
+        joint creeps.
+    creep : float, by hand
+        Speed that says nothing, as a share of a joint's largest: nothing but friction at
+        rest is learnt of such motion, and joints creep there where friction is regularised.
+    dwell_band : float, level
+        The errors of a record as a multiple of its noise's standard deviation.
+    reversal_blur : float, calibrated
+        Periods of the cut-off on each side of a reversal in which its time is not known:
+        half of the main lobe of the low-pass. Twice as many cost a diagnosis half of the
+        laws of friction near zero speed, half as many left names to robots that stick.
+    echo_nothing : float, by hand
+        Noise with a smaller share of every acceleration (rms) does nothing to values.
+    echo_explained : float, by hand
+        What the smoothed motion leaves out may be so many times what a low-pass leaves out
+        of noise.
+    loops_open : float, by hand
+        Share of samples at which the loops may stay open along another motion.
+    again_near : float, by hand
+        Positions of a repetition differ by no more than this share of how much they vary
+        (rms), and noise;
+    again_far : float, by hand
+        while its lag is looked for, they may differ by so much.
+    again_overlap : float, by hand
+        A repetition overlaps with at least this share of the motion.
+    again_covered : float, by hand
+        Share of the samples at which there must be a repetition; along the others the
+        motion itself stands for it.
+    noise_shared : float, by hand
+        Correlation of two records' differences from which on they are said to share their
+        noise: rounding is the same where an encoder passes the same places.
+    noise_louder : float, by hand
+        Noise may have so many times the power that differences see.
+    instrument_followed : float, by hand
+        A command that serves as an instrument differs from the motion by no more than this
+        share of how much it varies (rms),
+    instrument_late : float [s], by hand
+        and comes no earlier or later than this.
+    series_explained : float, by hand
+        A series explains a motion if what is left is at most so many times the noise.
+    smooth_highest : float, by hand
+        A smoothed motion may reach up to this share of the sampling rate: it shares the
+        noise of its band.
+    thrown : float, reasoned
+        Passive joints of two records are far apart at a sample if they are so many times as
+        far as usual: noise makes them so where it brings a mechanism near a singular
+        configuration.
+    """
+
+    fewest: int = 20
+    largest: float = 1e12
+    shortest_step: float = 1e-7
+    fastest_step: float = 5e-5
+    slowest_step: float = 0.5
+    longest_step: float = 20.0
+    speeds: tuple[float, float] = (0.002, 30.0)
+    unit_size: float = 0.1
+    unit_fit: float = 0.9
+    epoch: tuple[float, float] = (9.46e8, 4.1e9)
+    clock_odd: float = 0.4
+    clock_rounded: float = 0.01
+    even: float = 1e-3
+    gap: float = 1.5
+    gap_jitter: float = 2.0
+    gap_bridged: float = 0.5
+    gap_most: float = 0.25
+    gap_whole: float = 0.125
+    gap_kept: float = 4.0
+    repeats_longest: int = 5
+    repeats_steps: float = 4.0
+    encoder_exact: float = 0.02
+    encoder_all: float = 0.95
+    encoder_coarse: float = 0.25
+    derivative_unexplained: float = 0.2
+    derivative_scale: float = 0.8
+    derivative_visible: float = 4.0
+    positions_odd: float = 0.01
+    command_followed: float = 0.5
+    command_late: float = 0.5
+    command_degrees: tuple[float, float] = (30.0, 120.0)
+    command_still: float = 1e-3
+    rows_lacking: float = 0.2
+    runs_alike: float = 0.9
+    rate_far: float = 2.5
+    rate_slower: float = 2.0
+    rate_other: float = 0.1
+    locked_play: float = 0.01
+    locked_share: float = 0.5
+    copy_agrees: float = 1e-4
+    copy_chance: float = 0.01
+    copy_share: float = 0.9
+    spike_steps: float = 1.5
+    spike_around: float = 4.0
+    spike_tail: float = 3.0
+    spike_ends: float = 1.0
+    spike_widest: int = 3
+    quaternion_norm: float = 0.01
+    reading_better: float = 0.5
+    gyro_trusted: float = 10.0
+    cutoff_lowest: float = 5.0
+    cutoff_least: float = 2.5
+    cutoff_wide: float = 10.0
+    cutoff_narrow: float = 5.0
+    cutoff_highest: float = 0.2
+    noise_share: float = 0.01
+    noise_still: float = 0.1
+    noise_above: tuple[float, float] = (2.0, 8.0)
+    motion_seen: float = 40.0
+    coarse_longest: float = 0.02
+    window_half: float = 0.5
+    noise_negligible: float = 1e-3
+    noise_resolved: float = 0.3
+    dwell: float = 0.2
+    dwell_creep: float = 0.32
+    creep: float = 0.02
+    dwell_band: float = 3.0
+    reversal_blur: float = 0.25
+    echo_nothing: float = 0.01
+    echo_explained: float = 1.03
+    loops_open: float = 0.02
+    again_near: float = 0.05
+    again_far: float = 0.2
+    again_overlap: float = 0.05
+    again_covered: float = 0.9
+    noise_shared: float = 0.3
+    noise_louder: float = 1.5
+    instrument_followed: float = 0.3
+    instrument_late: float = 0.2
+    series_explained: float = 1.15
+    smooth_highest: float = 0.15
+    thrown: float = 30.0
+
+
+RULES = Rules()

@@ -1,0 +1,84 @@
+"""Every number by which something is decided stands in its room's table, and is printed."""
+
+import ast
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import identifiability
+from identifiability.foundation.rules import BASES
+
+PACKAGE = Path(identifiability.__file__).parent
+TABLES = sorted(PACKAGE.rglob("rules.py"))
+ROOMS = [p.parent.relative_to(PACKAGE).as_posix() for p in TABLES if p.parent.name != "foundation"]
+
+#: Numbers of a comparison that decide nothing by their size: bounds of shares, halves, doublings.
+PLAIN = {0.0, 0.5, 1.0, 2.0}
+
+#: Where a decimal at the head of a file is no rule, and why.
+ELSEWHERE = {
+    "report/": "how a page is drawn",
+    "cli/": "seconds between lines of progress",
+    "foundation/engines/": "seconds that processes wait for each other",
+    "foundation/linalg.py": "tolerances that the whole package shares",
+    "foundation/numbers.py": "the level of every interval, and its quantiles",
+}
+
+
+#: Rooms whose numbers all stand in their tables.
+DONE = ("logs/",)
+
+
+def table(room):
+    return import_module(f"identifiability.{room.replace('/', '.')}.rules").RULES
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_every_number_of_a_table_has_a_basis_and_a_meaning(room):
+    rules = table(room)
+    told = {r.name: r for r in rules.rows()}
+    assert list(told) == list(rules.__dataclass_fields__)
+    assert all(r.value == getattr(rules, r.name) for r in told.values())
+    assert all(r.basis in BASES or (PACKAGE.parent / r.basis).is_file() for r in told.values())
+    assert [r for r in told.values() if len(r.meaning) < 8] == []
+
+
+def test_there_are_not_many():
+    assert sum(len(table(room).rows()) for room in ROOMS) <= 200
+
+
+def decimals(node):
+    return [
+        n.value
+        for n in ast.walk(node)
+        if isinstance(n, ast.Constant) and isinstance(n.value, float)
+    ]
+
+
+def loose(path):
+    """Yield decimals that decide, or may: compared with, or constants at the head of a file."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Compare):
+            odd = [x for x in decimals(node) if x not in PLAIN and x > 1e-200]
+            if odd:
+                yield f"{path.name}:{node.lineno} compares with {odd}"
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and decimals(node.value):
+            value = node.value
+            if isinstance(value, ast.Call | ast.Dict | ast.ListComp | ast.DictComp):
+                continue  # a table of data, such as units, or what is computed
+            yield f"{path.name}:{node.lineno} {ast.unparse(node)}"
+
+
+def test_no_number_decides_outside_the_tables():
+    found = [
+        line
+        for path in sorted(PACKAGE.rglob("*.py"))
+        if path.name != "rules.py"
+        for where in [path.relative_to(PACKAGE).as_posix()]
+        if where.startswith(DONE) and not where.startswith(tuple(ELSEWHERE))
+        for line in loose(path)
+    ]
+    assert found == []
