@@ -24,7 +24,7 @@ from identifiability.foundation.numbers import REACH, holm
 from identifiability.foundation.output import write_json
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.gather import gather_information
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Submodel
 from identifiability.report import Check, Picture, Prose, Section, frame_table, write_page
 from identifiability.report.calibration_report import draw_coverage, draw_wrong
 from identifiability.robot import Robot
@@ -81,33 +81,36 @@ def measure_paper(
 ) -> dict[str, tuple[Cell, ...]]:
     """Return the cells of every model under multiples of the paper's noise."""
     clean = analyze(robot, simulate_log(robot, 0.0, np.random.default_rng(0)), replicates=0)
-    rungs = [m.rung for m in clean.models]
+    submodels = [m.submodel for m in clean.models]
     truth = [
-        np.linalg.lstsq(r.M, clean.structure.nominal_base - r.held, rcond=None)[0] for r in rungs
+        np.linalg.lstsq(r.M, clean.structure.nominal_base - r.held, rcond=None)[0]
+        for r in submodels
     ]
-    cells: dict[str, list[Cell]] = {r.name: [] for r in rungs}
+    cells: dict[str, list[Cell]] = {r.name: [] for r in submodels}
     for i, (level, stream) in enumerate(
         zip(LEVELS, np.random.default_rng(seed).spawn(len(LEVELS)), strict=True)
     ):
-        found: list[list[Outcome]] = [[] for _ in rungs]
+        found: list[list[Outcome]] = [[] for _ in submodels]
         for k, rng in enumerate(stream.spawn(trials)):
             say(f"paper's noise × {level:g}", (i + k / trials) / len(LEVELS))
-            for at, outcome in enumerate(judge_log(clean, rungs, level, rng)):
+            for at, outcome in enumerate(judge_log(clean, submodels, level, rng)):
                 found[at].append(outcome)
-        for rung, outcomes, true in zip(rungs, found, truth, strict=True):
-            cells[rung.name].append(count_outcomes(outcomes, rung.columns, true, level, 0.0))
+        for submodel, outcomes, true in zip(submodels, found, truth, strict=True):
+            cells[submodel.name].append(
+                count_outcomes(outcomes, submodel.columns, true, level, 0.0)
+            )
     return {name: tuple(c) for name, c in cells.items()}
 
 
 def judge_log(
-    clean: Analysis, rungs: Sequence[Rung], level: float, rng: np.random.Generator
+    clean: Analysis, submodels: Sequence[Submodel], level: float, rng: np.random.Generator
 ) -> list[Outcome]:
     """Return a new log of the robot, fitted and judged by every model."""
     samples = prepare_samples(clean.robot, simulate_log(clean.robot, level, rng))
     regression = clean.structure.regression([samples])
     information = gather_information(regression)
-    experiments = [Experiment.of(regression, rung) for rung in rungs]
-    return [e.judge(e.rung.reduce(information), e.tau, rng) for e in experiments]
+    experiments = [Experiment.of(regression, submodel) for submodel in submodels]
+    return [e.judge(e.submodel.reduce(information), e.tau, rng) for e in experiments]
 
 
 #: Noises of six kinds, of the size of the residual: memory (ρ to the next sample), resonance on
@@ -156,7 +159,7 @@ def measure_noises(trials: int, seed: int) -> pd.DataFrame:
             motion = shipped_trajectory(robot, "601")
         log = simulate(robot, PrescribedMotion.of(motion), noise=Noise(torque=0.05), rng=rng)
         found = analyze(robot, log, replicates=0)
-        e = Experiment.of(found.regression, found.full.rung)
+        e = Experiment.of(found.regression, found.full.submodel)
         truth = found.full.estimate.value
         size = np.sqrt(np.mean((e.tau - e.W @ truth) ** 2, axis=0))
         for kind, stream in zip(NOISES, rng.spawn(len(NOISES)), strict=True):

@@ -101,9 +101,9 @@ class Subject:
         self.analysis = analyze(robot, log, replicates=0, seed=seed)
         self.full = self.analysis.full
         regression = self.analysis.structure.regression(self.analysis.samples)
-        self.experiment = Experiment.of(regression, self.full.rung)
-        stated = self.analysis.structure.nominal_base - self.full.rung.held
-        self.truth = np.linalg.lstsq(self.full.rung.M, stated, rcond=None)[0]
+        self.experiment = Experiment.of(regression, self.full.submodel)
+        stated = self.analysis.structure.nominal_base - self.full.submodel.held
+        self.truth = np.linalg.lstsq(self.full.submodel.M, stated, rcond=None)[0]
         self.sd = np.sqrt(self.full.estimate.variance)
         self.base = np.concatenate([W for _, _, W, _ in regression.chunks()])
         self.names = tuple(p.name for p in regression.parameters)
@@ -116,17 +116,17 @@ class Subject:
         return self.base @ self._base_truth() + noise.simulate([(0, len(self.base))], rng)
 
     def _base_truth(self) -> Array:
-        return self.full.rung.held + self.full.rung.M @ self.truth
+        return self.full.submodel.held + self.full.submodel.M @ self.truth
 
     def try_log(self, tau: Array, rng: np.random.Generator) -> Trial:
         """Return what one log gives by every road."""
         e = self.experiment
         whole = Information.of_rows(self.names, self.base, tau, e.log, e.block)
         model = FittedModel.of(
-            self.analysis.structure, self.full.rung, whole, find_estimator("wls")
+            self.analysis.structure, self.full.submodel, whole, find_estimator("wls")
         )
         part, fit = model.information, model.estimate
-        left = tau - self.base @ self.full.rung.expand(fit.value)
+        left = tau - self.base @ self.full.submodel.expand(fit.value)
         spread = assess_uncertainty(part, fit, left, e.log, rng, 200)
         held = {"robust interval": np.abs(fit.value - self.truth) <= REACH * spread.robust}
         before, sd = self._before(part, tau)
@@ -144,10 +144,10 @@ class Subject:
         """Return values by weights 1/σ², and deviations tempered by one mean time."""
         plain = find_estimator("ols").fit(part)
         W = self.experiment.W
-        left = tau - self.base @ self.full.rung.held - W @ plain.value
+        left = tau - self.base @ self.full.submodel.held - W @ plain.value
         weights = 1.0 / np.mean(left**2, axis=0)
         value = refit(part, weights, np.ones((1, len(part.counts))))[0]
-        left = tau - self.base @ self.full.rung.held - W @ value
+        left = tau - self.base @ self.full.submodel.held - W @ value
         G = np.einsum("tnk,n,tnl->kl", W, weights, W)
         scale = float(weights @ (left**2).sum(0)) / (part.rows - part.size)
         time = float(autocorrelation_time(left).mean())
@@ -188,7 +188,7 @@ def measure(
                     pooled_error=float(by_log.std(ddof=1) / np.sqrt(len(held))),
                     worst=float(share[at]),
                     worst_error=float(np.sqrt(share[at] * (1 - share[at]) / each[at])),
-                    worst_name=subject.full.rung.columns[at], stated=float(stated.mean()),
+                    worst_name=subject.full.submodel.columns[at], stated=float(stated.mean()),
                     seldom=(int((held & stated)[:, ~often].sum()), int(each[~often].sum())),
                     all_pooled=float(held.mean()), all_worst=float(held.mean(0).min()),
                     error_ratio=ratio,

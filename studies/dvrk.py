@@ -25,7 +25,7 @@ import pandas as pd
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.output import write_json
 from identifiability.logs import Log
-from identifiability.regression.reduction import LadderEntry, RungEntry, ladder_path, read_ladder
+from identifiability.regression.reduction import LadderEntry, ModelEntry, ladder_path, read_ladder
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import BaseParameters, find_base_parameters
 from identifiability.report import (
@@ -173,8 +173,10 @@ def identify(name: str, seeds: int, say: Say) -> Identified:
         say(f"identifying {name}", seed / seeds)
         fitted, unseen = simulate_logs(name, seed)
         result = analyze(campaign(name).robot, fitted, validate=unseen, seed=seed)
-        frame, rung = result.to_frame(), result.models[0].rung
-        truth = np.linalg.lstsq(rung.M, result.structure.nominal_base - rung.held, rcond=None)[0]
+        frame, submodel = result.to_frame(), result.models[0].submodel
+        truth = np.linalg.lstsq(
+            submodel.M, result.structure.nominal_base - submodel.held, rcond=None
+        )[0]
         low, high = np.array(frame["interval95"].tolist()).T
         names = tuple(frame["name"])
         error = float(result.ladder_frame()["error_ra_validation"].iloc[0])
@@ -222,7 +224,7 @@ def learn_cable(seeds: int, diagnosed: int, say: Say) -> Cable:
 
 
 def _single(effects: Sequence[str]) -> LadderEntry:
-    return LadderEntry(models=[RungEntry(name="model", effects=[*effects])])
+    return LadderEntry(models=[ModelEntry(name="model", effects=[*effects])])
 
 
 def _platform_error(result: Analysis) -> float:

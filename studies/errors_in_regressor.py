@@ -36,8 +36,8 @@ from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import (
     LadderEntry,
-    Rung,
-    RungEntry,
+    ModelEntry,
+    Submodel,
     build_comparison,
     find_ladder,
     ladder_model,
@@ -67,7 +67,7 @@ MODEL = "Model 4"
 ADDITIVE, LEVELS = ("RRP", "RRRR", "3-rrr"), (0.01, 0.03)
 WHOLE = LadderEntry(
     models=[
-        RungEntry(
+        ModelEntry(
             name=MODEL,
             effects=["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"],
         )
@@ -83,14 +83,14 @@ class Subject:
     ----------
     structure : Structure
     exact : Log
-    rung : Rung
+    submodel : Submodel
     truth : (k,)
         Values of the model without noise.
     """
 
     structure: Structure
     exact: Log
-    rung: Rung
+    submodel: Submodel
     truth: Array
 
     @staticmethod
@@ -100,12 +100,12 @@ class Subject:
         """Return a robot that repeats a trajectory, and its own ladder's model or another."""
         entry = entry or find_ladder(robot, None, beside=True).entry
         structure = Structure.of(robot, ladder_model(entry), np.random.default_rng(0))
-        rung = next(r for r in build_comparison(entry, structure) if r.name == MODEL)
+        submodel = next(r for r in build_comparison(entry, structure) if r.name == MODEL)
         once = simulate(robot, PrescribedMotion.of(wave, 750))
         exact = repeat_log(once, periods)
         regression = structure.regression([prepare_samples(robot, exact)])
-        information = rung.reduce(gather_information(regression))
-        return Subject(structure, exact, rung, estimate(information).value)
+        information = submodel.reduce(gather_information(regression))
+        return Subject(structure, exact, submodel, estimate(information).value)
 
 
 def make_subject(name: str, trajectory: str, periods: int, folder: Path) -> Subject:
@@ -139,17 +139,17 @@ def fit_log(
     subject: Subject, log: Log, rng: np.random.Generator
 ) -> Iterator[tuple[Kind, Array, Array, int]]:
     """Yield kind, values, robust σ and weak directions of the model fitted to a log."""
-    structure, rung = subject.structure, subject.rung
+    structure, submodel = subject.structure, subject.submodel
     samples = prepare_samples(structure.robot, log)
     samples = add_instrument(structure.robot, log, samples) or samples
     regression = structure.regression([samples])
     whole = gather_information(regression)
-    information = rung.reduce(whole)
+    information = submodel.reduce(whole)
     chunks = list(regression.chunks())
     kinds: tuple[Kind, ...] = ("ls", "iv")
     for kind in kinds:
         fit = choose_estimator("wls", kind, instruments=kind == "iv").fit(information)
-        base = rung.expand(fit.value)
+        base = submodel.expand(fit.value)
         residual = np.concatenate([tau - W @ base for _, _, W, tau in chunks])
         series = np.zeros(len(residual), int)
         spread = assess_uncertainty(information, fit, residual, series, rng, 200)

@@ -33,7 +33,7 @@ from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.physical.cad_prior import is_far, mass_rows
-from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.regression.regression import Model
 from identifiability.report import Check, Section, frame_table, write_page
 from identifiability.robot import Motion, Robot, complete_motion
@@ -53,7 +53,7 @@ Road = Callable[[Motion], "np.ndarray | None"]
 def fit(case: Case) -> Analysis:
     """Fit the whole model to the first log."""
     effects = [*default_effects(case.robot, case.effects)]
-    ladder = LadderEntry(models=[RungEntry(name="whole", effects=effects)])
+    ladder = LadderEntry(models=[ModelEntry(name="whole", effects=effects)])
     return analyze(case.robot, case.fitted, ladder=ladder, replicates=0)
 
 

@@ -15,7 +15,7 @@ from paper_study.result import StudyCheck, StudyResult, StudyTable, check_holds,
 from paper_study.subject import ExactLog, Subject, exact_log, load_subject
 
 from identifiability.foundation.names import Array
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Submodel
 from identifiability.report import Gallery, Picture
 from identifiability.robot import Motion, complete_motion
 
@@ -34,9 +34,9 @@ def split_force(subject: Subject, motion: Motion, value: Array) -> tuple[Array, 
 def fit_without(subject: Subject, log: ExactLog, motion: Motion) -> tuple[Array, bool]:
     """Return Model 1's base parameters without actuator inertia, and whether they are possible."""
     fitted = subject.without_actuators()
-    rung: Rung = fitted.rungs[0]
+    submodel: Submodel = fitted.models[0]
     _, _, fits = fit_models(fitted, [as_samples(TRAJECTORY, motion, log.tau)])
-    return rung.expand(fits[0].value), physically_possible(rung, fits[0].value)
+    return submodel.expand(fits[0].value), physically_possible(submodel, fits[0].value)
 
 
 def find_checks(

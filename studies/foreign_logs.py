@@ -111,9 +111,9 @@ def predict(regression: Regression, result: Analysis) -> np.ndarray:
     """Return what the unpruned model of a result predicts along a motion, (N, n)."""
     full = result.models[-1]
     for model in result.models:
-        if len(model.rung) > len(full.rung):
+        if len(model.submodel) > len(full.submodel):
             full = model
-    values = full.rung.expand(full.estimate.value)
+    values = full.submodel.expand(full.estimate.value)
     return np.concatenate([W @ values for _, _, W, _ in regression.chunks()])
 
 

@@ -27,7 +27,7 @@ from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.gather import gather_information
-from identifiability.regression.reduction import Rung, build_ladder, ladder_model, read_ladder
+from identifiability.regression.reduction import Submodel, build_ladder, ladder_model, read_ladder
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis, analyze
@@ -120,13 +120,13 @@ class Fit:
 
     Attributes
     ----------
-    rungs : tuple of Rung
+    models : tuple of Submodel
     held_out : Prediction
     determined : tuple of bool
         Whether the run determines every parameter of a model.
     """
 
-    rungs: tuple[Rung, ...]
+    models: tuple[Submodel, ...]
     held_out: Prediction
     determined: tuple[bool, ...]
 
@@ -159,16 +159,16 @@ def fit(
     fitted, *others = (prepare_samples(robot, log, how) for log in logs)
     entry = read_ladder(LADDER)
     structure = Structure.of(robot, ladder_model(entry))
-    rungs = build_ladder(entry, structure)
+    submodels = build_ladder(entry, structure)
     information = gather_information(structure.regression([fitted]))
     if weigh:
         base = find_estimator(method)
         information, _ = weigh_rows(robot.joints, [fitted], information, base)
     estimator = settle_noise(find_estimator(method), information)
-    found = [estimator.fit(rung.reduce(information)) for rung in rungs]
-    values = np.stack([r.expand(e.value) for r, e in zip(rungs, found, strict=True)], 1)
+    found = [estimator.fit(submodel.reduce(information)) for submodel in submodels]
+    values = np.stack([r.expand(e.value) for r, e in zip(submodels, found, strict=True)], 1)
     held_out = predict(structure.regression(others), values)
-    return Fit(rungs, held_out, tuple(bool(e.determined.all()) for e in found))
+    return Fit(submodels, held_out, tuple(bool(e.determined.all()) for e in found))
 
 
 def others_than(train: int) -> list[int]:
@@ -198,14 +198,14 @@ def held_out_errors(prediction: Prediction, log: int, model: int) -> dict[str, f
 def table_rows(fit: Fit, train: int, **labels: str) -> Iterator[dict[str, Any]]:
     """Yield one row a held-out run and model."""
     for log, run in enumerate(others_than(train)):
-        for k, rung in enumerate(fit.rungs):
+        for k, submodel in enumerate(fit.models):
             yield {
                 "train": train,
                 "validate": run,
-                "model": rung.name,
-                "parameters": len(rung),
+                "model": submodel.name,
+                "parameters": len(submodel),
                 **labels,
-                "known": KNOWN.get((rung.name, train, run)),
+                "known": KNOWN.get((submodel.name, train, run)),
                 **held_out_errors(fit.held_out, log, k),
             }
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identifiability.estimation.decide import body_scatter, decide_rung
+from identifiability.estimation.decide import body_scatter, decide_submodel
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.numbers import REACH, Share, clustered_share, exact_share
 from identifiability.logs import Log
@@ -25,7 +25,7 @@ from identifiability.simulation import (
     shipped_trajectory,
 )
 from identifiability.workflows.analyze import Analysis, analyze
-from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.analyze.assessment import ModelResult
 from identifiability.workflows.prune import prune
 
 #: A parameter is wrong if it is off by more than this share of its true value.
@@ -175,12 +175,12 @@ class Laboratory:
         """Return what a model says, beside what is true."""
         model, structure = analysis.models[which], analysis.structure
         at = [self.structure.columns.index(c) for c in structure.columns]
-        beta = structure.G @ theta[at] - model.rung.held
-        label = np.linalg.pinv(model.rung.M) @ beta
+        beta = structure.G @ theta[at] - model.submodel.held
+        label = np.linalg.pinv(model.submodel.M) @ beta
         kept = list(model.estimate.kept)
         clean = gather_information(structure.regression(analysis.validation))
         R = clean.factor(model.estimate.weights)[:, :-1]
-        pseudo = np.linalg.lstsq(R @ model.rung.M[:, kept], R @ beta, rcond=None)[0]
+        pseudo = np.linalg.lstsq(R @ model.submodel.M[:, kept], R @ beta, rcond=None)[0]
         verdicts = [model.verdicts[k] for k in kept]
         value = np.array([v.value for v in verdicts])
         robust = np.array([v.sigma_robust for v in verdicts])
@@ -197,11 +197,11 @@ class Laboratory:
         )
 
 
-def judge_before(analysis: Analysis, model: RungResult) -> np.ndarray:
+def judge_before(analysis: Analysis, model: ModelResult) -> np.ndarray:
     """Return what would be identifiable if nothing were known of what is left out, (k,)."""
-    part, blank = model.rung.reduce(analysis.information), ("",) * len(model.rung)
-    verdicts = decide_rung(
-        model.rung, part, model.estimate, model.uncertainty, 1.0, blank, analysis.thresholds
+    part, blank = model.submodel.reduce(analysis.information), ("",) * len(model.submodel)
+    verdicts = decide_submodel(
+        model.submodel, part, model.estimate, model.uncertainty, 1.0, blank, analysis.thresholds
     )
     return np.array([v.verdict is Class.IDENTIFIABLE for v in verdicts])
 

@@ -32,8 +32,8 @@ PERIOD, HARMONICS, SECONDS, TORQUE, STEP = 10.0, 5, 40.0, 0.03, 1e-5
 
 def judge(found: Analysis) -> dict[str, int]:
     """Return how many values are called identifiable, and how many of these are wrong."""
-    rung = found.chosen.rung
-    truth = np.linalg.lstsq(rung.M, found.structure.nominal_base - rung.held, rcond=None)[0]
+    submodel = found.chosen.submodel
+    truth = np.linalg.lstsq(submodel.M, found.structure.nominal_base - submodel.held, rcond=None)[0]
     called, outside = 0, 0
     for verdict, true in zip(found.chosen.verdicts, truth, strict=True):
         if verdict.verdict is Class.IDENTIFIABLE:

@@ -102,8 +102,8 @@ def analyse(seed: int, samples: int | None = None) -> Analysis:
 def sign_target(analysis: Analysis) -> tuple[Target, Array]:
     """Return the posterior of Model 1 with signs and a flat prior, and a point inside."""
     full = analysis.full
-    target, start = build_target(full, full.rung.reduce(analysis.information))
-    flat = Prior.flat(len(full.rung))
+    target, start = build_target(full, full.submodel.reduce(analysis.information))
+    flat = Prior.flat(len(full.submodel))
     return Target(target.data, flat, target.region, target.iact), start
 
 
@@ -111,7 +111,7 @@ def full_model(analysis: Analysis) -> FittedModel:
     """Return the unpruned model as it was fitted."""
     full = analysis.full
     return FittedModel.of(
-        analysis.structure, full.rung, analysis.information, full.estimate.estimator
+        analysis.structure, full.submodel, analysis.information, full.estimate.estimator
     )
 
 
@@ -245,7 +245,7 @@ def measure_whole(name: str, seed: int) -> dict[str, str | float]:
         begin = time.process_time()
         found = analyze(robot, logs[:2], logs[2], posterior=posterior, seed=seed, engine=Serial())
         row[key] = time.process_time() - begin
-    row["parameters"] = len(found.chosen.rung)
+    row["parameters"] = len(found.chosen.submodel)
     row["posterior / rest"] = float(row["with [s]"]) / float(row["without [s]"]) - 1
     return row
 

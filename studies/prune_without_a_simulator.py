@@ -91,7 +91,7 @@ def judge(robot: Robot, out: Ladder) -> dict[str, Any]:
     fit = estimate(model_4.reduce(out.information))
     chosen = out.chosen
     held = Regression(robot, Model.of(*out.effects), out.validation, out.base.kept)
-    values = [model_4.expand(fit.value), chosen.rung.expand(chosen.estimate.value)]
+    values = [model_4.expand(fit.value), chosen.submodel.expand(chosen.estimate.value)]
     prediction = predict(held, np.stack(values, 1))
     error, spread = prediction.relative_error(), prediction.standard_error(0)
     plain = eliminate_plainly(out.information)

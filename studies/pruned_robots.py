@@ -82,8 +82,8 @@ def look_at_choice(folder: Path, kind: str, seed: int, seconds: int, off: float)
     robot, _, (frame, other) = draw(kind, seed, seconds, off, folder)
     log, clean = Log.from_frame(frame, "log"), Log.from_frame(other, "other")
     found = prune(robot, log, clean, replicates=0)
-    errors = np.array([r.error_joints_validation for r in found.rungs])
-    first, best = errors[0], int(np.argmax([r.density for r in found.rungs]))
+    errors = np.array([r.error_joints_validation for r in found.models])
+    first, best = errors[0], int(np.argmax([r.density for r in found.models]))
     return {
         "robot": kind, "seconds": seconds, "chosen": errors[found.selected] / first,
         "best density": errors[best] / first, "oracle": errors.min() / first,
@@ -95,8 +95,8 @@ def look_at_labels(folder: Path, kind: str, seed: int, seconds: int, off: float)
     """Return how many labels are held, and called, by each interval."""
     robot, beta, (frame, _) = draw(kind, seed, seconds, off, folder)
     found = prune(robot, Log.from_frame(frame, "log"), replicates=60)
-    rung = found.chosen.rung
-    truth = np.linalg.pinv(rung.M) @ (beta - rung.held)
+    submodel = found.chosen.submodel
+    truth = np.linalg.pinv(submodel.M) @ (beta - submodel.held)
     own = found.chosen.estimate.value
     row: dict[str, Any] = {"robot": kind, "off": off, "seconds": seconds, "labels": len(truth)}
     pairs = list(zip(found.verdicts, truth, own, strict=True))

@@ -94,7 +94,7 @@ def state(robot: Robot, fitted: list[Log], other: Log) -> str:
     free, real = 100 * seen.error_ra_validation, 100 * seen.error_ra_physical
     mass = total_mass(robot, used.physical.parameters())
     return (
-        f"{used.name}, {len(used.rung)} parameters: estimated {free:.2f} %, nearest real robot "
+        f"{used.name}, {len(used.submodel)} parameters: estimated {free:.2f} %, nearest real robot "
         f"{real:.2f} % (prior {used.physical.cad_weight:g}, {mass:.4g} kg of "
         f"{total_mass(robot, robot.nominal):.4g}), recommended "
         f"{real if used.physical_used else free:.2f} %; expected "

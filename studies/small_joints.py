@@ -90,7 +90,9 @@ def try_offset(robot: Robot, offset: float, rng: np.random.Generator) -> Trial:
     last = robot.joints[-1]
     names = set(ladder.chosen.columns)
     kept = {f"{last}.Fc+", f"{last}.Fc-"} <= names or f"{last}.offset" in names
-    values = np.stack([r.rung.expand(r.estimate.value) for r in (ladder.full, ladder.chosen)], 1)
+    values = np.stack(
+        [r.submodel.expand(r.estimate.value) for r in (ladder.full, ladder.chosen)], 1
+    )
     regression = ladder.structure.regression(ladder.validation)
     chunks = [c for part in regression.parts() for c in part.chunks()]
     W, tau, raw = (np.concatenate([getattr(c, k) for c in chunks]) for k in ("W", "tau", "raw"))

@@ -26,7 +26,7 @@ from paper_study.result import (
 from paper_study.subject import TRAJECTORIES, Subject, exact_log, load_subject
 
 from identifiability.foundation.rounding import format_number
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import BaseParameters, find_base_parameters
 from identifiability.report import Check
@@ -76,9 +76,11 @@ def compare_rows(base: BaseParameters, rows: list[dict[str, Any]]) -> pd.DataFra
     return pd.DataFrame(out)
 
 
-def rows_used(subject: Subject, rung: Rung, rows: list[dict[str, Any]]) -> tuple[int, ...]:
+def rows_used(subject: Subject, submodel: Submodel, rows: list[dict[str, Any]]) -> tuple[int, ...]:
     """Return the rows of Table 1 that a model has, tied ones included."""
-    used = {subject.base.parameters[k].term for k in subject.base.kept[np.abs(rung.M).sum(1) > 0]}
+    used = {
+        subject.base.parameters[k].term for k in subject.base.kept[np.abs(submodel.M).sum(1) > 0]
+    }
     return tuple(r["row"] for r in rows if used & {t for t, c in r["terms"].items() if c == 1})
 
 
@@ -106,16 +108,18 @@ def structure_checks(
         check_equal("groupings with every printed coefficient", f"{right} of 25", "25 of 25"),
         check_equal("coefficients of Table 1", sorted(found), sorted(coefficients)),
         check_equal("point-mass columns m(2), m(3), my(3) are eliminated", sorted(lost), []),
-        check_equal("sizes of Models 1 to 4", [len(r) for r in subject.rungs], [37, 24, 18, 12]),
+        check_equal("sizes of Models 1 to 4", [len(r) for r in subject.models], [37, 24, 18, 12]),
     ]
-    for k, rung in enumerate(subject.rungs):
+    for k, submodel in enumerate(subject.models):
         # Model 3 adds the columns of equal legs: rows 15, 16, 19, 21, 22, 25 stay, tied.
         model = 2 if k == 2 else k + 1
         wanted = tuple(r["row"] for r in rows if model in r["models"])
         out.append(
-            check_equal(f"rows of Table 1 in {rung.name}", rows_used(subject, rung, rows), wanted)
+            check_equal(
+                f"rows of Table 1 in {submodel.name}", rows_used(subject, submodel, rows), wanted
+            )
         )
-    single = [c for c in subject.rungs[2].columns if not c.startswith("slider")]
+    single = [c for c in subject.models[2].columns if not c.startswith("slider")]
     out.append(check_equal("rigid-body parameters of Model 3", len(single), 9))
     return out
 
@@ -138,7 +142,7 @@ def cad_checks(subject: Subject) -> list[StudyCheck]:
 
 def recovery_checks(subject: Subject, robot: str) -> list[StudyCheck]:
     """Fit exact data: Models 1 to 3 must find the exact parameters, Model 4 is a truncation."""
-    worst = np.zeros((len(TRAJECTORIES), len(subject.rungs)))
+    worst = np.zeros((len(TRAJECTORIES), len(subject.models)))
     for k, name in enumerate(TRAJECTORIES):
         log = exact_log(robot, name, 750)
         motion = complete_motion(subject.robot, log.t, log.q, log.dq, log.ddq)
@@ -150,7 +154,7 @@ def recovery_checks(subject: Subject, robot: str) -> list[StudyCheck]:
         worst[k, 3] = np.abs(fits[3].value / exact - 1).max()
     out = [
         check_range(
-            f"{subject.rungs[m].name} recovers exact parameters from exact data "
+            f"{subject.models[m].name} recovers exact parameters from exact data "
             "(worst error, share of the largest)",
             worst[:, m],
             0,

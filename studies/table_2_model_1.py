@@ -36,13 +36,13 @@ OTHER = "the scatter depends on trajectory and number of samples, which are not 
 def collect(subject: Subject, trials: list[Trial]) -> dict[str, np.ndarray]:
     """Return estimates of Model 1 by name, (trials,)."""
     values = np.array([t.values[0] for t in trials])
-    return dict(zip(subject.rungs[0].columns, values.T, strict=True))
+    return dict(zip(subject.models[0].columns, values.T, strict=True))
 
 
 def percents(subject: Subject, trials: list[Trial]) -> dict[str, np.ndarray]:
     """Return σ% of Model 1 by name, (trials,)."""
     values = np.array([t.sigma_percent[0] for t in trials])
-    return dict(zip(subject.rungs[0].columns, values.T, strict=True))
+    return dict(zip(subject.models[0].columns, values.T, strict=True))
 
 
 def compare_rows(
@@ -50,7 +50,7 @@ def compare_rows(
 ) -> tuple[pd.DataFrame, list[StudyCheck]]:
     """Return Table 2 with ours beside it, and a check for every printed estimate."""
     value, sigma = collect(subject, trials), percents(subject, trials)
-    exact = dict(zip(subject.rungs[0].columns, subject.exact[0], strict=True))
+    exact = dict(zip(subject.models[0].columns, subject.exact[0], strict=True))
     out, checks = [], []
     for row in rows:
         x, s = value[row["name"]], sigma[row["name"]]

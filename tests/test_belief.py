@@ -38,13 +38,15 @@ def believe(analysis, result, effort=None, robot=None):
 
 def fitted(analysis, result, robot=None):
     structure = replace(analysis.structure, robot=robot or analysis.robot)
-    return FittedModel.of(structure, result.rung, analysis.information, result.estimate.estimator)
+    return FittedModel.of(
+        structure, result.submodel, analysis.information, result.estimate.estimator
+    )
 
 
 def truth_of(analysis, result):
     """Values of a model's parameters in the robot that was simulated."""
-    rest = analysis.structure.nominal_base - result.rung.held
-    return np.linalg.lstsq(result.rung.M, rest, rcond=None)[0]
+    rest = analysis.structure.nominal_base - result.submodel.held
+    return np.linalg.lstsq(result.submodel.M, rest, rcond=None)[0]
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +85,7 @@ def test_all_draws_belong_to_a_real_robot(analysis):
         Target(data, prior, region), start, np.random.default_rng(0), draws=10, walkers=4, warmup=5
     ).flat()
     assert region.contains(draws).all()
-    to_x = np.linalg.pinv(chosen.rung.M) @ structure.G
+    to_x = np.linalg.pinv(chosen.submodel.M) @ structure.G
     for x in analysis.belief.physical.draws[:5]:
         assert certify(to_x, x, region).feasible
 
@@ -190,7 +192,7 @@ def test_what_the_data_leave_open_is_determined_by_bodies_or_is_the_prior(analys
 
 
 def test_friction_of_the_unpruned_model_is_never_below_zero(analysis, unpruned):
-    held = analysis.full.rung.nonnegative
+    held = analysis.full.submodel.nonnegative
     for summary in (unpruned.signs, unpruned.physical):
         assert (summary.draws[:, held] >= -1e-9).all()
     assert (unpruned.signs.at_edge[~held] == 0).all()
@@ -226,7 +228,7 @@ def test_the_nearest_real_robot_is_never_farther_from_the_truth(analysis):
     On other motion its error may be larger by as little as the choice of the prior cannot tell.
     """
     for m in analysis.models:
-        R = m.rung.reduce(analysis.information).factor(m.estimate.weights)[:, :-1]
+        R = m.submodel.reduce(analysis.information).factor(m.estimate.weights)[:, :-1]
         off, near = (
             np.linalg.norm(R @ (x - truth_of(analysis, m)))
             for x in (m.estimate.value, m.physical.value)

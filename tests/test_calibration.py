@@ -48,12 +48,12 @@ def red(analysis):
 def test_a_repetition_is_asked_what_is_left_out_as_the_logs_are(analysis):
     result = next(m for m in analysis.models if m.name == "Model 4")
     experiment = replace(
-        Experiment.of(analysis.regression, result.rung),
+        Experiment.of(analysis.regression, result.submodel),
         method=result.estimate.estimator,
         structure=analysis.structure,
     )
     whole = analysis.information
-    rows = result.rung.reduce(whole)
+    rows = result.submodel.reduce(whole)
     found = experiment.judge(rows, experiment.tau, np.random.default_rng(0), whole)
     np.testing.assert_allclose(found.value, result.estimate.value, rtol=1e-6)
     label = [v.sigma_label for v in result.verdicts]
@@ -87,8 +87,8 @@ def test_an_outcome_without_noise_gives_the_truth_back(analysis):
     regression = Regression(
         analysis.robot, Model.of(*analysis.effects), analysis.samples, analysis.base.kept
     )
-    rung = analysis.models[3].rung
-    experiment = Experiment.of(regression, rung)
+    submodel = analysis.models[3].submodel
+    experiment = Experiment.of(regression, submodel)
     truth = np.arange(1.0, 13.0)
     information, tau = experiment.outcome(truth, np.zeros((750, 3)))
     np.testing.assert_allclose(estimate(information, "ols").value, truth, rtol=1e-9)
@@ -97,10 +97,10 @@ def test_an_outcome_without_noise_gives_the_truth_back(analysis):
 
 
 def test_what_a_model_holds_is_no_part_of_its_noise(analysis):
-    rung = analysis.models[3].rung
-    held = np.linspace(1.0, 2.0, len(rung.held))
+    submodel = analysis.models[3].submodel
+    held = np.linspace(1.0, 2.0, len(submodel.held))
     free, fixed = (
-        Experiment.of(analysis.regression, r) for r in (rung, replace(rung, held=held))
+        Experiment.of(analysis.regression, r) for r in (submodel, replace(submodel, held=held))
     )  # fmt: skip
     W = np.concatenate([columns for _, _, columns, _ in analysis.regression.chunks()])
     np.testing.assert_allclose(free.tau - fixed.tau, W @ held, rtol=1e-9, atol=1e-9)
@@ -156,14 +156,14 @@ def test_the_command_writes_a_report(simulated_session, tmp_path):
 def test_planted_values_rank_uniformly_in_their_posterior(analysis, model, size, replicates):
     result = analysis.models[model] if model else analysis.full
     found = check_ranks(
-        result, result.rung.reduce(analysis.information), np.random.default_rng(0),
+        result, result.submodel.reduce(analysis.information), np.random.default_rng(0),
         replicates=replicates,
     )  # fmt: skip
     assert found.uniform
     assert found.counts.shape == (size, 8)
     assert (found.counts.sum(1) == replicates).all()
     assert stats.kstest(found.p_values, "uniform").pvalue > 1e-3
-    assert found.to_dict()["parameters"][0]["name"] == result.rung.columns[0]
+    assert found.to_dict()["parameters"][0]["name"] == result.submodel.columns[0]
 
 
 def test_a_posterior_that_ranks_badly_is_said_to_be_wrong():
@@ -182,10 +182,10 @@ def test_parameters_that_the_motion_leaves_open_can_be_ranked(analysis):
     blind = replace(fit, determined=determined)
     spread = replace(full.uncertainty, white=np.where(determined, fit.sigma, np.inf))
     result = replace(full, estimate=blind, uncertainty=spread)
-    information = full.rung.reduce(analysis.information)
+    information = full.submodel.reduce(analysis.information)
     target, start = build_target(result, information)
     assert np.isfinite(target.prior.sd).all()
-    assert (start[full.rung.nonnegative] > 0).all()
+    assert (start[full.submodel.nonnegative] > 0).all()
     assert (
         check_ranks(result, information, np.random.default_rng(1), replicates=64).replicates == 64
     )
@@ -251,7 +251,7 @@ def test_shares_of_events_that_come_together_allow_for_it():
 
 def test_noise_is_seen_through_what_the_fit_swallows(analysis):
     """Of ρ = 0.97 the residual of 37 parameters shows 0.75; likelihood beside them shows it."""
-    W = Experiment.of(analysis.regression, analysis.full.rung).W
+    W = Experiment.of(analysis.regression, analysis.full.submodel).W
     rho, naive, seen, sizes = 0.97, [], [], []
     for seed in range(4):
         noise = 50.0 * ar1(np.random.default_rng(seed), rho, len(W), 3)

@@ -9,7 +9,7 @@ from identifiability import analyze
 from identifiability.foundation.numbers import Share
 from identifiability.logs.prepare.plan import noise_size
 from identifiability.physical.pseudo_inertia import margin, natural_scale
-from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.robot import Robot
 from identifiability.simulation import Noise
 from identifiability.workflows.calibrate.calibration import (
@@ -78,8 +78,8 @@ def test_no_where_the_motion_errs_and_instruments_mend_it(log):
 def test_no_where_the_model_leaves_out_what_no_file_states(log):
     """Coulomb friction of the elbow is in the log, not in the model and not in the file."""
     effects = ["rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia"]
-    blind = RungEntry(name="blind", zero=["elbow.Fc+", "elbow.Fc-"])
-    ladder = LadderEntry(models=[RungEntry(name="whole", effects=effects), blind])
+    blind = ModelEntry(name="blind", zero=["elbow.Fc+", "elbow.Fc-"])
+    ladder = LadderEntry(models=[ModelEntry(name="whole", effects=effects), blind])
     robot = Robot.load("two-link")
     silent = replace(robot, nominal={k: v for k, v in robot.nominal.items() if "Fc" not in k})
     analysis = analyze(silent, log(Noise(torque=0.02)), ladder=ladder, replicates=60)
@@ -187,8 +187,8 @@ def test_the_size_of_noise_is_found_constant_or_relative():
 def test_true_robots_are_possible_and_scatter_around_what_file_and_log_say(log):
     effects = ["rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia"]
     ties = {f"{j}.Fc": [f"{j}.Fc+", f"{j}.Fc-"] for j in ("shoulder", "elbow")}
-    rungs = [RungEntry(name="two levels", effects=effects), RungEntry(name="one", tie=ties)]
-    ladder = LadderEntry(models=rungs)
+    submodels = [ModelEntry(name="two levels", effects=effects), ModelEntry(name="one", tie=ties)]
+    ladder = LadderEntry(models=submodels)
     analysis = analyze("two-link", log(Noise(torque=0.02)), ladder=ladder, replicates=60)
     robots = TrueRobots.of(analysis, analysis.chosen)
     structure, rng = analysis.structure, np.random.default_rng(0)
@@ -200,7 +200,7 @@ def test_true_robots_are_possible_and_scatter_around_what_file_and_log_say(log):
     centre = structure.G @ robots.bodies + robots.others
     # A small noise: the log decides, and friction stays as tied as the model ties it.
     np.testing.assert_allclose(
-        np.linalg.pinv(analysis.chosen.rung.M) @ centre,
+        np.linalg.pinv(analysis.chosen.submodel.M) @ centre,
         analysis.chosen.estimate.value,
         atol=2 * analysis.chosen.uncertainty.robust.max(),
     )

@@ -159,8 +159,8 @@ def _judge(positions, cutoff, encoder, seed):
     """Return how many 95 % intervals hold, of how many, and identifiable values, and wrong ones."""
     how = Preparation(cutoff=cutoff)
     found = analyze("two-link", positions(encoder, seed), preparation=how, replicates=60)
-    rung, verdicts = found.chosen.rung, found.chosen.verdicts
-    truth = np.linalg.lstsq(rung.M, found.structure.nominal_base - rung.held, rcond=None)[0]
+    submodel, verdicts = found.chosen.submodel, found.chosen.verdicts
+    truth = np.linalg.lstsq(submodel.M, found.structure.nominal_base - submodel.held, rcond=None)[0]
     off = np.abs(np.array([v.value for v in verdicts]) - truth)
     sigma = np.array([v.sigma_robust for v in verdicts])
     known = np.array([v.verdict.value == "identifiable" for v in verdicts])

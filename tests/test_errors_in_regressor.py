@@ -33,7 +33,7 @@ def fits(simulated_session):
     robot = Robot.load("3-rps")
     source = find_ladder(robot, None, beside=True)
     structure = Structure.of(robot, ladder_model(source.entry))
-    rung = next(r for r in build_comparison(source.entry, structure) if r.name == "Model 4")
+    submodel = next(r for r in build_comparison(source.entry, structure) if r.name == "Model 4")
     once = simulated_session("3-rps", "601", noise=Noise())
     q, dq, ddq, tau = (np.tile(x, (PERIODS, 1)) for x in (once.q, once.dq, once.ddq, once.tau))
     t = once.t[0] + np.median(np.diff(once.t)) * np.arange(len(q))
@@ -41,7 +41,7 @@ def fits(simulated_session):
     def inform(log):
         samples = prepare_samples(robot, log)
         samples = add_instrument(robot, log, samples) or samples
-        return rung.reduce(gather_information(structure.regression([samples])))
+        return submodel.reduce(gather_information(structure.regression([samples])))
 
     truth = estimate(inform(Log("exact", once.joints, t, q, tau, dq, ddq, ""))).value
     found = {"ls": [], "iv": []}
@@ -155,7 +155,7 @@ def test_results_say_what_least_squares_would_have_been(noisy_log, monkeypatch):
 @pytest.mark.everything
 def test_pruning_follows_the_estimator(noisy_log):
     found = prune("3-rps", noisy_log, propose=False, replicates=10)
-    chosen = found.rungs[found.selected]
+    chosen = found.models[found.selected]
     fit = chosen.estimate
     assert fit.correction is not None
     walked = dict(zip(found.start.columns, chosen.step.values[0], strict=True))

@@ -25,7 +25,7 @@ def pruned():
     out = prune(robot, log, replicates=0)
     regression = out.structure.regression(out.samples)
     W = np.concatenate([columns for _, _, columns, _ in regression.chunks()])
-    return out.chosen.rung, W, out.structure
+    return out.chosen.submodel, W, out.structure
 
 
 def draw_bodies(structure, rng):
@@ -52,19 +52,19 @@ def test_drawn_bodies_are_as_far_from_the_file_as_promised(pruned):
 
 
 def test_the_label_is_held_by_its_interval_and_not_by_the_sampling_interval(pruned):
-    rung, W, structure = pruned
-    label_of, log = np.linalg.pinv(rung.M) @ structure.G, np.zeros(len(W), int)
+    submodel, W, structure = pruned
+    label_of, log = np.linalg.pinv(submodel.M) @ structure.G, np.zeros(len(W), int)
     label, sampling, wrong, called = [], [], 0, 0
     for rng in np.random.default_rng(1).spawn(ROBOTS):
         theta = draw_bodies(structure, rng)
         torque = W @ (structure.G @ theta)
         torque *= 1 + NOISE * rng.standard_normal(torque.shape)
         whole = Information.of_rows(structure.base.names, W, torque, log, BLOCK)
-        model = FittedModel.of(structure, rung, whole, find_estimator("wls"))
+        model = FittedModel.of(structure, submodel, whole, find_estimator("wls"))
         fit = model.estimate
-        residual = torque - W @ (rung.M @ fit.value)
+        residual = torque - W @ (submodel.M @ fit.value)
         spread = assess_uncertainty(model.information, fit, residual, log, rng, 50).robust
-        wide = np.hypot(spread, find_left_out(structure, rung, whole, fit).sigma)
+        wide = np.hypot(spread, find_left_out(structure, submodel, whole, fit).sigma)
         truth = label_of @ theta
         off = np.abs(fit.value - truth)
         label.append(off <= REACH * wide)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability import Model, Robot, analyze, find_base_parameters, prune, simulate
-from identifiability.regression.reduction import DEFAULT_EFFECTS, LadderEntry, RungEntry
+from identifiability.regression.reduction import DEFAULT_EFFECTS, LadderEntry, ModelEntry
 from identifiability.regression.structure import random_motion
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory
 from identifiability.workflows.calibrate.calibration import calibrate
@@ -50,16 +50,16 @@ def test_default_analysis_finds_the_motors_values_in_a_log_without_noise(mixed):
     assert [m.name for m in result.models] == ["full model", "no torque offset"]
     symmetric = result.models[1]
     true = {"m6.Fc": 0.8, "shoulder.Fc": 2.0, "elbow.Fc": 0.8, "m6.Fv": 0.3}
-    found = dict(zip(symmetric.rung.columns, symmetric.estimate.value, strict=True))
+    found = dict(zip(symmetric.submodel.columns, symmetric.estimate.value, strict=True))
     for name, value in true.items():
         assert found[name] == pytest.approx(value, rel=1e-8)
 
 
 def test_pruning_makes_levels_equal_that_are_equal(mixed, noisy):
     effects = ["rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia"]
-    asymmetric = LadderEntry(models=[RungEntry(name="two levels", effects=effects)])
+    asymmetric = LadderEntry(models=[ModelEntry(name="two levels", effects=effects)])
     ladder = prune(mixed, noisy, ladder=asymmetric, replicates=2)
-    ties = [c for r in ladder.rungs if r.step.move for c in r.step.move.tie]
+    ties = [c for r in ladder.models if r.step.move for c in r.step.move.tie]
     assert ("shoulder.Fc+", "shoulder.Fc-") in ties
     assert not any("m6" in name for members in ties for name in members)
 

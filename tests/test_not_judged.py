@@ -59,8 +59,8 @@ def test_a_log_with_two_outputs_a_parameter_is_judged_and_right(slow):
         "3-rps", slow("3-rps", "601"), preparation=Preparation(cutoff=4.0), replicates=50
     )
     full = found.full
-    stated = found.structure.nominal_base - full.rung.held
-    truth = np.linalg.lstsq(full.rung.M, stated, rcond=None)[0]
+    stated = found.structure.nominal_base - full.submodel.held
+    truth = np.linalg.lstsq(full.submodel.M, stated, rcond=None)[0]
     held = [
         v.interval95[0] <= true <= v.interval95[1]
         for v, true in zip(full.verdicts, truth, strict=True)
@@ -82,7 +82,7 @@ def test_the_command_prints_the_word_in_its_table(slow, tmp_path):
 
 def test_pruning_calls_nothing_identifiable_that_is_not_judged(slow):
     ladder = prune("two-link", slow("two-link"), preparation=LOW, replicates=4)
-    assert all(r.identifiable == 0 for r in ladder.rungs if r.unjudged)
+    assert all(r.identifiable == 0 for r in ladder.models if r.unjudged)
     assert ladder.full.row()["not_judged"] == ladder.full.count(Class.NOT_JUDGED)
 
 
@@ -103,8 +103,8 @@ def test_nearly_noise_free_logs_are_judged_and_right(size):
     found = analyze(robot, replace(log, dq=None, ddq=None), replicates=20)
     full = found.full
     assert full.unjudged == ""
-    stated = found.structure.nominal_base - full.rung.held
-    truth = np.linalg.lstsq(full.rung.M, stated, rcond=None)[0]
+    stated = found.structure.nominal_base - full.submodel.held
+    truth = np.linalg.lstsq(full.submodel.M, stated, rcond=None)[0]
     known = [
         (v.interval95[0] <= true <= v.interval95[1])
         for v, true in zip(full.verdicts, truth, strict=True)

@@ -106,7 +106,7 @@ def test_a_result_draws_its_own_figures_and_says_which(results):
 
 def test_a_model_named_like_a_tag_does_not_run(results):
     analysis = results["analysis"]
-    chosen = replace(analysis.chosen, rung=replace(analysis.chosen.rung, name=HOSTILE))
+    chosen = replace(analysis.chosen, submodel=replace(analysis.chosen.submodel, name=HOSTILE))
     models = tuple(chosen if m is analysis.chosen else m for m in analysis.models)
     html = replace(analysis, models=models)._repr_html_()
     assert "&lt;script&gt;" in html

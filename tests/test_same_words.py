@@ -101,7 +101,7 @@ def test_an_old_word_is_refused_with_the_new_one(verb, old, new):
 
 
 def test_one_ladder_holds_the_models_of_all_verbs(robot):
-    """What diagnose and excite take by default is the second rung of what analyze judges."""
+    """What diagnose and excite take by default is the second model of what analyze judges."""
     first, second = build_ladder(default_ladder(robot), Structure.of(robot, Model.of(*FULL)))
     assert set(first.columns) == set(Structure.of(robot, Model.of(*FULL)).base.names)
     usual = Structure.of(robot, Model.of(*USUAL)).base

@@ -65,7 +65,7 @@ def prune(
 
 
 def print_pruning(result: Ladder, written: Sequence[Path], typed: Sequence[str] = ()) -> None:
-    """Print the ladder about the rung to use, the statement, and the paths of what was written.
+    """Print the ladder about the model to use, the statement, and the paths of what was written.
 
     Robot and logs are called in the next line as they were `typed`.
     """

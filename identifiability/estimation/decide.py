@@ -27,23 +27,23 @@ from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.numbers import REACH, holm
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
 
 # What a reduced model's numbers stand for, and how far that is from their labels.
 #
 # A parameter that is left out although it is not zero does not vanish: the survivors take it over.
-# With base parameters β, a rung ``β = held + M x`` and its fit ``x = P (β - held)`` of torque
+# With base parameters β, a model ``β = held + M x`` and its fit ``x = P (β - held)`` of torque
 # without noise, P is the pseudo-inverse of M in the distance that the fit minimises, or of its
 # instruments. A label means ``M⁺ (β - held)`` instead; the difference ``D (β - held)``, ``D = P -
 # M⁺``, is no noise, so no interval of the residual holds it. How large it can be is what the robot
 # file knows of bodies, their masses and where these lie to ± `SHARE`, and what the logs say of the
-# parameters that are left out: the residual of the rung holds what they do and no kept parameter
+# parameters that are left out: the residual of the model holds what they do and no kept parameter
 # can take over. Both together are a normal posterior. Friction, rotors and offsets are taken to be
 # as the file says.
 #
 # A file can be further from the robot than that, and the logs can leave out what no file states.
-# The unpruned model knows: where its own interval for a label does not reach that of the rung, σ
+# The unpruned model knows: where its own interval for a label does not reach that of the model, σ
 # grows until it does, and the verdict says so.
 
 
@@ -63,7 +63,7 @@ _DIAGONAL = tuple(INERTIAL.index(k) for k in ("Ixx", "Iyy", "Izz"))
 
 @frozen(kw_only=True)
 class LeftOut:
-    """What the parameters that a rung leaves out do to the k that it keeps.
+    """What the parameters that a model leaves out do to the k that it keeps.
 
     Attributes
     ----------
@@ -109,53 +109,53 @@ def body_scatter(structure: Structure) -> Array:
 
 def find_left_out(
     structure: Structure,
-    rung: Rung,
+    submodel: Submodel,
     information: Information,
     fit: Estimate,
     full: Estimate | None = None,
 ) -> LeftOut:
-    """Return what the left-out parameters do to those that a rung keeps.
+    """Return what the left-out parameters do to those that a model keeps.
 
     Parameters
     ----------
     structure : Structure
-    rung : Rung
+    submodel : Submodel
     information : Information
         About all b base parameters.
     fit : Estimate
-        Of the rung.
+        Of the model.
     full : Estimate, optional
         Of all base parameters, which says what the logs know of those that are left out; by default
         only the file does.
     """
     kept = list(fit.kept)
-    P = fit.estimator.project(information, fit, rung.M[:, kept])
-    difference = P - np.linalg.pinv(rung.M)[kept]
+    P = fit.estimator.project(information, fit, submodel.M[:, kept])
+    difference = P - np.linalg.pinv(submodel.M)[kept]
     difference[np.abs(difference) < ROUNDING * np.abs(P).max(1, initial=0.0, keepdims=True)] = 0.0
-    stated = structure.nominal_base - rung.held
+    stated = structure.nominal_base - submodel.held
     scatter = body_scatter(structure)
     shift, spread = difference @ stated, (difference @ structure.G) * scatter
     if full is not None:
         loss = full.estimator.loss(information, full)
         R = loss[:-1, :-1]
         columns = R @ structure.G * scatter
-        span = np.linalg.qr(R @ rung.M[:, kept])[0]
+        span = np.linalg.qr(R @ submodel.M[:, kept])[0]
         left = np.column_stack([columns, loss[:-1, -1] - R @ structure.nominal_base])
         left -= span @ (span.T @ left)
         density = float(np.max(full.weights * full.variance * full.times))
         mean, root = _learn(left / np.sqrt(density))
         shift, spread = shift + spread @ mean, spread @ root
-    sigma, projected = np.zeros(len(rung)), np.full(len(rung), np.nan)
+    sigma, projected = np.zeros(len(submodel)), np.full(len(submodel), np.nan)
     disputed = projected.copy()
     sigma[kept] = np.hypot(shift, np.linalg.norm(spread, axis=1))
     projected[kept] = P @ stated
     if full is not None:
-        sigma[kept], disputed[kept] = _settle(rung, fit, full, sigma[kept])
-    texts = [""] * len(rung)
+        sigma[kept], disputed[kept] = _settle(submodel, fit, full, sigma[kept])
+    texts = [""] * len(submodel)
     size = np.linalg.norm(structure.G * scatter, axis=1)
     for row, column in enumerate(kept):
         texts[column] = _combination(
-            rung.columns[column], structure.base.names, difference[row], size
+            submodel.columns[column], structure.base.names, difference[row], size
         )
     bodies = structure.inertial.ravel()
     lost = (difference @ structure.G[:, bodies]).any()
@@ -168,22 +168,22 @@ def find_left_out(
     )
 
 
-def _settle(rung: Rung, fit: Estimate, full: Estimate, sigma: Array) -> tuple[Array, Array]:
+def _settle(submodel: Submodel, fit: Estimate, full: Estimate, sigma: Array) -> tuple[Array, Array]:
     """Return σ that reaches what the unpruned model finds, and that, where it had to grow, (k,).
 
     Parameters
     ----------
-    rung : Rung
+    submodel : Submodel
     fit, full : Estimate
-        Of the rung, and of all base parameters.
+        Of the model, and of all base parameters.
     sigma : (k,)
         By file and logs, of the parameters that `fit` determines.
     """
     kept = list(fit.kept)
-    meant = np.linalg.pinv(rung.M)[kept]
+    meant = np.linalg.pinv(submodel.M)[kept]
     meant[np.abs(meant) < ROUNDING * np.abs(meant).max(1, initial=0.0, keepdims=True)] = 0.0
     known = ~(meant[:, ~full.determined] != 0).any(1)
-    value = meant @ (np.where(full.determined, full.value, 0.0) - rung.held)
+    value = meant @ (np.where(full.determined, full.value, 0.0) - submodel.held)
     at = list(full.kept)
     own = np.einsum("ka,ab,kb->k", meant[:, at], full.covariance[np.ix_(at, at)], meant[:, at])
     reach = REACH * np.sqrt(np.maximum(own, 0.0) * float(np.max(full.times)))
@@ -461,8 +461,8 @@ def _compare(kind: Class, paper: bool, percent: float, least: float) -> str:
     )
 
 
-def decide_rung(
-    rung: Rung,
+def decide_submodel(
+    submodel: Submodel,
     information: Information,
     fit: Estimate,
     uncertainty: Uncertainty,
@@ -508,11 +508,13 @@ def decide_rung(
         tuple(aliases),
         unjudged,
         left_out,
-        rung.nonnegative & fit.determined & (settle_signs(information, fit, rung.nonnegative) < 0),
+        submodel.nonnegative
+        & fit.determined
+        & (settle_signs(information, fit, submodel.nonnegative) < 0),
         doubt,
         models,
     )
-    return decide(rung.labels, rung.units, grounds, stated, thresholds)
+    return decide(submodel.labels, submodel.units, grounds, stated, thresholds)
 
 
 def column_rms(information: Information) -> Array:

@@ -41,7 +41,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare.samples import Piece
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Regression, choose_within, inside
 from identifiability.robot import Motion, Robot
 
@@ -505,18 +505,18 @@ class Doubt:
             for f in self.functions
         ]
 
-    def of_labels(self, rung: Rung, fit: Estimate) -> LabelDoubt | None:
+    def of_labels(self, submodel: Submodel, fit: Estimate) -> LabelDoubt | None:
         """Return what the functions do to the values of a model; None where none is missing."""
         if not self.functions:
             return None
         kept = list(fit.kept)
-        M, w = rung.M[:, kept], fit.weights
+        M, w = submodel.M[:, kept], fit.weights
         XX = M.T @ np.einsum("a,akl->kl", w, self.XX) @ M
         XB = M.T @ np.einsum("a,aku->ku", w, self.XB)
         size = np.sqrt(np.maximum(np.diag(XX), 1e-300))
         T = np.linalg.lstsq(XX / np.outer(size, size), XB / size[:, None], rcond=THIN)[0]
         T /= size[:, None]
-        shift, sigma = np.zeros(len(rung)), np.zeros(len(rung))
+        shift, sigma = np.zeros(len(submodel)), np.zeros(len(submodel))
         shift[kept] = T @ self.value
         sigma[kept] = np.sqrt(np.maximum(np.einsum("ku,uv,kv->k", T, self.covariance, T), 0.0))
         each = [
@@ -524,7 +524,7 @@ class Doubt:
             + np.einsum("ku,uv,kv->k", T[:, at], self.covariance[np.ix_(at, at)], T[:, at])
             for at in self.columns
         ]
-        names = [""] * len(rung)
+        names = [""] * len(submodel)
         for row, column in enumerate(kept):
             names[column] = self.functions[int(np.argmax([x[row] for x in each]))].text
         return LabelDoubt(shift, sigma, tuple(names))

@@ -5,7 +5,7 @@ Accounts are compared by what they predict of motion that did not choose them. T
     folds = Folds.of(information, memory)              # who tests what, whose rest is fitted
     held = Held.of(information, noise, folds)          # sums over each fold, whitened; once
     a = held.score_fit(fit)                            # `Score` of a model: what it predicts
-    b = held.score_fit(smaller, rung.M, rung.held)     # of one that has fewer parameters
+    b = held.score_fit(smaller, submodel.M, submodel.held)     # of one that has fewer parameters
     Evidence.of(a, b).level                            # better, as good, worse, not told apart
 
 What to use when:

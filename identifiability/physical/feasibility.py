@@ -21,7 +21,7 @@ from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
 from identifiability.physical.project import FeasibleEstimate, Projection
 from identifiability.physical.pseudo_inertia import BodyCheck, check_body
-from identifiability.regression.reduction import Rung, leave_to_terms
+from identifiability.regression.reduction import Submodel, leave_to_terms
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.robot import Robot
 
@@ -101,14 +101,14 @@ class PhysicalResult:
         return {n: float(v) for n, v in zip(self.region.columns, self.nearest.phi, strict=True)}
 
 
-def leave_undecided(structure: Structure, rung: Rung, why: str) -> PhysicalResult:
+def leave_undecided(structure: Structure, submodel: Submodel, why: str) -> PhysicalResult:
     """Return what physics says where nothing was fitted."""
-    undecided = _no_answer(physical_set(structure), rung, 0.0)
+    undecided = _no_answer(physical_set(structure), submodel, 0.0)
     return replace(undecided, sentence=f"Not decided, because {why}.")
 
 
-def _no_answer(region: PhysicalSet, rung: Rung, cad_weight: float) -> PhysicalResult:
-    value, found = np.full(len(rung), np.nan), np.full((3, len(rung.M)), np.nan)
+def _no_answer(region: PhysicalSet, submodel: Submodel, cad_weight: float) -> PhysicalResult:
+    value, found = np.full(len(submodel), np.nan), np.full((3, len(submodel.M)), np.nan)
     return PhysicalResult(region, None, None, value, found[0], found[1:], "", cad_weight)
 
 
@@ -154,9 +154,9 @@ def certify_model(model: FittedModel) -> tuple[Certificate | None, str]:
     """Say whether a real robot has the estimated parameters; None if that is open, and why."""
     try:
         if model.determined:
-            settled = settle_signs(model.information, model.estimate, model.rung.nonnegative)
+            settled = settle_signs(model.information, model.estimate, model.submodel.nonnegative)
             certificate = certify(model.to_x, settled, physical_set(model.structure))
-            return certificate, certificate.sentence(model.rung.columns)
+            return certificate, certificate.sentence(model.submodel.columns)
     except ValueError as error:
         return None, f"Whether a real robot has these values was not decided: {error}"
     return None, "The motion leaves parameters of the model undetermined."
@@ -217,7 +217,7 @@ def choose_prior(
         ways = []
         for row in held.folds.train:
             rest = model.whole.take(row)
-            part = FittedModel(structure, model.rung, rest, model.rung.reduce(rest), fit)
+            part = FittedModel(structure, model.submodel, rest, model.submodel.reduce(rest), fit)
             ways.append(projection.follow(_believe(part, weights[-1]), weights))
         values: list[Array] = []
         scores: list[Score] = []
@@ -252,9 +252,9 @@ def stands_elsewhere(model: FittedModel, base: Array) -> bool:
     structure, fit = model.structure, model.estimate
     motion = random_motion(structure.robot, np.random.default_rng(0))
     W = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
-    apart = W @ (model.rung.expand(fit.value) - base)
+    apart = W @ (model.submodel.expand(fit.value) - base)
     L = square_root(remembering_covariance(model.information, fit))
-    errs = W @ model.rung.M[:, list(fit.kept)] @ L
+    errs = W @ model.submodel.M[:, list(fit.kept)] @ L
     scale = model.whole.variation / model.whole.rows_each
     share = np.where(scale > 0, 1.0, 0.0) / np.where(scale > 0, scale, 1.0)
     bias, own = (float(share @ x) for x in ((apart**2).sum(0), (errs**2).sum((0, 2))))
@@ -301,7 +301,7 @@ def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult
     """Find the nearest real robot, without asking whether it is the estimate itself."""
     structure = model.structure
     region = physical_set(structure)
-    found = _no_answer(region, model.rung, cad_weight)
+    found = _no_answer(region, model.submodel, cad_weight)
     bodies = draw_bodies(structure)
     data = _believe(model, cad_weight)
     try:

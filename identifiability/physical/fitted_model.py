@@ -18,7 +18,7 @@ from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet, stated_bounds
 from identifiability.physical.pseudo_inertia import natural_scale
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import Rung, list_functions, tell_with_terms
+from identifiability.regression.reduction import Submodel, list_functions, tell_with_terms
 from identifiability.regression.structure import Structure
 
 # What the data say about the parameters: a compressed least-squares problem.
@@ -305,46 +305,46 @@ class FittedModel:
     ----------
     structure : Structure
         With its b base and p standard parameters.
-    rung : Rung
+    submodel : Submodel
         The model, of m parameters x.
     whole, information : Information
-        About all base parameters, and about the rung's columns.
+        About all base parameters, and about the model's columns.
     estimate : Estimate
     """
 
     structure: Structure
-    rung: Rung
+    submodel: Submodel
     whole: Information
     information: Information
     estimate: Estimate
 
     @staticmethod
     def of(
-        structure: Structure, rung: Rung, whole: Information, estimator: Estimator
+        structure: Structure, submodel: Submodel, whole: Information, estimator: Estimator
     ) -> FittedModel:
         """Fit a model."""
-        part = rung.reduce(whole)
-        return FittedModel(structure, rung, whole, part, estimator.fit(part))
+        part = submodel.reduce(whole)
+        return FittedModel(structure, submodel, whole, part, estimator.fit(part))
 
     @cached_property
     def told(self) -> FittedModel:
         """The model in the parameters that are reported: terms with their shares of functions."""
         R = self.whole.factor(self.estimate.weights)[:-1, :-1]
-        rung = tell_with_terms(self.structure, self.rung, R)
-        if np.array_equal(rung.M, self.rung.M):
+        submodel = tell_with_terms(self.structure, self.submodel, R)
+        if np.array_equal(submodel.M, self.submodel.M):
             return self
-        return FittedModel.of(self.structure, rung, self.whole, self.estimate.estimator)
+        return FittedModel.of(self.structure, submodel, self.whole, self.estimate.estimator)
 
     @cached_property
     def to_x(self) -> Array:
         """The model's parameters of standard ones, (m, p); tied columns take the mean."""
-        to_x: Array = np.linalg.pinv(self.rung.M) @ self.structure.G
+        to_x: Array = np.linalg.pinv(self.submodel.M) @ self.structure.G
         return to_x
 
     @property
     def determined(self) -> bool:
         """Whether there are parameters and the motion determines each."""
-        return 0 < len(self.rung) == len(self.estimate.kept)
+        return 0 < len(self.submodel) == len(self.estimate.kept)
 
     @cached_property
     def data(self) -> LeastSquares:
@@ -361,7 +361,7 @@ class FittedModel:
             If it holds what no real robot has.
         """
         region = physical_set(self.structure)
-        return find_held(region, self.structure.G, self.rung.M, self.rung.held)
+        return find_held(region, self.structure.G, self.submodel.M, self.submodel.held)
 
     @cached_property
     def region(self) -> PhysicalSet:
@@ -373,4 +373,4 @@ class FittedModel:
     def left_out(self) -> tuple[Array, Array]:
         """Torque of what the model leaves out, ``rows phi − aim``: (b, p) and (b,)."""
         R = self.whole.factor(self.estimate.weights)[:-1, :-1]
-        return left_out(R, self.structure.G, self.rung.M, self.rung.held)
+        return left_out(R, self.structure.G, self.submodel.M, self.submodel.held)

@@ -1,4 +1,4 @@
-"""Ladders of models: files in, models (`Rung`) over base parameters out.
+"""Ladders of models: files in, models (`Submodel`) over base parameters out.
 
 Each model zeroes, ties or keeps base parameters of the one it starts from. Names are those of base
 parameters (the parameter that represents a group); in every list and in ``hold`` a pattern stands
@@ -51,7 +51,7 @@ def _held(value: Any) -> Any:
 Held = Annotated[float | Literal["nominal"], BeforeValidator(_held)]
 
 
-class RungEntry(BaseModel):
+class ModelEntry(BaseModel):
     """A model."""
 
     model_config = ConfigDict(extra="forbid", populate_by_name=True, allow_inf_nan=False)
@@ -82,7 +82,7 @@ class LadderEntry(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    models: list[RungEntry] = Field(min_length=1)
+    models: list[ModelEntry] = Field(min_length=1)
 
 
 @runtime_checkable
@@ -90,7 +90,7 @@ class HasLadder(Protocol):
     """A result that is a model, such as that of `prune`."""
 
     def to_ladder(self) -> LadderEntry:
-        """Return the model as a ladder of one rung."""
+        """Return the model as a ladder of one model."""
 
 
 LadderLike = Annotated[
@@ -190,8 +190,8 @@ def _ladder_of(model: HasLadder | str | Path) -> LadderEntry:
 
 def free_again(model: ModelLike | None) -> tuple[str, ...]:
     """Return the sentence that a model file's reductions were not used, if it has any."""
-    rungs = _ladder_of(model).models if isinstance(model, (HasLadder, str, Path)) else []
-    if len(rungs) <= 1 and not any((r.zero or r.hold or r.tie or r.keep) for r in rungs):
+    submodels = _ladder_of(model).models if isinstance(model, (HasLadder, str, Path)) else []
+    if len(submodels) <= 1 and not any((r.zero or r.hold or r.tie or r.keep) for r in submodels):
         return ()
     return (
         "Of the model file only the effects were used: what its models leave out, hold or tie is "
@@ -213,8 +213,8 @@ def unused_ladder(robot: Robot, given: object = None) -> tuple[str, ...]:
 def ladder_text(entry: LadderEntry, comment: str = "") -> str:
     """Return a ladder as the text of its file."""
     lines = [f"# {comment}"] if comment else []
-    for rung in entry.models:
-        given = rung.model_dump(by_alias=True, exclude_defaults=True)
+    for submodel in entry.models:
+        given = submodel.model_dump(by_alias=True, exclude_defaults=True)
         tables = {k: given.pop(k) for k in ("hold", "tie") if k in given}
         lines += ["", "[[models]]", *(f"{k} = {_toml(v)}" for k, v in given.items())]
         for name, table in tables.items():
@@ -234,16 +234,16 @@ def default_ladder(robot: Robot) -> LadderEntry:
     """
     if not robot.motor_joints:
         effects = [*default_effects(robot, ["rigid_body"])]
-        alone = RungEntry(name="full model", description="the body", effects=effects)
+        alone = ModelEntry(name="full model", description="the body", effects=effects)
         return LadderEntry(models=[alone])
     return LadderEntry(
         models=[
-            RungEntry(
+            ModelEntry(
                 name="full model",
                 description="every base parameter, with torque offsets",
                 effects=[*default_effects(robot, DEFAULT_EFFECTS)],
             ),
-            RungEntry(
+            ModelEntry(
                 name="no torque offset",
                 description="torque is zero where nothing acts",
                 zero=["*.off"],
@@ -270,7 +270,7 @@ def read_ladder(path: str | Path) -> LadderEntry:
 
 
 def ladder_model(entry: LadderEntry) -> Model:
-    """Return the model whose effects the ladder's rungs reduce.
+    """Return the model whose effects the ladder's models reduce.
 
     Raises
     ------
@@ -286,11 +286,11 @@ def ladder_model(entry: LadderEntry) -> Model:
     return Model.of(*(first.effects if first.effects is not None else DEFAULT_EFFECTS))
 
 
-# `Rung`: one model of a ladder over base parameters, as columns and a held torque.
+# `Submodel`: one model of a ladder over base parameters, as columns and a held torque.
 
 
 @frozen
-class Rung:
+class Submodel:
     """One model of a ladder: columns ``W_base M`` and torque ``τ - W_base held``.
 
     Attributes
@@ -299,7 +299,7 @@ class Rung:
     columns, labels, units : tuple of str
         Of its m parameters.
     M : (b, m)
-        Base parameters from the rung's: ``beta = held + M x``.
+        Base parameters from the model's: ``beta = held + M x``.
     held : (b,)
         Values of base parameters that are held.
     nonnegative : (m,) bool
@@ -320,20 +320,20 @@ class Rung:
         return len(self.columns)
 
     def reduce(self, information: Information) -> Information:
-        """Return the information about the rung's parameters."""
+        """Return the information about the model's parameters."""
         return information.reduce(self.M, self.columns, self.held)
 
     def expand(self, value: Array) -> Array:
-        """Return base parameters (b,) or (b, …) from values of the rung's parameters."""
+        """Return base parameters (b,) or (b, …) from values of the model's parameters."""
         held = self.held.reshape(-1, *[1] * (np.ndim(value) - 1))
         expanded: Array = held + self.M @ value
         return expanded
 
-    def without(self, columns: Sequence[str]) -> Rung:
-        """Return the rung with some parameters held at zero."""
+    def without(self, columns: Sequence[str]) -> Submodel:
+        """Return the model with some parameters held at zero."""
         return self._keep([k for k, c in enumerate(self.columns) if c not in set(columns)])
 
-    def _keep(self, kept: list[int]) -> Rung:
+    def _keep(self, kept: list[int]) -> Submodel:
         def of(words: tuple[str, ...]) -> tuple[str, ...]:
             return tuple(words[k] for k in kept)
 
@@ -346,8 +346,8 @@ class Rung:
             nonnegative=self.nonnegative[kept],
         )
 
-    def tied(self, name: str, columns: Sequence[str]) -> Rung:
-        """Return the rung with some parameters made equal: one column, their sum."""
+    def tied(self, name: str, columns: Sequence[str]) -> Submodel:
+        """Return the model with some parameters made equal: one column, their sum."""
         at = [self.columns.index(c) for c in columns]
         first, others = at[0], set(at[1:])
         M = self.M.copy()
@@ -363,85 +363,87 @@ class Rung:
         return every._keep([k for k in range(len(self)) if k not in others])
 
 
-def full_rung(base: BaseParameters, name: str = "full model", description: str = "") -> Rung:
-    """Return the rung of all base parameters."""
+def full_model(base: BaseParameters, name: str = "full model", description: str = "") -> Submodel:
+    """Return the model of all base parameters."""
     M, held = np.eye(len(base)), np.zeros(len(base))
-    return Rung(name, description, base.names, base.labels, base.units, M, held, base.nonnegative)
+    return Submodel(
+        name, description, base.names, base.labels, base.units, M, held, base.nonnegative
+    )
 
 
-def build_ladder(entry: LadderEntry, structure: Structure) -> tuple[Rung, ...]:
-    """Return the rungs of a ladder over the base parameters of a structure.
+def build_ladder(entry: LadderEntry, structure: Structure) -> tuple[Submodel, ...]:
+    """Return the models of a ladder over the base parameters of a structure.
 
     Raises
     ------
     ModelError
-        If a rung names a parameter that it does not have.
+        If a model names a parameter that it does not have.
     """
-    rungs: dict[str, Rung] = {}
-    before = full_rung(structure.base)
+    submodels: dict[str, Submodel] = {}
+    before = full_model(structure.base)
     for item in entry.models:
-        if item.name in rungs:
+        if item.name in submodels:
             raise ModelError(f"The ladder has two models named '{item.name}'; give each its own.")
-        if item.start is not None and item.start not in rungs:
+        if item.start is not None and item.start not in submodels:
             raise ModelError(
                 f"The model '{item.name}' starts from '{item.start}', which does not stand before "
-                f"it{near_match(item.start, rungs)}"
+                f"it{near_match(item.start, submodels)}"
             )
-        start = before if item.start is None else rungs[item.start]
-        before = rungs[item.name] = _build_rung(item, start, structure)
-    return tuple(rungs.values())
+        start = before if item.start is None else submodels[item.start]
+        before = submodels[item.name] = _build_submodel(item, start, structure)
+    return tuple(submodels.values())
 
 
-def build_comparison(entry: LadderEntry, structure: Structure) -> tuple[Rung, ...]:
-    """Return the rungs of a ladder below the unpruned model, which goes first if it is not there.
+def build_comparison(entry: LadderEntry, structure: Structure) -> tuple[Submodel, ...]:
+    """Return the models of a ladder below the unpruned model, which goes first if it is not there.
 
     Raises
     ------
     ModelError
     """
-    rungs = build_ladder(entry, structure)
-    if len(rungs[0]) == len(structure.base):
-        return rungs
-    taken = {rung.name for rung in rungs}
+    submodels = build_ladder(entry, structure)
+    if len(submodels[0]) == len(structure.base):
+        return submodels
+    taken = {submodel.name for submodel in submodels}
     name = next(n for n in ("full model", "every base parameter", "") if n not in taken)
-    return (full_rung(structure.base, name, "every base parameter"), *rungs)
+    return (full_model(structure.base, name, "every base parameter"), *submodels)
 
 
-def _build_rung(item: RungEntry, start: Rung, structure: Structure) -> Rung:
-    rung = replace(start, name=item.name, description=item.description)
-    zero = _find_columns(rung, item.zero, item.name, structure.columns)
+def _build_submodel(item: ModelEntry, start: Submodel, structure: Structure) -> Submodel:
+    submodel = replace(start, name=item.name, description=item.description)
+    zero = _find_columns(submodel, item.zero, item.name, structure.columns)
     hold: dict[str, float | Literal["nominal"]] = {}
     for text in sorted(item.hold, key=is_pattern, reverse=True):  # a name says more
-        hold |= dict.fromkeys(_find_columns(rung, [text], item.name), item.hold[text])
-    held = rung.held.copy()
+        hold |= dict.fromkeys(_find_columns(submodel, [text], item.name), item.hold[text])
+    held = submodel.held.copy()
     for name, value in hold.items():
-        column = rung.M[:, rung.columns.index(name)]
+        column = submodel.M[:, submodel.columns.index(name)]
         row = structure.base.names.index(name)
         at = structure.nominal_base[row] if value == "nominal" else value
         held += column * at
-    rung = replace(rung, held=held).without([*zero, *hold])
+    submodel = replace(submodel, held=held).without([*zero, *hold])
     for name, texts in item.tie.items():
-        members = _find_columns(rung, texts, item.name)
-        if len(set(members)) < 2 or (name in rung.columns and name not in members):
+        members = _find_columns(submodel, texts, item.name)
+        if len(set(members)) < 2 or (name in submodel.columns and name not in members):
             raise ModelError(
                 f"The model '{item.name}' ties '{name}' = {members}; give two or more different "
                 "parameters and a name that no other parameter has."
             )
-        units = {rung.units[rung.columns.index(m)] for m in members}
+        units = {submodel.units[submodel.columns.index(m)] for m in members}
         if len(units) > 1:
             raise ModelError(
                 f"The model '{item.name}' ties {listing(members)} of the units "
                 f"{listing(sorted(units))}; only parameters of one unit can be equal."
             )
-        rung = rung.tied(name, members)
+        submodel = submodel.tied(name, members)
     if item.keep is not None:
-        kept = set(_find_columns(rung, item.keep, item.name))
-        rung = rung.without([c for c in rung.columns if c not in kept])
-    return rung
+        kept = set(_find_columns(submodel, item.keep, item.name))
+        submodel = submodel.without([c for c in submodel.columns if c not in kept])
+    return submodel
 
 
 def _find_columns(
-    rung: Rung, texts: Sequence[str], where: str, grouped: Sequence[str] = ()
+    submodel: Submodel, texts: Sequence[str], where: str, grouped: Sequence[str] = ()
 ) -> list[str]:
     """Return the parameters that names and patterns stand for, each once.
 
@@ -449,29 +451,30 @@ def _find_columns(
     """
     found: dict[str, None] = {}
     for name in texts:
-        named = find_named(name, rung.columns)
+        named = find_named(name, submodel.columns)
         found |= dict.fromkeys(named)
         if not (named or (is_pattern(name) and find_named(name, grouped))):
             raise ModelError(
                 f"The model '{where}' names the parameter '{name}', which is not there"
-                f"{near_match(name, rung.columns)} It has {listing(rung.columns)}."
+                f"{near_match(name, submodel.columns)} It has {listing(submodel.columns)}."
             )
     return [*found]
 
 
-def rung_entry(rung: Rung, base: BaseParameters, effects: Sequence[str]) -> RungEntry:
-    """Return how a rung stands in a ladder file, reduced from the base parameters in one step."""
+def model_entry(submodel: Submodel, base: BaseParameters, effects: Sequence[str]) -> ModelEntry:
+    """Return how a model stands in a ladder file, reduced from the base parameters in one step."""
     names = base.names
     members = {
-        c: [names[k] for k in np.flatnonzero(rung.M[:, i])] for i, c in enumerate(rung.columns)
+        c: [names[k] for k in np.flatnonzero(submodel.M[:, i])]
+        for i, c in enumerate(submodel.columns)
     }
-    gone = [k for k in range(len(base)) if not rung.M[k].any()]
-    return RungEntry(
-        name=rung.name,
-        description=rung.description,
+    gone = [k for k in range(len(base)) if not submodel.M[k].any()]
+    return ModelEntry(
+        name=submodel.name,
+        description=submodel.description,
         effects=list(effects),
-        zero=[names[k] for k in gone if rung.held[k] == 0],
-        hold={names[k]: float(rung.held[k]) for k in gone if rung.held[k] != 0},
+        zero=[names[k] for k in gone if submodel.held[k] == 0],
+        hold={names[k]: float(submodel.held[k]) for k in gone if submodel.held[k] != 0},
         tie={c: m for c, m in members.items() if m != [c]},
     )
 
@@ -525,8 +528,8 @@ def leave_to_terms(structure: Structure, R: Array, phi: Array) -> Array:
     return out
 
 
-def tell_with_terms(structure: Structure, rung: Rung, R: Array) -> Rung:
-    """Return a rung of the same torque whose terms are told with their shares of functions.
+def tell_with_terms(structure: Structure, submodel: Submodel, R: Array) -> Submodel:
+    """Return a model of the same torque whose terms are told with their shares of functions.
 
     Data that cannot share a torque among a term and a function tell what both are together: the
     term as it is best without the function. What is left are the function's own values, of columns
@@ -535,28 +538,28 @@ def tell_with_terms(structure: Structure, rung: Rung, R: Array) -> Rung:
     Parameters
     ----------
     structure : Structure
-    rung : Rung
+    submodel : Submodel
     R : (r, b)
         Rows of the base parameters, whose norms are those of torque on the data.
     """
-    M, labels, base = rung.M.copy(), list(rung.labels), structure.parameters
-    columns = R @ rung.M
+    M, labels, base = submodel.M.copy(), list(submodel.labels), structure.parameters
+    columns = R @ submodel.M
     for own, terms, _ in _contained(structure, R @ structure.G):
         known = {k: at for at, k in enumerate(structure.base.kept.tolist())}
         rows = [np.array([known[k] for k in some if k in known], int) for some in (own, terms)]
-        others = np.setdiff1d(np.arange(len(rung.M)), rows[1])
-        curve = np.flatnonzero(rung.M[rows[0]].any(axis=0))
-        told = np.flatnonzero(rung.M[rows[1]].any(axis=0) & ~rung.M[others].any(axis=0))
+        others = np.setdiff1d(np.arange(len(submodel.M)), rows[1])
+        curve = np.flatnonzero(submodel.M[rows[0]].any(axis=0))
+        told = np.flatnonzero(submodel.M[rows[1]].any(axis=0) & ~submodel.M[others].any(axis=0))
         if not (curve.size and told.size):
             continue
         length = np.linalg.norm(columns[:, told], axis=0)
         solved = np.linalg.lstsq(columns[:, told] / length, columns[:, curve], rcond=None)[0]
-        M[:, curve] -= rung.M[:, told] @ (solved / length[:, None])
+        M[:, curve] -= submodel.M[:, told] @ (solved / length[:, None])
         member = "|".join(re.escape(base[k].term) for k in own)
         for k in told:
             rest = re.sub(rf" [+−] (\S+·)?({member})", "", labels[k])
             labels[k] = f"{rest} with its share of {base[own[0]].group}"
-    return replace(rung, M=M, labels=tuple(labels))
+    return replace(submodel, M=M, labels=tuple(labels))
 
 
 def _contained(structure: Structure, R: Array) -> Iterator[tuple[np.ndarray, np.ndarray, Array]]:

@@ -429,7 +429,7 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
         elif not summary.trustworthy:
             notes.append(note("doubtful", name=name, why=" ".join(summary.convergence.reasons)))
         elif not summary.stated.all():
-            names = np.array(analysis.chosen.rung.columns)[~summary.stated].tolist()
+            names = np.array(analysis.chosen.submodel.columns)[~summary.stated].tolist()
             share = f"{len(names)} of {len(summary.stated)}"
             notes.append(
                 note(
@@ -451,7 +451,7 @@ def shown(analysis: Analysis) -> dict[str, Summary | None]:
 
 def forest_gallery(analysis: Analysis) -> Gallery:
     """Return a forest plot for each group of parameters."""
-    names = analysis.chosen.rung.columns
+    names = analysis.chosen.submodel.columns
     layers, stated = forest_layers(analysis)
     pictures = []
     for kind, rows in forest_groups(names):

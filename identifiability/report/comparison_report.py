@@ -83,7 +83,7 @@ def build_comparison_page(result: Comparison) -> Page:
         title=result.robot.title or result.robot.name,
         sections=tuple(s for s in (build(result) for build in sections) if s is not None),
         overline="Comparison report",
-        subtitle=f"{result.robot.path.name} · {result.rung.name} · {kinds[result.difference.kind]}",
+        subtitle=f"{result.robot.path.name} · {result.submodel.name} · {kinds[result.difference.kind]}",
         summary=(
             answer_comparison(result),
             *([Notes(tuple(note("hint", hint=h) for h in result.hints))] if result.hints else []),

@@ -64,7 +64,7 @@ from identifiability.report.drawing import (
 from identifiability.report.words import gallery, picture, section
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.analyze.assessment import ModelResult
 from identifiability.workflows.analyze.result import (
     model_title,
     parameter_table,
@@ -79,7 +79,7 @@ from identifiability.workflows.answers import (
 
 _ROW = 32
 
-#: Errors beyond this many times the largest up to the chosen rung are cut off, to show the choice.
+#: Errors beyond this many times the largest up to the chosen model are cut off, to show the choice.
 BEYOND = 1.4
 
 #: Relative singular values are drawn down to this.
@@ -209,7 +209,7 @@ def draw_spectrum(values: Array, rank: int, tolerance: float) -> Figure:
 def draw_ladder(
     sizes: Array, fitted: Array, unseen: Array, spread: Array, selected: int, least: int
 ) -> Figure:
-    """Draw the error of each rung against its size, with the band of one standard error.
+    """Draw the error of each model against its size, with the band of one standard error.
 
     Parameters
     ----------
@@ -218,9 +218,9 @@ def draw_ladder(
     fitted, unseen : (m,)
         ε_RA as fractions.
     spread : (m,)
-        Standard error of the difference of `unseen` to the selected rung's.
+        Standard error of the difference of `unseen` to the selected model's.
     selected, least : int
-        The rung to use, and the one with the best predictive log density.
+        The model to use, and the one with the best predictive log density.
     """
     figure, (axes,) = canvas(720, 320, (62, 16, 40, 44))
     fitted, unseen, spread = 100 * fitted, 100 * unseen, 100 * np.nan_to_num(spread)
@@ -306,7 +306,7 @@ def ladder_pictures(analysis: Analysis) -> Gallery:
     ).T
     errors = draw_errors(names, inside, unseen, spread, selected)
     found = [m.count(Class.IDENTIFIABLE) for m in models]
-    sizes = draw_sizes(names, [len(m.rung) for m in models], found, selected)
+    sizes = draw_sizes(names, [len(m.submodel) for m in models], found, selected)
     pictures = (picture("errors", errors), picture("sizes", sizes))
     return gallery("models", pictures)
 
@@ -320,10 +320,10 @@ INERTIAL_KEY = (
 
 def section_parameters(analysis: Analysis) -> Section:
     """Return the parameters of the selected model."""
-    rung, title = analysis.chosen.rung, model_title(analysis.chosen)
+    submodel, title = analysis.chosen.submodel, model_title(analysis.chosen)
     blocks = parameter_blocks(analysis, analysis.chosen)
-    described = f" ({rung.description})" if rung.description else ""
-    size = format_count(len(rung), "parameter")
+    described = f" ({submodel.description})" if submodel.description else ""
+    size = format_count(len(submodel), "parameter")
     holes = {"title": title, "size": size, "described": described}
     return section("analysis.parameters", *blocks, name_key(analysis), **holes)
 
@@ -348,12 +348,12 @@ def section_full_model(analysis: Analysis) -> Section:
     full, title = analysis.full, model_title(analysis.full)
     if full is analysis.chosen:
         return replace(section("analysis.same-model", title=title), name="full-model")
-    summary = f"All {format_count(len(full.rung), 'parameter')} of {title}"
+    summary = f"All {format_count(len(full.submodel), 'parameter')} of {title}"
     fold = Fold(summary, parameter_blocks(analysis, full))
-    return section("analysis.full-model", fold, size=len(full.rung), title=title)
+    return section("analysis.full-model", fold, size=len(full.submodel), title=title)
 
 
-def parameter_blocks(analysis: Analysis, result: RungResult) -> tuple[Block, ...]:
+def parameter_blocks(analysis: Analysis, result: ModelResult) -> tuple[Block, ...]:
     """Return pictures and table of the parameters of a model, those that are known first."""
     table = parameter_table(analysis, result)
     return parameter_pictures(analysis, result), *fold_verdicts(table, result.verdicts)
@@ -365,7 +365,7 @@ def fold_verdicts(table: Table, verdicts: Sequence[Verdict]) -> tuple[Table | Fo
     return fold_rows(table, known, "identifiable parameters", "parameters")
 
 
-def parameter_pictures(analysis: Analysis, result: RungResult) -> Gallery:
+def parameter_pictures(analysis: Analysis, result: ModelResult) -> Gallery:
     """Return how well the parameters are known, and how far they lie from the robot file."""
     names = [v.name for v in result.verdicts]
     kinds = [v.verdict.value for v in result.verdicts]
@@ -381,7 +381,7 @@ def parameter_pictures(analysis: Analysis, result: RungResult) -> Gallery:
     )
 
 
-def pulls_from(origin: Array, result: RungResult) -> Array:
+def pulls_from(origin: Array, result: ModelResult) -> Array:
     """Return how far each estimate lies from a value, in σ_robust, (k,); NaN where unknown."""
     value, sigma = np.array([(v.value, v.sigma_robust) for v in result.verdicts], float).T
     known = np.isfinite(sigma) & (sigma > 0)
@@ -503,10 +503,10 @@ def grouping_fold(analysis: Analysis) -> Fold:
 
 def _fate(analysis: Analysis, row: int) -> str:
     """Return what became of a base parameter in the selected model."""
-    rung = analysis.chosen.rung
-    kept = [rung.columns[k] for k in np.flatnonzero(rung.M[row])]
+    submodel = analysis.chosen.submodel
+    kept = [submodel.columns[k] for k in np.flatnonzero(submodel.M[row])]
     if not kept:
-        held = float(rung.held[row])
+        held = float(submodel.held[row])
         return f"held at {format_number(held)}" if held else "left out"
     alone = kept == [analysis.base.names[row]]
     return "kept" if alone else f"as {', '.join(kept)}"
@@ -524,7 +524,7 @@ def idle_fold(names: tuple[str, ...]) -> Fold:
     return Fold(summary, (Prose((text,)), terms))
 
 
-def sigma_percents(result: RungResult) -> tuple[Array, Array]:
+def sigma_percents(result: ModelResult) -> tuple[Array, Array]:
     """Return σ white and σ for the label of each parameter [% of its value], (k,) each."""
     white = np.array([v.sigma_percent for v in result.verdicts], float)
     return white, np.array([v.sigma_label_percent for v in result.verdicts], float)

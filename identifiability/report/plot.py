@@ -64,8 +64,8 @@ def models(result: Analysis) -> Figure:
 
 def reduction_path(result: Ladder) -> Figure:
     """Draw the error of each model of a pruning against its number of parameters."""
-    rungs = [(len(r), r.error_ra, r.error_ra_unseen, r.error_se) for r in result.rungs]
-    sizes, fitted, unseen, spread = np.array(rungs).T
+    submodels = [(len(r), r.error_ra, r.error_ra_unseen, r.error_se) for r in result.models]
+    sizes, fitted, unseen, spread = np.array(submodels).T
     return draw_ladder(sizes, fitted, unseen, spread, result.selected, result.least)
 
 

@@ -72,19 +72,19 @@ def answer_pruning(ladder: Ladder) -> Answers:
 
 
 def section_ladder(ladder: Ladder) -> Section:
-    """Return the rungs: chart and table of moves."""
+    """Return the models: chart and table of moves."""
     sizes, fitted, unseen, spread = np.array(
-        [(len(r), r.error_ra, r.error_ra_unseen, r.error_se) for r in ladder.rungs]
+        [(len(r), r.error_ra, r.error_ra_unseen, r.error_se) for r in ladder.models]
     ).T
     figure = draw_ladder(sizes, fitted, unseen, spread, ladder.selected, ladder.least)
     path = ladder.tables()[0]
-    every = Fold(f"All {format_count(len(ladder.rungs), 'model')} of the path", (path,))
+    every = Fold(f"All {format_count(len(ladder.models), 'model')} of the path", (path,))
     why = sentence("pruning.why", ladder.criterion)
     return section("pruning.ladder", picture("ladder", figure), every, why=why)
 
 
 def section_survivors(ladder: Ladder) -> Section:
-    """Return the parameters of the rung to use."""
+    """Return the parameters of the model to use."""
     share = dict(zip(ladder.stability.columns, ladder.stability.survives.tolist(), strict=True))
     ties = ladder.partition.ties()
 

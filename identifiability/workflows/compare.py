@@ -43,7 +43,7 @@ from identifiability.regression.gather import BLOCKS, gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import (
     LadderLike,
-    Rung,
+    Submodel,
     build_ladder,
     find_ladder,
     ladder_model,
@@ -84,9 +84,9 @@ class Difference:
     kind : {"pairs", "logs", "results"}
         What it was found from.
     kept : (k,) int
-        Which of the rung's columns they are.
+        Which of the model's columns they are.
     onto : (k, m)
-        What a change of all m columns of the rung does to these.
+        What a change of all m columns of the model does to these.
     before, change : (k,)
     known : (k, k)
         Covariance of `before`.
@@ -140,7 +140,7 @@ class Difference:
         Parameters
         ----------
         information : Information
-            About the rung's columns along all logs.
+            About the model's columns along all logs.
         after : (B,) bool
             Blocks of the second side.
         estimator : Estimator
@@ -170,17 +170,17 @@ class Difference:
 
     @staticmethod
     def of_pairs(
-        structure: Structure, rung: Rung, pairs: Sequence[Pair], before: Information
+        structure: Structure, submodel: Submodel, pairs: Sequence[Pair], before: Information
     ) -> Difference:
         """Return the difference of logs that made the same motions.
 
         Parameters
         ----------
         structure : Structure
-        rung : Rung
+        submodel : Submodel
         pairs : sequence of Pair
         before : Information
-            About the rung's columns along the logs before.
+            About the model's columns along the logs before.
 
         Raises
         ------
@@ -188,8 +188,8 @@ class Difference:
             If they are too short.
         """
         own = estimate(before)
-        base = rung.expand(own.value)
-        whole = reduce(add, (_differences(structure, rung, pair, base) for pair in pairs))
+        base = submodel.expand(own.value)
+        whole = reduce(add, (_differences(structure, submodel, pair, base) for pair in pairs))
         kept = list(estimate(whole).kept)
         part = whole.select(kept)
         found = _Side.of(part, estimate(part))
@@ -209,13 +209,13 @@ class Difference:
         )
 
 
-def _differences(structure: Structure, rung: Rung, pair: Pair, base: Array) -> Information:
+def _differences(structure: Structure, submodel: Submodel, pair: Pair, base: Array) -> Information:
     """Return the information of what the torques of a pair differ by."""
     W, tau, other, later, both = pair.rows(structure)
     torque = later - tau - (other - W) @ base
     size = -(-len(tau) // BLOCKS)
     log = np.zeros(len(tau), int)
-    return Information.of_rows(rung.columns, other @ rung.M, torque, log, size, moves=both)
+    return Information.of_rows(submodel.columns, other @ submodel.M, torque, log, size, moves=both)
 
 
 @frozen(kw_only=True)
@@ -310,9 +310,11 @@ class Cause:
     tested: int
 
 
-def find_causes(structure: Structure, rung: Rung, difference: Difference) -> tuple[Cause, ...]:
+def find_causes(
+    structure: Structure, submodel: Submodel, difference: Difference
+) -> tuple[Cause, ...]:
     """Return all causes that a difference can have under a model."""
-    onto = difference.onto @ np.linalg.pinv(rung.M) @ structure.G
+    onto = difference.onto @ np.linalg.pinv(submodel.M) @ structure.G
     found = [*_of_effects(structure), *_of_bodies(structure)]
     causes = []
     for kind, place, what, columns in found:
@@ -332,15 +334,15 @@ def find_causes(structure: Structure, rung: Rung, difference: Difference) -> tup
         )
     rigid = {p.name for p in structure.parameters if p.group == BODIES}
     for k, column in enumerate(difference.kept):
-        name = rung.columns[column]
+        name = submodel.columns[column]
         if name in rigid or name not in structure.columns:
             causes.append(
                 Cause(
                     kind="value",
                     place=name,
-                    what=rung.labels[column],
+                    what=submodel.labels[column],
                     names=(name,),
-                    units=(rung.units[column],),
+                    units=(submodel.units[column],),
                     design=np.eye(len(difference.kept))[:, [k]],
                     tested=1,
                 )
@@ -595,7 +597,7 @@ class Comparison(OfStructure, Result):
     ----------
     structure : Structure
         The robot under the unpruned model.
-    rung : Rung
+    submodel : Submodel
         The model.
     before, after : tuple of str
         Logs or results on either side.
@@ -615,7 +617,7 @@ class Comparison(OfStructure, Result):
     schema: ClassVar[str] = "identifiability/comparison/1"
 
     structure: Structure
-    rung: Rung
+    submodel: Submodel
     before: tuple[str, ...]
     after: tuple[str, ...]
     pairs: tuple[tuple[str, str], ...]
@@ -766,9 +768,9 @@ class Comparison(OfStructure, Result):
         sd = np.sqrt(np.diag(d.covariance))
         return pd.DataFrame(
             {
-                "name": [self.rung.columns[k] for k in d.kept],
-                "label": [self.rung.labels[k] for k in d.kept],
-                "unit": [self.rung.units[k] for k in d.kept],
+                "name": [self.submodel.columns[k] for k in d.kept],
+                "label": [self.submodel.labels[k] for k in d.kept],
+                "unit": [self.submodel.units[k] for k in d.kept],
                 "before": d.before,
                 "after": d.before + d.change,
                 "change": d.change,
@@ -789,7 +791,7 @@ class Comparison(OfStructure, Result):
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
-            "model": self.rung.name,
+            "model": self.submodel.name,
             "statement": self.statement,
             "before": list(self.before),
             "after": list(self.after),
@@ -895,15 +897,15 @@ def _is_result(side: Any) -> bool:
 def _compare_results(robot: Robot, before: Any, after: Any) -> Comparison:
     fits = [find_fit(side, robot) for side in (before, after)]
     one, other = fits
-    same = one.names == other.names and one.rung.M.shape == other.rung.M.shape
+    same = one.names == other.names and one.submodel.M.shape == other.submodel.M.shape
     if (
         not same
-        or not np.allclose(one.rung.M, other.rung.M)
-        or one.rung.labels != other.rung.labels
+        or not np.allclose(one.submodel.M, other.submodel.M)
+        or one.submodel.labels != other.submodel.labels
     ):
         raise IdentifiabilityError(
-            f"The results have different models, '{one.rung.name}' with {len(one.names)} and "
-            f"'{other.rung.name}' with {len(other.names)} parameters, whose values stand for "
+            f"The results have different models, '{one.submodel.name}' with {len(one.names)} and "
+            f"'{other.submodel.name}' with {len(other.names)} parameters, whose values stand for "
             "different things: analyze both with one model (--ladder model.toml), or compare the "
             "logs."
         )
@@ -912,7 +914,7 @@ def _compare_results(robot: Robot, before: Any, after: Any) -> Comparison:
         for side, word in ((before, "the first"), (after, "the second"))
     ]
     difference = Difference.of_fits(one, other)
-    return _conclude(one.structure, one.rung, difference, ((names[0],), (names[1],)))
+    return _conclude(one.structure, one.submodel, difference, ((names[0],), (names[1],)))
 
 
 def _compare_logs(
@@ -927,7 +929,7 @@ def _compare_logs(
 ) -> Comparison:
     source = find_ladder(robot, ladder, beside=True)
     structure = Structure.of(robot, ladder_model(source.entry))
-    rung = build_ladder(source.entry, structure)[0]
+    submodel = build_ladder(source.entry, structure)[0]
     sides = Session.read_sides(structure, before, after, preparation, engine)
     first, second = (side.recordings.fitted for side in sides)
     names = (tuple(r.name for r in first), tuple(r.name for r in second))
@@ -938,30 +940,30 @@ def _compare_logs(
         turned = [pair.turned() for pair in pairs]
         used = sorted({pair.at[0] for pair in turned})
         logs = structure.regression([opening.samples[k] for k in used])
-        information = rung.reduce(gather_information(logs, engine=session.engine))
-        difference = Difference.of_pairs(structure, rung, turned, information)
+        information = submodel.reduce(gather_information(logs, engine=session.engine))
+        difference = Difference.of_pairs(structure, submodel, turned, information)
         chosen = tuple((names[0][p.at[0]], names[1][p.at[1]]) for p in turned)
-        found = _conclude(structure, rung, difference, names, chosen, opening.hints)
+        found = _conclude(structure, submodel, difference, names, chosen, opening.hints)
         return replace(found, preparation=preparation or Preparation())
     rows = session.gather(opening, find_estimator(method), kind)
-    information = rung.reduce(rows.alike)
+    information = submodel.reduce(rows.alike)
     difference = Difference.of_logs(information, information.log >= len(first), rows.estimator)
-    found = _conclude(structure, rung, difference, names, (), opening.hints)
+    found = _conclude(structure, submodel, difference, names, (), opening.hints)
     return replace(found, preparation=preparation or Preparation())
 
 
 def _conclude(
     structure: Structure,
-    rung: Rung,
+    submodel: Submodel,
     difference: Difference,
     names: tuple[tuple[str, ...], tuple[str, ...]],
     pairs: tuple[tuple[str, str], ...] = (),
     hints: tuple[str, ...] = (),
 ) -> Comparison:
-    causes = find_causes(structure, rung, difference)
+    causes = find_causes(structure, submodel, difference)
     return Comparison(
         structure=structure,
-        rung=rung,
+        submodel=submodel,
         before=names[0],
         after=names[1],
         pairs=pairs,

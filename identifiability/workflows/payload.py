@@ -143,7 +143,7 @@ class _Nuisance:
         size, turn = np.linalg.eigh(fit.covariance)
         good = size > 1e-14 * size.max(initial=0.0)
         known = turn[:, good] * np.sqrt(size[good])
-        directions = np.column_stack([fit.rung.M @ known, fit.rung.M @ fit.spread.unknown])
+        directions = np.column_stack([fit.submodel.M @ known, fit.submodel.M @ fit.spread.unknown])
         precision = np.repeat([1.0, 0.0], [known.shape[1], fit.spread.unknown.shape[1]])
         return _Nuisance(directions=directions, precision=precision)
 
@@ -794,7 +794,7 @@ def payload(
     return Load(
         robot=robot,
         body=place,
-        model=fit.rung.name,
+        model=fit.submodel.name,
         logs=tuple(r.name for r in given),
         without=tuple(r.name for r in other),
         pairs=tuple((given[p.at[0]].name, other[p.at[1]].name) for p in pairs),

@@ -28,10 +28,10 @@ from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.tables import write_table
 from identifiability.regression.reduction import (
     LadderEntry,
-    Rung,
-    RungEntry,
+    ModelEntry,
+    Submodel,
     build_ladder,
-    rung_entry,
+    model_entry,
 )
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
@@ -397,7 +397,7 @@ class Fit(Covaries):
     ----------
     structure : Structure
         The robot under the unpruned model.
-    rung : Rung
+    submodel : Submodel
         The model over its base parameters, with k parameters.
     values : (k,)
     spread : Spread
@@ -415,7 +415,7 @@ class Fit(Covaries):
     """
 
     structure: Structure
-    rung: Rung
+    submodel: Submodel
     values: Array
     spread: Spread
     preparation: Preparation
@@ -433,7 +433,7 @@ class Fit(Covaries):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the parameters."""
-        return self.rung.columns
+        return self.submodel.columns
 
     @property
     def covariance(self) -> Array:
@@ -446,7 +446,7 @@ class Fit(Covaries):
 
         sigma = np.sqrt(np.diag(self.covariance))
         columns = {"name": self.names, "value": self.values, "sigma": sigma}
-        return pd.DataFrame({**columns, "unit": self.rung.units})
+        return pd.DataFrame({**columns, "unit": self.submodel.units})
 
     def covariance_frame(self) -> pd.DataFrame:
         """Return `covariance` with the names of the parameters at its rows and columns."""
@@ -454,7 +454,7 @@ class Fit(Covaries):
 
     def __repr__(self) -> str:
         """Return what it is, in one line."""
-        return f"<Fit: {len(self.names)} values of '{self.rung.name}' for {self.robot.name}>"
+        return f"<Fit: {len(self.names)} values of '{self.submodel.name}' for {self.robot.name}>"
 
     def _repr_html_(self) -> str:
         return shown(repr(self)[1:-1], self.to_frame(), "to_frame()")
@@ -462,7 +462,7 @@ class Fit(Covaries):
     @property
     def base(self) -> Array:
         """Values of the base parameters, (b,)."""
-        return self.rung.expand(self.values)
+        return self.submodel.expand(self.values)
 
     def predict(self, logs: Logs, *, engine: Engine | None = None) -> TorquePrediction:
         """Return the torque along logs, with its intervals.
@@ -502,7 +502,7 @@ class Fit(Covaries):
         for part in regression.parts(whole=True):
             for chunk in part.chunks():
                 predicted = chunk.W @ self.base
-                reach = self.spread.reach(chunk.W @ self.rung.M)
+                reach = self.spread.reach(chunk.W @ self.submodel.M)
                 log = np.full(len(chunk.t), chunk.log)
                 known = 1.0 if measured[chunk.log] else np.nan
                 given = (chunk.t.copy(), known * chunk.tau, known * chunk.raw)
@@ -511,7 +511,7 @@ class Fit(Covaries):
         joined = map(np.concatenate, zip(*found, strict=True))
         return TorquePrediction(
             robot=self.robot,
-            model=self.rung.name,
+            model=self.submodel.name,
             origin=self.origin,
             onward=name_export(self.robot, self.names, self.errors),
             logs=tuple(s.name for s in samples),
@@ -523,12 +523,12 @@ class Fit(Covaries):
 
     def to_dict(self) -> dict[str, Any]:
         """Return what is read back, as plain values."""
-        entry = rung_entry(self.rung, self.structure.base, self.structure.model.texts)
+        entry = model_entry(self.submodel, self.structure.base, self.structure.model.texts)
         how = {f.name: getattr(self.preparation, f.name) for f in fields(Preparation)}
         return {
             "model": entry.model_dump(by_alias=True, exclude_none=True),
             "names": list(self.names),
-            "units": list(self.rung.units),
+            "units": list(self.submodel.units),
             "values": self.values.tolist(),
             **{
                 name: value.tolist() if isinstance(value, np.ndarray) else value
@@ -555,7 +555,7 @@ class PreparationEntry(Entry):
 class FitEntry(Entry):
     """A fitted model in the JSON of a result."""
 
-    model: RungEntry
+    model: ModelEntry
     names: list[str]
     values: list[Held]
     covariance: list[list[float]]
@@ -623,12 +623,12 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
 def _build(entry: FitEntry, robot: Robot, where: str) -> Fit:
     structure = Structure.of(robot, Model.of(*(entry.model.effects or ())))
     try:
-        (rung,) = build_ladder(LadderEntry(models=[entry.model]), structure)
+        (submodel,) = build_ladder(LadderEntry(models=[entry.model]), structure)
     except IdentifiabilityError as error:
         raise _other_robot(where, robot, str(error)) from None
-    if list(rung.columns) != entry.names or len(entry.low) != len(robot.joints):
+    if list(submodel.columns) != entry.names or len(entry.low) != len(robot.joints):
         raise _other_robot(where, robot, "its parameters are not those of this robot.")
-    k, n = len(rung), len(robot.joints)
+    k, n = len(submodel), len(robot.joints)
     spread = Spread(
         covariance=_shaped(entry.covariance, (k, k), where),
         unknown=_shaped(entry.unknown, (k, -1), where) if k else np.empty((0, 0)),
@@ -637,7 +637,7 @@ def _build(entry: FitEntry, robot: Robot, where: str) -> Fit:
     b = len(structure.base)
     return Fit(
         structure=structure,
-        rung=rung,
+        submodel=submodel,
         values=_shaped(entry.values, (k,), where),
         spread=spread,
         preparation=Preparation(**entry.preparation.model_dump()),

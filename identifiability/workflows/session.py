@@ -43,7 +43,7 @@ from identifiability.physical.feasibility import find_nearest
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import full_rung
+from identifiability.regression.reduction import full_model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.band import settle_band
@@ -220,8 +220,8 @@ class Session:
                 break
             rows = fitted.weigh(opening, method, kind)
             estimator = settle_noise(rows.estimator, rows.information)
-            rung = full_rung(rows.opening.structure.base)
-            model = FittedModel.of(rows.opening.structure, rung, rows.information, estimator)
+            submodel = full_model(rows.opening.structure.base)
+            model = FittedModel.of(rows.opening.structure, submodel, rows.information, estimator)
             values = find_nearest(model, cad_weight or WEAK).parameters()
             if not values:
                 break

@@ -157,10 +157,10 @@ def tables() -> list[Hostile]:
 
 def ladders() -> list[Hostile]:
     """Return hostile ladders."""
-    rung = '[[models]]\nname = "m{}"\nfrom = "m{}"\nzero = ["elbow.Fv"]\n'
+    submodel = '[[models]]\nname = "m{}"\nfrom = "m{}"\nzero = ["elbow.Fv"]\n'
     first = _LADDER.replace('"a"', '"m0"')
     texts = {
-        "30,000 models": first + "".join(rung.format(k, k - 1) for k in range(1, 30_000)),
+        "30,000 models": first + "".join(submodel.format(k, k - 1) for k in range(1, 30_000)),
         "a model that comes from itself": '[[models]]\nname = "a"\nfrom = "a"',
         "models that come from each other": '[[models]]\nname = "a"\nfrom = "b"\n[[models]]\nname = "b"\nfrom = "a"',
         "5,000 effects": f"[[models]]\nname = 'a'\neffects = {json.dumps(['rigid_body'] * 5000)}",

@@ -26,16 +26,16 @@ MOST = 5.0
 def measure(analysis: Analysis, draws: int, budget: float, seed: int) -> Pair:
     """Sample the unpruned model by exact proposals, and by emcee's default on all rows."""
     full = analysis.full
-    information = full.rung.reduce(analysis.information)
+    information = full.submodel.reduce(analysis.information)
     target, start = build_target(full, information)
-    target = Target(target.data, Prior.flat(len(full.rung)), target.region, target.iact)
+    target = Target(target.data, Prior.flat(len(full.submodel)), target.region, target.iact)
     rngs = np.random.default_rng(seed).spawn(2)
     walkers = 64
     seconds, found = timed(
         lambda: sample_posterior(target, start, rngs[0], draws=draws, walkers=walkers)
     )
     chains = found.draws.reshape(-1, draws, target.size)
-    rows = all_rows(analysis, full.rung, information)
+    rows = all_rows(analysis, full.submodel, information)
     W, tau = rows.weighted(full.estimate.weights)
     slow, others = _stretch(target, chains[:, -1], W, tau, budget, rngs[1])
     first, second = _summarise(chains), _summarise(others)

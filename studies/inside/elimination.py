@@ -100,15 +100,15 @@ class RowFit(Fit):
 def measure(analysis: Analysis, repeats: int) -> Pair:
     """Walk down the unpruned model, from Gram matrices and from rows."""
     full = analysis.full
-    information = full.rung.reduce(analysis.information)
-    suggested = propose_moves(analysis.structure, full.rung.columns)
-    nonnegative = np.asarray(full.rung.nonnegative)
+    information = full.submodel.reduce(analysis.information)
+    suggested = propose_moves(analysis.structure, full.submodel.columns)
+    nonnegative = np.asarray(full.submodel.nonnegative)
 
     search = find_path(information, nonnegative, suggested=suggested)
     ours, path = timed(lambda: walk(search.whitened.fit(), search.plan), repeats)
 
     folds, kept = search.whitened, list(search.full.kept)
-    rows = all_rows(analysis, full.rung, information)
+    rows = all_rows(analysis, full.submodel, information)
     W, tau = rows.weighted(search.full.weights)
     samples, n = rows.tau.shape
     stretch, joint = np.repeat(rows.block, n), np.tile(np.arange(n), samples)

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Model, Regression
 from identifiability.workflows.analyze import Analysis
 
@@ -95,11 +95,11 @@ class Rows:
         return W.reshape(-1, W.shape[2]), tau.reshape(-1)
 
 
-def all_rows(analysis: Analysis, rung: Rung, information: Information) -> Rows:
-    """Return the rows of a rung's model on the fitted logs."""
+def all_rows(analysis: Analysis, submodel: Submodel, information: Information) -> Rows:
+    """Return the rows of a model's model on the fitted logs."""
     model = Model.of(*analysis.effects)
     regression = Regression(analysis.robot, model, analysis.samples, analysis.base.kept)
     parts = [(W.copy(), tau) for _, _, W, tau in regression.chunks()]
     W, tau = np.concatenate([w for w, _ in parts]), np.concatenate([t for _, t in parts])
     block = np.repeat(np.arange(len(information.counts)), information.counts)
-    return Rows(W @ rung.M, tau - W @ rung.held, block)
+    return Rows(W @ submodel.M, tau - W @ submodel.held, block)

@@ -20,14 +20,14 @@ def measure(analysis: Analysis, repeats: int) -> Pair:
     """
     structure, full = analysis.structure, analysis.full
     region, nominal = physical_set(structure), structure.nominal
-    fitted = FittedModel.of(structure, full.rung, analysis.information, WeightedLeastSquares())
+    fitted = FittedModel.of(structure, full.submodel, analysis.information, WeightedLeastSquares())
     data, fit = fitted.data, fitted.estimate
     project(data, region, reference=nominal)  # what is imported on the way is not the program's
     ours, found = timed(lambda: project(data, region, reference=nominal), repeats)
 
-    rows = all_rows(analysis, full.rung, fitted.information)
+    rows = all_rows(analysis, full.submodel, fitted.information)
     W, tau = rows.weighted(fit.weights)
-    W = W @ np.linalg.pinv(full.rung.M) @ structure.G
+    W = W @ np.linalg.pinv(full.submodel.M) @ structure.G
 
     def naive() -> np.ndarray:
         phi = cp.Variable(W.shape[1])

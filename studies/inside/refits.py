@@ -13,13 +13,13 @@ from inside.pair import Pair, all_rows, difference, timed
 def measure(analysis: Analysis, replicates: int, seed: int) -> Pair:
     """Refit the unpruned model to resampled blocks, from Gram matrices and from rows."""
     full = analysis.full
-    information = full.rung.reduce(analysis.information)
+    information = full.submodel.reduce(analysis.information)
     merged = merge_blocks(information, full.uncertainty.block)
     counts = draw_blocks(len(merged.counts), replicates, np.random.default_rng(seed))
     weights, kept = full.estimate.weights, list(full.estimate.kept)
     ours, values = timed(lambda: refit(merged.select(kept), weights, counts), 5)
 
-    rows = all_rows(analysis, full.rung, merged)
+    rows = all_rows(analysis, full.submodel, merged)
     blocks = [np.flatnonzero(rows.block == b) for b in range(len(merged.counts))]
     W, tau = rows.weighted(weights)
     W, n = W[:, kept], rows.tau.shape[1]

@@ -17,7 +17,7 @@ from identifiability.foundation.names import Array
 from identifiability.logs.prepare import Samples
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Regression
 from identifiability.robot import Motion
 from paper_study.readings import READINGS, measured_motion
@@ -104,19 +104,20 @@ def fit_models(
     """Fit every model by ordinary least squares, as the paper does."""
     regression = subject.structure.regression(samples)
     information = gather_information(regression)
-    return regression, information, [estimate(r.reduce(information), "ols") for r in subject.rungs]
+    return regression, information, [estimate(r.reduce(information), "ols") for r in subject.models]
 
 
 def expand_fits(subject: Subject, fits: Sequence[Estimate]) -> Array:
     """Return the base parameters of every model, (b, m)."""
-    pairs = zip(subject.rungs, fits, strict=True)
-    return np.stack([rung.expand(fit.value) for rung, fit in pairs], 1)
+    pairs = zip(subject.models, fits, strict=True)
+    return np.stack([submodel.expand(fit.value) for submodel, fit in pairs], 1)
 
 
-def physically_possible(rung: Rung, value: Array) -> bool:
+def physically_possible(submodel: Submodel, value: Array) -> bool:
     """Return whether inertias of rows 3, 16, 22 and friction are positive, the paper's list."""
     asked = [
-        n and not c.endswith(".Jr") for n, c in zip(rung.nonnegative, rung.columns, strict=True)
+        n and not c.endswith(".Jr")
+        for n, c in zip(submodel.nonnegative, submodel.columns, strict=True)
     ]
     return bool((value[np.array(asked)] > 0).all())
 
@@ -167,9 +168,9 @@ def run_trial(case: Case, seed: int) -> Trial:
         np.array([parameter_error(f.value, x, f.paper_rule) for f, x in pairs]),
         np.array([int(f.paper_rule.sum()) for f in fits]),
         np.array(
-            [physically_possible(r, f.value) for r, f in zip(subject.rungs, fits, strict=True)]
+            [physically_possible(r, f.value) for r, f in zip(subject.models, fits, strict=True)]
         ),
-        np.array([len(r) for r in subject.rungs]),
+        np.array([len(r) for r in subject.models]),
         tuple(f.value for f in fits),
         tuple(f.sigma_percent for f in fits),
         tuple(f.paper_rule for f in fits),

@@ -89,7 +89,7 @@ def fit_record(subject: Subject, samples: Samples) -> Fitted:
     """Fit Models 1 to 4 to one record."""
     regression, _, fits = fit_models(subject, [samples])
     values = expand_fits(subject, fits)
-    possible = [physically_possible(r, f.value) for r, f in zip(subject.rungs, fits, strict=True)]
+    possible = [physically_possible(r, f.value) for r, f in zip(subject.models, fits, strict=True)]
     return Fitted(samples, fits, values, predict(regression, values), possible)
 
 

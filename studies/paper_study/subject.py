@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
 from identifiability.regression.reduction import (
-    Rung,
+    Submodel,
     build_ladder,
     ladder_model,
     ladder_path,
@@ -49,12 +49,12 @@ class Subject:
     Attributes
     ----------
     structure : Structure
-    rungs : tuple of Rung
+    models : tuple of Submodel
         Models 1 to 4.
     """
 
     structure: Structure
-    rungs: tuple[Rung, ...]
+    models: tuple[Submodel, ...]
 
     @property
     def robot(self) -> Robot:
@@ -75,15 +75,15 @@ class Subject:
     def exact(self) -> tuple[Array, ...]:
         """Exact parameters of each model: those of the robot file."""
         stated = self.structure.nominal_base
-        values = [np.linalg.lstsq(r.M, stated - r.held, rcond=None)[0] for r in self.rungs]
+        values = [np.linalg.lstsq(r.M, stated - r.held, rcond=None)[0] for r in self.models]
         # Groups that cancel in a symmetric robot come out as rounding errors.
         return tuple(np.where(np.abs(x) < ZERO * np.abs(x).max(), 0.0, x) for x in values)
 
     def without_actuators(self) -> Subject:
         """Return the subject whose models have no actuator inertia (Table 6)."""
         names = [f"{joint}.Jr" for joint in self.robot.joints]
-        rungs = tuple(r.without(names) for r in self.rungs)
-        return Subject(self.structure, rungs)
+        submodels = tuple(r.without(names) for r in self.models)
+        return Subject(self.structure, submodels)
 
 
 @dataclass(frozen=True)

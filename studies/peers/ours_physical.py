@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from identifiability.physical.fitted_model import FittedModel, physical_set
 from identifiability.physical.project import project
-from identifiability.regression.reduction import full_rung
+from identifiability.regression.reduction import full_model
 from peers import ours
 from peers.process import Run
 
@@ -15,8 +15,8 @@ def fit(run: Run) -> None:
     structure = found.structure
     with run.phase("semidefinite program"):
         information = found.information
-        rung = full_rung(structure.base)
-        model = FittedModel(structure, rung, information, information, found.estimate)
+        submodel = full_model(structure.base)
+        model = FittedModel(structure, submodel, information, information, found.estimate)
         near = project(model.data, physical_set(structure), reference=structure.nominal)
     run.evidence |= {
         "rss": near.rss,

@@ -1,4 +1,4 @@
-"""A ladder that does not fit its robot is refused with the rung, the name and the near match."""
+"""A ladder that does not fit its robot is refused with the model, the name and the near match."""
 
 import pytest
 
@@ -9,14 +9,14 @@ BAD = {
     "empty": ("", "'models': field required"),
     "no TOML": ("models = [", "is not valid TOML"),
     "deep": ("models = " + "[" * 5000, "is not valid TOML: it is nested too deeply"),
-    "no rungs": ("models = []", "'models': list should have at least 1 item"),
+    "no models": ("models = []", "'models': list should have at least 1 item"),
     "unknown key": (FIRST + "zerro = []", "'models.0.zerro' is not a key", "did you mean 'zero'?"),
     "unknown effect": (
         FIRST + 'effects = ["rigid_bdy"]',
         "There is no effect 'rigid_bdy', did you mean 'rigid_body'?",
     ),
     "no effect": (FIRST + "effects = []", "name at least one, such as rigid_body"),
-    "effects in a later rung": (
+    "effects in a later model": (
         FIRST + SECOND + 'effects = ["rigid_body"]',
         "The model 'b' names effects, but a ladder reduces one model",
     ),
@@ -27,13 +27,13 @@ BAD = {
         "It has link1.Iyy",
     ),
     "unknown parameter kept": (FIRST + 'keep = ["elbow.Fw"]', "did you mean 'elbow.F"),
-    "unknown rung": (
+    "unknown model": (
         '[[models]]\nname = "Model 1"\n' + SECOND + 'from = "Modle 1"',
         "The model 'b' starts from 'Modle 1', which does not stand before it",
         "did you mean 'Model 1'?",
     ),
-    "later rung": (FIRST + 'from = "b"\n' + SECOND, "which does not stand before it"),
-    "rung twice": (FIRST + FIRST, "two models named 'a'; give each its own"),
+    "later model": (FIRST + 'from = "b"\n' + SECOND, "which does not stand before it"),
+    "model twice": (FIRST + FIRST, "two models named 'a'; give each its own"),
     "no name": ('[[models]]\nname = ""', "'models.0.name': string should have at least 1"),
     "tie of one": (
         FIRST + 'tie = {"x.Fc" = ["elbow.Fc"]}',

@@ -1,4 +1,4 @@
-"""A model file is a ladder of one rung: every verb takes it, and says what it used."""
+"""A model file is a ladder of one model: every verb takes it, and says what it used."""
 
 import hashlib
 import json
@@ -12,7 +12,7 @@ from identifiability import Model, Robot, analyze, diagnose, excite, prune, simu
 from identifiability.cli import app
 from identifiability.effects import Placed
 from identifiability.foundation.errors import ModelError
-from identifiability.regression.reduction import build_ladder, ladder_text, read_ladder, rung_entry
+from identifiability.regression.reduction import build_ladder, ladder_text, model_entry, read_ladder
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.simulation import shipped_trajectory
 from identifiability.workflows.calibrate.calibration import calibrate
@@ -31,14 +31,14 @@ def pruned(log):
     return prune("two-link", log, replicates=0, force=["shoulder.Fv"])
 
 
-def test_a_pruned_model_is_one_rung_that_is_judged_beside_the_full_model(pruned, log, tmp_path):
+def test_a_pruned_model_is_one_model_that_is_judged_beside_the_full_model(pruned, log, tmp_path):
     path = pruned.write_model(tmp_path / "model.toml")
     assert len(read_ladder(path).models) == 1
     for ladder in (path, pruned):
         again = analyze("two-link", log, ladder=ladder, replicates=0)
         full, model = again.models
-        assert len(full.rung) == len(again.base) > len(model.rung)
-        assert model.rung.columns == pruned.chosen.columns
+        assert len(full.submodel) == len(again.base) > len(model.submodel)
+        assert model.submodel.columns == pruned.chosen.columns
         np.testing.assert_allclose(
             model.estimate.value, pruned.chosen.estimate.value, rtol=1e-9, atol=1e-12
         )
@@ -52,7 +52,7 @@ def test_calibration_is_about_the_model_of_a_model_file(pruned, log):
     assert found.to_dict()["provenance"]["replicates"] == "2"
 
 
-def test_a_rung_with_every_reduction_is_written_and_read_back_as_it_was(tmp_path):
+def test_a_model_with_every_reduction_is_written_and_read_back_as_it_was(tmp_path):
     robot = Robot.load("two-link")
     path = tmp_path / "ladder.toml"
     path.write_text(
@@ -63,16 +63,16 @@ def test_a_rung_with_every_reduction_is_written_and_read_back_as_it_was(tmp_path
     )
     model = Model.of("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
     structure = Structure.of(robot, model)
-    for rung in build_ladder(read_ladder(path), structure):
+    for submodel in build_ladder(read_ladder(path), structure):
         entry = read_ladder(path).model_copy(
-            update={"models": [rung_entry(rung, structure.base, model.texts)]}
+            update={"models": [model_entry(submodel, structure.base, model.texts)]}
         )
         written = tmp_path / "written.toml"
         written.write_text(ladder_text(entry, "a comment"))
         (again,) = build_ladder(read_ladder(written), structure)
-        assert again.columns == rung.columns
-        np.testing.assert_array_equal(again.M, rung.M)
-        np.testing.assert_array_equal(again.held, rung.held)
+        assert again.columns == submodel.columns
+        np.testing.assert_array_equal(again.M, submodel.M)
+        np.testing.assert_array_equal(again.held, submodel.held)
 
 
 def test_effects_live_where_a_file_says_with_the_shape_that_it_gives():

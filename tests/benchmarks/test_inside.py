@@ -39,7 +39,7 @@ def test_bootstrap_refits(benchmark, analysis):
     import numpy as np
 
     full = analysis.full
-    merged = merge_blocks(full.rung.reduce(analysis.information), full.uncertainty.block)
+    merged = merge_blocks(full.submodel.reduce(analysis.information), full.uncertainty.block)
     counts = draw_blocks(len(merged.counts), 1000, np.random.default_rng(0))
     part = merged.select(full.estimate.kept)
     with threadpool_limits(1):
@@ -54,7 +54,9 @@ def test_semidefinite_program_again(benchmark, analysis):
     from identifiability.physical.project import Projection
 
     full, structure = analysis.full, analysis.structure
-    data = FittedModel.of(structure, full.rung, analysis.information, full.estimate.estimator).data
+    data = FittedModel.of(
+        structure, full.submodel, analysis.information, full.estimate.estimator
+    ).data
     compiled = Projection(physical_set(structure), reference=structure.nominal)
     with threadpool_limits(1):
         found = benchmark.pedantic(compiled.solve, args=(data,), rounds=5, warmup_rounds=1)

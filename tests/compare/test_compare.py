@@ -15,7 +15,7 @@ from identifiability import Robot, analyze, compare
 from identifiability.cli import app
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs import Log
-from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.simulation.forces import joint_torque
 from identifiability.simulation.simulator import Campaign
@@ -91,7 +91,7 @@ def test_friction_of_passive_joints_may_be_what_a_closed_chain_shows():
     assert f"or that of passive joints did ({passive[0]}" in found.answer
     assert "passive_joint_friction" in found.answer
     own = [*found.structure.model.names, "passive_joint_friction"]
-    ladder = LadderEntry(models=[RungEntry(name="passive too", effects=own)])
+    ladder = LadderEntry(models=[ModelEntry(name="passive too", effects=own)])
     told = compare(name, before, after, ladder=ladder)
     assert told.unseen == ()
     assert "passive joints did" not in told.answer

@@ -50,8 +50,10 @@ def test_the_feasible_estimate_is_near_the_data_and_the_file(exported):
         assert model.physical.region.contains(model.physical.nearest.phi)
     # In the unpruned model the robot that made the log has no prior against it, and is beaten.
     full = result.models[0]
-    reduced = full.rung.reduce(result.information)
-    fitted = FittedModel(result.structure, full.rung, result.information, reduced, full.estimate)
+    reduced = full.submodel.reduce(result.information)
+    fitted = FittedModel(
+        result.structure, full.submodel, result.information, reduced, full.estimate
+    )
     data = fitted.data.beside(*fitted.left_out)
     true = float(data.rss(result.structure.nominal) - data.rss_min) / data.unit**2
     assert full.physical.nearest.excess < true

@@ -13,7 +13,7 @@ from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.reduction import (
     LadderEntry,
-    RungEntry,
+    ModelEntry,
     leave_to_terms,
     list_functions,
 )
@@ -40,7 +40,7 @@ def make_log(robot):
 @pytest.fixture(scope="module", params=FUNCTIONS)
 def learned(request, tmp_path_factory):
     robot = Robot.load("two-link")
-    ladder = LadderEntry(models=[RungEntry(name="learned", effects=[*USUAL, request.param])])
+    ladder = LadderEntry(models=[ModelEntry(name="learned", effects=[*USUAL, request.param])])
     result = analyze(robot, make_log(robot), ladder=ladder, replicates=0)
     return result, result.to_json(tmp_path_factory.mktemp("learned") / "result.json")
 
@@ -62,7 +62,7 @@ def test_a_file_holds_what_is_best_without_the_function(learned):
     """The friction of the file is that of a model without the function, at every range of it."""
     result, _ = learned
     plain = analyze("two-link", make_log(result.robot), ladder=LadderEntry(
-        models=[RungEntry(name="plain", effects=list(USUAL))]), replicates=0)  # fmt: skip
+        models=[ModelEntry(name="plain", effects=list(USUAL))]), replicates=0)  # fmt: skip
     values, simple = (r.chosen.physical.parameters() for r in (result, plain))
     for name in ("elbow.Fv", "elbow.Fc"):
         expected, said = plain[name], result[name]

@@ -5,7 +5,7 @@ import pytest
 
 from identifiability import analyze, simulate
 from identifiability.effects.registry import default_effects
-from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.robot import Robot
 from identifiability.robot.locate import shipped_robots
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
@@ -35,7 +35,7 @@ def test_the_same_logs_say_the_same_of_what_was_exported(name, tmp_path):
     motions = ("601", "595") if name == "3-rps" else "ab"
     logs = [make_log(robot, motion, k) for k, motion in enumerate(motions)]
     effects = [*default_effects(robot, BASIC)]
-    entry = LadderEntry(models=[RungEntry(name="full", effects=effects)])
+    entry = LadderEntry(models=[ModelEntry(name="full", effects=effects)])
     before = analyze(robot, logs[0], logs[1], ladder=entry, replicates=20)
     path = before.to_json(tmp_path / "result.json")
     exported = export(robot, path, tmp_path / f"fitted{robot.path.suffix}")

@@ -7,10 +7,10 @@ from typer.testing import CliRunner
 from identifiability import Robot, analyze, prune
 from identifiability.cli import app
 from identifiability.physical.cad_prior import state_mass, state_masses, total_mass
-from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.report.analysis_report import build_analysis_page
 
-FULL = LadderEntry(models=[RungEntry(name="full")])
+FULL = LadderEntry(models=[ModelEntry(name="full")])
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, tm
 
 
 def test_pruning_knows_the_remedy(log):
-    entry = LadderEntry(models=[RungEntry(name="few", keep=["platform.mx", "slider1.Fv"])])
+    entry = LadderEntry(models=[ModelEntry(name="few", keep=["platform.mx", "slider1.Fv"])])
     heavy = prune("3-rps", log, ladder=entry, replicates=2, cad_prior=1.0)
     assert "weighs" not in heavy.statement
     assert heavy.to_dict()["physical"]["cad_prior"] == 1.0

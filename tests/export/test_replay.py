@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability import analyze, prune
-from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import Robot
@@ -46,13 +46,13 @@ def fit(name, what):
     )
     effects = [*BASIC, what] if what in HIDDEN else BASIC
     if what == "pruned":
-        start = LadderEntry(models=[RungEntry(name="full", effects=BASIC)])
+        start = LadderEntry(models=[ModelEntry(name="full", effects=BASIC)])
         return prune(robot, log, ladder=start, replicates=2), log
     zero = []
     if what == "zeroed":
         base = find_base_parameters(robot, Model.of(*BASIC))
         zero = [n for n in base.names if n.rpartition(".")[2] in gone]
-    ladder = LadderEntry(models=[RungEntry(name="fitted", effects=effects, zero=zero)])
+    ladder = LadderEntry(models=[ModelEntry(name="fitted", effects=effects, zero=zero)])
     result = analyze(robot, log, ladder=ladder, replicates=0)
     assert result.chosen.name == "fitted"
     return result, log

@@ -162,7 +162,7 @@ def joint_share(fit, structure, count, rng, size=256):
         phi[signed] = np.abs(phi[signed]) * rng.uniform(0.5, 2, len(signed)) + 0.1
         assert region.contains(phi[None])[0]
         base = structure.G @ phi + root @ rng.standard_normal(len(root))
-        own = replace(fit, values=np.linalg.pinv(fit.rung.M) @ (base - fit.rung.held))
+        own = replace(fit, values=np.linalg.pinv(fit.submodel.M) @ (base - fit.submodel.held))
         drawn = draw_robots(structure.robot, own, size, seed=k, prior=0.2).base
         turn = np.linalg.inv(np.linalg.cholesky(np.cov(drawn.T)))
         far = ((drawn - drawn.mean(0)) @ turn.T) ** 2
@@ -178,7 +178,7 @@ def test_true_robots_lie_in_the_joint_set_of_the_draws(count, simulated):
     rng = np.random.default_rng(5)
     robot = Robot.load("two-link")
     result = analyze(robot, simulated("two-link", "a", samples=2000), quick=True)
-    fit = replace(result.fit, rung=result.full.rung, values=result.full.estimate.value)
+    fit = replace(result.fit, submodel=result.full.submodel, values=result.full.estimate.value)
     share = joint_share(fit, result.structure, count, rng)
     assert share >= 0.93 - 1.7 * np.sqrt(0.93 * 0.07 / count)
 

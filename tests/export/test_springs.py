@@ -13,7 +13,7 @@ from identifiability.cli import app
 from identifiability.effects import FAMILIES
 from identifiability.effects.vocabulary import held_by_file
 from identifiability.foundation.errors import RobotError
-from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.regression.regression import Model
 from identifiability.robot import complete_motion
 from identifiability.robot.along import known_torque
@@ -118,7 +118,7 @@ def test_mujoco_has_the_springs_of_the_file_and_its_error_is_the_stated_one(repl
         robot, motion, noise=PAPER_NOISE, hide=["free_spring=0.2"], rng=np.random.default_rng(3)
     )
     effects = ["rigid_body", "viscous_friction", "coulomb_friction", "free_spring"]
-    ladder = LadderEntry(models=[RungEntry(name="fitted", effects=effects)])
+    ladder = LadderEntry(models=[ModelEntry(name="fitted", effects=effects)])
     result = analyze(robot, log, ladder=ladder, replicates=0)
     parameters = result.chosen.physical.parameters()
     signs = {parameters[f"{a.name}.k"] > 0 for a in (*robot.axes, *robot.passive_axes)}

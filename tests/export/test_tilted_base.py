@@ -10,7 +10,7 @@ from identifiability.effects.gravity import GravityTilt, horizontal_axes, tilt_t
 from identifiability.effects.nominal import gravity_torque, rigid_torque
 from identifiability.logs.prepare import prepare_samples
 from identifiability.logs.prepare.preparation import settle_cutoff
-from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.report.diagnosis_report import answer_missing
@@ -151,7 +151,7 @@ def test_a_wall_is_found_stated_written_and_drawn(on_a_wall, tmp_path):
 def test_where_nothing_is_believed_and_gravity_disagrees_diagnose_comes_next(on_a_wall):
     robot, (log, _) = on_a_wall
     few = ("viscous_friction", "rigid_body")
-    ladder = LadderEntry(models=[RungEntry(name="bodies", effects=few)])
+    ladder = LadderEntry(models=[ModelEntry(name="bodies", effects=few)])
     result = analyze(robot, log, ladder=ladder, quick=True, replicates=0)
     lost = replace(result, nothing="no model predicts", leaning=find_leaning(logs(robot, log)))
     assert lost.leaning.tilt.degrees == pytest.approx(90.0, abs=2.0)

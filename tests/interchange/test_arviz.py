@@ -27,7 +27,7 @@ def test_every_draw_is_there_with_names_and_units(which, result):
     posterior = tree["posterior"].dataset
     phi = posterior["phi"]
     assert phi.dims == ("chain", "draw", "parameter")
-    assert phi["parameter"].values.tolist() == list(result.chosen.rung.columns)
+    assert phi["parameter"].values.tolist() == list(result.chosen.submodel.columns)
     units = tree["constant_data"]["unit"].values.tolist()
     assert units == [v.unit for v in result.chosen.verdicts]
     np.testing.assert_allclose(phi.mean(("chain", "draw")), summary.mean, rtol=1e-9)
@@ -43,7 +43,7 @@ def test_arviz_judges_the_chains_as_we_do(result):
     ours = result.belief.physical.convergence.rhat
     np.testing.assert_allclose(theirs, ours, rtol=1e-6)
     table = arviz.summary(tree)
-    assert f"phi[{result.chosen.rung.columns[0]}]" in table.index
+    assert f"phi[{result.chosen.submodel.columns[0]}]" in table.index
     assert bool(tree.attrs["trustworthy"]) == result.belief.physical.trustworthy
     assert tree.attrs["reasons"] == " ".join(result.belief.physical.convergence.reasons)
     assert tree.attrs["seed"] == "0"

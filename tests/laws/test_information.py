@@ -94,11 +94,11 @@ def test_reducing_the_information_equals_reducing_the_columns(rps, paper_model, 
     W, tau = rows
     information = gather_information(regression)
     entry = read_ladder(rps.path.with_name("ladder.toml"))
-    for rung in build_ladder(entry, Structure.of(rps, paper_model)):
-        flat = (W @ rung.M).reshape(-1, len(rung))
+    for submodel in build_ladder(entry, Structure.of(rps, paper_model)):
+        flat = (W @ submodel.M).reshape(-1, len(submodel))
         expected = np.linalg.lstsq(flat, tau.ravel(), rcond=None)[0]
-        fit = estimate(rung.reduce(information), "ols")
-        np.testing.assert_allclose(fit.value, expected, rtol=1e-8, err_msg=rung.name)
+        fit = estimate(submodel.reduce(information), "ols")
+        np.testing.assert_allclose(fit.value, expected, rtol=1e-8, err_msg=submodel.name)
 
 
 def test_held_values_are_taken_off_the_torque(regression, rows):

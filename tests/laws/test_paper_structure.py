@@ -56,7 +56,7 @@ def base(structure):
 
 
 @pytest.fixture
-def rungs(structure):
+def submodels(structure):
     return build_ladder(read_ladder(structure.robot.path.with_name("ladder.toml")), structure)
 
 
@@ -92,12 +92,12 @@ def test_actuator_inertia_is_one_of_two_parameters_and_friction_is_all(base):
     assert not any("+ " in x.replace("Fc+", "") for x in friction)
 
 
-def test_models_1_to_4_have_37_24_18_and_12_parameters(rungs):
-    assert [len(r) for r in rungs] == [37, 24, 18, 12]
+def test_models_1_to_4_have_37_24_18_and_12_parameters(submodels):
+    assert [len(r) for r in submodels] == [37, 24, 18, 12]
 
 
-def test_model_4_keeps_rows_12_17_and_23(rungs):
-    rigid = [lab for lab in rungs[3].labels if "m" in lab.split("(")[0]]
+def test_model_4_keeps_rows_12_17_and_23(submodels):
+    rigid = [lab for lab in submodels[3].labels if "m" in lab.split("(")[0]]
     assert len(rigid) == 3
     assert any(lab.startswith("mx(3)") for lab in rigid)
     assert any(lab.startswith("m(5)") for lab in rigid)
@@ -116,15 +116,15 @@ def test_the_cad_identities_of_table_8_hold(rps, structure):
     assert value["leg3_upper.m"] == pytest.approx(m2 + m3 / 3, rel=1e-6)
 
 
-def test_models_1_to_3_recover_noise_free_parameters_exactly(rps, structure, rungs, exact_log):
+def test_models_1_to_3_recover_noise_free_parameters_exactly(rps, structure, submodels, exact_log):
     information = gather_information(structure.regression([prepare_samples(rps, exact_log)]))
     truth = structure.nominal_base
-    for rung in rungs[:3]:
-        fit = estimate(rung.reduce(information), "ols")
-        error = np.abs(rung.expand(fit.value) - truth)
-        assert error.max() < 1e-9 * np.abs(truth).max(), rung.name
-    truncated = estimate(rungs[3].reduce(information), "ols")
-    exact = np.linalg.lstsq(rungs[3].M, truth, rcond=None)[0]
+    for submodel in submodels[:3]:
+        fit = estimate(submodel.reduce(information), "ols")
+        error = np.abs(submodel.expand(fit.value) - truth)
+        assert error.max() < 1e-9 * np.abs(truth).max(), submodel.name
+    truncated = estimate(submodels[3].reduce(information), "ols")
+    exact = np.linalg.lstsq(submodels[3].M, truth, rcond=None)[0]
     off = np.abs(truncated.value / exact - 1)
     # Model 4 is a truncation: it absorbs what it leaves out, by up to 2 %.
     assert 1e-4 < off.max() < 0.025

@@ -35,8 +35,8 @@ def test_a_load_without_noise_is_found_exactly(fit, make_logs, planted):
 
 
 def truth(kept):
-    nominal = kept.structure.nominal_base - kept.rung.held
-    return np.linalg.lstsq(kept.rung.M, nominal, rcond=None)[0]
+    nominal = kept.structure.nominal_base - kept.submodel.held
+    return np.linalg.lstsq(kept.submodel.M, nominal, rcond=None)[0]
 
 
 @pytest.mark.parametrize("name", [pytest.param(ARM, marks=pytest.mark.everything), "two-link"])

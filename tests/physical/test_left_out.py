@@ -8,14 +8,14 @@ import pytest
 from identifiability import analyze
 from identifiability.physical.fitted_model import FittedModel, Held, LeastSquares, find_held
 from identifiability.physical.project import Projection, project
-from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.workflows.analyze.belief import Effort, Source, form_belief
 
 EFFECTS = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"]
 
 
-def fit(simulated, cad_weight=0.0, **rung):
-    entry = LadderEntry(models=[RungEntry(name="reduced", effects=EFFECTS, **rung)])
+def fit(simulated, cad_weight=0.0, **submodel):
+    entry = LadderEntry(models=[ModelEntry(name="reduced", effects=EFFECTS, **submodel)])
     log = simulated("two-link", "a", 0)
     return analyze("two-link", log, ladder=entry, replicates=0, cad_prior=cad_weight)
 
@@ -27,20 +27,20 @@ def base_values(result):
     return dict(zip(result.base.names, result.base.G @ phi, strict=True))
 
 
-def test_what_a_rung_leaves_out_is_zero_in_the_nearest_real_robot(simulated):
+def test_what_a_model_leaves_out_is_zero_in_the_nearest_real_robot(simulated):
     result = fit(simulated, zero=["elbow.Ia", "elbow.Fv", "elbow.Fc", "link1.mz"])
     found = result.models[-1].physical.parameters()
     assert [found[f"elbow.{kind}"] for kind in ("Ia", "Fv", "Fc")] == [0.0, 0.0, 0.0]
     assert abs(base_values(result)["link1.mz"]) < 1e-6  # of 0.1 kg·m that noise would fit to it
 
 
-def test_what_a_rung_holds_is_held_in_the_nearest_real_robot(simulated):
+def test_what_a_model_holds_is_held_in_the_nearest_real_robot(simulated):
     result = fit(simulated, hold={"elbow.Ia": 0.05, "link1.mx": 2.0})
     assert result.models[-1].physical.parameters()["elbow.Ia"] == 0.05
     assert base_values(result)["link1.mx"] == pytest.approx(2.0, rel=1e-6)
 
 
-def test_a_prior_hardly_moves_what_a_rung_holds_or_ties(simulated):
+def test_a_prior_hardly_moves_what_a_model_holds_or_ties(simulated):
     result = fit(simulated, None, hold={"elbow.Ia": 0.05, "link1.mx": 2.0})
     chosen = result.models[-1].physical
     assert chosen.cad_weight > 0
@@ -48,7 +48,7 @@ def test_a_prior_hardly_moves_what_a_rung_holds_or_ties(simulated):
     assert base_values(result)["link1.mx"] == pytest.approx(2.0, abs=1e-3)
 
 
-def test_what_a_rung_ties_is_equal_in_the_nearest_real_robot(simulated):
+def test_what_a_model_ties_is_equal_in_the_nearest_real_robot(simulated):
     tie = {"Fv": ["shoulder.Fv", "elbow.Fv"], "mz": ["link1.mz", "link2.mz"]}
     result = fit(simulated, tie=tie)
     found = base_values(result)
@@ -113,16 +113,16 @@ def test_a_sum_of_what_cannot_be_negative_is_zero_part_by_part(robot):
     assert not len(kept.rows)
 
 
-def test_what_a_rung_leaves_out_holds_or_ties_is_so_in_every_draw_of_the_posterior(simulated):
-    rung = RungEntry(
+def test_what_a_model_leaves_out_holds_or_ties_is_so_in_every_draw_of_the_posterior(simulated):
+    submodel = ModelEntry(
         name="reduced", effects=EFFECTS, zero=["elbow.Fc", "link1.mz"], hold={"elbow.Ia": 0.05},
         tie={"Fv": ["shoulder.Fv", "elbow.Fv"]},
     )  # fmt: skip
     log = simulated("two-link", "a", 0)
-    found = analyze("two-link", log, ladder=LadderEntry(models=[rung]), replicates=0)
+    found = analyze("two-link", log, ladder=LadderEntry(models=[submodel]), replicates=0)
     reduced = found.models[-1]
     model = FittedModel.of(
-        found.structure, reduced.rung, found.information, reduced.estimate.estimator
+        found.structure, reduced.submodel, found.information, reduced.estimate.estimator
     )
     belief = form_belief(model, np.random.default_rng(0), Effort(walkers=4, draws=20, warmup=10))
     known = belief.standard

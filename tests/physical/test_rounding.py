@@ -11,7 +11,7 @@ from identifiability.physical.cad_prior import WEAK
 from identifiability.physical.feasibility import certify_model, find_nearest
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
-from identifiability.workflows.prune.rung import Stability
+from identifiability.workflows.prune.models import Stability
 
 
 @pytest.fixture(scope="module")
@@ -30,26 +30,26 @@ def exact(arm):
 @pytest.mark.parametrize(("rotor", "possible"), [(-1e-14, True), (-1e-3, False)])
 def test_a_rotor_that_is_zero_up_to_rounding_is_possible(arm, exact, rotor, possible):
     model = exact.models[0]
-    at = model.rung.columns.index("elbow.Ia")
+    at = model.submodel.columns.index("elbow.Ia")
     value = model.estimate.value.copy()
     assert abs(value[at]) < 1e-9
     value[at] = rotor
     fit = replace(model.estimate, value=value)
-    reduced = model.rung.reduce(exact.information)
-    fitted = FittedModel(exact.structure, model.rung, exact.information, reduced, fit)
+    reduced = model.submodel.reduce(exact.information)
+    fitted = FittedModel(exact.structure, model.submodel, exact.information, reduced, fit)
     found = find_nearest(fitted, WEAK).with_certificate(*certify_model(fitted))
     assert found.feasible is possible, found.sentence
 
 
 def test_signs_at_rounding_are_not_forbidden(arm, exact):
     model = exact.models[0]
-    reduced = model.rung.reduce(exact.information)
+    reduced = model.submodel.reduce(exact.information)
     fit = estimate(reduced)
-    at = model.rung.columns.index("elbow.Ia")
+    at = model.submodel.columns.index("elbow.Ia")
     for rotor, left in ((-1e-14, 0.0), (-1e-3, -1e-3), (1e-14, 1e-14)):
         value = fit.value.copy()
         value[at] = rotor
-        settled = settle_signs(reduced, replace(fit, value=value), model.rung.nonnegative)
+        settled = settle_signs(reduced, replace(fit, value=value), model.submodel.nonnegative)
         assert settled[at] == left
         np.testing.assert_array_equal(np.delete(settled, at), np.delete(value, at))
 

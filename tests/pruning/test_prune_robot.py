@@ -31,7 +31,7 @@ def test_a_model_that_no_real_robot_can_have_gives_way_where_real_robots_predict
     assert out.feasible
     assert set(out.chosen.columns) == MODEL_4
     at = out.selected
-    assert out.rungs[at].density < out.rungs[at - 1].density - LEVELS.nats
+    assert out.models[at].density < out.models[at - 1].density - LEVELS.nats
     kept = prune("3-rps", simulated("3-rps", "601", 1), criterion="best", replicates=0)
     assert not kept.feasible
 
@@ -58,15 +58,15 @@ def test_the_pruned_model_predicts_a_new_trajectory_no_worse_than_the_unpruned(p
     assert pruned.chosen.error_ra_unseen < pruned.full.error_ra_unseen
 
 
-def test_every_rung_below_the_first_has_a_move_a_reason_and_fewer_parameters(pruned):
-    sizes = [len(r) for r in pruned.rungs]
+def test_every_model_below_the_first_has_a_move_a_reason_and_fewer_parameters(pruned):
+    sizes = [len(r) for r in pruned.models]
     assert sizes[0] == 37
     assert sizes[-1] == 0
     assert all(a > b for a, b in pairwise(sizes))
-    for rung in pruned.rungs[1:]:
-        assert rung.step.move is not None
-        assert rung.reason.endswith(".")
-    fitted = [r.error_ra for r in pruned.rungs]
+    for submodel in pruned.models[1:]:
+        assert submodel.step.move is not None
+        assert submodel.reason.endswith(".")
+    fitted = [r.error_ra for r in pruned.models]
     assert fitted[-1] > 0.9  # nothing predicts nothing
 
 
@@ -92,7 +92,7 @@ def test_the_chosen_model_is_a_ladder_that_analyze_reads(pruned, simulated, tmp_
     path = pruned.write_model(tmp_path / "pruned.toml")
     again = analyze("3-rps", simulated("3-rps", "601", 0), ladder=path, replicates=20)
     model = again.models[1]
-    assert set(model.rung.columns) == set(pruned.chosen.columns)
+    assert set(model.submodel.columns) == set(pruned.chosen.columns)
     np.testing.assert_allclose(
         model.estimate.value, pruned.result.estimate.value, rtol=1e-6
     )  # fmt: skip
@@ -102,7 +102,7 @@ def test_json_and_report_hold_the_ladder(pruned, tmp_path):
     content = json.loads(pruned.to_json(tmp_path / "p.json").read_text())
     assert content["schema"].startswith("identifiability/pruning/")
     assert content["selected"] == pruned.chosen.name
-    assert len(content["models"]) == len(pruned.rungs)
+    assert len(content["models"]) == len(pruned.models)
     assert len(content["full_parameters"]) == 37
     page = pruned.write_report(tmp_path / "p.html").read_text()
     for words in ("12 are worth using", "What survives", "What the survivors took over", "Masses"):
@@ -133,7 +133,7 @@ def test_pruning_starts_from_the_users_own_ladder(simulated, tmp_path):
     assert len(out.full) == 30
     assert "platform.mz" not in out.full.columns
     again = analyze("3-rps", log, ladder=out.write_model(tmp_path / "p.toml"), replicates=0)
-    assert set(again.models[1].rung.columns) == set(out.chosen.columns)
+    assert set(again.models[1].submodel.columns) == set(out.chosen.columns)
 
 
 @pytest.mark.everything
@@ -183,7 +183,7 @@ def test_a_joint_that_never_moves_loses_its_friction_and_inertia(simulated):
         frame[column] = 0.0
     frame["joint_6.tau"] = np.random.default_rng(0).normal(scale=0.1, size=len(frame))
     out = prune("six-dof-arm", frame, replicates=0)
-    gone = set(out.rungs[1].step.move.zero)
+    gone = set(out.models[1].step.move.zero)
     assert {"joint_6.Fv", "joint_6.Fc"} <= gone
     assert "joint_1.Fv" in out.chosen.columns
 
@@ -215,13 +215,15 @@ def test_the_command_line_prunes_and_writes(simulated, tmp_path):
 
 
 def test_labels_are_those_of_all_models_by_their_weight(pruned):
-    assert sum(r.weight for r in pruned.rungs) == pytest.approx(1.0)
-    rungs = [r for r in pruned.rungs if r.weight > 0]
-    assert max(rungs, key=lambda r: r.density).density == 0.0
+    assert sum(r.weight for r in pruned.models) == pytest.approx(1.0)
+    submodels = [r for r in pruned.models if r.weight > 0]
+    assert max(submodels, key=lambda r: r.density).density == 0.0
     for v in pruned.verdicts:
         assert v.sigma_label >= v.sigma_models > 0
         low, high = v.interval95
-        own = [x.value for r in rungs for x in r.verdicts if x.name == v.name and r.weight > 0.3]
+        own = [
+            x.value for r in submodels for x in r.verdicts if x.name == v.name and r.weight > 0.3
+        ]
         assert all(low <= x <= high for x in own)
 
 

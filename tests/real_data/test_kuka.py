@@ -88,7 +88,7 @@ def analysis(kuka, folder):
 
 def test_rank_is_43_rigid_plus_21_friction_and_offsets_plus_5_rotors(analysis):
     assert analysis.base.rank == 69
-    assert [len(m.rung) for m in analysis.models] == [69, 64, 43]
+    assert [len(m.submodel) for m in analysis.models] == [69, 64, 43]
     assert all(m.estimate.determined.all() for m in analysis.models)
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from identifiability import analyze
 from identifiability.physical.fitted_model import FittedModel
-from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.analyze import Analysis
@@ -85,8 +85,8 @@ def chain_log(
 
 
 @pytest.fixture
-def one_rung() -> LadderEntry:
-    return LadderEntry(models=[RungEntry(name="only", effects=list(EFFECTS))])
+def one_model() -> LadderEntry:
+    return LadderEntry(models=[ModelEntry(name="only", effects=list(EFFECTS))])
 
 
 @pytest.fixture
@@ -104,7 +104,7 @@ def believe(analysis: Analysis, effort: Effort) -> Analysis:
     """Add posteriors, shown whatever so few draws are worth."""
     chosen = analysis.chosen
     model = FittedModel.of(
-        analysis.structure, chosen.rung, analysis.information, chosen.estimate.estimator
+        analysis.structure, chosen.submodel, analysis.information, chosen.estimate.estimator
     )
     belief = form_belief(model, np.random.default_rng(0), effort)
     signs, physical = (trust(x) for x in (belief.signs, belief.physical))

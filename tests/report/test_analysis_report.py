@@ -9,7 +9,7 @@ import pytest
 
 from identifiability import analyze
 from identifiability.estimation.evidence import LEVELS
-from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.report import build_analysis_page, write_analysis_report
 
 SECTIONS = (
@@ -169,10 +169,10 @@ def test_long_combinations_are_cut_between_terms():
 
 
 def test_a_ladder_that_begins_with_less_is_no_poor_motion(simulated):
-    """What the first rung leaves out is not what the motion leaves out."""
+    """What the first model leaves out is not what the motion leaves out."""
     log = simulated("two-link", "a", samples=200)
     effects = ["rigid_body", "viscous_friction"]
-    first = RungEntry(name="first", effects=effects, zero=["*.Fv"])
+    first = ModelEntry(name="first", effects=effects, zero=["*.Fv"])
     analysis = analyze("two-link", log, ladder=LadderEntry(models=[first]), replicates=0)
-    assert [len(m.rung) for m in analysis.models] == [8, 6]
+    assert [len(m.submodel) for m in analysis.models] == [8, 6]
     assert not [n for n in analysis.cautions() if "not rich enough" in n.title]

@@ -129,7 +129,7 @@ def test_intervals_that_the_prior_decides_are_named_and_withheld(believed_analys
     believed_analysis = sensitive(believed_analysis, np.linspace(0, 0.3, 12))
     physical = believed_analysis.belief.physical
     (only,) = sections(believed_analysis)["posterior"].blocks[0].notes
-    left = np.array(believed_analysis.chosen.rung.columns)[~physical.stated]
+    left = np.array(believed_analysis.chosen.submodel.columns)[~physical.stated]
     assert only.title.startswith(f"The prior decides {len(left)} of 12 intervals of the posterior")
     assert all(name in only.text for name in left)
     calm = sensitive(believed_analysis, 0.0)
@@ -138,7 +138,7 @@ def test_intervals_that_the_prior_decides_are_named_and_withheld(believed_analys
 
 
 def test_parameters_are_grouped_and_long_groups_are_cut(believed_analysis):
-    columns = believed_analysis.full.rung.columns
+    columns = believed_analysis.full.submodel.columns
     groups = forest_groups(columns)
     assert [kind for kind, _ in groups] == ["bodies"] * 2 + ["friction", "rotor inertia"]
     assert sorted(np.concatenate([rows for _, rows in groups])) == list(range(37))

@@ -14,7 +14,7 @@ from identifiability.foundation.answers import Note
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.logs.spectrum import Band
-from identifiability.regression.reduction import LadderEntry, LadderSource, RungEntry
+from identifiability.regression.reduction import LadderEntry, LadderSource, ModelEntry
 from identifiability.report import build_analysis_page, render_page
 from identifiability.report.blocks import Trace
 from identifiability.report.skeleton import Part, draw_skeleton, trace_limbs
@@ -220,7 +220,7 @@ def test_a_sidecar_and_a_ladder_are_named_where_they_do_not_lie_beside_the_robot
     assert source_name(Robot.load(path, other)) == "two.xml --sidecar other.toml"
     shutil.copy(known.sidecar, tmp_path / "two.toml")
     assert source_name(Robot.load(path)) == "two.xml"
-    entry = LadderEntry(models=[RungEntry(name="m")])
+    entry = LadderEntry(models=[ModelEntry(name="m")])
     robot = Robot.load(path)
     assert ladder_option(robot, LadderSource(entry, "pruned.toml", "")) == " --ladder pruned.toml"
     assert ladder_option(robot, LadderSource(entry, "default", "")) == ""

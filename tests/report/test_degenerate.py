@@ -45,8 +45,8 @@ def test_torque_that_never_varies_has_no_relative_error(chain_analysis):
 
 
 @pytest.mark.parametrize("joints", [["only"], ["a", "b"]])
-def test_one_model_and_few_joints_suffice(chain_analysis, one_rung, joints):
-    html = render(chain_analysis(joints, ladder=one_rung))
+def test_one_model_and_few_joints_suffice(chain_analysis, one_model, joints):
+    html = render(chain_analysis(joints, ladder=one_model))
     assert "there was nothing to choose from" in html
     assert "is the unpruned one" in html
 
@@ -66,8 +66,8 @@ def test_many_logs_get_a_row_each(chain_analysis):
 
 @pytest.mark.everything
 @pytest.mark.parametrize("joints", [8, pytest.param(24, marks=pytest.mark.everything)])
-def test_many_joints_fit_into_a_page(chain_analysis, one_rung, joints):
-    ladder = one_rung.model_copy(deep=True)
+def test_many_joints_fit_into_a_page(chain_analysis, one_model, joints):
+    ladder = one_model.model_copy(deep=True)
     ladder.models[0].effects = ["viscous_friction", "coulomb_asymmetry", "actuator_inertia"]
     analysis = chain_analysis([f"j{k}" for k in range(joints)], held=1, ladder=ladder, samples=600)
     html = render(analysis)

@@ -127,7 +127,7 @@ def test_values_of_an_axis_come_back_from_a_log_without_noise(tmp_path):
     robot = Robot.load("two-link", side)
     log = simulate(robot, PrescribedMotion.of(shipped_trajectory(robot, "a"), 400))
     found = analyze(robot, log, replicates=0).models[1]
-    values = dict(zip(found.rung.columns, found.estimate.value, strict=True))
+    values = dict(zip(found.submodel.columns, found.estimate.value, strict=True))
     for name, value in (("cable.Fv", 0.4), ("cable.Fc", 0.9), ("cable.K", 3.0)):
         assert values[name] == pytest.approx(value, rel=1e-6)
 

@@ -25,7 +25,7 @@ from identifiability import (
 )
 from identifiability.effects import default_effects
 from identifiability.foundation.documents import toml_text
-from identifiability.regression.reduction import LadderEntry, RungEntry, ladder_path, read_ladder
+from identifiability.regression.reduction import LadderEntry, ModelEntry, ladder_path, read_ladder
 from identifiability.robot import complete_motion
 from identifiability.robot.dh import convert_dh
 from identifiability.robot.locate import shipped_folder
@@ -223,8 +223,10 @@ def hits(name, seed, trajectories, samples=None, replicates=1000):
     campaign = Campaign.of(robot, [PrescribedMotion.of(m, samples) for m in moves])
     logs = campaign.logs(noise=NOISE, rng=np.random.default_rng(seed))
     result = analyze(robot, logs[:-1], validate=logs[-1], replicates=replicates, seed=seed)
-    rung, frame = result.models[0].rung, result.to_frame()
-    truth = np.linalg.lstsq(rung.M, result.structure.nominal_base - rung.held, rcond=None)[0]
+    submodel, frame = result.models[0].submodel, result.to_frame()
+    truth = np.linalg.lstsq(submodel.M, result.structure.nominal_base - submodel.held, rcond=None)[
+        0
+    ]
     low, high = np.array(frame["interval95"].tolist()).T
     at = next(k for k, n in enumerate(frame["name"]) if n.endswith(".K"))
     return (low <= truth) & (truth <= high), frame["value"][at] / truth[at]
@@ -304,4 +306,4 @@ def test_a_cable_that_is_not_given_is_learned(without_cable):
 
 
 def ladder(effects):
-    return LadderEntry(models=[RungEntry(name="model", effects=list(effects))])
+    return LadderEntry(models=[ModelEntry(name="model", effects=list(effects))])

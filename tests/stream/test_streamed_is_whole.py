@@ -145,10 +145,10 @@ def test_a_pruning_gives_the_same_model(sizes, frame_of, saved):
     path = saved(frame_of("two-link", periods=4))
     whole = prune("two-link", Log.read(path), replicates=5)
     parts = prune("two-link", LogFile.read(path), replicates=5, engine=Serial())
-    assert [r.columns for r in parts.rungs] == [r.columns for r in whole.rungs]
+    assert [r.columns for r in parts.models] == [r.columns for r in whole.models]
     assert parts.statement == whole.statement
     np.testing.assert_allclose(
-        [r.error_ra_unseen for r in parts.rungs], [r.error_ra_unseen for r in whole.rungs],
+        [r.error_ra_unseen for r in parts.models], [r.error_ra_unseen for r in whole.models],
         rtol=1e-8,
     )  # fmt: skip
 

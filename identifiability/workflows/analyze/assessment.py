@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import pandas as pd
 
-from identifiability.estimation.decide import decide_rung, find_left_out
+from identifiability.estimation.decide import decide_submodel, find_left_out
 from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import NOTHING, Estimate, settle_signs
@@ -44,7 +44,7 @@ from identifiability.physical.cad_prior import (
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel, LeastSquares
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import LadderSource, Rung
+from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.answers import state_joints
@@ -68,7 +68,7 @@ class JudgedModel:
 
     Attributes
     ----------
-    rung : Rung
+    submodel : Submodel
     estimate : Estimate
     verdicts : tuple of Verdict
         Of terms with their shares of functions that were learned.
@@ -84,7 +84,7 @@ class JudgedModel:
         Parameters with a sign that physics forbids, the paper's test.
     """
 
-    rung: Rung
+    submodel: Submodel
     estimate: Estimate
     verdicts: tuple[Verdict, ...]
     error_ra: float
@@ -98,7 +98,7 @@ class JudgedModel:
     @property
     def name(self) -> str:
         """Name of the model."""
-        return self.rung.name
+        return self.submodel.name
 
     @property
     def signs_possible(self) -> bool:
@@ -151,7 +151,7 @@ class JudgedModel:
         """Return the model as one row of the ladder."""
         return {
             "name": self.name,
-            "parameters": len(self.rung),
+            "parameters": len(self.submodel),
             "paper_identified": self.paper_identified,
             "identifiable": self.count(Class.IDENTIFIABLE),
             "not_judged": self.count(Class.NOT_JUDGED),
@@ -165,7 +165,7 @@ class JudgedModel:
 
 
 @frozen(kw_only=True)
-class RungResult(JudgedModel):
+class ModelResult(JudgedModel):
     """One model of the ladder, fitted; held out in turns where there are no validation logs.
 
     Attributes
@@ -209,7 +209,7 @@ class RungResult(JudgedModel):
             return False
         base = self.physical.base
         reach = NOTHING * np.abs(base).max(initial=0.0)
-        return bool(np.abs(self.rung.expand(self.physical.value) - base).max() <= reach)
+        return bool(np.abs(self.submodel.expand(self.physical.value) - base).max() <= reach)
 
     @property
     def recommended(self) -> Array:
@@ -242,7 +242,7 @@ class RungResult(JudgedModel):
     def row(self) -> dict[str, Any]:
         """Return the model as one row of the ladder."""
         return super().row() | {
-            "description": self.rung.description,
+            "description": self.submodel.description,
             "error_ra_validation_se": self.error_se,
             "error_joints_validation_se": self.error_joints_se,
             "worse_at": list(self.worse_at),
@@ -264,8 +264,8 @@ def assess_ladder(
     doubt: Doubt = NO_DOUBT,
     *,
     veto: bool = True,
-    late: Callable[[Rung], Array] | None = None,
-) -> tuple[RungResult, ...]:
+    late: Callable[[Submodel], Array] | None = None,
+) -> tuple[ModelResult, ...]:
     """Return the results of all m models.
 
     Parameters
@@ -285,7 +285,7 @@ def assess_ladder(
     veto : bool
         Whether the others are logs that were held out; stretches of the fitted ones have been asked
         already, where they could be.
-    late : callable(Rung), optional
+    late : callable(Submodel), optional
         What errors of delays do to the values of a model, (L, k).
     """
     m = len(models)
@@ -303,7 +303,7 @@ def assess_ladder(
     spoken = bool(models) and bool(models[0].estimate.kept)
     full = fit_whole(models[0].estimate.estimator, models[0].whole) if spoken else None
     for k, (model, real) in enumerate(zip(models, physical, strict=True)):
-        rung, reduced, fit = model.rung, model.information, model.estimate
+        submodel, reduced, fit = model.submodel, model.information, model.estimate
         residual = fitted.residual[:, :, k]
         uncertainty = assess_uncertainty(reduced, fit, residual, fitted.series, rng, replicates)
         told, spread_told = model.told, uncertainty
@@ -312,10 +312,10 @@ def assess_ladder(
                 told.information, told.estimate, residual, fitted.series, rng, replicates
             )
         if late is not None:
-            uncertainty = replace(uncertainty, late=late(rung))
-            spread_told = replace(spread_told, late=late(told.rung))
-        result = RungResult(
-            rung=rung,
+            uncertainty = replace(uncertainty, late=late(submodel))
+            spread_told = replace(spread_told, late=late(told.submodel))
+        result = ModelResult(
+            submodel=submodel,
             estimate=fit,
             uncertainty=uncertainty,
             verdicts=decide_told(told, spread_told, torque, thresholds, full, doubt),
@@ -331,7 +331,7 @@ def assess_ladder(
             error_ra_file=float(error[2 * m + k]),
             error_ra_other=float(error[3 * m + k]),
             error_real_joints=each[:, [m + k, 2 * m + k, 3 * m + k]],
-            infeasible=forbidden_signs(told.rung, told.information, told.estimate),
+            infeasible=forbidden_signs(told.submodel, told.information, told.estimate),
             physical=real,
             physical_as_good=stands_for(held_out if veto else None, real, k, m + k),
         )
@@ -364,22 +364,22 @@ def decide_told(
     models : Mixture, optional
         What all models of a path say of its labels.
     """
-    rung, part, fit = told.rung, told.information, told.estimate
-    stated = np.linalg.lstsq(rung.M, told.structure.nominal_base - rung.held, rcond=None)[0]
-    left_out = find_left_out(told.structure, rung, told.whole, fit, full)
-    aliases = _aliases(part, fit, rung)
-    own = doubt.of_labels(rung, fit)
-    return decide_rung(
-        rung, part, fit, uncertainty, torque, aliases, thresholds, stated, left_out, own, models
+    submodel, part, fit = told.submodel, told.information, told.estimate
+    stated = np.linalg.lstsq(submodel.M, told.structure.nominal_base - submodel.held, rcond=None)[0]
+    left_out = find_left_out(told.structure, submodel, told.whole, fit, full)
+    aliases = _aliases(part, fit, submodel)
+    own = doubt.of_labels(submodel, fit)
+    return decide_submodel(
+        submodel, part, fit, uncertainty, torque, aliases, thresholds, stated, left_out, own, models
     )
 
 
 def tell_with_file(
     models: Sequence[FittedModel],
-    results: Sequence[RungResult],
+    results: Sequence[ModelResult],
     share: float,
     thresholds: Thresholds,
-) -> tuple[tuple[RungResult, ...], tuple[str, ...]]:
+) -> tuple[tuple[ModelResult, ...], tuple[str, ...]]:
     """Return models whose verdicts say what the file's bodies add, and what logs say of these.
 
     What logs determine stays; what they leave open may be narrowed by bodies within a share of the
@@ -388,7 +388,7 @@ def tell_with_file(
     Parameters
     ----------
     models : sequence of FittedModel
-    results : sequence of RungResult
+    results : sequence of ModelResult
         Of each model.
     share : float
         0 for none.
@@ -403,8 +403,8 @@ def tell_with_file(
 
 
 def _add_file(
-    model: FittedModel, result: RungResult, share: float, thresholds: Thresholds
-) -> tuple[RungResult, str]:
+    model: FittedModel, result: ModelResult, share: float, thresholds: Thresholds
+) -> tuple[ModelResult, str]:
     told = model.told
     fit = told.estimate
     data = LeastSquares.likelihood(told.information, fit)
@@ -458,23 +458,23 @@ def _surely_above(held_out: Prediction, against: int, model: int) -> bool:
     return bool(rise > REACH * held_out.standard_error_over_joints(against)[model])
 
 
-def forbidden_signs(rung: Rung, information: Information, fit: Estimate) -> tuple[str, ...]:
+def forbidden_signs(submodel: Submodel, information: Information, fit: Estimate) -> tuple[str, ...]:
     """Return the parameters with a sign that physics forbids, the paper's test."""
-    settled = settle_signs(information, fit, rung.nonnegative)
-    forbidden = rung.nonnegative & fit.determined & (settled < 0)
-    return tuple(c for c, bad in zip(rung.columns, forbidden, strict=True) if bad)
+    settled = settle_signs(information, fit, submodel.nonnegative)
+    forbidden = submodel.nonnegative & fit.determined & (settled < 0)
+    return tuple(c for c, bad in zip(submodel.columns, forbidden, strict=True) if bad)
 
 
-def _aliases(information: Information, fit: Estimate, rung: Rung) -> tuple[str, ...]:
+def _aliases(information: Information, fit: Estimate, submodel: Submodel) -> tuple[str, ...]:
     """Return, for each undetermined parameter, what this motion cannot tell it from."""
-    out = [""] * len(rung)
-    dropped = [c for c in range(len(rung)) if c not in set(fit.kept)]
+    out = [""] * len(submodel)
+    dropped = [c for c in range(len(submodel)) if c not in set(fit.kept)]
     leans = dependence(information, fit.kept, fit.weights)
     for k in np.flatnonzero(~fit.determined):
         own, rest = (fit.kept, dropped) if k in fit.kept else (dropped, fit.kept)
         at = own.index(int(k))
         row = np.abs(leans[at] if k in fit.kept else leans[:, at])
-        others = [rung.columns[rest[i]] for i in np.argsort(-row)]
+        others = [submodel.columns[rest[i]] for i in np.argsort(-row)]
         count = int((row > MIXED).sum())
         out[k] = (
             f"This motion determines only its combination with {listing(others[:count], 4)}."
@@ -484,7 +484,7 @@ def _aliases(information: Information, fit: Estimate, rung: Rung) -> tuple[str, 
     return tuple(out)
 
 
-def select_model(results: Sequence[RungResult], near: np.ndarray) -> int:
+def select_model(results: Sequence[ModelResult], near: np.ndarray) -> int:
     """Return the smallest of the models that may stand for the best, possible ones first.
 
     Folds of the fitted logs choose (`evidence.near_best`); motion that is held out has a veto: a
@@ -496,7 +496,7 @@ def select_model(results: Sequence[RungResult], near: np.ndarray) -> int:
 
     Parameters
     ----------
-    results : sequence of m RungResult
+    results : sequence of m ModelResult
     near : (m,) bool
     """
     error = np.array([r.error_joints_validation for r in results])
@@ -510,7 +510,7 @@ def select_model(results: Sequence[RungResult], near: np.ndarray) -> int:
     def rank(k: int) -> tuple[bool, bool, bool, int, float]:
         r = results[k]
         impossible = bool(r.contradicted), not r.feasible, not r.signs_possible
-        return *impossible, len(r.rung), float(error[k])
+        return *impossible, len(r.submodel), float(error[k])
 
     return min(good.tolist(), key=rank)
 
@@ -647,7 +647,7 @@ class Laddered(Result, Opening, Predicts):
 
     @property
     @abstractmethod
-    def _used(self) -> RungResult:
+    def _used(self) -> ModelResult:
         """The model to use, with all that was asked of it."""
 
     @property
@@ -681,13 +681,13 @@ class Laddered(Result, Opening, Predicts):
             )
         own, unseen = ((p.joint_rms()[:, 0], p.joint_rms(raw=True)[:, 0]) for p in self._alone)
         used, whole = self._used, self._ladder[0]
-        part = used.rung.reduce(self.information)
+        part = used.submodel.reduce(self.information)
         wider = widening(part, used.estimate, used.uncertainty)
-        M, unpruned = whole.rung.M, whole.rung.reduce(self.information)
+        M, unpruned = whole.submodel.M, whole.submodel.reduce(self.information)
         covariance, unknown = measure_errors(unpruned, whole.estimate, wider)
         return Fit(
             structure=self.structure,
-            rung=used.rung,
+            submodel=used.submodel,
             values=used.recommended,
             spread=measure_spread(part, used.estimate, used.uncertainty, own, unseen),
             preparation=settled(self.settings.get("preparation"), self.samples),

@@ -39,9 +39,9 @@ from identifiability.posterior.ensemble import Posterior, sample_posterior
 from identifiability.posterior.exact import Progress
 from identifiability.posterior.target import Prior, Target
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
-from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.analyze.assessment import ModelResult
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -240,7 +240,7 @@ def widen_interval(interval: Array, nonnegative: np.ndarray, moved: Array) -> Ar
 
 
 def refine_verdicts(
-    result: RungResult, belief: Belief, thresholds: Thresholds | None = None
+    result: ModelResult, belief: Belief, thresholds: Thresholds | None = None
 ) -> tuple[Verdict, ...]:
     """Return the verdicts of a model with what the physical posterior adds.
 
@@ -288,7 +288,7 @@ def refine_verdicts(
     return tuple(out)
 
 
-def belief_dict(result: RungResult, belief: Belief) -> dict[str, Any]:
+def belief_dict(result: ModelResult, belief: Belief) -> dict[str, Any]:
     """Return a belief for JSON; numbers of a chain that did not converge are withheld."""
     out: dict[str, Any] = {"note": belief.note}
     for name, summary in (("signs", belief.signs), ("physical", belief.physical)):
@@ -304,7 +304,7 @@ def belief_dict(result: RungResult, belief: Belief) -> dict[str, Any]:
             "acceptance": c.acceptance,
         }
         if summary.trustworthy:
-            known = {"name": result.rung.columns, "mean": summary.mean, "sd": summary.sd}
+            known = {"name": result.submodel.columns, "mean": summary.mean, "sd": summary.sd}
             pairs = zip(summary.interval.tolist(), summary.stated, strict=True)
             ends = [pair if stated else None for pair, stated in pairs]
             frame = pd.DataFrame({**known, "interval95": ends, "sway": summary.prior_sensitivity})
@@ -328,7 +328,7 @@ PARAMETER, STANDARD = "parameter", "standard_parameter"
 
 def build_datatree(
     belief: Belief | None,
-    result: RungResult,
+    result: ModelResult,
     which: Which = "physical",
     attributes: dict[str, str] | None = None,
 ) -> DataTree:
@@ -344,7 +344,7 @@ def build_datatree(
     Parameters
     ----------
     belief : Belief or None
-    result : RungResult
+    result : ModelResult
         The model that the belief is about.
     which : {"physical", "signs"}
     attributes : dict of str, optional
@@ -375,7 +375,7 @@ def build_datatree(
         "sway": (PARAMETER, summary.prior_sensitivity),
         "unit": (PARAMETER, [v.unit for v in result.verdicts]),
     }
-    names = {PARAMETER: list(result.rung.columns)}
+    names = {PARAMETER: list(result.submodel.columns)}
     if which == "physical" and standard is not None:
         moving = np.ptp(standard.chains, axis=(0, 1, 2)) > 0
         draws["standard"] = _walkers(standard.chains[..., moving], STANDARD)
@@ -414,13 +414,13 @@ def _walkers(chains: Array, of: str) -> tuple[tuple[str, ...], Array]:
 def believe(
     structure: Structure,
     information: Information,
-    results: tuple[RungResult, ...],
+    results: tuple[ModelResult, ...],
     at: int,
     rng: np.random.Generator,
     say: Callable[[str, float], None],
     silence: str,
     share: float = 0.0,
-) -> tuple[tuple[RungResult, ...], Belief]:
+) -> tuple[tuple[ModelResult, ...], Belief]:
     """Sample the posteriors of one model and let its verdicts know.
 
     Where there is nothing to explain nothing is sampled: the posterior of a robot that never moved
@@ -429,8 +429,8 @@ def believe(
     if silence:
         return results, Belief(None, None, None, silence)
     chosen = results[at]
-    part = chosen.rung.reduce(information)
-    model = FittedModel(structure, chosen.rung, information, part, chosen.estimate)
+    part = chosen.submodel.reduce(information)
+    model = FittedModel(structure, chosen.submodel, information, part, chosen.estimate)
     belief = form_belief(
         model,
         rng,
@@ -532,19 +532,19 @@ def add_stated(structure: Structure, prior: Prior) -> Prior:
 
 def _sample_signs(model: FittedModel, rng: np.random.Generator, effort: Effort) -> Summary:
     """Sample the model's own parameters under their signs, flat prior."""
-    rung, estimate = model.rung, model.estimate
+    submodel, estimate = model.submodel, model.estimate
     data = LeastSquares.likelihood(model.information, estimate)
-    region = PhysicalSet(np.empty((0, 10), int), rung.nonnegative, columns=rung.columns)
-    target = Target(data, Prior.flat(len(rung)), region)
+    region = PhysicalSet(np.empty((0, 10), int), submodel.nonnegative, columns=submodel.columns)
+    target = Target(data, Prior.flat(len(submodel)), region)
     start = np.array(estimate.value)
-    low = rung.nonnegative & (start <= 0)
+    low = submodel.nonnegative & (start <= 0)
     start[low] = 0.01 * np.maximum(estimate.sigma[low], 1e-12)
     # The start must lie inside; a step of 1 % of σ off the edge is nothing to the sampler.
     posterior, convergence = _sample(target, start, rng, effort)
     prior_sensitivity = measure_prior_sensitivity(
         posterior.draws, log_distances(region, posterior.draws)
     )
-    return _summarise(posterior.draws, rung, rng, prior_sensitivity, convergence)
+    return _summarise(posterior.draws, submodel, rng, prior_sensitivity, convergence)
 
 
 def _sample(
@@ -599,7 +599,7 @@ def _sample_physical(
     posterior, convergence = _sample(target, start, rng, effort, progress)
     chains = posterior.draws @ model.to_x.T
     prior_sensitivity = measure_prior_sensitivity(chains, log_distances(region, posterior.draws))
-    summary = _summarise(chains, model.rung, rng, prior_sensitivity, convergence)
+    summary = _summarise(chains, model.submodel, rng, prior_sensitivity, convergence)
     return summary, _look_at_standard(structure, target, posterior)
 
 
@@ -630,17 +630,17 @@ def _look_at_standard(structure: Structure, target: Target, posterior: Posterior
 
 def _summarise(
     chains: Array,
-    rung: Rung,
+    submodel: Submodel,
     rng: np.random.Generator,
     prior_sensitivity: Array,
     convergence: Convergence,
 ) -> Summary:
     draws = chains.reshape(-1, chains.shape[-1])
     sd = draws.std(0, ddof=1)
-    interval = believed_interval(draws, rung.nonnegative)
-    interval = widen_interval(interval, rung.nonnegative, prior_sensitivity * sd)
+    interval = believed_interval(draws, submodel.nonnegative)
+    interval = widen_interval(interval, submodel.nonnegative, prior_sensitivity * sd)
     width = interval[:, 1] - interval[:, 0]
-    edge = np.where(rung.nonnegative, (draws < 0.01 * width).mean(0), 0.0)
+    edge = np.where(submodel.nonnegative, (draws < 0.01 * width).mean(0), 0.0)
     shown = draws[rng.permutation(len(draws))[:SHOWN]]
     return Summary(
         mean=draws.mean(0),

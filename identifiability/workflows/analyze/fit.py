@@ -36,9 +36,9 @@ from identifiability.physical.feasibility import (
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
-from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.analyze.assessment import ModelResult
 from identifiability.workflows.band import enough_samples, settle_band
 from identifiability.workflows.instruments import follow
 from identifiability.workflows.opening import Opening, Recordings
@@ -76,12 +76,12 @@ class DelayErrors:
             later.append(gather_information(opening.structure.regression(samples)))
         return cls(rows.alike, tuple(later), rows.estimator)
 
-    def move(self, rung: Rung) -> Array:
+    def move(self, submodel: Submodel) -> Array:
         """Return by how much each of them moves the values of a model, (L, k)."""
         if not self.later:
-            return np.zeros((0, len(rung)))
+            return np.zeros((0, len(submodel)))
         first, *others = (
-            self.estimator.fit(rung.reduce(x)).value for x in (self.information, *self.later)
+            self.estimator.fit(submodel.reduce(x)).value for x in (self.information, *self.later)
         )
         return np.array(others) - first
 
@@ -119,7 +119,7 @@ class FittedLadder:
 
         Then what robot files of their own format hold of these, and of the other.
         """
-        fits = [m.rung.expand(m.estimate.value) for m in self.models]
+        fits = [m.submodel.expand(m.estimate.value) for m in self.models]
         robots = [p.base for p in self.robots]
         files = [p.in_files[k] for k in range(2) for p in self.robots]
         return np.stack([*fits, *robots, *files], 1)
@@ -132,7 +132,7 @@ class FittedLadder:
 
 def fit_ladder(
     structure: Structure,
-    rungs: Sequence[Rung],
+    submodels: Sequence[Submodel],
     information: Information,
     estimator: Estimator,
     cad_weight: float | None,
@@ -148,15 +148,17 @@ def fit_ladder(
         Of the prior around the robot file; by default predictions choose it (`choose_prior`).
     """
     if silence:
-        parts = [rung.reduce(information) for rung in rungs]
+        parts = [submodel.reduce(information) for submodel in submodels]
         open_ = tuple(
-            FittedModel(structure, rung, information, part, leave_open(part, estimator))
-            for rung, part in zip(rungs, parts, strict=True)
+            FittedModel(structure, submodel, information, part, leave_open(part, estimator))
+            for submodel, part in zip(submodels, parts, strict=True)
         )
-        undecided = tuple(leave_undecided(structure, rung, silence) for rung in rungs)
+        undecided = tuple(leave_undecided(structure, submodel, silence) for submodel in submodels)
         none = np.empty((0, information.size, 0))
-        return FittedLadder(open_, undecided, none, None, np.zeros(len(rungs), bool))
-    models = tuple(FittedModel.of(structure, rung, information, estimator) for rung in rungs)
+        return FittedLadder(open_, undecided, none, None, np.zeros(len(submodels), bool))
+    models = tuple(
+        FittedModel.of(structure, submodel, information, estimator) for submodel in submodels
+    )
     held, short = hold_folds(information, estimator)
     found: list[Settled] = []
     for model in models:  # a smaller one asks for no heavier prior than the unpruned
@@ -170,7 +172,9 @@ def fit_ladder(
     m = len(models)
     order = [*range(0, 2 * m, 2), *range(1, 2 * m, 2)]
     near = near_best([one.free for one in found])
-    near |= stand_for_impossible(near, [len(r) for r in rungs], robots, [one.real for one in found])
+    near |= stand_for_impossible(
+        near, [len(r) for r in submodels], robots, [one.real for one in found]
+    )
     return FittedLadder(models, robots, crossed[:, :, order], held.folds, near, short)
 
 
@@ -267,9 +271,9 @@ def settle_robot(
     choose : bool
         Whether folds may choose; else the prior is weak, unless it is given.
     """
-    rung, fit = model.rung, model.estimate
-    free = held.refit(fit, rung.M, rung.held)
-    score = held.score_roots(free, held.roots(rung.M[:, list(fit.kept)]))
+    submodel, fit = model.submodel, model.estimate
+    free = held.refit(fit, submodel.M, submodel.held)
+    score = held.score_roots(free, held.roots(submodel.M[:, list(fit.kept)]))
     weight = WEAK if cad_weight is None and not choose else cad_weight
     tried = [w for w in WEIGHTS if w <= heaviest] if weight is None else [weight or WEIGHTS[-1]]
     chosen = choose_prior(model, held, score, tried)
@@ -317,7 +321,7 @@ NAMED = 3
 
 
 def check_cutoff(
-    opening: Opening, recordings: Recordings, result: RungResult, how: Preparation
+    opening: Opening, recordings: Recordings, result: ModelResult, how: Preparation
 ) -> tuple[str, ...]:
     """Return what to say of the cut-off: of what it lets through, and of what follows it.
 
@@ -326,7 +330,7 @@ def check_cutoff(
     opening : Opening
     recordings : Recordings
         What its samples were prepared from.
-    result : RungResult
+    result : ModelResult
         The model whose values are looked at.
     how : Preparation
         With the cut-off for all logs.
@@ -374,7 +378,7 @@ def _say_noise(band: Band) -> str:
 
 
 def vary_cutoff(
-    opening: Opening, logs: Sequence[Recording], result: RungResult, how: SettledPreparation
+    opening: Opening, logs: Sequence[Recording], result: ModelResult, how: SettledPreparation
 ) -> str:
     """Return one sentence on identifiable values that follow the cut-off, or nothing.
 
@@ -405,7 +409,7 @@ def vary_cutoff(
         own = result.estimate.estimator
         again = gather_information(structure.regression(follow(own, structure.robot, parts)))
         again = weigh_rows(structure.robot.joints, samples, again, own)[0]
-        return settle_noise(own, again).fit(result.rung.reduce(again))
+        return settle_noise(own, again).fit(result.submodel.reduce(again))
 
     whole = sum(b - a for _, a, b in windows) == sum(len(log) for log in logs)
     base = result.estimate if whole else refit(1.0)
@@ -425,7 +429,7 @@ def vary_cutoff(
         if len(at):
             band = " … ".join(sorted({f"{factor * kept:.3g}" for _, kept in bands}, key=float))
             order = at[np.argsort(-moved[at])]
-            names = (f"{result.rung.columns[k]} by {moved[k]:.2g} σ" for k in order)
+            names = (f"{result.submodel.columns[k]} by {moved[k]:.2g} σ" for k in order)
             found.append(f"{listing(names, NAMED)} at {band} Hz")
     if not found:
         return ""
@@ -436,7 +440,7 @@ def vary_cutoff(
     )
 
 
-def _moves(result: RungResult, base: Estimate, other: Estimate) -> Array:
+def _moves(result: ModelResult, base: Estimate, other: Estimate) -> Array:
     """Return by how many robust σ values move, (k,); 0 where that is within what it may be."""
     robust = np.asarray(result.uncertainty.robust, float)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -29,7 +29,7 @@ from identifiability.foundation.rounding import (
 )
 from identifiability.foundation.values import frozen
 from identifiability.logs.repeats import Recording
-from identifiability.workflows.analyze.assessment import JudgedModel, Laddered, RungResult
+from identifiability.workflows.analyze.assessment import JudgedModel, Laddered, ModelResult
 from identifiability.workflows.analyze.belief import Belief, Which, belief_dict, build_datatree
 from identifiability.workflows.analyze.words import SeveralLogs, state_answer, state_physics
 from identifiability.workflows.answers import (
@@ -70,7 +70,7 @@ class Analysis(Laddered):
 
     Attributes
     ----------
-    models : tuple of RungResult
+    models : tuple of ModelResult
         The ladder, unpruned model first.
     selected : int
         The model to use: the smallest that may stand for the best on folds of the fitted logs and
@@ -93,7 +93,7 @@ class Analysis(Laddered):
 
     schema: ClassVar[str] = "identifiability/analysis/1"
 
-    models: tuple[RungResult, ...]
+    models: tuple[ModelResult, ...]
     belief: Belief | None = None
     thresholds: Thresholds = field(default_factory=Thresholds)
     settings: Mapping[str, object] = field(default_factory=dict)
@@ -103,17 +103,17 @@ class Analysis(Laddered):
     folds: Folds | None = None
 
     @property
-    def _ladder(self) -> tuple[RungResult, ...]:
+    def _ladder(self) -> tuple[ModelResult, ...]:
         """Every model, the unpruned one first."""
         return self.models
 
     @property
-    def chosen(self) -> RungResult:
+    def chosen(self) -> ModelResult:
         """The selected model."""
         return self.models[self.selected]
 
     @property
-    def _used(self) -> RungResult:
+    def _used(self) -> ModelResult:
         """The selected model."""
         return self.chosen
 
@@ -128,7 +128,7 @@ class Analysis(Laddered):
         return self.full.name if self.source is None else self.source.entry.models[0].name
 
     @property
-    def full(self) -> RungResult:
+    def full(self) -> ModelResult:
         """The unpruned model."""
         return self.models[0]
 
@@ -248,7 +248,7 @@ def _answers(analysis: Analysis) -> tuple[Answer, ...]:
             analysis.cautions(),
             doubt or chosen.unjudged,
             found,
-            len(chosen.rung),
+            len(chosen.submodel),
             analysis.missing.statement,
         ),
         answer_next(next_commands(analysis)),
@@ -280,7 +280,7 @@ def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
         page = "--report missing.html"
         text = "Find out what the model misses:"
         out.append((text, f"identifiability diagnose {robot} {logs}{held} {page}"))
-    if chosen.count(Class.IDENTIFIABLE) < len(chosen.rung):
+    if chosen.count(Class.IDENTIFIABLE) < len(chosen.submodel):
         text = "Drop what noise decides, and keep a model that a real robot can have:"
         more = f"{ladder_option(analysis.robot, analysis.source)} --report pruned.html"
         out.append((text, f"identifiability prune {robot} {logs}{held}{more} --json result.json"))
@@ -297,12 +297,12 @@ def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
     return out[:3]
 
 
-def model_title(result: RungResult) -> str:
+def model_title(result: ModelResult) -> str:
     """Return the name of a model as it stands in a sentence."""
     return result.name if "model" in result.name.lower() else f"“{result.name}”"
 
 
-def sigma_inflation(result: RungResult) -> float:
+def sigma_inflation(result: ModelResult) -> float:
     """Return by how much autocorrelation widens σ, over the determined parameters."""
     pairs = [(v.sigma_robust, v.sigma) for v in result.verdicts]
     ratios = [a / b for a, b in pairs if 0 < b < np.inf and np.isfinite(a)]
@@ -333,14 +333,14 @@ def _answer_use(analysis: Analysis) -> Answer:
     size = f"Of {len(base.parameters)} parameters {base.rank} can be told apart by any motion."
     if analysis.nothing:
         return Answer(question, "Nothing, and none.", size, "vermilion")
-    found = f"{chosen.count(Class.IDENTIFIABLE)} of {len(chosen.rung)} parameters"
+    found = f"{chosen.count(Class.IDENTIFIABLE)} of {len(chosen.submodel)} parameters"
     if chosen.unjudged:
-        found = f"{len(chosen.rung)} parameters, none judged"
+        found = f"{len(chosen.submodel)} parameters, none judged"
     title = model_title(chosen)
     title = f"{title[0].upper()}{title[1:]}"
     if chosen is not analysis.full:
         full = analysis.full
-        size += f" The unpruned {model_title(full)} keeps all {len(full.rung)} of them"
+        size += f" The unpruned {model_title(full)} keeps all {len(full.submodel)} of them"
         size += "." if full.unjudged else f", {full.count(Class.IDENTIFIABLE)} identifiable."
     physics = f" {analysis.physical_statement}"
     tone = "blue" if chosen.feasible else "amber"
@@ -365,7 +365,7 @@ def _cautions(analysis: Analysis) -> tuple[Note, ...]:
     return tuple(sorted(notes, key=lambda n: order[n.level]))
 
 
-def physics_notes(chosen: RungResult) -> Iterator[Note]:
+def physics_notes(chosen: ModelResult) -> Iterator[Note]:
     """Say which values no real robot has; the combination itself stands in a section below."""
     near = f"the nearest real robot errs by {error_text(chosen.error_ra_physical)} on unseen motion"
     if chosen.infeasible:
@@ -380,7 +380,7 @@ def _physics_notes(analysis: Analysis) -> Iterator[Note]:
         yield note("mass", warning=analysis.mass_warning)
     yield from physics_notes(chosen)
     if full.infeasible and full is not chosen:
-        names, size = join(full.infeasible), len(full.rung)
+        names, size = join(full.infeasible), len(full.submodel)
         yield note("unpruned", title=model_title(full), names=names, size=size)
 
 
@@ -390,7 +390,7 @@ def _excitation_notes(analysis: Analysis) -> Iterator[Note]:
         yield note("poor", rank=base.rank, excited=len(full.estimate.kept))
     if base.ambiguous:
         yield note("ambiguous")
-    rows, size = analysis.information.rows, len(full.rung)
+    rows, size = analysis.information.rows, len(full.submodel)
     if rows < FEW_ROWS * size:
         values, parameters = format_count(rows, "torque value"), format_count(size, "parameter")
         yield note("short", rows=values, size=parameters)
@@ -422,7 +422,7 @@ def _fit_notes(analysis: Analysis) -> Iterator[Note]:
     if chosen.unjudged:
         yield note("unjudged", why=chosen.unjudged)
     elif chosen.some_unjudged:
-        count, size = chosen.count(Class.NOT_JUDGED), len(chosen.rung)
+        count, size = chosen.count(Class.NOT_JUDGED), len(chosen.submodel)
         yield note("some_unjudged", count=str(count), size=str(size), why=chosen.some_unjudged)
     if full.unjudged and full is not chosen:
         title = f"The unpruned {model_title(full)} is not judged."
@@ -434,7 +434,7 @@ def _fit_notes(analysis: Analysis) -> Iterator[Note]:
         yield note("inside", kind=analysis.validation_kind)
 
 
-def _spread_cell(m: RungResult) -> Cell:
+def _spread_cell(m: ModelResult) -> Cell:
     spread, note = m.error_joints_se, f"worse at {join(m.worse_at, 3)}" if m.worse_at else ""
     if not np.isfinite(spread):
         return Cell(NONE, spread)
@@ -445,7 +445,7 @@ def _condition_text(condition: float) -> str:
     return format_number(condition, 3) if np.isfinite(condition) else "∞"
 
 
-def _possible_cell(m: RungResult) -> Cell:
+def _possible_cell(m: ModelResult) -> Cell:
     near = f"nearest real robot: {error_text(m.error_ra_physical)}"
     if m.feasible:
         return Cell("yes", 2.0, badge="pass")
@@ -456,8 +456,8 @@ def _possible_cell(m: RungResult) -> Cell:
 
 LADDER = with_hints(
     "models",
-    Column("model", get=lambda m: Cell(m.name, note=m.rung.description)),
-    Column("parameters", "number", lambda m: len(m.rung)),
+    Column("model", get=lambda m: Cell(m.name, note=m.submodel.description)),
+    Column("parameters", "number", lambda m: len(m.submodel)),
     Column("identifiable", "number", found_cell),
     Column("10× rule", "number", "paper_identified", detail=True),
     Column("error, fitted", error_text, "error_ra"),
@@ -518,11 +518,11 @@ LOGS = (
 )
 
 
-def parameter_table(analysis: Analysis, result: RungResult) -> Table:
+def parameter_table(analysis: Analysis, result: ModelResult) -> Table:
     """Return one row for each parameter of a model, filtered by verdict."""
     most = max((v.share for v in result.verdicts), default=0.0)
     reduced = any(v.sigma_omit for v in result.verdicts)
-    stated = dict(zip(result.rung.columns, stated_values(analysis, result), strict=True))
+    stated = dict(zip(result.submodel.columns, stated_values(analysis, result), strict=True))
 
     def share(v: Verdict) -> Cell:
         length = v.share / most if np.isfinite(most) and most > 0 else 0.0
@@ -570,14 +570,14 @@ def shorten_label(label: str, most: int = 64) -> str:
     return f"{label[:cut] if cut > 0 else label[:most]} …"
 
 
-def stated_values(analysis: Analysis, result: RungResult) -> list[float | None]:
+def stated_values(analysis: Analysis, result: ModelResult) -> list[float | None]:
     """Return what this fit would find on the robot of the file, None where it states nothing.
 
     A value that stands for more than its label is compared with what the file's robot would show.
     """
     known, base = analysis.robot.nominal, analysis.base
     stated = np.array([any(p.name in known for _, p in base.terms(r)) for r in range(len(base))])
-    member = np.abs(result.rung.M) > 0
+    member = np.abs(result.submodel.M) > 0
     return [
         v.projected if v.projected is not None and stated[member[:, k]].any() else None
         for k, v in enumerate(result.verdicts)

@@ -19,7 +19,7 @@ from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.information import Information
 from identifiability.regression.structure import BaseParameters
 from identifiability.robot import Robot
-from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.analyze.assessment import ModelResult
 
 # What logs say of each other, in words; of one long log, what its halves say.
 
@@ -81,7 +81,7 @@ def compare_logs(
     joints: Sequence[str],
     samples: Sequence[Prepared],
     information: Information,
-    result: RungResult,
+    result: ModelResult,
 ) -> SeveralLogs:
     """Return what logs say of each other under a model, or the halves of one log.
 
@@ -93,9 +93,9 @@ def compare_logs(
         Of each fitted log.
     information : Information
         About the base parameters.
-    result : RungResult
+    result : ModelResult
     """
-    columns = result.rung.columns
+    columns = result.submodel.columns
     if len(samples) > 1:
         motions = result.uncertainty.motions
         names = tuple(samples[k].name for k in motions.which) if motions else ()
@@ -112,7 +112,7 @@ def compare_logs(
         hint = _blame(motions, names, columns, joints)
         return SeveralLogs(motions, names, columns, hint, hint)
     log = samples[0].name
-    motions = compare_halves(result.rung.reduce(information), result.estimate)
+    motions = compare_halves(result.submodel.reduce(information), result.estimate)
     if motions is None:
         text = f"{ONE} {log} is too short for its halves to be compared."
         return SeveralLogs(None, (), columns, text)
@@ -208,8 +208,8 @@ WORSE = "no model predicts motion that it has not seen better than a constant to
 
 def state_answer(
     base: BaseParameters,
-    models: Sequence[RungResult],
-    chosen: RungResult,
+    models: Sequence[ModelResult],
+    chosen: ModelResult,
     physics: str,
     nothing: str = "",
     missing: Doubt = NO_DOUBT,
@@ -219,9 +219,9 @@ def state_answer(
     Parameters
     ----------
     base : BaseParameters
-    models : sequence of RungResult
+    models : sequence of ModelResult
         The unpruned one first.
-    chosen : RungResult
+    chosen : ModelResult
         The selected one.
     physics : str
         What `state_physics` says of the selected model.
@@ -244,20 +244,20 @@ def state_answer(
     text = (
         f"Of {total} parameters {base.rank} can be told apart in principle; these logs {known}. "
         f"The model to use is {chosen.name}: {chosen.count(Class.IDENTIFIABLE)} of its "
-        f"{len(chosen.rung)} parameters are identifiable, and it predicts motion that it has not "
+        f"{len(chosen.submodel)} parameters are identifiable, and it predicts motion that it has not "
         f"seen with an error of {held:.3g} %."
     )
     if not (full.count(Class.IDENTIFIABLE) or chosen.count(Class.IDENTIFIABLE)):
         most = max(models, key=lambda m: m.count(Class.IDENTIFIABLE))
         count = most.count(Class.IDENTIFIABLE)
-        text += f" In {most.name} {count} of {len(most.rung)} parameters are identifiable."
+        text += f" In {most.name} {count} of {len(most.submodel)} parameters are identifiable."
     if missing.functions:
         text += f" That holds only if nothing is missing: {missing.statement}: diagnose."
     why_not = f"The unpruned model is not judged. {full.unjudged}" if full.unjudged else ""
     return " ".join(filter(None, (text, physics, why_not)))
 
 
-def state_physics(chosen: RungResult) -> str:
+def state_physics(chosen: ModelResult) -> str:
     """Return what physics says of a model."""
     if chosen.feasible:
         return "A real robot can have its values."
@@ -286,7 +286,7 @@ def state_physics(chosen: RungResult) -> str:
     return f"Its values are not physically consistent, although each sign is possible. {near}"
 
 
-def state_weak(chosen: RungResult) -> str:
+def state_weak(chosen: ModelResult) -> str:
     """Return one sentence on values without a strong instrument, or nothing."""
     correction = chosen.estimate.correction
     if correction is None:
@@ -325,8 +325,8 @@ def state_mounting(robot: Robot, verdicts: Sequence[Verdict]) -> str:
 
 
 def doubt(
-    why: str, results: tuple[RungResult, ...], at: int, held_out: Prediction
-) -> tuple[tuple[RungResult, ...], str]:
+    why: str, results: tuple[ModelResult, ...], at: int, held_out: Prediction
+) -> tuple[tuple[ModelResult, ...], str]:
     """Take the verdicts back where none can be believed; return them, and why not.
 
     Parameters
@@ -334,7 +334,7 @@ def doubt(
     why : str
         What speaks against all of them: the fitted logs have nothing to explain, or are misread;
         empty if nothing does.
-    results : tuple of RungResult
+    results : tuple of ModelResult
     at : int
         The selected model.
     held_out : Prediction
@@ -344,7 +344,7 @@ def doubt(
     return (tuple(r.withdraw(why) for r in results) if why else results), why
 
 
-def _why_none(base: BaseParameters, models: Sequence[RungResult], chosen: RungResult) -> str:
+def _why_none(base: BaseParameters, models: Sequence[ModelResult], chosen: ModelResult) -> str:
     """Return why no parameter is called identifiable, or nothing if some are."""
     if chosen.unjudged or any(m.count(Class.IDENTIFIABLE) for m in models):
         return ""

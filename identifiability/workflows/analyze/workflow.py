@@ -25,7 +25,7 @@ from identifiability.logs.repeats import Recording
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import (
     LadderLike,
-    Rung,
+    Submodel,
     build_comparison,
     find_ladder,
     ladder_model,
@@ -145,8 +145,8 @@ def analyze(
             share_, cad_prior = settle_prior(prior, cad_prior, commanded)
             session = session.follow_fitted(streams[0], base, estimator, cad_prior)
             rows = session.weigh(session.open(), base, estimator)
-            rungs = build_comparison(source.settle(commanded=commanded), rows.opening.structure)
-            fitted = _fit(session, rows, rungs, cad_prior)
+            submodels = build_comparison(source.settle(commanded=commanded), rows.opening.structure)
+            fitted = _fit(session, rows, submodels, cad_prior)
         settings = {
             "estimator": estimator,
             "replicates": draws,
@@ -197,7 +197,7 @@ class _Fitted:
 
 
 def _fit(
-    session: Session, rows: Weighed, rungs: Sequence[Rung], cad_prior: float | None
+    session: Session, rows: Weighed, submodels: Sequence[Submodel], cad_prior: float | None
 ) -> _Fitted:
     """Fit the models, and predict torque by them."""
     say, engine, opening = session.say, session.engine, rows.opening
@@ -206,7 +206,7 @@ def _fit(
     if not opening.silence:
         estimator = settle_noise(estimator, rows.information)
     ladder = fit_ladder(
-        opening.structure, rungs, rows.information, estimator, cad_prior, opening.silence
+        opening.structure, submodels, rows.information, estimator, cad_prior, opening.silence
     )
     values = ladder.values
     tasks = [Task(values[None])]
@@ -250,7 +250,7 @@ def _judge(
     """
     opening, ladder, out = fitted.opening, fitted.ladder, fitted.out
     recordings, thresholds = session.recordings, Thresholds()
-    whole = ladder.models[0].rung
+    whole = ladder.models[0].submodel
     missing, unseen = find_missing(opening), bool(opening.validation)
     results = assess_ladder(
         ladder.models,

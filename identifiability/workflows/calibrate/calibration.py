@@ -39,7 +39,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.analyze.assessment import ModelResult
 from identifiability.workflows.answers import answer_next, with_hints
 from identifiability.workflows.calibrate.outcome import (
     Cell,
@@ -543,7 +543,7 @@ def calibrate(
     *streams, last, making = np.random.default_rng(seed).spawn(len(noise) * len(rho) + 2)
     world, own = _world(analysis, result, refits, making)
     runner, say = engine or Serial(), progress or quiet
-    trial = _Trials(world, runner, result.rung.columns)
+    trial = _Trials(world, runner, result.submodel.columns)
     pairs = [(level, r) for r in rho for level in noise]
     counts = [FIRST * trials, *[trials] * (len(pairs) - 1)]
     wanted = [
@@ -561,7 +561,7 @@ def calibrate(
     ranks, named, unmeasured = None, None, ""
     if sbc:
         ranking = share(say, "ranking planted values", 0.9, 1.0)
-        part = result.rung.reduce(analysis.information)
+        part = result.submodel.reduce(analysis.information)
         ranks = check_ranks(result, part, last, replicates=sbc, engine=runner, progress=ranking)
     if names:
         named, unmeasured = _count_names(analysis, names, seed, progress, runner)
@@ -569,7 +569,7 @@ def calibrate(
     return Calibration(
         robot=analysis.robot.name,
         model=result.name,
-        parameters=len(result.rung),
+        parameters=len(result.submodel),
         cells=cells,
         seed=seed,
         ranks=ranks,
@@ -631,7 +631,7 @@ def _noise_like(world: World, rho: float) -> ResidualNoise:
 
 def _find_causes(
     trial: _Trials,
-    result: RungResult,
+    result: ModelResult,
     failed: Cell,
     found: Found,
     wanted: Wanted,
@@ -643,7 +643,7 @@ def _find_causes(
     Parameters
     ----------
     trial : _Trials
-    result : RungResult
+    result : ModelResult
     failed : Cell
         With all causes.
     found : list of (Outcome, truth)
@@ -696,14 +696,14 @@ def _asked(analysis: Analysis) -> str:
 
 
 def _world(
-    analysis: Analysis, result: RungResult, replicates: int, rng: np.random.Generator
+    analysis: Analysis, result: ModelResult, replicates: int, rng: np.random.Generator
 ) -> tuple[World, ResidualNoise]:
     """Return the world that is like the logs, and the noise that the residual is like."""
     samples = in_memory(analysis.samples, Samples)
     how = analysis.settings.get("preparation")
     how = how if isinstance(how, Preparation) else Preparation()
     experiment = replace(
-        Experiment.of(analysis.regression, result.rung),
+        Experiment.of(analysis.regression, result.submodel),
         method=result.estimate.estimator,
         thresholds=analysis.thresholds,
         replicates=replicates,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from identifiability.estimation.decide import decide_rung, find_left_out
+from identifiability.estimation.decide import decide_submodel, find_left_out
 from identifiability.estimation.estimate import Method, find_estimator, fit_whole, settle_noise
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.estimation.verdict import Class, Thresholds
@@ -34,10 +34,10 @@ from identifiability.physical.fitted_model import LeastSquares
 from identifiability.posterior.calibration import Calibration, calibrate_posterior
 from identifiability.posterior.target import Prior, Target
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
-from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.analyze.assessment import ModelResult
 
 # Simulated experiments with known truth, fitted and judged; and what many of them come to.
 #
@@ -87,7 +87,7 @@ class Experiment:
 
     Attributes
     ----------
-    rung : Rung
+    submodel : Submodel
         The model, of k parameters.
     W : (N, n, k)
         Its columns.
@@ -106,7 +106,7 @@ class Experiment:
         Where torque is data: joints do not dwell; elsewhere columns and torque are zero.
     """
 
-    rung: Rung
+    submodel: Submodel
     W: Array
     tau: Array
     log: np.ndarray
@@ -119,16 +119,16 @@ class Experiment:
     moves: np.ndarray | None = None
 
     @staticmethod
-    def of(regression: Regression, rung: Rung) -> Experiment:
+    def of(regression: Regression, submodel: Submodel) -> Experiment:
         """Return the experiment of a regression under a model."""
         log, W, tau, moves = [], [], [], []
         for chunk in (c for part in regression.parts(whole=True) for c in part.chunks()):
             log.append(np.full(len(chunk.tau), chunk.log))
-            W.append(chunk.W @ rung.M)
-            tau.append(chunk.tau - chunk.W @ rung.held)
+            W.append(chunk.W @ submodel.M)
+            tau.append(chunk.tau - chunk.W @ submodel.held)
             moves.append(chunk.data)
         return Experiment(
-            rung=rung,
+            submodel=submodel,
             W=np.concatenate(W),
             tau=np.concatenate(tau),
             log=np.concatenate(log),
@@ -145,7 +145,7 @@ class Experiment:
         noise : (N, n) [N·m or N]
         """
         tau = self.W @ truth + (noise if self.moves is None else noise * self.moves)
-        columns = self.rung.columns
+        columns = self.submodel.columns
         found = Information.of_rows(columns, self.W, tau, self.log, self.block, moves=self.moves)
         return found, tau
 
@@ -173,13 +173,13 @@ class Experiment:
         fit = method.fit(information)
         residual, rules = tau - self.W @ fit.value, self.thresholds
         spread = assess_uncertainty(information, fit, residual, self.log, rng, self.replicates)
-        torque, aliases = float(np.sqrt(np.mean(tau**2))), ("",) * len(self.rung)
+        torque, aliases = float(np.sqrt(np.mean(tau**2))), ("",) * len(self.submodel)
         left = None
         if self.structure is not None and whole is not None:
             full = fit_whole(method, whole)
-            left = find_left_out(self.structure, self.rung, whole, fit, full)
-        verdicts = decide_rung(
-            self.rung, information, fit, spread, torque, aliases, rules, left_out=left
+            left = find_left_out(self.structure, self.submodel, whole, fit, full)
+        verdicts = decide_submodel(
+            self.submodel, information, fit, spread, torque, aliases, rules, left_out=left
         )
         ends = np.array([v.interval95 for v in verdicts]).reshape(-1, 2)
         return Outcome(
@@ -409,7 +409,7 @@ class RankCheck:
 
 
 def check_ranks(
-    result: RungResult,
+    result: ModelResult,
     information: Information,
     rng: np.random.Generator,
     *,
@@ -421,7 +421,7 @@ def check_ranks(
 
     Parameters
     ----------
-    result : RungResult
+    result : ModelResult
     information : Information
         About the model's columns.
     rng : numpy.random.Generator
@@ -437,7 +437,7 @@ def check_ranks(
     items = list(zip(sizes, spawn_seeds(rng, len(sizes)), strict=True))
     parts = (engine or Serial()).map(partial(_rank, target, start), items, progress=progress)
     found = Calibration(np.concatenate(list(parts)), DRAWS)
-    names = result.rung.columns
+    names = result.submodel.columns
     return RankCheck(names, found.counts(BINS), found.p_values(BINS), replicates)
 
 
@@ -450,12 +450,12 @@ def _rank(
     return calibrate_posterior(target, start, rng, replicates=replicates, draws=DRAWS).ranks
 
 
-def build_target(result: RungResult, information: Information) -> tuple[Target, Array]:
+def build_target(result: ModelResult, information: Information) -> tuple[Target, Array]:
     """Return the posterior that is checked, and a point inside it."""
     fit = result.estimate
     data = LeastSquares.likelihood(information, fit)
     region = PhysicalSet(
-        np.empty((0, 10), int), result.rung.nonnegative, columns=result.rung.columns
+        np.empty((0, 10), int), result.submodel.nonnegative, columns=result.submodel.columns
     )
     sd = PRIOR_WIDTH * result.uncertainty.robust
     reach = np.linalg.norm(data.R, axis=0)
@@ -463,5 +463,5 @@ def build_target(result: RungResult, information: Information) -> tuple[Target, 
     usable = np.isfinite(sd) & (sd > 0)
     sd = np.where(usable, sd, np.where(wide > 0, wide, 1.0))
     mean = np.where(fit.determined, fit.value, 0.0)
-    start = np.where(result.rung.nonnegative, np.maximum(mean, 0.01 * sd), mean)
+    start = np.where(result.submodel.nonnegative, np.maximum(mean, 0.01 * sd), mean)
     return Target(data, Prior(mean, sd), region), start

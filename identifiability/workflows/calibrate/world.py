@@ -35,12 +35,12 @@ from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.physical.pseudo_inertia import BASIS, natural_scale, scale_matrix, to_matrix
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.analyze.assessment import ModelResult
 from identifiability.workflows.calibrate.outcome import Experiment, Outcome, Seeds
 
 # Errors of the measured motion, estimated from the log, and the motion with new ones.
@@ -234,7 +234,7 @@ class TrueRobots:
     others: Array
 
     @staticmethod
-    def of(analysis: Analysis, result: RungResult) -> TrueRobots:
+    def of(analysis: Analysis, result: ModelResult) -> TrueRobots:
         """Return the robots that file and logs make likely.
 
         What is no body's is as the model has it, with what it leaves out where the unpruned model
@@ -246,7 +246,7 @@ class TrueRobots:
         stated[rows[scatter[rows].any(1)]] = True
         bodies = np.where(stated, structure.nominal, 0.0)
         of_others = np.any(structure.G[:, ~stated], axis=1)
-        span, others = _free(result.rung, full, of_others, structure.G @ bodies)
+        span, others = _free(result.submodel, full, of_others, structure.G @ bodies)
         noise = full.estimate.variance * np.maximum(full.autocorrelation_time, 1.0)
         torque = analysis.information.torque.sum() / max(analysis.information.rows, 1)
         factor = analysis.information.factor(1.0 / np.maximum(noise, ROUNDING * torque + 1e-300))
@@ -275,34 +275,36 @@ class TrueRobots:
         return base
 
 
-def _free(rung: Rung, full: RungResult, rows: np.ndarray, by_bodies: Array) -> tuple[Array, Array]:
+def _free(
+    submodel: Submodel, full: ModelResult, rows: np.ndarray, by_bodies: Array
+) -> tuple[Array, Array]:
     """Return what base parameters of others than bodies may be: span (b, f) and its origin (b,).
 
     Parameters
     ----------
-    rung : Rung
-    full : RungResult
+    submodel : Submodel
+    full : ModelResult
         The unpruned model.
     rows : (b,) bool
         Base parameters in which something else than bodies acts.
     by_bodies : (b,)
         What bodies make of them in the file.
     """
-    own = rung.M[rows]
+    own = submodel.M[rows]
     own = own[:, own.any(0)]
     left = np.eye(rows.sum()) - own @ np.linalg.pinv(own)
-    found = full.rung.expand(full.estimate.value)[rows] - rung.held[rows]
+    found = full.submodel.expand(full.estimate.value)[rows] - submodel.held[rows]
     C = np.where(np.isfinite(full.estimate.covariance), full.estimate.covariance, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         wider = np.nan_to_num(full.uncertainty.robust / full.estimate.sigma, nan=1.0, posinf=1.0)
-    half = left @ full.rung.M[rows]
+    half = left @ full.submodel.M[rows]
     sd = np.sqrt(np.einsum("ij,jk,ik->i", half * wider, C, half * wider))
     open_ = (np.abs(half[:, ~full.estimate.determined]) > 0).any(1)
     sure = (np.abs(left @ found) > SURE * sd) & (sd > 0) & ~open_
     span, origin = np.zeros((len(rows), own.shape[1] + sure.sum())), np.zeros(len(rows))
     span[rows] = np.hstack([own, left[:, sure]])
-    held = rows & (rung.held != 0)
-    origin[held] = rung.held[held] - by_bodies[held]
+    held = rows & (submodel.held != 0)
+    origin[held] = submodel.held[held] - by_bodies[held]
     return span, origin
 
 
@@ -383,11 +385,11 @@ class World:
     ) -> tuple[Outcome, Array]:
         """Return one repetition, fitted and judged, and what the labels meant in it, (k,)."""
         of_robot, of_noise, of_motion, of_fit = map(np.random.default_rng, seed.spawn(4))
-        rung = self.experiment.rung
+        submodel = self.experiment.submodel
         beta = self.robots.draw(of_robot)
-        truth = np.linalg.lstsq(rung.M, beta - rung.held, rcond=None)[0]
+        truth = np.linalg.lstsq(submodel.M, beta - submodel.held, rcond=None)[0]
         if Cause.LEFT_OUT not in causes:
-            beta = rung.expand(truth)
+            beta = submodel.expand(truth)
         if Cause.NOISE_MEMORY not in causes:
             noise = ResidualNoise(tuple(np.empty(0) for _ in noise.pacf), noise.sd)
         moves = self.experiment.moves
@@ -402,9 +404,9 @@ class World:
         log, size = self.experiment.log, self.experiment.block
         names = self.robots.structure.base.names
         whole = replace(Information.of_rows(names, W, tau, log, size, V, moves), echo=echo)
-        experiment = replace(self.experiment, W=W @ rung.M)
-        left = tau - W @ rung.held
-        return experiment.judge(rung.reduce(whole), left, of_fit, whole), truth
+        experiment = replace(self.experiment, W=W @ submodel.M)
+        left = tau - W @ submodel.held
+        return experiment.judge(submodel.reduce(whole), left, of_fit, whole), truth
 
 
 def measure(
@@ -441,7 +443,7 @@ def build_world(
     moving = runs if moves is None else JointRuns.of(runs, moves)
     structure = robots.structure
     W, _ = _columns(structure.regression([m.samples for m in motion]))
-    experiment = replace(experiment, W=W @ experiment.rung.M)
+    experiment = replace(experiment, W=W @ experiment.submodel.M)
     made = np.zeros((len(sizes), HIGHEST_ORDER + 1))
     share = np.ones(len(sizes)) if moves is None else np.maximum(moves.mean(0), 1e-12)
     for _ in range(DRAWS if erring else 0):

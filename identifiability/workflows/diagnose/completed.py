@@ -22,7 +22,7 @@ from identifiability.physical.fitted_model import FittedModel, LeastSquares, phy
 from identifiability.physical.project import Projection
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import full_rung
+from identifiability.regression.reduction import full_model
 from identifiability.regression.structure import Structure
 from identifiability.workflows.analyze.fit import hold_folds, settle_robot
 from identifiability.workflows.diagnose.findings import Findings
@@ -38,7 +38,7 @@ def keep_completed(d: Findings) -> Fit:
     these values where they were given.
     """
     structure = d.completed
-    rung = full_rung(structure.base, "the diagnosed model")
+    submodel = full_model(structure.base, "the diagnosed model")
     regression = structure.regression(d.samples, keep=True)
     regression = replace(regression, echo=None, instruments=None)
     information = gather_information(regression)
@@ -56,7 +56,7 @@ def keep_completed(d: Findings) -> Fit:
         spread = _of_named(d, spread)
     return Fit(
         structure=structure,
-        rung=rung,
+        submodel=submodel,
         values=values,
         spread=spread,
         preparation=settled(d.preparation, d.samples),
@@ -158,8 +158,8 @@ def fit_physical(
     information = gather_information(structure.regression(samples, keep=True))
     joints, wls = structure.robot.joints, find_estimator("wls")
     information = weigh_rows(joints, samples, information, wls)[0]
-    rung, fit = full_rung(structure.base), estimate(information)
-    model = FittedModel(structure, rung, information, information, fit)
+    submodel, fit = full_model(structure.base), estimate(information)
+    model = FittedModel(structure, submodel, information, information, fit)
     found = find_nearest(model)
     if unseen:
         held, short = hold_folds(information, wls)

@@ -60,20 +60,20 @@ def conclude(search: Search, verdict: Verdict, null: Array, rng: np.random.Gener
     p, h, view = search.problem, verdict.hypothesis, verdict.view
     structure, robot = p.setting.structure, p.setting.structure.robot
     order = list(dict.fromkeys(p.candidates[k].family.name for k in h.parts))
-    rungs = [
+    submodels = [
         [k for k in h.parts if p.candidates[k].family.name in order[:n]]
         for n in range(len(order) + 1)
     ]
-    views = [p.settled(parts) for parts in rungs[:-1]] + [view]
-    fits = [p.weighed(parts, v) for parts, v in zip(rungs, views, strict=True)]
+    views = [p.settled(parts) for parts in submodels[:-1]] + [view]
+    fits = [p.weighed(parts, v) for parts, v in zip(submodels, views, strict=True)]
     unseen, fitted = (
-        np.stack([p.left(where, r, f[0]) for r, f in zip(rungs, fits, strict=True)], axis=2)
+        np.stack([p.left(where, r, f[0]) for r, f in zip(submodels, fits, strict=True)], axis=2)
         for where in (p.shown, p.seen)
     )
     gap = Gap(p.shown, unseen)
     errors, joints = gap.relative_error().tolist(), gap.error_over_joints().tolist()
     before = Gap(p.seen, fitted).relative_error().tolist()
-    real = _real_errors(p, rungs, [R for _, R in fits])
+    real = _real_errors(p, submodels, [R for _, R in fits])
     placed = {k: _place(search, verdict, k, null) for k in h.parts}
     effects = []
     for n, name in enumerate(order):
@@ -492,14 +492,14 @@ def fit_body(p: Problem, rest: Sequence[int], k: int, view: View) -> Array:
 
 
 def _real_errors(
-    p: Problem, rungs: Sequence[Sequence[int]], factors: Sequence[Array]
+    p: Problem, submodels: Sequence[Sequence[int]], factors: Sequence[Array]
 ) -> list[float]:
     """Return ε_RA on unseen motion where every fit is a real robot; nan where none is to be had."""
     structure = p.setting.structure
     if p.setting.fixed or "rigid_body" not in structure.model.names:
-        return [float("nan")] * len(rungs)
+        return [float("nan")] * len(submodels)
     out = []
-    for parts, R in zip(rungs, factors, strict=True):
+    for parts, R in zip(submodels, factors, strict=True):
         signs = [p.candidates[k].positive for k in parts for _ in p.candidates[k].columns]
         value = fit_real(structure, R, signs, len(p.rows))
         if value is None:

@@ -18,7 +18,7 @@ from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import digits, error_text, format_number, join, percent
 from identifiability.foundation.values import frozen
-from identifiability.regression.reduction import LadderEntry, RungEntry, ladder_text
+from identifiability.regression.reduction import LadderEntry, ModelEntry, ladder_text
 from identifiability.workflows.answers import (
     after_mass,
     answer_next,
@@ -88,9 +88,9 @@ class Diagnosis(Result, Findings, Predicts):
         return ladder_text(self.to_ladder(), f"{title}: the diagnosed model.")
 
     def to_ladder(self) -> LadderEntry:
-        """Return the model with the named effects as a ladder of one rung."""
+        """Return the model with the named effects as a ladder of one model."""
         effects = list(self.model.texts)
-        return LadderEntry(models=[RungEntry(name="the diagnosed model", effects=effects)])
+        return LadderEntry(models=[ModelEntry(name="the diagnosed model", effects=effects)])
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what is missing, what it explains, what is left, what to do next."""

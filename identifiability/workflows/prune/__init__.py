@@ -8,12 +8,12 @@ What to use when:
 
 The method, in the order of the files: what a move is (`moves`), what models predict of folds, from
 Gram matrices (`folds`), symmetries (`geometry`, `proposals`), the way down
-(`elimination`), the path and which rung of it to use (`search`), and what to think of it (`rung`,
+(`elimination`), the path and which model of it to use (`search`), and what to think of it (`submodel`,
 `stability`, `absorption`).
 """
 
+from identifiability.workflows.prune.models import PrunedModel
 from identifiability.workflows.prune.result import Ladder
-from identifiability.workflows.prune.rung import PrunedRung
 from identifiability.workflows.prune.workflow import prune
 
-__all__ = ["Ladder", "PrunedRung", "prune"]
+__all__ = ["Ladder", "PrunedModel", "prune"]

@@ -175,7 +175,7 @@ def find_either(fit: Fit, move: Move, spread: Array | None = None) -> str:
 # 3. Then the group whose loss raises the sum of squares least, until nothing is left. A joint's two
 #    Coulomb levels are merged or dropped together, never torn apart.
 #
-# The path ends where nothing is left; which rung of it to use is `selection`'s to say.
+# The path ends where nothing is left; which model of it to use is `selection`'s to say.
 
 
 #: A suggested move is refused only if the data deny it at this level.
@@ -459,7 +459,7 @@ def _significance(denied: Array, covariance: Array, folds: int) -> tuple[float, 
     return float(fdtrc(r, F - r, t2 * (F - r) / (r * (F - 1)))), percent
 
 
-# The path of a regression, and which rung of it to use: the smallest as good as the best.
+# The path of a regression, and which model of it to use: the smallest as good as the best.
 
 
 #: ``identifiable``: the smallest within two nats of the best predictive log density, or as good as

@@ -20,7 +20,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.pseudo_inertia import BASIS
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.robot.kinematics import WORLD, Joint
@@ -175,12 +175,12 @@ class Partition:
                 out[" = ".join(members) if taken else name] = list(members)
         return out
 
-    def rung(self, start: Rung, name: str, description: str = "") -> Rung:
-        """Return the model as a rung below the starting one."""
-        rung = replace(start, name=name, description=description).without(self.zeroed())
+    def submodel(self, start: Submodel, name: str, description: str = "") -> Submodel:
+        """Return the model as a model below the starting one."""
+        submodel = replace(start, name=name, description=description).without(self.zeroed())
         for common, members in self.ties().items():
-            rung = rung.tied(common, members)
-        return rung
+            submodel = submodel.tied(common, members)
+        return submodel
 
 
 def common_name(columns: Sequence[str]) -> str:

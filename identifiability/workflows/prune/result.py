@@ -1,4 +1,4 @@
-"""`Ladder`: the rungs from the unpruned model down, which one to use, and why."""
+"""`Ladder`: the models from the unpruned model down, which one to use, and why."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,11 +25,11 @@ from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import (
     LadderEntry,
     LadderSource,
-    Rung,
+    Submodel,
     ladder_text,
-    rung_entry,
+    model_entry,
 )
-from identifiability.workflows.analyze.assessment import Laddered, RungResult
+from identifiability.workflows.analyze.assessment import Laddered, ModelResult
 from identifiability.workflows.analyze.result import error_tables, found_cell, physics_notes
 from identifiability.workflows.analyze.words import state_physics
 from identifiability.workflows.answers import (
@@ -48,8 +48,8 @@ from identifiability.workflows.commands import (
     source_name,
 )
 from identifiability.workflows.prune.elimination import Criterion, Refusal
+from identifiability.workflows.prune.models import Absorption, Measured, PrunedModel, Stability
 from identifiability.workflows.prune.moves import Partition
-from identifiability.workflows.prune.rung import Absorption, Measured, PrunedRung, Stability
 
 
 @frozen(kw_only=True)
@@ -58,10 +58,10 @@ class Ladder(Laddered, Measured):
 
     Attributes
     ----------
-    start : Rung
+    start : Submodel
         The model that pruning started from.
     selected, least : int
-        The rung to use, and the one with the least held-out error.
+        The model to use, and the one with the least held-out error.
     refused : tuple of Refusal
         Suggested moves that the data contradict.
     stability : Stability
@@ -74,7 +74,7 @@ class Ladder(Laddered, Measured):
 
     schema: ClassVar[str] = "identifiability/pruning/1"
 
-    start: Rung
+    start: Submodel
     least: int
     refused: tuple[Refusal, ...]
     stability: Stability
@@ -83,33 +83,33 @@ class Ladder(Laddered, Measured):
     source: LadderSource
 
     @property
-    def _ladder(self) -> tuple[PrunedRung, ...]:
-        """Every rung, the unpruned model first."""
-        return self.rungs
+    def _ladder(self) -> tuple[PrunedModel, ...]:
+        """Every model, the unpruned model first."""
+        return self.models
 
     @property
-    def _used(self) -> RungResult:
-        """The rung to use, with all that was asked of it."""
+    def _used(self) -> ModelResult:
+        """The model to use, with all that was asked of it."""
         return self.result
 
     @property
-    def chosen(self) -> PrunedRung:
-        """The rung to use."""
-        return self.rungs[self.selected]
+    def chosen(self) -> PrunedModel:
+        """The model to use."""
+        return self.models[self.selected]
 
     @property
-    def full(self) -> PrunedRung:
+    def full(self) -> PrunedModel:
         """The unpruned model."""
-        return self.rungs[0]
+        return self.models[0]
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """Verdicts on the parameters of the rung to use."""
+        """Verdicts on the parameters of the model to use."""
         return self.result.verdicts
 
     @property
     def feasible(self) -> bool:
-        """Whether a real robot can have the values of the rung to use."""
+        """Whether a real robot can have the values of the model to use."""
         return self.result.feasible
 
     @property
@@ -127,7 +127,7 @@ class Ladder(Laddered, Measured):
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models of the path, and the errors of the one to use by joint and by log."""
-        path = Table.of("", MOVES, self.rungs, marked=self.selected)
+        path = Table.of("", MOVES, self.models, marked=self.selected)
         return (path, *error_tables(self))
 
     @property
@@ -141,7 +141,7 @@ class Ladder(Laddered, Measured):
         return {**super()._asked, "criterion": self.criterion}
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row a parameter of the rung to use."""
+        """Return one row a parameter of the model to use."""
         return pd.DataFrame([v.to_row() for v in self.verdicts])
 
     def stability_frame(self) -> pd.DataFrame:
@@ -174,7 +174,7 @@ class Ladder(Laddered, Measured):
         }
 
     def write_model(self, path: str | Path) -> Path:
-        """Write the chosen model as a model file (a ladder of one rung), for every other verb."""
+        """Write the chosen model as a model file (a ladder of one model), for every other verb."""
         return self.note_written("model", write_text(path, self.model_text))
 
     @property
@@ -184,8 +184,8 @@ class Ladder(Laddered, Measured):
         return ladder_text(self.to_ladder(), f"{title}: the model that pruning chose.")
 
     def to_ladder(self) -> LadderEntry:
-        """Return the chosen model as a ladder of one rung, for `analyze`, `diagnose` and others."""
-        return LadderEntry(models=[rung_entry(self.chosen.rung, self.base, self.effects)])
+        """Return the chosen model as a ladder of one model, for `analyze`, `diagnose` and others."""
+        return LadderEntry(models=[model_entry(self.chosen.submodel, self.base, self.effects)])
 
 
 def _state_answer(ladder: Ladder) -> str:
@@ -266,33 +266,33 @@ def _notes(ladder: Ladder) -> Iterator[Note]:
         yield note("mass", warning=ladder.mass_warning)
     if not ladder.nothing:
         yield from physics_notes(ladder.result)
-    for rung in ladder.rungs[1 : ladder.selected + 1]:
-        evidence, move = rung.step.evidence, rung.step.move
+    for submodel in ladder.models[1 : ladder.selected + 1]:
+        evidence, move = submodel.step.evidence, submodel.step.move
         if evidence is not None and evidence.either and move is not None:
             yield note("either", one=move.text.removeprefix("zero "), other=evidence.either)
     kind = "stable" if ladder.stability.same > 0.5 else "unstable"
     yield note(kind, statement=ladder.stability.statement)
 
 
-def _move_cell(r: PrunedRung) -> Cell:
+def _move_cell(r: PrunedModel) -> Cell:
     move = r.step.move
     return Cell(f"{move.kind.value}: {move.text}" if move is not None else r.name, note=r.reason)
 
 
-def _p_value(r: PrunedRung) -> float:
+def _p_value(r: PrunedModel) -> float:
     return r.step.evidence.p_value if r.step.evidence is not None else np.nan
 
 
-def _spread_cell(r: PrunedRung) -> Cell:
+def _spread_cell(r: PrunedModel) -> Cell:
     return Cell(f"± {percent(r.error_se, 2)}" if r.error_se > 0 else NONE, r.error_se)
 
 
-def _worst_cell(r: PrunedRung) -> Cell:
+def _worst_cell(r: PrunedModel) -> Cell:
     condition = f"condition {format_number(r.estimate.condition, 3)}"
     return Cell(percent_text(r.worst_sigma_percent), r.worst_sigma_percent, condition)
 
 
-def _signs_cell(r: PrunedRung) -> Cell:
+def _signs_cell(r: PrunedModel) -> Cell:
     wrong = ", ".join(r.infeasible[:4]) + (" …" if len(r.infeasible) > 4 else "")
     text, word = ("possible", "pass") if r.feasible else ("impossible", "differs")
     return Cell(text, None, wrong, word)

@@ -32,10 +32,10 @@ from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import (
     LadderEntry,
     LadderLike,
-    Rung,
+    Submodel,
     build_ladder,
     find_ladder,
-    full_rung,
+    full_model,
     ladder_model,
     unused_ladder,
 )
@@ -52,9 +52,7 @@ from identifiability.workflows.prune.elimination import (
     find_path,
     good_steps,
 )
-from identifiability.workflows.prune.moves import merge_moves, propose_moves
-from identifiability.workflows.prune.result import Ladder
-from identifiability.workflows.prune.rung import (
+from identifiability.workflows.prune.models import (
     Measured,
     Question,
     Stability,
@@ -62,16 +60,18 @@ from identifiability.workflows.prune.rung import (
     assess_stability,
     contradicts,
     count_walks,
-    measure_rungs,
+    measure_models,
     state_disagreement,
     state_foreign,
 )
+from identifiability.workflows.prune.moves import merge_moves, propose_moves
+from identifiability.workflows.prune.result import Ladder
 from identifiability.workflows.session import Session, Weighed, settle_prior
 
 #: A step, its model, and the certificate with its sentence.
 Candidate = tuple[int, FittedModel, tuple[Certificate | None, str]]
 
-#: Rungs as good as the best whose physical certificate is asked for, the preferred one first.
+#: Models as good as the best whose physical certificate is asked for, the preferred one first.
 CERTIFIED = 4
 
 IDLE_REACH = (
@@ -171,14 +171,14 @@ def prune(
             search = _walk(session, rows, question, forbid, force, propose=propose)
             selected, physical = _choose(question, search, criterion, cad_prior)
             measuring = share(say, "measuring errors", 0.5, 0.7)
-            measured = measure_rungs(
+            measured = measure_models(
                 question, search, selected, physical, draws, streams[2], runner, measuring
             )
         say("resampling", 0.7)
         measured, contradicted = measured.beside_file(question, share_)
         stability = assess_stability(
             search,
-            measured.rungs[selected].step.partition,
+            measured.models[selected].step.partition,
             criterion,
             streams[3],
             replicates=count_walks(search, draws) if replicates is None else draws,
@@ -230,8 +230,8 @@ def _tell(
     known: Mapping[str, Any],
 ) -> Ladder:
     """Return the result, with where the effect of removed parameters went and what seems wrong."""
-    rungs, part = measured.rungs, question.start.reduce(rows.information)
-    chosen, result = rungs[selected], measured.result
+    submodels, part = measured.models, question.start.reduce(rows.information)
+    chosen, result = submodels[selected], measured.result
     return Ladder(
         structure=session.structure,
         samples=rows.opening.samples,
@@ -244,13 +244,13 @@ def _tell(
         least=best_step(search.path.steps),
         refused=search.path.refused,
         stability=stability,
-        absorption=absorb(part, rungs[0].estimate, chosen.estimate, chosen.step.partition),
+        absorption=absorb(part, submodels[0].estimate, chosen.estimate, chosen.step.partition),
         criterion=criterion,
         moved=session.recordings.measure_rollouts(
             session.structure.robot, result.physical.parameters()
         ),
         rolled=session.recordings.rolled,
-        late=question.delays.move(full_rung(session.structure.base)),
+        late=question.delays.move(full_model(session.structure.base)),
         **known,
         **vars(measured),
     )
@@ -298,7 +298,7 @@ def _hint(session: Session, rows: Weighed, measured: Measured) -> tuple[str, ...
     return tuple(filter(None, said))
 
 
-def _check_wishes(start: Rung, forbid: Sequence[str], force: Sequence[str]) -> None:
+def _check_wishes(start: Submodel, forbid: Sequence[str], force: Sequence[str]) -> None:
     for name in (*forbid, *force):
         if name not in start.columns:
             raise ModelError(
@@ -363,6 +363,6 @@ def _find_possible(
 
 def _score_robot(model: FittedModel, held: Held) -> Score | None:
     """Return what the nearest real robot predicts; None where there is none."""
-    fit, rung = model.estimate, model.rung
-    found = choose_prior(model, held, held.score_fit(fit, rung.M, rung.held))
+    fit, submodel = model.estimate, model.submodel
+    found = choose_prior(model, held, held.score_fit(fit, submodel.M, submodel.held))
     return None if found is None else found.score

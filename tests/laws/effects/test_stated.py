@@ -92,7 +92,7 @@ def test_a_forbidden_level_is_told_by_analyze_and_prune_and_no_real_robot_has_it
         assert nearest == pytest.approx(0.0, abs=1e-6)
         assert "elbow.Fz" in found.chosen.infeasible
     pruned = prune("two-link", pushed, ladder=ladder, replicates=0)
-    forbidden = {n for n in pruned.rungs[0].infeasible if n.endswith(".Fz")}
+    forbidden = {n for n in pruned.models[0].infeasible if n.endswith(".Fz")}
     assert forbidden == (set() if drag is Either else {"elbow.Fz"})
 
 

@@ -18,8 +18,8 @@ from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.options import OptionError
 from identifiability.workflows.prune.elimination import find_path
+from identifiability.workflows.prune.models import assess_stability
 from identifiability.workflows.prune.moves import Kind, Move
-from identifiability.workflows.prune.rung import assess_stability
 
 from .made import gather
 

@@ -1,4 +1,4 @@
-"""Rungs as a ladder file states them: zeroed, held, tied, kept, over named groups."""
+"""Models as a ladder file states them: zeroed, held, tied, kept, over named groups."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -12,7 +12,7 @@ from identifiability.regression.reduction import (
     LadderEntry,
     build_ladder,
     default_ladder,
-    full_rung,
+    full_model,
     ladder_model,
 )
 from identifiability.regression.regression import Model
@@ -33,51 +33,51 @@ def base():
     return group_columns(W, [Parameter("arm", k, u, "x", nonnegative=k != "mx") for k, u in kinds])
 
 
-def rungs(base, *entries):
+def submodels(base, *entries):
     return build_ladder(
         LadderEntry(models=[{"name": "full"}, *entries]), Structure(ROBOT, Model(()), base)
     )
 
 
-def test_the_first_rung_has_every_group(base):
-    (full,) = rungs(base)
+def test_the_first_model_has_every_group(base):
+    (full,) = submodels(base)
     assert full.columns == base.names == ("arm.m", "arm.mx", "arm.Fc+", "arm.Fc-")
     np.testing.assert_array_equal(full.M, np.eye(4))
     np.testing.assert_array_equal(full.held, 0.0)
     np.testing.assert_array_equal(full.nonnegative, [True, False, True, True])
-    np.testing.assert_array_equal(full_rung(base).M, full.M)
+    np.testing.assert_array_equal(full_model(base).M, full.M)
 
 
 def test_zeroed_parameters_are_left_out_and_held_ones_keep_their_value(base):
-    rung = rungs(base, {"name": "r", "zero": ["arm.mx"], "hold": {"arm.Fc+": 0.4}})[1]
-    assert rung.columns == ("arm.m", "arm.Fc-")
-    np.testing.assert_array_equal(rung.held, [0, 0, 0.4, 0])
-    np.testing.assert_array_equal(rung.expand(np.array([5.0, 6.0])), [5, 0, 0.4, 6])
+    submodel = submodels(base, {"name": "r", "zero": ["arm.mx"], "hold": {"arm.Fc+": 0.4}})[1]
+    assert submodel.columns == ("arm.m", "arm.Fc-")
+    np.testing.assert_array_equal(submodel.held, [0, 0, 0.4, 0])
+    np.testing.assert_array_equal(submodel.expand(np.array([5.0, 6.0])), [5, 0, 0.4, 6])
 
 
 def test_nominal_is_the_value_of_the_whole_group(base):
     """m + 3 Ixx = 2 + 1.5."""
-    rung = rungs(base, {"name": "r", "hold": {"arm.m": "nominal"}})[1]
-    np.testing.assert_allclose(rung.held, [3.5, 0, 0, 0])
+    submodel = submodels(base, {"name": "r", "hold": {"arm.m": "nominal"}})[1]
+    np.testing.assert_allclose(submodel.held, [3.5, 0, 0, 0])
     np.testing.assert_allclose(Structure(ROBOT, Model(()), base).nominal_base, [3.5, 0.3, 1.0, 0.0])
 
 
 def test_tied_parameters_share_one_value(base):
-    rung = rungs(base, {"name": "r", "tie": {"arm.Fc": ["arm.Fc+", "arm.Fc-"]}})[1]
-    assert rung.columns == ("arm.m", "arm.mx", "arm.Fc")
-    assert rung.units == ("kg", "kg·m", "N·m")
-    np.testing.assert_array_equal(rung.expand(np.array([1.0, 2.0, 3.0])), [1, 2, 3, 3])
-    assert rung.labels[2] == "Fc+(arm) = Fc-(arm)"
+    submodel = submodels(base, {"name": "r", "tie": {"arm.Fc": ["arm.Fc+", "arm.Fc-"]}})[1]
+    assert submodel.columns == ("arm.m", "arm.mx", "arm.Fc")
+    assert submodel.units == ("kg", "kg·m", "N·m")
+    np.testing.assert_array_equal(submodel.expand(np.array([1.0, 2.0, 3.0])), [1, 2, 3, 3])
+    assert submodel.labels[2] == "Fc+(arm) = Fc-(arm)"
 
 
-def test_kept_parameters_alone_are_left_and_rungs_start_where_they_say(base):
-    first, second, third = rungs(
+def test_kept_parameters_alone_are_left_and_models_start_where_they_say(base):
+    first, second, third = submodels(
         base, {"name": "a", "zero": ["arm.mx"]}, {"name": "b", "from": "full", "keep": ["arm.mx"]}
     )
     assert len(first) == 4
     assert second.columns == ("arm.m", "arm.Fc+", "arm.Fc-")
     assert third.columns == ("arm.mx",)
-    following = rungs(base, {"name": "a", "zero": ["arm.mx"]}, {"name": "b", "zero": ["arm.m"]})
+    following = submodels(base, {"name": "a", "zero": ["arm.mx"]}, {"name": "b", "zero": ["arm.m"]})
     assert following[2].columns == ("arm.Fc+", "arm.Fc-")
 
 
@@ -93,13 +93,13 @@ def test_kept_parameters_alone_are_left_and_rungs_start_where_they_say(base):
         ({"name": "r", "tie": {"x": ["arm.m", "arm.mx"]}}, "of the units kg"),
     ],
 )
-def test_what_a_rung_cannot_mean_is_refused(base, entry, said):
+def test_what_a_model_cannot_mean_is_refused(base, entry, said):
     with pytest.raises(ModelError, match=said):
-        rungs(base, entry)
+        submodels(base, entry)
 
 
 def test_a_pattern_is_all_that_fit_it_and_a_name_goes_before_it(base):
-    zero, hold, tie, keep = rungs(
+    zero, hold, tie, keep = submodels(
         base,
         {"name": "a", "zero": ["arm.m*"]},
         {"name": "b", "from": "full", "hold": {"arm.Fc?": 0.5, "arm.Fc-": 2.0, "*.mx": "nominal"}},
@@ -112,10 +112,10 @@ def test_a_pattern_is_all_that_fit_it_and_a_name_goes_before_it(base):
     assert tie.columns == ("arm.m", "arm.mx", "arm.Fc")
     assert keep.columns == ("arm.mx", "arm.Fc+")
     with pytest.raises(ModelError, match=r"names the parameter 'leg\*', which is not there"):
-        rungs(base, {"name": "e", "zero": ["leg*"]})
+        submodels(base, {"name": "e", "zero": ["leg*"]})
 
 
-def test_only_the_first_rung_names_effects():
+def test_only_the_first_model_names_effects():
     two = LadderEntry(models=[{"name": "a"}, {"name": "b", "effects": ["rigid_body"]}])
     with pytest.raises(ModelError, match="The model 'b' names effects, but a ladder reduces one"):
         ladder_model(two)

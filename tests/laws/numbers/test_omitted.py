@@ -17,7 +17,7 @@ from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.names import INERTIAL
 from identifiability.foundation.numbers import REACH
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Submodel
 
 from .made import fit_of, gather
 
@@ -38,12 +38,12 @@ def structure_of(nominal):
     )
 
 
-def rung_of(kept, held=None):
+def submodel_of(kept, held=None):
     kept = list(kept)
     names = tuple(NAMES[k] for k in kept)
     held = np.zeros(12) if held is None else held
     signs = np.zeros(len(kept), bool)
-    return Rung("small", "", names, names, ("",) * len(kept), np.eye(12)[:, kept], held, signs)
+    return Submodel("small", "", names, names, ("",) * len(kept), np.eye(12)[:, kept], held, signs)
 
 
 @pytest.fixture(scope="module")
@@ -52,12 +52,12 @@ def motion():
     return rng.normal(size=(400, 2, 12)) @ rng.normal(size=(12, 12))
 
 
-def left_out(motion, nominal, rung, tau=None):
+def left_out(motion, nominal, submodel, tau=None):
     """Return what is left out, and the fit, of the torque of the file's robot by default."""
     tau = motion @ nominal if tau is None else tau
     every = gather(motion, tau, columns=NAMES)
-    fit = find_estimator("ols").fit(rung.reduce(every))
-    return find_left_out(structure_of(nominal), rung, every, fit), fit
+    fit = find_estimator("ols").fit(submodel.reduce(every))
+    return find_left_out(structure_of(nominal), submodel, every, fit), fit
 
 
 def test_bodies_scatter_by_mass_and_the_rms_distance_of_their_mass():
@@ -70,14 +70,14 @@ def test_bodies_scatter_by_mass_and_the_rms_distance_of_their_mass():
 
 
 def test_what_the_fit_would_find_on_the_files_robot_is_what_it_finds_there(motion):
-    found, fit = left_out(motion, FILE, rung_of([0, 5, 9, 10]))
+    found, fit = left_out(motion, FILE, submodel_of([0, 5, 9, 10]))
     np.testing.assert_allclose(found.projected, fit.value, rtol=1e-8)
 
 
 def test_sigma_is_the_rms_distance_of_noise_free_fits_from_their_labels(motion):
     kept = [0, 5, 9, 10]
-    rung, rng = rung_of(kept), np.random.default_rng(1)
-    found, _ = left_out(motion, FILE, rung)
+    submodel, rng = submodel_of(kept), np.random.default_rng(1)
+    found, _ = left_out(motion, FILE, submodel)
     flat = motion.reshape(-1, 12)
     draws = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal((4000, 12))
     fits = np.linalg.lstsq(flat[:, kept], flat @ draws.T, rcond=None)[0].T
@@ -86,7 +86,7 @@ def test_sigma_is_the_rms_distance_of_noise_free_fits_from_their_labels(motion):
 
 
 def test_nothing_left_out_nothing_added(motion):
-    found, _ = left_out(motion, FILE, rung_of(range(12)))
+    found, _ = left_out(motion, FILE, submodel_of(range(12)))
     assert not found.sigma.any()
     assert not any(found.stands_for)
     assert not found.unknown
@@ -94,15 +94,15 @@ def test_nothing_left_out_nothing_added(motion):
 
 def test_what_is_held_at_the_files_value_errs_by_its_scatter_alone(motion):
     held = np.where(np.isin(np.arange(12), [10, 11]), FILE, 0.0)
-    found, _ = left_out(motion, FILE, rung_of(range(10), held))
+    found, _ = left_out(motion, FILE, submodel_of(range(10), held))
     np.testing.assert_allclose(found.sigma, 0.0, atol=1e-9)  # friction does not scatter
 
 
 def test_a_file_without_inertias_says_that_nothing_is_known(motion):
     nothing = np.where(np.arange(12) < 10, 0.0, FILE)
-    found, _ = left_out(motion, nothing, rung_of([0, 5, 9, 10]), motion @ FILE)
+    found, _ = left_out(motion, nothing, submodel_of([0, 5, 9, 10]), motion @ FILE)
     assert found.unknown
-    whole, _ = left_out(motion, nothing, rung_of(range(12)), motion @ FILE)
+    whole, _ = left_out(motion, nothing, submodel_of(range(12)), motion @ FILE)
     assert not whole.unknown
 
 
@@ -110,7 +110,7 @@ def test_the_largest_of_what_a_number_stands_for_is_named():
     rng = np.random.default_rng(2)
     W = rng.normal(size=(400, 1, 12))
     W[:, 0, 9] += 0.5 * W[:, 0, 0]  # a mass that moves with an inertia
-    found, _ = left_out(W, FILE, rung_of([0, *range(1, 9), 10, 11]))
+    found, _ = left_out(W, FILE, submodel_of([0, *range(1, 9), 10, 11]))
     coefficient = np.linalg.lstsq(W[:, 0, [0, *range(1, 9), 10, 11]], W[:, 0, 9], rcond=None)[0][0]
     assert found.stands_for[0] == f"body.Ixx + {coefficient:.2g}·body.m"
 
@@ -164,17 +164,17 @@ def quiet(motion, seed=0, size=1e-6):
     return size * np.random.default_rng(seed).standard_normal(motion.shape[:2])
 
 
-def known_by_logs(motion, rung, theta, noise, nominal=FILE):
+def known_by_logs(motion, submodel, theta, noise, nominal=FILE):
     """Return what is left out where logs are asked too, and the fit."""
     every = gather(motion, motion @ theta + noise, columns=NAMES)
-    fit, full = (find_estimator("ols").fit(i) for i in (rung.reduce(every), every))
-    return find_left_out(structure_of(nominal), rung, every, fit, full), fit
+    fit, full = (find_estimator("ols").fit(i) for i in (submodel.reduce(every), every))
+    return find_left_out(structure_of(nominal), submodel, every, fit, full), fit
 
 
 def test_logs_that_tell_all_leave_the_distance_from_the_label_itself(motion):
     kept, rng = [0, 5, 9, 10], np.random.default_rng(3)
     theta = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal(12)
-    found, fit = known_by_logs(motion, rung_of(kept), theta, quiet(motion))
+    found, fit = known_by_logs(motion, submodel_of(kept), theta, quiet(motion))
     np.testing.assert_allclose(found.sigma, np.abs(fit.value - theta[kept]), rtol=1e-4)
 
 
@@ -185,9 +185,9 @@ def test_what_no_file_states_is_noticed_by_the_unpruned_model(motion, size):
     theta = FILE + np.where(np.arange(12) == 10, 40.0, 0.0)
     every = gather(motion, motion @ theta + quiet(motion, size=size), columns=NAMES)
     held = np.where(np.isin(np.arange(12), kept), 0.5 * FILE, 0.0)
-    rung, own = rung_of(kept, held), find_estimator("ols")
-    fit, full = own.fit(rung.reduce(every)), own.fit(every)
-    found = find_left_out(structure_of(FILE), rung, every, fit, full)
+    submodel, own = submodel_of(kept, held), find_estimator("ols")
+    fit, full = own.fit(submodel.reduce(every)), own.fit(every)
+    found = find_left_out(structure_of(FILE), submodel, every, fit, full)
     label = (full.value - held)[kept]
     apart = np.abs(fit.value - label)
     own = REACH * full.sigma[kept] * np.sqrt(full.times.max())
@@ -202,16 +202,16 @@ def test_what_no_file_states_is_noticed_by_the_unpruned_model(motion, size):
 
 
 def test_a_label_that_the_unpruned_model_leaves_open_is_not_disputed(motion):
-    rung = rung_of([0, 5, 9, 10, 11])
+    submodel = submodel_of([0, 5, 9, 10, 11])
     theta = FILE + np.where(np.arange(12) == 3, 40.0, 0.0)
-    found, _ = known_by_logs(motion, rung, theta, quiet(motion, size=1e7))
+    found, _ = known_by_logs(motion, submodel, theta, quiet(motion, size=1e7))
     assert np.isnan(found.disputed).all()
 
 
 def test_logs_that_tell_nothing_leave_what_the_file_knows(motion):
     kept, noise = [0, 5, 9, 10, 11], quiet(motion, size=1e7)
-    found, _ = known_by_logs(motion, rung_of(kept), FILE, noise)
-    alone, _ = left_out(motion, FILE, rung_of(kept))
+    found, _ = known_by_logs(motion, submodel_of(kept), FILE, noise)
+    alone, _ = left_out(motion, FILE, submodel_of(kept))
     np.testing.assert_allclose(found.sigma, alone.sigma, rtol=1e-3)
 
 
@@ -219,12 +219,12 @@ def test_sigma_is_the_rms_distance_whatever_the_noise_and_follows_the_robot():
     """Robots drawn as the file allows, logs of them with noise that leaves some things open."""
     rng, kept, size = np.random.default_rng(4), [0, 5, 9, 10], 5.0
     W = rng.normal(size=(60, 2, 12)) @ rng.normal(size=(12, 12))
-    rung, P = rung_of(kept), np.linalg.pinv(W.reshape(-1, 12)[:, kept])
+    submodel, P = submodel_of(kept), np.linalg.pinv(W.reshape(-1, 12)[:, kept])
     noise_variance = size**2 * (P**2).sum(1)
     squares, said = [], []
     for _ in range(60):
         theta = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal(12)
-        found, fit = known_by_logs(W, rung, theta, size * rng.standard_normal(W.shape[:2]))
+        found, fit = known_by_logs(W, submodel, theta, size * rng.standard_normal(W.shape[:2]))
         squares.append((fit.value - theta[kept]) ** 2)
         said.append(found.sigma**2 + noise_variance)
     error = np.std(np.array(squares) - said, axis=0) / np.sqrt(60)

@@ -10,7 +10,7 @@ from identifiability.foundation.numbers import (
     each_share,
     exact_share,
 )
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Submodel
 from identifiability.workflows.calibrate.outcome import Experiment, Outcome, count_outcomes
 
 
@@ -115,12 +115,12 @@ def test_intervals_of_several_shares_are_right_together():
 def made(samples):
     """Return an outcome of which one parameter is known well and one is not, and its estimate."""
     rng = np.random.default_rng(0)
-    rung = Rung(
+    submodel = Submodel(
         name="m", description="", columns=("p0", "p1"), labels=("p0", "p1"), units=("kg", "kg"),
         M=np.eye(2), held=np.zeros(2), nonnegative=np.zeros(2, bool),
     )  # fmt: skip
     experiment = Experiment(
-        rung=rung,
+        submodel=submodel,
         W=rng.normal(size=(samples, 2, 2)),
         tau=np.zeros((samples, 2)),
         log=np.zeros(samples, int),

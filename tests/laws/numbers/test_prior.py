@@ -152,7 +152,7 @@ def test_the_heaviest_prior_within_two_nats_is_taken_and_a_surely_better_fit_sta
     first = weighed[1]
     kept = first.models[0]
     how = kept.estimate.estimator
-    model = FittedModel.of(first.structure, kept.rung, first.information, how)
+    model = FittedModel.of(first.structure, kept.submodel, first.information, how)
     real, _ = hold_folds(first.information, how)
     F, rng = real.folds.count, np.random.default_rng(2)
     squares = rng.uniform(0.9, 1.1, (F, 2))
@@ -202,15 +202,15 @@ def test_the_nearest_robot_stands_where_the_difference_is_within_the_errors(weig
     """Over the robot's range: as the noise grows, as the square of the difference stays."""
     found = weighed[0][0].models[0]
     model = FittedModel.of(
-        weighed[0][0].structure, found.rung, weighed[0][0].information, found.estimate.estimator
+        weighed[0][0].structure, found.submodel, weighed[0][0].information, found.estimate.estimator
     )
-    own = found.rung.expand(found.estimate.value)
+    own = found.submodel.expand(found.estimate.value)
     assert stands_elsewhere(model, own)
     wide = np.sqrt(np.diag(remembering_covariance(model.information, found.estimate)))
-    step = np.zeros(len(found.rung))
+    step = np.zeros(len(found.submodel))
     for share, stands in ((0.1, True), (100.0, False)):
         step[list(found.estimate.kept)] = share * wide
-        assert stands_elsewhere(model, own + found.rung.M @ step) is stands
+        assert stands_elsewhere(model, own + found.submodel.M @ step) is stands
 
 
 def test_motion_that_is_held_out_has_a_veto_and_no_more():

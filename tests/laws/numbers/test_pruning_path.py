@@ -1,4 +1,4 @@
-"""The path down and the rung of it to use: moves, refusals, pairs, two nats."""
+"""The path down and the model of it to use: moves, refusals, pairs, two nats."""
 
 import numpy as np
 import pytest

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Submodel
 from identifiability.workflows.prune.elimination import Plan, Search, find_path
+from identifiability.workflows.prune.models import Stability, absorb, assess_stability
 from identifiability.workflows.prune.moves import Kind, Move, Partition
-from identifiability.workflows.prune.rung import Stability, absorb, assess_stability
 
 from .made import gather
 
@@ -23,8 +23,8 @@ def rows():
     return W, W @ [1.0, -2.0, 0.7, 0.3] + rng.normal(size=(640, 2)) * 0.3
 
 
-def full_rung(k=4):
-    return Rung(
+def full_model(k=4):
+    return Submodel(
         name="full", description="", columns=NAMES[:k], labels=NAMES[:k], units=("kg",) * k,
         M=np.eye(k), held=np.zeros(k), nonnegative=np.array([True, False, False, True])[:k],
     )  # fmt: skip
@@ -35,8 +35,8 @@ def absorbed(rows, *moves):
     full, partition = estimate(information, "ols"), Partition.of(NAMES)
     for move in moves:
         partition = partition.apply(move)
-    rung = partition.rung(full_rung(), "pruned")
-    pruned = estimate(rung.reduce(information), "ols")
+    submodel = partition.submodel(full_model(), "pruned")
+    pruned = estimate(submodel.reduce(information), "ols")
     return full, pruned, absorb(information, full, pruned, partition)
 
 
@@ -189,23 +189,23 @@ def test_a_path_over_excited_columns_is_one_over_all():
     np.testing.assert_allclose(search.path.steps[1].values[0], [2, 0, 0, 0], atol=1e-6)
 
 
-# Rungs
+# Models
 
 
-def test_a_rung_expands_to_base_parameters_and_reduces_the_regression(rows):
+def test_a_model_expands_to_base_parameters_and_reduces_the_regression(rows):
     W, tau = rows
-    rung = full_rung().without(["b"]).tied("a=d", ["a", "d"])
-    rung = Rung(**{**vars(rung), "held": np.array([0.0, -1.5, 0.0, 0.0])})
-    assert rung.columns == ("a=d", "c")
-    np.testing.assert_array_equal(rung.nonnegative, [True, False])
-    np.testing.assert_array_equal(rung.expand(np.array([2.0, 3.0])), [2, -1.5, 3, 2])
-    fit = estimate(rung.reduce(gather(W, tau, columns=NAMES)), "ols")
+    submodel = full_model().without(["b"]).tied("a=d", ["a", "d"])
+    submodel = Submodel(**{**vars(submodel), "held": np.array([0.0, -1.5, 0.0, 0.0])})
+    assert submodel.columns == ("a=d", "c")
+    np.testing.assert_array_equal(submodel.nonnegative, [True, False])
+    np.testing.assert_array_equal(submodel.expand(np.array([2.0, 3.0])), [2, -1.5, 3, 2])
+    fit = estimate(submodel.reduce(gather(W, tau, columns=NAMES)), "ols")
     flat = np.stack([W[:, :, 0] + W[:, :, 3], W[:, :, 2]], axis=2).reshape(-1, 2)
     expected = np.linalg.lstsq(flat, (tau + 1.5 * W[:, :, 1]).ravel(), rcond=None)[0]
     np.testing.assert_allclose(fit.value, expected, rtol=1e-7)
-    assert rung.expand(np.ones((2, 5))).shape == (4, 5)
+    assert submodel.expand(np.ones((2, 5))).shape == (4, 5)
 
 
 def test_equal_parameters_of_which_one_cannot_be_negative_cannot_be_negative():
-    assert full_rung().tied("x", ["b", "d"]).nonnegative.tolist() == [True, True, False]
-    assert full_rung().tied("x", ["b", "c"]).nonnegative.tolist() == [True, False, True]
+    assert full_model().tied("x", ["b", "d"]).nonnegative.tolist() == [True, True, False]
+    assert full_model().tied("x", ["b", "c"]).nonnegative.tolist() == [True, False, True]

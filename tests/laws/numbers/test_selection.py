@@ -13,7 +13,7 @@ from identifiability.estimation.evidence import Score
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import Class, Thresholds
 from identifiability.physical.fitted_model import FittedModel
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Submodel
 from identifiability.workflows.analyze.assessment import assess_ladder, select_model
 from identifiability.workflows.analyze.fit import stand_for_impossible
 
@@ -33,7 +33,7 @@ class Judged:
     worse_at: tuple[str, ...] = ()
 
     @property
-    def rung(self):
+    def submodel(self):
         return range(self.size)
 
 
@@ -128,11 +128,11 @@ def test_without_errors_the_last_model_is_used_and_without_a_standard_error_the_
 # A ladder of two models, assessed from numbers alone
 
 
-def rung(name, kept, names, nonnegative=()):
+def submodel(name, kept, names, nonnegative=()):
     """Return the model of some of four columns."""
     M = np.eye(4)[:, kept]
     columns = tuple(names[k] for k in kept)
-    return Rung(
+    return Submodel(
         name=name, description="", columns=columns, labels=columns, units=("kg",) * len(kept),
         M=M, held=np.zeros(4), nonnegative=np.isin(kept, nonnegative),
     )  # fmt: skip
@@ -174,10 +174,10 @@ def ladder():
     tau = W @ [1.0, -0.5, -0.3, 0.0] + rng.normal(size=(1920, 2)) * [0.1, 0.2]
     names = ("a", "b", "c", "d")
     every = gather(W, tau, columns=names)
-    rungs = [rung("full", [0, 1, 2, 3], names, [1, 2, 3]), rung("small", [0], names)]
-    models = [fitted_model(r, every, [1.0, 2.0, 3.0, 4.0]) for r in rungs]
+    submodels = [submodel("full", [0, 1, 2, 3], names, [1, 2, 3]), submodel("small", [0], names)]
+    models = [fitted_model(r, every, [1.0, 2.0, 3.0, 4.0]) for r in submodels]
     fits = [m.estimate for m in models]
-    values = np.stack([r.expand(f.value) for r, f in zip(rungs, fits, strict=True)], 1)
+    values = np.stack([r.expand(f.value) for r, f in zip(submodels, fits, strict=True)], 1)
     # "The nearest real robots", and "what files of both formats hold of them".
     shares = (1.0, 0.9, 0.8, 0.7)
     values = np.concatenate([share * values for share in shares], axis=1)
@@ -248,7 +248,7 @@ def test_a_column_that_never_acts_says_so(ladder):
     W[:, :, 2:] = 0.0
     names = ("a", "b", "c", "d")
     every = gather(W, tau, columns=names)
-    full = rung("full", [0, 1, 2, 3], names)
+    full = submodel("full", [0, 1, 2, 3], names)
     (result,) = assess_ladder(
         [fitted_model(full, every, np.zeros(4))], [Physics(0.1)], *made, Thresholds(),
         np.random.default_rng(0), 0,

@@ -31,7 +31,7 @@ class Judged:
     certificate: object = field(default=object)
 
     @property
-    def rung(self):
+    def submodel(self):
         return range(self.size)
 
     @property

@@ -45,10 +45,10 @@ from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import Rung
+from identifiability.regression.reduction import Submodel
 from identifiability.workflows.analyze.assessment import (
     JudgedModel,
-    RungResult,
+    ModelResult,
     assess_ladder,
     decide_told,
     forbidden_signs,
@@ -184,7 +184,7 @@ def absorb(
 
 # How much of a pruned model is the robot, and how much the luck of one log.
 #
-# The whole path, from the unpruned model to the chosen rung, is walked again on resampled blocks
+# The whole path, from the unpruned model to the chosen model, is walked again on resampled blocks
 # of time. The selection is part of what is resampled, so the answer speaks of it, not of one fixed
 # model.
 
@@ -333,7 +333,7 @@ def _set(partition: Partition) -> tuple[str, ...]:
     return tuple("=".join(partition.members(g)) for g in partition.leaders)
 
 
-# The rungs of the ladder: models on the way down, with what is said of each.
+# The models of the ladder: models on the way down, with what is said of each.
 
 
 #: Models of less weight than this share of the heaviest's are no part of a mixture.
@@ -344,10 +344,10 @@ ROUNDING = 1e-9
 
 
 @frozen(kw_only=True)
-class PrunedRung(JudgedModel):
-    """One model on the way down, judged with the memory of the chosen rung's residual.
+class PrunedModel(JudgedModel):
+    """One model on the way down, judged with the memory of the chosen model's residual.
 
-    Without validation logs its error on these is NaN; errors are compared with the rung to use.
+    Without validation logs its error on these is NaN; errors are compared with the model to use.
 
     Attributes
     ----------
@@ -358,11 +358,11 @@ class PrunedRung(JudgedModel):
         not seen.
     error_squares, error_squares_se : float
         Squares on stretches that the fits have not seen, each joint on its own scale, relative to
-        the unpruned model's; and the standard error of its difference to the rung with the best
+        the unpruned model's; and the standard error of its difference to the model with the best
         predictive log density.
     density, density_se : float [nats]
-        What the rung was chosen by: predictive log density of these stretches, less that of the
-        best rung; and the standard error.
+        What the model was chosen by: predictive log density of these stretches, less that of the
+        best model; and the standard error.
     weight : float
         Of the model in the mixture of all (`evidence.weigh_models`).
     """
@@ -394,7 +394,7 @@ class PrunedRung(JudgedModel):
     @property
     def columns(self) -> tuple[str, ...]:
         """Its parameters."""
-        return self.rung.columns
+        return self.submodel.columns
 
     @property
     def feasible(self) -> bool:
@@ -403,10 +403,10 @@ class PrunedRung(JudgedModel):
 
     def __len__(self) -> int:
         """Return the number of parameters."""
-        return len(self.rung)
+        return len(self.submodel)
 
     def row(self) -> dict[str, Any]:
-        """Return the rung as one row of the ladder."""
+        """Return the model as one row of the ladder."""
         move, evidence = self.step.move, self.step.evidence
         return super().row() | {
             "error_ra_unseen": self.error_ra_unseen,
@@ -436,7 +436,7 @@ class Question:
     ----------
     opening : Opening
     information : Information
-    start : Rung
+    start : Submodel
         The model that pruning starts from.
     estimator : Estimator
     delays : DelayErrors
@@ -444,7 +444,7 @@ class Question:
 
     opening: Opening
     information: Information
-    start: Rung
+    start: Submodel
     estimator: Estimator
     delays: DelayErrors
 
@@ -455,30 +455,30 @@ class Question:
 
     def fit(self, step: Step) -> FittedModel:
         """Fit the model of a step down."""
-        rung, size = self.start, len(step.partition)
+        submodel, size = self.start, len(step.partition)
         if step.move is not None:
             name = f"{size} parameter{'' if size == 1 else 's'}"
-            text = f"from {rung.name}: {len(rung) - size} parameters fewer"
-            rung = step.partition.rung(rung, name, text)
-        return FittedModel.of(self.opening.structure, rung, self.information, self.estimator)
+            text = f"from {submodel.name}: {len(submodel) - size} parameters fewer"
+            submodel = step.partition.submodel(submodel, name, text)
+        return FittedModel.of(self.opening.structure, submodel, self.information, self.estimator)
 
-    def recall(self, rung: Rung, estimate: Estimate) -> FittedModel:
+    def recall(self, submodel: Submodel, estimate: Estimate) -> FittedModel:
         """Return a model that was fitted before; all of them at once would fill the memory."""
-        part = rung.reduce(self.information)
-        return FittedModel(self.opening.structure, rung, self.information, part, estimate)
+        part = submodel.reduce(self.information)
+        return FittedModel(self.opening.structure, submodel, self.information, part, estimate)
 
 
 @frozen(kw_only=True)
 class Measured:
-    """The rungs, and the one to use by itself.
+    """The models, and the one to use by itself.
 
     Attributes
     ----------
-    rungs : tuple of PrunedRung
-    result : RungResult
-        The rung to use with verdicts, uncertainties by resampling, and physical certificate.
+    models : tuple of PrunedModel
+    result : ModelResult
+        The model to use with verdicts, uncertainties by resampling, and physical certificate.
     fitted, held_out : Prediction
-        Torque predicted by the rung to use on the logs that were fitted, and on validation logs or,
+        Torque predicted by the model to use on the logs that were fitted, and on validation logs or,
         without any, on stretches (or logs) by models fitted to the others; sums only.
     nothing : str
         Why no verdict is believed, for after "because"; empty where they are.
@@ -486,8 +486,8 @@ class Measured:
         Functions that are missing beside the unpruned model.
     """
 
-    rungs: tuple[PrunedRung, ...]
-    result: RungResult
+    models: tuple[PrunedModel, ...]
+    result: ModelResult
     fitted: Prediction
     held_out: Prediction
     nothing: str = ""
@@ -504,15 +504,16 @@ class Measured:
         """
         if self.nothing:
             return self, ""
-        own = question.recall(self.result.rung, self.result.estimate)
+        own = question.recall(self.result.submodel, self.result.estimate)
         (result,), (hint,) = tell_with_file([own], [self.result], share, Thresholds())
-        rungs = tuple(
-            replace(r, verdicts=result.verdicts) if r.rung is result.rung else r for r in self.rungs
+        submodels = tuple(
+            replace(r, verdicts=result.verdicts) if r.submodel is result.submodel else r
+            for r in self.models
         )
-        return replace(self, rungs=rungs, result=result), hint
+        return replace(self, models=submodels, result=result), hint
 
 
-def measure_rungs(
+def measure_models(
     question: Question,
     search: Search,
     chosen: int,
@@ -539,8 +540,8 @@ def measure_rungs(
     progress : callable(int, int)
     """
     opening, steps = question.opening, search.path.steps
-    fits = [(model.rung, model.estimate) for model in map(question.fit, steps)]
-    values = np.stack([rung.expand(fit.value) for rung, fit in fits], 1)
+    fits = [(model.submodel, model.estimate) for model in map(question.fit, steps)]
+    values = np.stack([submodel.expand(fit.value) for submodel, fit in fits], 1)
     own_values = np.stack([values[:, chosen], physical.base, *physical.in_files], 1)
     every, two = Task(values[None], held=False), Task(own_values[None])
     crossed = _plan_unseen(question, search)
@@ -574,7 +575,7 @@ def measure_rungs(
     spreads = [
         replace(
             resample(told.information, told.estimate, spread.block, rng, replicates),
-            late=question.delays.move(told.rung),
+            late=question.delays.move(told.submodel),
         )
         for told in (model.told for model in starmap(question.recall, fits))
     ]
@@ -587,10 +588,10 @@ def measure_rungs(
             own_told, spreads[chosen], torque, Thresholds(), question.full, missing, models
         ),
     )
-    rungs = tuple(
-        PrunedRung(
+    submodels = tuple(
+        PrunedModel(
             step=step,
-            rung=model.rung,
+            submodel=model.submodel,
             estimate=model.estimate,
             verdicts=result.verdicts
             if k == chosen
@@ -609,25 +610,25 @@ def measure_rungs(
             density_se=judged[k].density.se,
             weight=float(weights[k]),
             infeasible=forbidden_signs(
-                model.told.rung, model.told.information, model.told.estimate
+                model.told.submodel, model.told.information, model.told.estimate
             ),
         )
         for k, (step, model) in enumerate(zip(steps, starmap(question.recall, fits), strict=True))
     )
     if not opening.validation:
-        own_rung = rungs[chosen]
+        own_submodel = submodels[chosen]
         result = replace(
             result,
-            error_ra_validation=own_rung.error_ra_unseen,
-            error_joints_validation=own_rung.error_joints_unseen,
+            error_ra_validation=own_submodel.error_ra_unseen,
+            error_joints_validation=own_submodel.error_joints_unseen,
         )
-    better = len(result.rung) and error_unseen[chosen] < unseen.constant_error()
+    better = len(result.submodel) and error_unseen[chosen] < unseen.constant_error()
     nothing = opening.misread or (result.contradicted if better else WORSE)
     if nothing:
-        rungs = tuple(r.withdraw(nothing) for r in rungs)
+        submodels = tuple(r.withdraw(nothing) for r in submodels)
         result = result.withdraw(nothing)
     return Measured(
-        rungs=rungs,
+        models=submodels,
         result=result,
         fitted=fitted.select([chosen]),
         held_out=outside.select([chosen]),
@@ -647,7 +648,7 @@ def _plan_unseen(question: Question, search: Search) -> Task:
 
 def state_foreign(measured: Measured) -> tuple[str, ...]:
     """Return that logs held out look like those of another robot, in one sentence."""
-    full = measured.rungs[0]
+    full = measured.models[0]
     error, own = full.error_ra_validation, full.error_ra_unseen
     constant = measured.held_out.constant_error()
     if not error > max(constant, 2.0 * own):
@@ -672,20 +673,20 @@ def state_disagreement(measured: Measured) -> tuple[str, ...]:
 
 def _mix(
     question: Question,
-    fits: Sequence[tuple[Rung, Estimate]],
+    fits: Sequence[tuple[Submodel, Estimate]],
     spreads: Sequence[Uncertainty],
     weights: Array,
     told: FittedModel,
 ) -> Mixture:
     """Return what all models of the path say of the labels of one, as it is told."""
-    inverse = np.linalg.pinv(told.rung.M)
+    inverse = np.linalg.pinv(told.submodel.M)
     heavy = np.flatnonzero(weights > LEAST_WEIGHT * weights.max())
     values, sigmas = [], []
     for k in heavy.tolist():
         model = question.recall(*fits[k]).told
-        L = inverse @ model.rung.M
+        L = inverse @ model.submodel.M
         L[np.abs(L) < ROUNDING] = 0.0
-        values.append(inverse @ (model.rung.expand(model.estimate.value) - told.rung.held))
+        values.append(inverse @ (model.submodel.expand(model.estimate.value) - told.submodel.held))
         sigmas.append(_spread_labels(L, model.estimate, spreads[k].robust))
     return mix_labels(weights[heavy], np.array(values), np.array(sigmas))
 
@@ -703,12 +704,12 @@ def _spread_labels(L: Array, fit: Estimate, robust: Array) -> Array:
 
 def contradicts(model: FittedModel, full: Estimate | None) -> bool:
     """Return whether a sign that physics forbids is so sure that its verdict would be known."""
-    wrong = forbidden_signs(model.rung, model.information, model.estimate)
+    wrong = forbidden_signs(model.submodel, model.information, model.estimate)
     scatter = scatter_scores(model.information, model.estimate, 1.0) if wrong else None
     if scatter is None:
         return False
-    left = find_left_out(model.structure, model.rung, model.whole, model.estimate, full)
+    left = find_left_out(model.structure, model.submodel, model.whole, model.estimate, full)
     known = np.hypot(scatter.widened, left.sigma) * 100 <= (
         Thresholds().sigma_percent * np.abs(model.estimate.value)
     )
-    return any(c in wrong for c, sure in zip(model.rung.columns, known, strict=True) if sure)
+    return any(c in wrong for c, sure in zip(model.submodel.columns, known, strict=True) if sure)
