@@ -78,12 +78,13 @@ SHOWN = 24
 def build_comparison_page(result: Comparison) -> Page:
     """Return the report as a page of blocks, to look at or to extend."""
     kinds = {"pairs": "the same motion", "logs": "different motions", "results": "two results"}
+    kind = kinds[result.difference.kind]
     sections = (section_changes, section_friction, section_parameters, section_method)
     return Page(
         title=result.robot.title or result.robot.name,
         sections=tuple(s for s in (build(result) for build in sections) if s is not None),
         overline="Comparison report",
-        subtitle=f"{result.robot.path.name} · {result.submodel.name} · {kinds[result.difference.kind]}",
+        subtitle=f"{result.robot.path.name} · {result.submodel.name} · {kind}",
         summary=(
             answer_comparison(result),
             *([Notes(tuple(note("hint", hint=h) for h in result.hints))] if result.hints else []),

@@ -628,6 +628,11 @@ class Comparison(OfStructure, Result):
     preparation: Preparation = Preparation()
 
     @property
+    def rung(self) -> Submodel:
+        """`submodel`, by the name of earlier releases."""
+        return self.submodel
+
+    @property
     def answer(self) -> str:
         """What changed, in one sentence."""
         if not self.changes:

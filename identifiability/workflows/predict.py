@@ -426,6 +426,11 @@ class Fit(Covaries):
     missing: tuple[str, ...] = ()
 
     @property
+    def rung(self) -> Submodel:
+        """`submodel`, by the name of earlier releases."""
+        return self.submodel
+
+    @property
     def robot(self) -> Robot:
         """The robot."""
         return self.structure.robot

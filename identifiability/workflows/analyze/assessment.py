@@ -600,6 +600,8 @@ class Laddered(Result, Opening, Predicts):
 
     Attributes
     ----------
+    models : tuple of JudgedModel
+        The unpruned one first.
     information : Information
         About the base parameters, on the fitted logs.
     selected : int
@@ -626,6 +628,7 @@ class Laddered(Result, Opening, Predicts):
         On which torque of commands was calibrated: delays and their errors.
     """
 
+    models: tuple[JudgedModel, ...]
     information: Information
     selected: int
     fitted: Prediction
@@ -639,11 +642,6 @@ class Laddered(Result, Opening, Predicts):
     moved: Moved | None = None
     late: Array
     rolled: Rollouts | None = None
-
-    @property
-    @abstractmethod
-    def _ladder(self) -> Sequence[JudgedModel]:
-        """Every model, the unpruned one first."""
 
     @property
     @abstractmethod
@@ -680,7 +678,7 @@ class Laddered(Result, Opening, Predicts):
                 f"Nothing can be predicted, because {self.nothing}; give other logs to fit."
             )
         own, unseen = ((p.joint_rms()[:, 0], p.joint_rms(raw=True)[:, 0]) for p in self._alone)
-        used, whole = self._used, self._ladder[0]
+        used, whole = self._used, self.models[0]
         part = used.submodel.reduce(self.information)
         wider = widening(part, used.estimate, used.uncertainty)
         M, unpruned = whole.submodel.M, whole.submodel.reduce(self.information)
@@ -701,7 +699,7 @@ class Laddered(Result, Opening, Predicts):
         """Return one row a model."""
         import pandas as pd  # noqa: PLC0415 - only who wants a table pays for it
 
-        return pd.DataFrame([m.row() for m in self._ladder])
+        return pd.DataFrame([m.row() for m in self.models])
 
     def error_frame(self) -> pd.DataFrame:
         """Return the errors of the model to use by joint and by log, fitted and held out.
@@ -750,9 +748,7 @@ class Laddered(Result, Opening, Predicts):
         about = "" if tilt is None else f"In this model gravity {tilt.text}."
         moved = "" if self.moved is None else self.moved.statement
         real = {} if self.nothing else self._used.physical.parameters()
-        weight = (
-            "" if self.nothing else state_weight(self.structure, self._ladder[0].verdicts, real)
-        )
+        weight = "" if self.nothing else state_weight(self.structure, self.models[0].verdicts, real)
         told = (self.mass_warning, weight, answer, each, moved, about, raw, *self.hints)
         return " ".join(filter(None, told))
 
@@ -765,11 +761,11 @@ class Laddered(Result, Opening, Predicts):
             "samples": self.information.samples,
             "statement": self.statement,
             "nothing": self.nothing or None,
-            "models": [m.row() for m in self._ladder],
-            "selected": self._ladder[self.selected].name,
+            "models": [m.row() for m in self.models],
+            "selected": self.models[self.selected].name,
             "errors": errors_dict(self.error_frame()),
             "parameters": [v.to_row() for v in used.verdicts],
-            "full_parameters": [v.to_row() for v in self._ladder[0].verdicts],
+            "full_parameters": [v.to_row() for v in self.models[0].verdicts],
             "fit": None if self.nothing else self.fit.to_dict(),
             "missing_functions": self.missing.to_list(),
             "physical": {

@@ -103,11 +103,6 @@ class Analysis(Laddered):
     folds: Folds | None = None
 
     @property
-    def _ladder(self) -> tuple[ModelResult, ...]:
-        """Every model, the unpruned one first."""
-        return self.models
-
-    @property
     def chosen(self) -> ModelResult:
         """The selected model."""
         return self.models[self.selected]

@@ -244,8 +244,8 @@ def state_answer(
     text = (
         f"Of {total} parameters {base.rank} can be told apart in principle; these logs {known}. "
         f"The model to use is {chosen.name}: {chosen.count(Class.IDENTIFIABLE)} of its "
-        f"{len(chosen.submodel)} parameters are identifiable, and it predicts motion that it has not "
-        f"seen with an error of {held:.3g} %."
+        f"{len(chosen.submodel)} parameters are identifiable, and it predicts motion that it has "
+        f"not seen with an error of {held:.3g} %."
     )
     if not (full.count(Class.IDENTIFIABLE) or chosen.count(Class.IDENTIFIABLE)):
         most = max(models, key=lambda m: m.count(Class.IDENTIFIABLE))

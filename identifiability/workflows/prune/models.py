@@ -478,8 +478,8 @@ class Measured:
     result : ModelResult
         The model to use with verdicts, uncertainties by resampling, and physical certificate.
     fitted, held_out : Prediction
-        Torque predicted by the model to use on the logs that were fitted, and on validation logs or,
-        without any, on stretches (or logs) by models fitted to the others; sums only.
+        Torque predicted by the model to use on the logs that were fitted, and on validation logs
+        or, without any, on stretches (or logs) by models fitted to the others; sums only.
     nothing : str
         Why no verdict is believed, for after "because"; empty where they are.
     missing : Doubt

@@ -176,7 +176,7 @@ class Partition:
         return out
 
     def submodel(self, start: Submodel, name: str, description: str = "") -> Submodel:
-        """Return the model as a model below the starting one."""
+        """Return the starting model with these moves made."""
         submodel = replace(start, name=name, description=description).without(self.zeroed())
         for common, members in self.ties().items():
             submodel = submodel.tied(common, members)

@@ -74,6 +74,7 @@ class Ladder(Laddered, Measured):
 
     schema: ClassVar[str] = "identifiability/pruning/1"
 
+    models: tuple[PrunedModel, ...]
     start: Submodel
     least: int
     refused: tuple[Refusal, ...]
@@ -83,8 +84,8 @@ class Ladder(Laddered, Measured):
     source: LadderSource
 
     @property
-    def _ladder(self) -> tuple[PrunedModel, ...]:
-        """Every model, the unpruned model first."""
+    def rungs(self) -> tuple[PrunedModel, ...]:
+        """`models`, by the name of earlier releases."""
         return self.models
 
     @property
@@ -184,7 +185,7 @@ class Ladder(Laddered, Measured):
         return ladder_text(self.to_ladder(), f"{title}: the model that pruning chose.")
 
     def to_ladder(self) -> LadderEntry:
-        """Return the chosen model as a ladder of one model, for `analyze`, `diagnose` and others."""
+        """Return the chosen model as a ladder of one, for `analyze`, `diagnose` and others."""
         return LadderEntry(models=[model_entry(self.chosen.submodel, self.base, self.effects)])
 
 
