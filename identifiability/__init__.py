@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     from identifiability.effects.effect import Effect
     from identifiability.estimation.estimate import estimate
     from identifiability.estimation.estimator import Estimate
-    from identifiability.estimation.verdict import Thresholds, Verdict
+    from identifiability.estimation.rules import Thresholds
+    from identifiability.estimation.verdict import Verdict
     from identifiability.foundation.errors import IdentifiabilityError
     from identifiability.logs import Log
     from identifiability.logs.prepare import Preparation, Samples, prepare_samples
@@ -66,7 +67,8 @@ _HOMES = {
         "effects.effect": ("Effect",),
         "estimation.estimate": ("estimate",),
         "estimation.estimator": ("Estimate",),
-        "estimation.verdict": ("Thresholds", "Verdict"),
+        "estimation.rules": ("Thresholds",),
+        "estimation.verdict": ("Verdict",),
         "foundation.errors": ("IdentifiabilityError",),
         "logs": ("Log",),
         "logs.prepare": ("Preparation", "Samples", "prepare_samples"),

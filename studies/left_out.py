@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from left_out_trials import REPLICATES, SETTINGS, Tally, measure
 
-from identifiability.estimation.decide import SHARE
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.numbers import Share
 from identifiability.foundation.output import write_json
 from identifiability.report import Check, Fold, Picture, Prose, Section, frame_table, write_page
@@ -113,11 +113,11 @@ def write(tallies: Sequence[Tally], out: Path, trials: int, seed: int) -> None:
     folds = [Fold(title(t), (Picture(draw_shares(t.names, t.each)),)) for t in tallies]
     method = (
         f"{trials} logs of every row, seed {seed}: each of a new robot with new noise. Bodies are "
-        f"drawn uniformly within {100 * SHARE:g} % of the file's m, m·r and m·r² (r: rms distance "
-        "of the mass from the body's frame) and kept where they can exist; friction and rotors are "
-        "the file's. 3-RPS: 4 % noise on the motion, 5 % on the forces; five-bar: 5 % on the "
-        "torque. The label of a parameter is what its combination of the unpruned parameters comes "
-        "to on the drawn robot. "
+        f"drawn uniformly within {100 * ESTIMATION_RULES.body_share:g} % of the file's m, m·r and "
+        "m·r² (r: rms distance of the mass from the body's frame) and kept where they can exist; "
+        "friction and rotors are the file's. 3-RPS: 4 % noise on the motion, 5 % on the forces; "
+        "five-bar: 5 % on the torque. The label of a parameter is what its combination of the "
+        "unpruned parameters comes to on the drawn robot. "
         f"Every log is analysed as a user would, with {REPLICATES} resampled logs, and pruned by "
         "itself. The worst parameter is the worst of those in at least half of the logs; shares "
         f"of fewer than {FEWEST_CALLS} verdicts are not checked."

@@ -25,7 +25,7 @@ from drawn_robots import draw_arm
 from left_out_trials import Robots
 
 from identifiability import Log, Robot, simulate
-from identifiability.estimation.decide import SHARE
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
@@ -65,7 +65,7 @@ def draw(
     robot = Robot.load(kind) if kind == "3-rrr" else draw_arm(rng, folder, kind)
     structure = Structure.of(robot, ladder_model(default_ladder(robot)))
     robots = Robots(structure, rng)
-    robots.scatter = robots.scatter * off / SHARE
+    robots.scatter = robots.scatter * off / ESTIMATION_RULES.body_share
     beta = structure.G @ robots.draw()
     frames = [move(robot, seconds, rng) for _ in range(2)]
     for k, frame in enumerate(frames):

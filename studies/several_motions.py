@@ -26,8 +26,8 @@ from scipy.signal import lfilter
 from threadpoolctl import threadpool_limits
 
 from identifiability.estimation.estimate import estimate, find_estimator, settle_noise, weigh_logs
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.uncertainty import (
-    LEVEL,
     Motions,
     Uncertainty,
     assess_uncertainty,
@@ -348,7 +348,10 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         if options.only_noise:
             return {"within": within, "noisy": noisy}
         planted = pd.DataFrame(planted_rows(options.trials, options.replicates))
-        result: dict[str, Any] = {"planted": planted.to_dict("records"), "level": LEVEL}
+        result: dict[str, Any] = {
+            "planted": planted.to_dict("records"),
+            "level": ESTIMATION_RULES.motions_level,
+        }
         result |= {"within": within, "noisy": noisy}
         sections = [
             Section(

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from identifiability import Robot, prune
-from identifiability.estimation.decide import SHARE, body_scatter, find_left_out
+from identifiability.estimation.decide import body_scatter, find_left_out
 from identifiability.estimation.estimate import find_estimator
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.foundation.numbers import LEVEL, REACH
 from identifiability.physical.fitted_model import FittedModel
@@ -41,7 +42,7 @@ def draw_bodies(structure, rng):
 
 
 def test_drawn_bodies_are_as_far_from_the_file_as_promised(pruned):
-    assert SHARE == 0.3  # fixed before coverage was measured
+    assert ESTIMATION_RULES.body_share == 0.3  # fixed before coverage was measured
     structure = pruned[2]
     own = structure.inertial.ravel()
     reach = body_scatter(structure)

@@ -11,10 +11,12 @@ import numpy as np
 from scipy.special import ndtr, ndtri, stdtrit
 
 from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.linalg import unit_coordinates
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import ENDS, LEVEL
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 
@@ -24,10 +26,6 @@ from identifiability.regression.information import Information
 # and torque together, keeps the correlation inside a block and makes no model of it [Künsch 1989].
 # A replicate is a weighted sum of the blocks' Gram matrices, so its cost does not know the number
 # of samples.
-
-
-#: Fewer blocks than this say nothing about the spread between blocks.
-FEWEST_BLOCKS = 8
 
 
 @frozen
@@ -138,11 +136,11 @@ def bootstrap(
     """
     merged = merge_blocks(information, length)
     blocks = len(merged.counts)
-    if blocks < FEWEST_BLOCKS:
+    if blocks < RULES.blocks_fewest:
         raise IdentifiabilityError(
             f"The residual is correlated over {length:.0f} samples, so {information.samples} "
-            f"samples make only {blocks} independent blocks; the bootstrap needs {FEWEST_BLOCKS}: "
-            "give longer or more logs, or a higher cut-off."
+            f"samples make only {blocks} independent blocks; the bootstrap needs "
+            f"{RULES.blocks_fewest}: give longer or more logs, or a higher cut-off."
         )
     counts = draw_blocks(blocks, replicates, rng)
     values = estimate.estimator.refit(merged, estimate, counts)
@@ -163,11 +161,8 @@ def bootstrap(
 # 2002], so intervals grow smoothly where logs get too short for a model, direction by direction.
 
 
-#: A stretch is so many autocorrelation times long, as long as there are `FEWEST` of them.
-MEMORIES, FEWEST = 5.0, 12
-
 #: By how much stretches get shorter while there are too few.
-SHORTER = 0.9
+SHORTER: Tolerance = 0.9
 
 
 @frozen
@@ -205,13 +200,14 @@ def scatter_scores(information: Information, fit: Estimate, time: float) -> Scor
     time : float [samples]
         Autocorrelation time of the residual.
     """
-    least = min(MEMORIES * time, information.samples / FEWEST)
+    least = min(RULES.memories * time, information.samples / RULES.stretches_fewest)
     merged = merge_blocks(information, least)
-    while len(merged.counts) < min(FEWEST, len(information.counts)):  # logs cut stretches short
+    fewest = min(RULES.stretches_fewest, len(information.counts))
+    while len(merged.counts) < fewest:  # logs cut stretches short
         least *= SHORTER
         merged = merge_blocks(information, least)
     B = len(merged.counts)
-    if B < FEWEST or not fit.kept:
+    if not fit.kept or RULES.stretches_fewest > B:
         return None
     variance = (fit.estimator.influence(merged, fit) ** 2).sum(0)
     length = merged.samples / B

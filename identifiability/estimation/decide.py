@@ -12,17 +12,12 @@ import numpy as np
 from scipy.special import ndtr
 
 from identifiability.estimation.doubt import LabelDoubt
-from identifiability.estimation.estimator import PAPER_FACTOR, Estimate, settle_signs
+from identifiability.estimation.estimator import Estimate, settle_signs
 from identifiability.estimation.evidence import Mixture
+from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.estimation.uncertainty import Uncertainty, recurrence
-from identifiability.estimation.verdict import (
-    WORTH_SAYING,
-    Class,
-    Thresholds,
-    Verdict,
-    digits,
-    percent_of,
-)
+from identifiability.estimation.verdict import Class, Verdict, digits, percent_of
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.numbers import REACH, holm
 from identifiability.foundation.values import frozen
@@ -37,25 +32,18 @@ from identifiability.regression.structure import Structure
 # without noise, P is the pseudo-inverse of M in the distance that the fit minimises, or of its
 # instruments. A label means ``M⁺ (β - held)`` instead; the difference ``D (β - held)``, ``D = P -
 # M⁺``, is no noise, so no interval of the residual holds it. How large it can be is what the robot
-# file knows of bodies, their masses and where these lie to ± `SHARE`, and what the logs say of the
-# parameters that are left out: the residual of the model holds what they do and no kept parameter
-# can take over. Both together are a normal posterior. Friction, rotors and offsets are taken to be
-# as the file says.
+# file knows of bodies, their masses and where these lie to ± `body_share`, and what the logs say of
+# the parameters that are left out: the residual of the model holds what they do and no kept
+# parameter can take over. Both together are a normal posterior. Friction, rotors and offsets are
+# taken to be as the file says.
 #
 # A file can be further from the robot than that, and the logs can leave out what no file states.
 # The unpruned model knows: where its own interval for a label does not reach that of the model, σ
 # grows until it does, and the verdict says so.
 
 
-#: How far a body's mass, first and second moments are taken to lie from the robot file's, relative
-#: to m, m·r and m·r² with r the rms distance of its mass from its frame.
-SHARE = 0.3
-
-#: Coefficients below this share of a row's largest are rounding.
-ROUNDING = 1e-9
-
-#: Members of what a number stands for that a sentence names, and the least share of σ of one.
-NAMED, LEAST = 3, 0.1
+#: Members of what a number stands for that a sentence names.
+NAMED = 3
 
 _M = INERTIAL.index("m")
 _DIAGONAL = tuple(INERTIAL.index(k) for k in ("Ixx", "Iyy", "Izz"))
@@ -103,7 +91,7 @@ def body_scatter(structure: Structure) -> Array:
     first = np.sqrt(mass * second)
     moments = (*[second] * 6, *[first] * 3, mass)  # in the order of INERTIAL
     for column, moment in zip(rows.T, moments, strict=True):
-        scatter[column] = SHARE * moment
+        scatter[column] = RULES.body_share * moment
     return scatter
 
 
@@ -131,7 +119,7 @@ def find_left_out(
     kept = list(fit.kept)
     P = fit.estimator.project(information, fit, submodel.M[:, kept])
     difference = P - np.linalg.pinv(submodel.M)[kept]
-    difference[np.abs(difference) < ROUNDING * np.abs(P).max(1, initial=0.0, keepdims=True)] = 0.0
+    difference[np.abs(difference) < ROUNDOFF * np.abs(P).max(1, initial=0.0, keepdims=True)] = 0.0
     stated = structure.nominal_base - submodel.held
     scatter = body_scatter(structure)
     shift, spread = difference @ stated, (difference @ structure.G) * scatter
@@ -181,7 +169,7 @@ def _settle(submodel: Submodel, fit: Estimate, full: Estimate, sigma: Array) -> 
     """
     kept = list(fit.kept)
     meant = np.linalg.pinv(submodel.M)[kept]
-    meant[np.abs(meant) < ROUNDING * np.abs(meant).max(1, initial=0.0, keepdims=True)] = 0.0
+    meant[np.abs(meant) < ROUNDOFF * np.abs(meant).max(1, initial=0.0, keepdims=True)] = 0.0
     known = ~(meant[:, ~full.determined] != 0).any(1)
     value = meant @ (np.where(full.determined, full.value, 0.0) - submodel.held)
     at = list(full.kept)
@@ -214,7 +202,7 @@ def _combination(name: str, members: Sequence[str], coefficients: Array, size: A
     """Return a parameter with the left-out ones that it stands for, the largest first."""
     share = np.abs(coefficients) * size
     order = np.argsort(-share, kind="stable")
-    shown = [j for j in order[:NAMED] if share[j] > LEAST * np.linalg.norm(share)]
+    shown = [j for j in order[:NAMED] if share[j] > RULES.sigma_named * np.linalg.norm(share)]
     if not shown:
         return ""
     text = name
@@ -420,7 +408,7 @@ def _decide(
 def _condition(grounds: Grounds, k: int) -> str:
     """Return what a verdict owes to the model that it is made in, if anything."""
     left, models = grounds.left_out, grounds.models
-    if models is not None and models.disagree(grounds.sigma_robust, WORTH_SAYING)[k]:
+    if models is not None and models.disagree(grounds.sigma_robust, RULES.sigma_other)[k]:
         return (
             f" Models that predict alike disagree on it: they put it between {models.low[k]:.3g} "
             f"and {models.high[k]:.3g}, and its interval holds them."
@@ -437,7 +425,7 @@ def _condition(grounds: Grounds, k: int) -> str:
             " That holds in this model: the robot file states no inertias, so how far what is left "
             "out moves it from its label is not known."
         )
-    if not left.stands_for[k] or left.sigma[k] < WORTH_SAYING * grounds.sigma_robust[k]:
+    if not left.stands_for[k] or left.sigma[k] < RULES.sigma_other * grounds.sigma_robust[k]:
         return ""
     own = percent_of(float(grounds.sigma_robust[k]), float(grounds.estimate.value[k]))
     return (
@@ -456,8 +444,8 @@ def _compare(kind: Class, paper: bool, percent: float, least: float) -> str:
         why = ": that rule is relative to the best parameter of the model and knows no "
         why += "autocorrelation."
     return (
-        f" The {PAPER_FACTOR:g}× rule {does} it (white-noise σ {digits(percent)} % {than} "
-        f"{PAPER_FACTOR:g} × {digits(least)} %){why}"
+        f" The {RULES.paper_factor:g}× rule {does} it (white-noise σ {digits(percent)} % {than} "
+        f"{RULES.paper_factor:g} × {digits(least)} %){why}"
     )
 
 

@@ -36,17 +36,16 @@ from identifiability.estimation.noise import (
     LaggedProducts,
     RestrictedLikelihood,
 )
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare.samples import Piece
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Regression, choose_within, inside
 from identifiability.robot import Motion, Robot
-
-#: Chance by which some function is taken where none is missing.
-LEVEL = 0.01
 
 #: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
 EXCERPT = (6_000, 6, 1_000)
@@ -67,11 +66,8 @@ ECHOES = 2
 
 #: A residual below this share of the torque is rounding; and a direction of unit columns that is
 #: shorter than the root of the other is none.
-ROUNDING, THIN = 1e-8, 1e-10
-
-#: Noise is measured beside directions of unit columns that are longer than this, of which there are
-#: at most so many for each row.
-SHORT, MOST_COLUMNS = 1e-3, 0.45
+ROUNDING: Tolerance = 1e-8
+THIN: Tolerance = 1e-10
 
 #: What a function is of, in words, and how many columns it has.
 KINDS = {
@@ -269,7 +265,7 @@ class Rows:
         own = [_OWN[i % len(KINDS)] for i in taken if i // len(KINDS) == joint]
         blocks = [np.arange(k), *(k + np.arange(WIDTH)[at] for at in own)]
         y, rows = self.y[:, joint], lagged.rows
-        T = _orthonormal(lagged.plain, blocks, int(MOST_COLUMNS * rows))
+        T = _orthonormal(lagged.plain, blocks, int(RULES.columns_most * rows))
         Z, left, known = (
             [self.X[:, joint, self.columns[joint]], self.B[:, joint]],
             y,
@@ -313,7 +309,7 @@ def _orthonormal(products: Array, blocks: Sequence[np.ndarray], most: int) -> Ar
         squares, vectors = np.linalg.eigh(
             (products[np.ix_(at, at)] - K @ K.T) / np.outer(length, length)
         )
-        kept = np.flatnonzero(squares > SHORT**2)[::-1][: most - out.shape[1]]
+        kept = np.flatnonzero(squares > RULES.column_short**2)[::-1][: most - out.shape[1]]
         own = np.zeros((len(products), len(kept)))
         own[at] = vectors[:, kept] / length[:, None]
         own -= out @ (K.T @ own[at])
@@ -640,7 +636,7 @@ class Search:
         found = [(*find_size(*self.products.given(self.S, own_columns(i))), i) for i in left]
         rise, size, best = max(found, default=(0.0, 0.0, 0))
         p = 0.5 * float(erfc(np.sqrt(rise / 2.0))) * len(left)
-        if not p < LEVEL or not left:
+        if not p < RULES.doubt_level or not left:
             return None
         taken, at = (*self.taken, best), best // len(KINDS)
         # What it explains counted as noise until now.

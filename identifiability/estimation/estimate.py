@@ -9,8 +9,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import chdtri
 
-from identifiability.estimation.bootstrap import FEWEST_BLOCKS
-from identifiability.estimation.estimator import NOTHING, Estimate, Estimator
+from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Folds, Score
 from identifiability.estimation.instrumental import InstrumentalVariables, RenoisedLeastSquares
 from identifiability.estimation.least_squares import (
@@ -21,9 +20,12 @@ from identifiability.estimation.least_squares import (
     WeightedLeastSquares,
     taken_of_blocks,
 )
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import OptionError, check_choice, checked
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 
@@ -62,12 +64,11 @@ def find_estimator(method: Method) -> Estimator:
     return ESTIMATORS[method]
 
 
-#: So many independent outputs for each of its parameters leave a model a residual that is noise.
-ENOUGH = 3.0
-
 #: Logs are weighed until no weight changes by more than this share, but no oftener than so; and no
 #: log counts more than another by more than this factor.
-SETTLED, WEIGHINGS, MOST = 0.02, 10, 1e6
+SETTLED: Tolerance = 0.02
+WEIGHINGS = 10
+MOST: Tolerance = 1e6
 
 #: ``ls``: least squares. ``iv``: instrumental variables, which noise in the motion does not bias.
 #: ``auto``: the latter if any log has a second record of its motion; else the former, corrected by
@@ -220,7 +221,7 @@ def fit_whole(estimator: Estimator, whole: Information) -> Estimate | None:
     """Return the fit of all columns; None where too few outputs are independent for them."""
     fit = estimator.fit(whole)
     independent = float(np.sum(whole.rows_each / fit.times))
-    return fit if fit.kept and independent >= ENOUGH * len(fit.kept) else None
+    return fit if fit.kept and independent >= RULES.outputs_enough * len(fit.kept) else None
 
 
 @checked
@@ -255,7 +256,8 @@ def estimate(information: Information, method: Method = "wls") -> Estimate:
 
 
 #: Weights are iterated until none changes by more than this share, but no oftener than so.
-AGREED, ROUNDS = 0.02, 30
+AGREED: Tolerance = 0.02
+ROUNDS = 30
 
 
 @frozen
@@ -293,7 +295,7 @@ def weigh_outliers(
         About all columns: what a smaller model leaves out is no outlier.
     estimator : Estimator
     """
-    if len(information.counts) < FEWEST_BLOCKS:
+    if len(information.counts) < RULES.blocks_fewest:
         return information, None
     before = fit = estimator.fit(information)
     weighed, weights = information, np.ones((information.actuators, len(information.counts)))
@@ -346,7 +348,7 @@ def _measure(information: Information, fit: Estimate) -> tuple[Array, Array]:
     rows = information.data.T
     freedom = np.maximum(rows / fit.times[:, None], 1.0)
     beyond = np.zeros(squares.shape)
-    floor = NOTHING**2 * information.torque / information.rows_each  # rounding is no noise
+    floor = ROUNDOFF**2 * information.torque / information.rows_each  # rounding is no noise
     for log in np.unique(information.log):
         own = information.log == log
         mean = squares[:, own] / np.maximum(rows[:, own], 1)

@@ -12,18 +12,11 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from identifiability.estimation.rules import RULES
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
-
-#: Factor of the paper's rule: σ% below 10 × the smallest σ% [Khalil 2002, Díaz 2010].
-PAPER_FACTOR = 10.0
-
-#: A parameter leans on directions that make this share of its variance.
-TOUCHED = 0.1
-
-#: A value that makes less than this share of the torque is zero up to rounding.
-NOTHING = 1e-9
 
 
 @runtime_checkable
@@ -106,7 +99,9 @@ class Correction:
         weak : (k,) bool
         """
         share = (directions[:, weak] ** 2).sum(1) / (directions**2).sum(1)
-        touched = tuple(plain.columns[plain.kept[j]] for j in np.flatnonzero(share > TOUCHED))
+        touched = tuple(
+            plain.columns[plain.kept[j]] for j in np.flatnonzero(share > RULES.direction_touched)
+        )
         return cls(plain.value, int(weak.sum()), touched)
 
 
@@ -186,7 +181,7 @@ class Estimate:
         """The 10× rule: σ% below ten times the smallest of the model, (k,) bool."""
         percent = self.sigma_percent
         least = percent.min(initial=np.inf)
-        passed: np.ndarray = percent < PAPER_FACTOR * least
+        passed: np.ndarray = percent < RULES.paper_factor * least
         return passed if np.isfinite(least) else np.zeros(len(percent), bool)
 
 
@@ -238,7 +233,7 @@ def settle_signs(information: Information, fit: Estimate, nonnegative: np.ndarra
         Parameters that physics does not allow below zero.
     """
     root = information.factor()
-    reach = NOTHING * np.linalg.norm(root[:, -1])
+    reach = ROUNDOFF * np.linalg.norm(root[:, -1])
     rounded = nonnegative & (fit.value < 0)
     rounded &= -fit.value * np.linalg.norm(root[:, :-1], axis=0) <= reach
     return np.where(rounded, 0.0, fit.value)

@@ -47,6 +47,7 @@ from identifiability.estimation.least_squares import Noise
 from identifiability.estimation.refits import RIDGE
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 
@@ -118,7 +119,8 @@ class Levels:
 LEVELS = Levels()
 
 #: Squares below this share of the torque's, and columns below this one of others', are rounding.
-NOTHING, ROUNDING = 1e-18, 1e-13
+NOTHING: Tolerance = 1e-18
+ROUNDING: Tolerance = 1e-13
 
 
 @frozen
@@ -662,7 +664,7 @@ class Mixture:
 
 
 #: Share of the weight that models which are not spoken of carry together.
-LIGHTEST = 0.05
+LIGHTEST: Tolerance = 0.05
 
 
 def mix_labels(weights: Array, values: Array, sigmas: Array) -> Mixture:

@@ -18,8 +18,10 @@ from identifiability.estimation.least_squares import (
     correct_leverage,
     noise_scale,
 )
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.linalg import few_at_once, solve_each, triangular_factor
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.samples import Record
 from identifiability.regression.information import Information
@@ -35,12 +37,8 @@ from identifiability.regression.information import Information
 # multiplies.
 
 
-#: A direction follows its instrument from this canonical correlation on, and one that was measured
-#: again from this first-stage F on, samples for N: one actuator alone may know of the direction.
-STRONG, ENOUGH = 0.9, 104.7
-
 #: Instruments are told apart down to this share of their columns' length.
-APART = 1e-8
+APART: Tolerance = 1e-8
 
 
 @frozen
@@ -128,7 +126,11 @@ def _combine(
     U, to_U = U[:, own], (Yt[own].T / s[own]) / size[:, None]  # U = V to_U
     left, strength, Yt = np.linalg.svd(U.T @ Q)  # min(rank, k) correlations
     strength = np.append(strength, np.zeros(k - len(strength)))
-    least = np.sqrt(ENOUGH / (N + ENOUGH)) if record == "measured" else STRONG
+    least = (
+        np.sqrt(RULES.instrument_f / (N + RULES.instrument_f))
+        if record == "measured"
+        else RULES.instrument_strong
+    )
     weak = strength < least
     good = np.flatnonzero(~weak)
     B = solve_triangular(root, Yt.T)
@@ -320,11 +322,6 @@ def _white_covariance(
 # is closer.
 
 
-#: Directions of which noise leaves less than this share stay with least squares: what is known of
-#: the noise is not enough to multiply them by more.
-LEFT = 0.5
-
-
 @frozen
 class RenoisedLeastSquares:
     """Least squares, and the inverse of what new noise makes of it.
@@ -442,6 +439,6 @@ def _noise_map(V: Array, W: Array, F: Array) -> tuple[Array, Array, np.ndarray]:
     B = solve_triangular(R[:k, :k], R[:k, k:])
     root = triangular_factor(F)
     U, s, Yt = np.linalg.svd(root @ B @ np.linalg.inv(root))
-    weak = s < LEFT
+    weak = s < RULES.instrument_left
     B = np.linalg.solve(root, (U * np.where(weak, 1.0, s)) @ Yt @ root)
     return B, np.linalg.solve(root, U), weak

@@ -15,7 +15,9 @@ from scipy.special import chdtri, polygamma
 
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.noise import RESIDUAL_ROUNDING
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.linalg import (
+    NEARLY,
     RANK_TOLERANCE,
     few_at_once,
     sandwich,
@@ -24,14 +26,11 @@ from identifiability.foundation.linalg import (
     unit_coordinates,
 )
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 
 # What a block of time does to a fit, as if it had not pulled the fit towards itself.
-
-
-#: What a block leaves of a direction that it determines almost alone is raised to this.
-ALONE = 0.05
 
 
 def correct_leverage(scores: Array, shares: Array) -> Array:
@@ -47,7 +46,7 @@ def correct_leverage(scores: Array, shares: Array) -> Array:
     for at in few_at_once(len(scores), shares[:1].nbytes):
         own = 0.5 * (shares[at] + shares[at].swapaxes(1, 2))
         values, vectors = np.linalg.eigh(np.eye(scores.shape[1]) - own)
-        lever = 1.0 / np.sqrt(np.maximum(values, ALONE))
+        lever = 1.0 / np.sqrt(np.maximum(values, RULES.block_alone))
         corrected[at] = np.einsum(
             "bij,bj,bkj,bk->bi", vectors, lever, vectors, scores[at], optimize=True
         )
@@ -71,19 +70,6 @@ def correct_leverage(scores: Array, shares: Array) -> Array:
 #
 # The residual sample by sample says no more than that and would cost a pass over all logs, and for
 # long ones their regressor, before the fit.
-
-
-#: Lags are summed up to so many times the sum so far [Sokal 1997].
-WINDOW = 5.0
-
-#: At least this share of the samples is taken to be left by the columns.
-LEFT = 0.25
-
-#: Of fewer blocks of time it cannot be seen what is slow; the noise is then taken as white.
-FEWEST = 8
-
-#: Times are told apart from this share of the distribution on that equal ones would have.
-DIFFERENT = 0.95
 
 
 @frozen
@@ -167,10 +153,10 @@ def measure_memory(information: Information, fit: Estimate) -> tuple[Array, Arra
         sums = own.sums @ turned
         scatter = _sum_lags(sums[:, k:], information.log)
         left = own_rows[a] - fit.weights[a] * _sum_lags(sums[:, :k], information.log)
-        ratio = scatter / np.maximum(left, LEFT * own_rows[a])
+        ratio = scatter / np.maximum(left, RULES.columns_left * own_rows[a])
         # Blocks at a lag hold pairs of samples that are half a block farther apart on average.
         apart = (np.arange(B) + 0.5) * N / B
-        enough = apart >= WINDOW * scatter / rss
+        enough = apart >= RULES.sokal_window * scatter / rss
         summed = int(enough.argmax()) + 1 if enough.any() else B
         # The largest on the way: what a fit swallowed makes later lags negative.
         slow[a], known[a] = ratio[:summed].max(), B / (2 * summed - 1)
@@ -210,10 +196,10 @@ def _share(times: Array, known: Array, blocks: int, block: float) -> Array:
         return times
     same = float(np.average(times[open_], weights=known[open_]))
     # How far such times would be apart: of squares so many the logarithm has this variance.
-    lags = np.ceil(max(WINDOW * same / block - 0.5, 0.0))
+    lags = np.ceil(max(RULES.sokal_window * same / block - 0.5, 0.0))
     spread = polygamma(1, 0.5 * blocks / (2.0 * lags + 1.0))
     apart = float(np.log(times[open_]).var(ddof=0) * open_.sum() / spread)
-    different = apart > chdtri(open_.sum() - 1, 1.0 - DIFFERENT)
+    different = apart > chdtri(open_.sum() - 1, 1.0 - RULES.times_different)
     return times if different else np.where(open_, same, times)
 
 
@@ -242,11 +228,8 @@ def _sum_lags(x: Array, log: np.ndarray) -> Array:
 # better estimate whenever joints differ in size or in what their noise remembers.
 
 
-#: Share of a unit column in a dependent one from which on the two are not told apart.
-MIXED = 1e-6
-
 #: A residual below this share of the torque is rounding, which must weigh no actuator.
-ROUNDING = 1e-12
+ROUNDING: Tolerance = 1e-12
 
 #: How often the noise is measured beside weights that it gave.
 ROUNDS = 2
@@ -337,7 +320,7 @@ def measure_noise(
         noise = Noise(plain.variance, plain.times)
     else:  # not from its own weights: an actuator that they favour hides what is left out there
         noise = known.beside(information, plain, known.left[0])
-    enough = known is not None or len(information.counts) >= FEWEST
+    enough = known is not None or len(information.counts) >= RULES.blocks_fewest
     for _ in range(ROUNDS if enough and noise.variance.any() else 0):
         fit = _solve(information, weigh(information, noise), plain.estimator)
         if known is None:
@@ -433,7 +416,7 @@ def _embed(part: Estimate, whole: Information, kept: list[int], singular: Array)
     covariance = np.diag(np.full(k, np.inf))
     value[kept] = part.value
     # A column that a dropped one leans on has a value only as long as that one is zero.
-    alone = np.abs(dependence(whole, kept, part.weights)).max(1, initial=0.0) < MIXED
+    alone = np.abs(dependence(whole, kept, part.weights)).max(1, initial=0.0) < NEARLY
     determined[np.array(kept, int)[alone]] = True
     covariance[np.ix_(kept, kept)] = part.covariance
     mixed = np.flatnonzero(~determined)

@@ -14,16 +14,15 @@ from typing import Any
 import numpy as np
 import scipy
 
+from identifiability.estimation.rules import RULES
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare import Samples
 
 # What residuals say about the noise: autocorrelation and what it does to σ.
-
-
-#: Window of the integrated autocorrelation time, in units of itself [Sokal 1997].
-SOKAL_WINDOW = 5.0
 
 
 def autocorrelation(residual: Array) -> Array:
@@ -41,13 +40,13 @@ def autocorrelation(residual: Array) -> Array:
 def autocorrelation_time(residual: Array) -> Array:
     """Return the integrated autocorrelation time of each column of (N, n), at least 1, (n,).
 
-    ``1 + 2 Σ ρ_k`` up to the first lag beyond `SOKAL_WINDOW` times the sum so far. Variances of
+    ``1 + 2 Σ ρ_k`` up to the first lag beyond `sokal_window` times the sum so far. Variances of
     means grow by it; standard deviations of white-noise formulas by its root.
     """
     acf = autocorrelation(residual)
     times = 2.0 * np.cumsum(acf, axis=0) - 1.0
     lags = np.arange(len(acf))[:, None]
-    beyond = lags >= SOKAL_WINDOW * times
+    beyond = lags >= RULES.sokal_window * times
     window = np.where(beyond.any(0), beyond.argmax(0), len(acf) - 1)
     tau: Array = np.maximum(times[window, np.arange(acf.shape[1])], 1.0)
     return tau
@@ -246,14 +245,12 @@ def whiten(x: Array, runs: Runs, pacf: Array) -> Array:
 #: Highest order that is tried.
 HIGHEST_ORDER = 4
 #: Partial autocorrelations are held below tanh(this): slower noise cannot be told from a drift.
-BOUND = 3.5
-#: White noise that is taken to be there beside the residual, as a share of its variance: logs that
-#: were filtered before they were stored have empty bands, which whitening would blow up.
-FLOOR = 0.05
+BOUND: Tolerance = 3.5
 #: Shares of the trace below which directions are rounding, the next where one does not suffice.
-ROUNDING = (1e-14, 1e-12, 1e-10)
+ROUNDING: tuple[Tolerance, ...] = (1e-14, 1e-12, 1e-10)
 #: When the search of one order ends, and the step of its derivatives.
-STOP, STEP = {"maxiter": 30, "ftol": 1e-6}, 1e-4
+STOP = {"maxiter": 30, "ftol": 1e-6}
+STEP: Tolerance = 1e-4
 
 
 def _lay_out() -> tuple[list[Array], list[Array], dict[tuple[str, int, int], int]]:
@@ -412,7 +409,7 @@ class RestrictedLikelihood:
     """
 
     def __init__(
-        self, lagged: LaggedProducts, left: float, scale: float, floor: float = FLOOR
+        self, lagged: LaggedProducts, left: float, scale: float, floor: float = RULES.noise_floor
     ) -> None:
         self.lagged, self.scale, self.k = lagged, scale, lagged.products.shape[1] - 1
         self.rows = lagged.rows
@@ -421,7 +418,9 @@ class RestrictedLikelihood:
         self.left = left * scale**2 / self.dof
 
     @staticmethod
-    def of(y: Array, basis: Array, runs: Runs, floor: float = FLOOR) -> RestrictedLikelihood:
+    def of(
+        y: Array, basis: Array, runs: Runs, floor: float = RULES.noise_floor
+    ) -> RestrictedLikelihood:
         """Return that of a series y (N,) beside an orthonormal basis (N, k)."""
         scale = float(np.linalg.norm(y)) or 1.0
         left = y / scale
@@ -500,7 +499,7 @@ class RestrictedLikelihood:
             )
             theta = found.x
             value = found.fun + order * np.log(self.dof)
-            if value < least - 1e-9:
+            if value < least - ROUNDOFF:
                 best, least = theta, value
         return best
 
@@ -516,10 +515,6 @@ class RestrictedLikelihood:
 
 #: Order of the whitening filter when misfit is added to the noise.
 MISFIT_ORDER = 8
-#: Columns that explain the noise-free part may take at most this share of a joint's rows.
-MOST_COLUMNS = 0.45
-#: Directions of unit columns below this length are left to the noise.
-THIN = 1e-3
 
 
 @frozen
@@ -656,7 +651,7 @@ def fit_joint(y: Array, blocks: Sequence[Array], runs: Runs) -> JointNoise:
     runs, (y, *blocks) = take_data(runs, y, *blocks)
     if not len(y):
         return JointNoise(np.empty(0), np.empty((0, 0)), 1.0, 1.0, 0.0)
-    problem = RestrictedLikelihood.of(y, _span(blocks, int(MOST_COLUMNS * len(y))), runs)
+    problem = RestrictedLikelihood.of(y, _span(blocks, int(RULES.columns_most * len(y))), runs)
     best = problem.maximise()
     sigma = problem.sigma(best)
     return JointNoise(best, problem.spread(best), sigma, float(problem.dof), problem.left)
@@ -677,7 +672,9 @@ def _span(blocks: Sequence[Array], most: int) -> Array:
             continue
         # Of the products: the singular value decomposition of some blocks does not converge.
         squares, vectors = np.linalg.eigh(left.T @ left)
-        first = max(int((squares <= THIN**2).sum()), len(squares) - (most - basis.shape[1]))
+        first = max(
+            int((squares <= RULES.column_short**2).sum()), len(squares) - (most - basis.shape[1])
+        )
         kept = (left @ (vectors[:, first:] / np.sqrt(squares[first:])))[:, ::-1]
         basis = np.column_stack([basis, kept])
     return basis
@@ -694,11 +691,9 @@ def _span(blocks: Sequence[Array], most: int) -> Array:
 #: Rows that are fitted; more tell nothing new of the noise.
 MOST_ROWS = 20_000
 #: White noise that is taken to be there beside the residual, as a share of its variance.
-RESIDUAL_FLOOR = 1e-4
-#: Singular values below this share of the largest are rounding.
-RANK = 1e-9
+RESIDUAL_FLOOR: Tolerance = 1e-4
 #: A residual below this share of the torque is rounding, and has no correlation to speak of.
-RESIDUAL_ROUNDING = 1e-8
+RESIDUAL_ROUNDING: Tolerance = 1e-8
 
 
 @frozen
@@ -801,7 +796,7 @@ def _fit(y: Array, X: Array, runs: Runs) -> tuple[Array, float]:
     """Return partial autocorrelations and innovation sd of y (N,) beside X (N, k), least BIC."""
     length = np.linalg.norm(X, axis=0)
     U, s, _ = np.linalg.svd(X[:, length > 0] / length[length > 0], full_matrices=False)
-    basis = U[:, s > RANK * s.max(initial=0.0)]
+    basis = U[:, s > ROUNDOFF * s.max(initial=0.0)]
     left = y - basis @ (basis.T @ y)
     if np.linalg.norm(left) <= RESIDUAL_ROUNDING * np.linalg.norm(y):
         return np.empty(0), float(np.linalg.norm(left) / np.sqrt(max(len(y) - basis.shape[1], 1)))

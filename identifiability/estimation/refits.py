@@ -19,6 +19,7 @@ from identifiability.estimation.instrumental import (
 )
 from identifiability.estimation.least_squares import OrdinaryLeastSquares
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 
@@ -28,11 +29,12 @@ from identifiability.regression.information import Information
 
 
 #: Keeps a fold solvable in which a column never acts; columns have about unit length.
-RIDGE = 1e-9
+RIDGE: Tolerance = 1e-9
 
 #: Updated fits are solved anew once so large a share of the parameters is gone, and where so
 #: small a share is left of an inverse, or of a constraint beside those that hold: digits go too.
-FEWER, LOST = 0.25, 1e-3
+FEWER: Tolerance = 0.25
+LOST: Tolerance = 1e-3
 
 #: What there is one of for each fit.
 EACH = ("grams", "right", "delta", "inverses", "largest")

@@ -19,7 +19,9 @@ import numpy as np
 import scipy
 
 from identifiability.estimation.noise import autocorrelation_time
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare.plan import noise_level, resolution
@@ -32,32 +34,26 @@ KINDS = ("Ia", "Fv", "Fc", "off")
 
 #: Shares of the inertia, damping and torque of a joint by which its numbers are varied, and of a
 #: sampling step by which the delay is.
-VARIED, LATER = 0.02, 0.05
+VARIED: Tolerance = 0.02
+LATER: Tolerance = 0.05
 
 #: Step of rollouts whose differences alone are looked at [s].
-COARSE = 2.5 * STEP
-
-#: No delay that is looked for is longer [s].
-LATEST = 0.06
+COARSE: Tolerance = 2.5 * STEP
 
 #: Where a third of a log is so long, the search begins on that: steps there cost a third [s].
-ENOUGH = 2.0
-
-#: Share of what there is to explain by which the best rollout errs where gains contradict it, and
-#: how many times the noise of positions is nothing to explain.
-CONTRADICTED, NOISES = 0.5, 5.0
-
-#: Length of blocks of time whose errors are taken to be independent [s].
-TOGETHER = 1.0
+ENOUGH: Tolerance = 2.0
 
 #: Frequencies [rad/s] and damping ratios of a servo and what it moves, among which the search for
 #: gains begins; then factors about the best.
-FREQUENCIES, RATIOS = np.geomspace(2.0, 250.0, 9), (0.3, 1.0, 3.0)
-NEARER = (0.6, 1.0, 1.7)
+FREQUENCIES = np.geomspace(2.0, 250.0, 9)
+RATIOS: tuple[Tolerance, ...] = (0.3, 1.0, 3.0)
+NEARER: tuple[Tolerance, ...] = (0.6, 1.0, 1.7)
 
 #: A step is taken again, more damped, so often; and the search ends where one gains less than this
 #: share of the error, or after so many.
-TRIED, GAIN, STEPS = 6, 5e-3, 8
+TRIED = 6
+GAIN: Tolerance = 5e-3
+STEPS = 8
 
 
 @frozen
@@ -132,7 +128,8 @@ def fit_rollouts(
     thirds = tuple(_middle(log) for log in logs)
     if not fitted and all(t[-1] - t[0] > ENOUGH for t in (log.t for log in thirds)):
         x, errors, taken, *_ = _descend(Problem(machine, thirds, delay), x, steps)
-        if share_missed(errors, logs).max() > CONTRADICTED:  # nor will whole logs be followed
+        missed = share_missed(errors, logs).max()
+        if missed > RULES.rollout_contradicted:  # nor will whole logs be followed
             numbers, delays, _ = problem.unpack(x)
             return Rollouts(numbers, delays, errors, before, taken, np.zeros(len(logs)))
     x, errors, taken, J, r = _descend(problem, x, steps)
@@ -273,10 +270,10 @@ def _unexplained(log: Log) -> Array:
     moved = log.q.var(0)
     if log.q_ref is None:
         return np.asarray(moved)
-    most = min(round(LATEST / signals.sampling_step(log.t)), len(log) // 2)
+    most = min(round(RULES.delay_latest / signals.sampling_step(log.t)), len(log) // 2)
     target, q = log.q_ref, log.q[most:]
     apart = [(q - target[most - k : len(log) - k]).var(0) for k in range(most + 1)]
-    noise = NOISES * np.maximum(noise_level(log.q, log.t), resolution(log.q))
+    noise = RULES.rollout_noises * np.maximum(noise_level(log.q, log.t), resolution(log.q))
     return np.asarray(np.minimum(np.maximum(np.min(apart, axis=0), noise**2), moved))
 
 
@@ -347,7 +344,7 @@ def find_delay(machine: CommandedRobot, logs: Sequence[Log]) -> float:
         return total
 
     # A command was given at any time since the row before.
-    grid = np.linspace(-step, LATEST, 12)
+    grid = np.linspace(-step, RULES.delay_latest, 12)
     best = int(np.argmin(costs(grid, COARSE)))
     wide = float(grid[1] - grid[0])
     near = np.linspace(max(grid[best] - wide, -step), grid[best] + wide, 7)
@@ -463,7 +460,7 @@ class Problem:
             return np.zeros(len(self.logs))
         a = np.linalg.pinv(J)[self.at[1] :]
         scores = (a * r).reshape(len(a), -1, self.n).sum(2)
-        rows = max(1, round(TOGETHER / self.dt))
+        rows = max(1, round(RULES.rollout_block / self.dt))
         starts = np.arange(0, scores.shape[1], rows)
         out: Array = np.sqrt((np.add.reduceat(scores, starts, axis=1) ** 2).sum(1))
         return out

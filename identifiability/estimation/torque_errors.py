@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.estimation.evidence import Evidence, Level, Score
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import ENDS
 from identifiability.foundation.values import frozen
@@ -143,11 +144,6 @@ def take_turns(information: Information, folds: np.ndarray) -> Turns:
 # stretches of time in one pass. Means that variation is measured from are known before (`Layout`),
 # so parts of a log can be worked on anywhere.
 
-
-#: Stretches whose errors give a standard error are each at least so many autocorrelation times
-#: of the error long, as long as `FEWEST` are left.
-MEMORIES = 5.0
-FEWEST = 4
 
 #: Stretches that are drawn again and again for an interval: more, as each weighs by itself.
 DRAWN_STRETCHES = 24
@@ -411,10 +407,10 @@ def joints_above(sums: ErrorSums, memory: Array | float, against: int) -> np.nda
     Parameters are those of `standard_error`.
     """
     own, count = sums.variation.sum(0), sums.squares.shape[2]
-    least = MEMORIES * np.broadcast_to(memory, count)
+    least = RULES.memories * np.broadcast_to(memory, count)
     above = np.zeros((len(own), count), bool)
     for m in range(count):
-        first = sums.merge(float(least[m]), FEWEST)
+        first = sums.merge(float(least[m]), RULES.errors_fewest)
         both = np.add.reduceat(sums.squares[:, :, [m, against]], first, axis=0)
         a, b = (Score.of_errors(x, own, 0.0) for x in np.moveaxis(both, 2, 0))
         above[:, m] = [level is Level.WORSE for level in Evidence.of(a, b).joint_levels]
@@ -425,13 +421,13 @@ def _scatter_each(sums: ErrorSums, x: Array, memory: Array | float, against: int
     """Return the standard error of Σ x of each model, or of its difference to another's, (m,)."""
     if against is not None:
         x = x - x[:, [against]]
-    least = MEMORIES * np.broadcast_to(memory, x.shape[1])
+    least = RULES.memories * np.broadcast_to(memory, x.shape[1])
     return np.array([_scatter(sums, y, m) for y, m in zip(x.T, least, strict=True)])
 
 
 def _scatter(sums: ErrorSums, x: Array, least: float) -> float:
     """Return the standard error of Σ x over stretches of at least so many samples."""
-    first = sums.merge(least, FEWEST)
+    first = sums.merge(least, RULES.errors_fewest)
     counts = np.add.reduceat(sums.counts, first)
     total = np.add.reduceat(x, first)
     k = len(first)

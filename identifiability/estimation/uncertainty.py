@@ -12,21 +12,18 @@ import numpy as np
 from scipy.special import chdtrc, chdtri, fdtrc, stdtrit
 
 from identifiability.estimation.bootstrap import (
-    FEWEST,
-    FEWEST_BLOCKS,
-    MEMORIES,
     Bootstrap,
     ScoreScatter,
     bootstrap,
     longer,
     scatter_scores,
 )
-from identifiability.estimation.estimate import ENOUGH, forget_noise
-from identifiability.estimation.estimator import NOTHING, Estimate
+from identifiability.estimation.estimate import forget_noise
+from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.noise import block_length
-from identifiability.estimation.verdict import Thresholds
+from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.foundation.linalg import sandwich
+from identifiability.foundation.linalg import ROUNDOFF, sandwich
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import ENDS, REACH, holm
 from identifiability.foundation.values import frozen
@@ -47,15 +44,6 @@ from identifiability.regression.information import Information
 # themselves they are compared in the same way. Stretches that are shorter scatter by less than
 # they know, because a slow noise seems to be a part of what each of them shows.
 
-
-#: Level of each of the two tests: of all parameters together, and of those that move by themselves.
-LEVEL = 0.05
-
-#: Level of each where the halves of one log are compared: every log is asked.
-SURE = 0.01
-
-#: Fewest outputs of a motion for each parameter, below which it is not fitted by itself.
-FEWEST_OUTPUTS = 1.0
 
 #: Stretches over which the scores of one motion scatter, at most: more say little and cost.
 MOST_STRETCHES = 24
@@ -102,7 +90,7 @@ class Motions:
     ratio: float
     ratio_dof: float
     between: Array
-    level: float = LEVEL
+    level: float = RULES.motions_level
 
     @property
     def moved(self) -> np.ndarray:
@@ -150,7 +138,7 @@ def compare_motions(
     fit: Estimate,
     time: float,
     groups: np.ndarray | None = None,
-    level: float = LEVEL,
+    level: float = RULES.motions_level,
 ) -> Motions | None:
     """Return what motions say of each other; None where fewer than two can be fitted.
 
@@ -170,9 +158,9 @@ def compare_motions(
     groups = information.log if groups is None else groups
     if len(np.unique(groups)) < 2:
         return None
-    needed = FEWEST_OUTPUTS * len(fit.kept)
+    needed = RULES.outputs_fewest * len(fit.kept)
     torque = information.torque.sum()
-    if fit.rss.sum() <= NOTHING**2 * torque:  # rounding left these, and agrees with nothing
+    if fit.rss.sum() <= ROUNDOFF**2 * torque:  # rounding left these, and agrees with nothing
         return None
     found, own, sd, dof, errors = [], [], [], [], []
     for one in np.unique(groups) if fit.kept else ():
@@ -182,7 +170,9 @@ def compare_motions(
         alone = forget_noise(fit.estimator).fit(part)
         if (np.diag(alone.covariance)[alone.determined] < 0.0).any():  # rounding is all there is
             continue
-        scores = scatter_scores(part, alone, max(time, part.samples / MEMORIES / MOST_STRETCHES))
+        scores = scatter_scores(
+            part, alone, max(time, part.samples / RULES.memories / MOST_STRETCHES)
+        )
         if scores is None:
             continue
         # What a few stretches scatter by is uncertain itself: all parameters know more together.
@@ -241,11 +231,11 @@ def compare_halves(information: Information, fit: Estimate) -> Motions | None:
             return None
         times = forget_noise(fit.estimator).fit(half).times
         independent = half.samples * float(np.sum(1.0 / times))
-        least = FEWEST * MEMORIES * float(times.max())
-        if half.samples < least or independent < ENOUGH * len(fit.kept):
+        least = RULES.stretches_fewest * RULES.memories * float(times.max())
+        if half.samples < least or independent < RULES.outputs_enough * len(fit.kept):
             return None
         time = max(time, float(times.max()))
-    return compare_motions(information, fit, time, later.astype(int), SURE)
+    return compare_motions(information, fit, time, later.astype(int), RULES.halves_level)
 
 
 def _welch(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
@@ -283,7 +273,7 @@ def _correlate(own: Sequence[Estimate], sd: Array) -> Array:
 
 
 def _pool(
-    p: Array, d: Array, correlation: Array, level: float = LEVEL
+    p: Array, d: Array, correlation: Array, level: float = RULES.motions_level
 ) -> tuple[float, float, float]:
     """Return p-value, ratio and degrees of freedom of the sum over correlated parameters.
 
@@ -333,10 +323,6 @@ def _excess(motions: Motions, ratios: Array, joint: Array) -> Array:
 
 
 # Standard deviations that allow for what residuals remember: by resampling and by scores.
-
-
-#: Blocks may be so many autocorrelation times short where longer ones would be too few.
-LEAST_MEMORIES = 2.0
 
 
 @frozen
@@ -462,11 +448,11 @@ def resample(
     """
     # The automatic choice is itself uncertain where it leaves few blocks: then what the residual
     # remembers is enough.
-    memory, short = float(fit.times.max()), information.samples / (2 * FEWEST_BLOCKS)
-    length = min(length, max(MEMORIES * memory, short))
+    memory, short = float(fit.times.max()), information.samples / (2 * RULES.blocks_fewest)
+    length = min(length, max(RULES.memories * memory, short))
     # Blocks of two memories still tell by how much longer ones would scatter more.
-    shortened = information.samples < FEWEST_BLOCKS * length
-    length = max(LEAST_MEMORIES * memory, short) if shortened else length
+    shortened = information.samples < RULES.blocks_fewest * length
+    length = max(RULES.memories_least * memory, short) if shortened else length
     drawn, note = None, ""
     if not replicates:
         note = "No logs were resampled: ask for some replicates."
@@ -514,6 +500,6 @@ def recurrence(
         return np.full(len(fit.columns), np.nan)
     values = uncertainty.bootstrap.values
     sigma = np.hypot(uncertainty.robust, omitted)
-    known = sigma <= 0.01 * rules.sigma_percent * np.abs(values)
+    known = sigma <= rules.sigma_percent / 100 * np.abs(values)
     share: Array = (known & (np.sign(values) == np.sign(fit.value))).mean(0)
     return share

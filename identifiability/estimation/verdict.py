@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.numbers import REACH
-from identifiability.foundation.options import Positive, Share, check_fields
 from identifiability.foundation.values import frozen
 
 
@@ -33,48 +33,6 @@ IN_A_ROW = (
     "sigma_omit", "sigma_doubt", "sigma_models", "bias_sigma", "interval95", "data_interval95",
     "paper_rule", "verdict", "reason", "stands_for", "nominal", "projected",
 )  # fmt: skip
-
-
-#: Share of σ by noise beyond which what else moves a value is spoken of.
-WORTH_SAYING = 0.5
-
-
-@frozen
-class Thresholds:
-    """Thresholds of the verdicts; reports print them.
-
-    Attributes
-    ----------
-    sigma_percent : float
-        Largest robust σ% of an identifiable parameter [%].
-    sign_level : float
-        Family-wise level at which the sign must be certain (Holm over all parameters).
-    recurrence : float
-        Share of bootstrap replicates that call an identifiable parameter well known, too, below
-        which the share is said: it is information, no condition.
-    negligible_share : float
-        A parameter is negligible if its sign is not certain and no value in its 95 % interval
-        moves the torque of any joint by more than this share of the joint's residual.
-    constraint_variance : float
-        A parameter that the data leave open is determined by the constraints if bodies that can
-        exist narrow its variance below this share.
-    contraction : float
-        A posterior that is narrower than the prior by less than this share repeats the prior.
-    outputs_per_parameter : float
-        Fewest independent outputs with which a parameter is judged: degrees of freedom of the
-        scatter of its scores over stretches of time.
-    """
-
-    sigma_percent: Positive = 20.0
-    sign_level: Share = 0.05
-    recurrence: Share = 0.9
-    negligible_share: Share = 0.1
-    constraint_variance: Share = 0.5
-    contraction: Share = 0.5
-    outputs_per_parameter: Positive = 3.0
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
 
 @frozen
@@ -160,7 +118,7 @@ class Verdict:
     def disputed(self) -> bool:
         """Whether models that predict alike disagree on it by more than half of σ_robust."""
         wider = self.sigma_robust if self.sigma_models is None else self.sigma_models
-        return wider > self.sigma_robust * float(np.hypot(1.0, WORTH_SAYING))
+        return wider > self.sigma_robust * float(np.hypot(1.0, RULES.sigma_other))
 
     @property
     def sigma_percent(self) -> float:

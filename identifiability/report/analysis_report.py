@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
 
-from identifiability.estimation.estimator import PAPER_FACTOR
-from identifiability.estimation.torque_errors import STRETCHES
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.uncertainty import Motions
-from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.answers import Cell, Column, Table
-from identifiability.foundation.linalg import RANK_TOLERANCE
 from identifiability.foundation.rounding import (
     MARKS,
     NONE,
     digits,
     format_count,
     format_measured,
-    format_number,
     join,
 )
 from identifiability.logs.prepare.longsamples import Prepared
@@ -43,13 +39,13 @@ from identifiability.report.torque import (
     section_residuals,
     unseen_samples,
 )
-from identifiability.report.words import GLOSSARY, THRESHOLDS, section
+from identifiability.report.words import GLOSSARY, section
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.result import (
     MOST_NAMES,
 )
 from identifiability.workflows.analyze.words import SeveralLogs
-from identifiability.workflows.answers import count_joints, level_table
+from identifiability.workflows.answers import count_joints, level_table, rule_table
 
 # The answer: what to use, who is who, and what to keep in mind.
 
@@ -155,23 +151,8 @@ MOTION = (
 def section_terms(analysis: Analysis) -> Section:
     """Return the thresholds that were used and the words of the report."""
     glossary = Fold("Glossary", (Terms(GLOSSARY),))
-    limits = threshold_table(analysis.thresholds)
+    limits = rule_table(analysis.thresholds, ESTIMATION_RULES)
     return section("analysis.thresholds", limits, level_table(), glossary)
-
-
-def threshold_table(thresholds: Thresholds) -> Table:
-    """Return every threshold, those of the verdicts first."""
-    rows = []
-    for f in fields(thresholds):
-        meaning, unit = THRESHOLDS.get(f.name, (f.name.replace("_", " "), ""))
-        rows.append((meaning, getattr(thresholds, f.name), unit))
-    rows += [
-        ("factor of the literature's rule", PAPER_FACTOR, "× the least white σ of the model"),
-        ("singular values that count as zero", RANK_TOLERANCE, "of the largest, columns scaled"),
-        ("stretches of time for the standard error, at most", STRETCHES, "of a held-out error"),
-    ]
-    columns = (Column("threshold"), Column("value", format_number), Column("of what"))
-    return Table.of("", columns, rows)
 
 
 def section_provenance(analysis: Analysis) -> Section:

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from identifiability.effects import title_of
-from identifiability.estimation.estimator import PAPER_FACTOR
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Column, Table
 from identifiability.foundation.linalg import RANK_TOLERANCE
@@ -370,7 +370,10 @@ def parameter_pictures(analysis: Analysis, result: ModelResult) -> Gallery:
     names = [v.name for v in result.verdicts]
     kinds = [v.verdict.value for v in result.verdicts]
     white, known = sigma_percents(result)
-    limits = (analysis.thresholds.sigma_percent, PAPER_FACTOR * np.min(white, initial=np.inf))
+    limits = (
+        analysis.thresholds.sigma_percent,
+        ESTIMATION_RULES.paper_factor * np.min(white, initial=np.inf),
+    )
     precision = draw_precision(names, white, known, kinds, *limits)
     stated, origin = stated_values(analysis, result), f"this fit on {analysis.robot.path.name}"
     distance = pulls_from(np.array(stated, float), result)

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from identifiability.estimation.estimator import PAPER_FACTOR
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import listing, near_match
 from identifiability.foundation.options import OptionError
 from identifiability.report.belief import draw_precision
@@ -51,7 +51,7 @@ def precision(result: Analysis, model: str | None = None) -> Figure:
     white, known = sigma_percents(drawn)
     names = [v.name for v in drawn.verdicts]
     kinds = [v.verdict.value for v in drawn.verdicts]
-    limit = PAPER_FACTOR * float(np.min(white, initial=np.inf))
+    limit = ESTIMATION_RULES.paper_factor * float(np.min(white, initial=np.inf))
     return draw_precision(names, white, known, kinds, result.thresholds.sigma_percent, limit)
 
 

@@ -13,7 +13,6 @@ from identifiability.workflows.answers import WORDS, words
 GLOSSARY = tuple(Term(**term) for term in WORDS["glossary"])
 
 #: What each threshold is, and of what, by its name in Python.
-THRESHOLDS: dict[str, tuple[str, str]] = WORDS["thresholds"]
 
 
 def section(name: str, /, *blocks: Block | str | None, **holes: Any) -> Section:

@@ -15,13 +15,8 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from identifiability.estimation.rollouts import (
-    CONTRADICTED,
-    Rollouts,
-    find_delay,
-    fit_rollouts,
-    share_missed,
-)
+from identifiability.estimation.rollouts import Rollouts, find_delay, fit_rollouts, share_missed
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -160,7 +155,7 @@ def _check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> None:
     assert robot.servo is not None
     share = share_missed(found.errors, logs)
     k = int(np.argmax(share))
-    if share[k] > CONTRADICTED:
+    if share[k] > ESTIMATION_RULES.rollout_contradicted:
         raise LogError(
             f"The servos of {robot.servo.source} contradict the motion in "
             f"{listing([log.name for log in logs], 4)}: moved by the commands, '{robot.joints[k]}' "

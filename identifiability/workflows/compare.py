@@ -14,7 +14,7 @@ import pandas as pd
 from scipy.stats import f
 
 from identifiability.effects import title_of
-from identifiability.estimation.bootstrap import MEMORIES, merge_blocks, scatter_scores
+from identifiability.estimation.bootstrap import merge_blocks, scatter_scores
 from identifiability.estimation.estimate import (
     Kind,
     Method,
@@ -24,6 +24,7 @@ from identifiability.estimation.estimate import (
     weigh_logs,
 )
 from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.uncertainty import (
     MOST_STRETCHES,
     compare_motions,
@@ -239,7 +240,7 @@ class _Side:
         ------
         LogError
         """
-        time = max(fit.memory, part.samples / MEMORIES / MOST_STRETCHES)
+        time = max(fit.memory, part.samples / ESTIMATION_RULES.memories / MOST_STRETCHES)
         scores = scatter_scores(part, fit, time)
         if scores is None or len(fit.kept) < part.size:
             raise LogError(

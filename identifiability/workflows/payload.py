@@ -18,12 +18,13 @@ from identifiability.effects.nominal import reference_values
 from identifiability.effects.transmission import LoadDependentFriction
 from identifiability.estimation.bootstrap import scatter_scores
 from identifiability.estimation.estimate import estimate, find_estimator, weigh_logs
-from identifiability.estimation.estimator import NOTHING, Estimate
+from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.least_squares import Noise
 from identifiability.estimation.uncertainty import Motions, compare_motions, remembering_covariance
 from identifiability.foundation.answers import Answer, Cell, Column, Table, measured_cells
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import LogError, listing, near_match
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, checked
@@ -352,7 +353,7 @@ def _differences(
 def _measure(part: Information) -> Noise:
     """Return the noise beside the load, larger than what rounding leaves."""
     alone = estimate(part)
-    least = NOTHING**2 * float(np.mean(part.torque)) / part.samples
+    least = ROUNDOFF**2 * float(np.mean(part.torque)) / part.samples
     variance = np.maximum(alone.variance, max(least, np.finfo(float).tiny))
     return Noise(variance, alone.times)
 

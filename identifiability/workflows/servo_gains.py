@@ -15,7 +15,8 @@ from functools import cached_property
 
 import numpy as np
 
-from identifiability.estimation.rollouts import CONTRADICTED, Gains, fit_gains, share_missed
+from identifiability.estimation.rollouts import Gains, fit_gains, share_missed
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
@@ -184,7 +185,7 @@ def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
     found = fit_gains(robot, parts, believed)
     share = share_missed(found.errors, parts)
     k = int(np.argmax(share))
-    if share[k] > CONTRADICTED:
+    if share[k] > ESTIMATION_RULES.rollout_contradicted:
         raise LogError(
             f"No gains make '{robot.joints[k]}' follow its commands in "
             f"{listing([x.name for x in every], 4)}: at best it errs by {100 * share[k]:.0f} % of "

@@ -24,7 +24,7 @@ from identifiability import (
     prune,
     simulate,
 )
-from identifiability.estimation.verdict import Thresholds
+from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.engines.local import choose_engine
 from identifiability.foundation.options import checked
 from identifiability.simulation import shipped_trajectory

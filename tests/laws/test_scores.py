@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identifiability.estimation.bootstrap import FEWEST, scatter_scores
+from identifiability.estimation.bootstrap import scatter_scores
 from identifiability.estimation.estimate import estimate
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.regression.information import Information
 
 SAMPLES, BLOCK = 2400, 8
@@ -47,7 +48,7 @@ def test_few_stretches_widen_the_interval():
     information = information_of(W, W @ [1.0, 2.0, 3.0] + np.random.default_rng(0).random(SAMPLES))
     fit = estimate(information, "ols")
     few, many = scatter_scores(information, fit, 1e6), scatter_scores(information, fit, 1.0)
-    assert few.stretches == FEWEST
+    assert few.stretches == ESTIMATION_RULES.stretches_fewest
     assert many.stretches > 200
     assert few.widened == pytest.approx(few.sd * 2.201 / 1.960, rel=1e-2)  # t with 11 degrees
     assert many.widened == pytest.approx(many.sd, rel=0.01)

@@ -110,7 +110,7 @@ def test_thresholds_and_hashes_are_printed(html, paper_analysis):
     other = replace(paper_analysis.thresholds, sigma_percent=12.5)
     page = build_analysis_page(replace(paper_analysis, thresholds=other))
     (table,) = (b for s in page.sections if s.name == "thresholds" for b in s.blocks[:1])
-    assert table.rows[0][1].text == "12.5"
+    assert table.rows[0][1].text == "12.5 %"
     for level, condition in LEVELS.rows():
         assert f">{level}<" in html
         assert condition in html.replace("\u00a0", " ")

@@ -5,13 +5,8 @@ import pytest
 from scipy.signal import lfilter
 
 from identifiability.estimation.prediction import Prediction
-from identifiability.estimation.torque_errors import (
-    MEMORIES,
-    ErrorSums,
-    Layout,
-    Turns,
-    standard_error,
-)
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.torque_errors import ErrorSums, Layout, Turns, standard_error
 from identifiability.logs import signals
 
 
@@ -86,11 +81,11 @@ def test_stretches_are_as_long_as_the_memory_asks_and_cross_no_log(case):
     t, tau, predicted, log = case
     sums = Prediction.of(t, tau, predicted, log).sums
     for memory in (1.0, 20.0, 1e6):
-        first = sums.merge(MEMORIES * memory, 4)
+        first = sums.merge(ESTIMATION_RULES.memories * memory, 4)
         assert {0, int(np.flatnonzero(sums.log == 1)[0])} <= set(first)
         assert 4 <= len(first) <= len(sums.log)
         lengths = np.add.reduceat(sums.counts, first)
-        assert lengths.mean() >= MEMORIES * memory or len(first) < 8
+        assert lengths.mean() >= ESTIMATION_RULES.memories * memory or len(first) < 8
     assert np.isfinite(standard_error(sums, 1e6)).all()
 
 

@@ -84,9 +84,8 @@ class Windows:
 def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
     """Return a plan that bridges short gaps and splits the log at others, and says so."""
     least = 1
-    longest = max(
-        RULES.gap_bridged / RULES.cutoff_lowest, RULES.gap_kept * plan.step
-    )  # measured derivatives need no filter
+    bridged = RULES.gap_bridged / RULES.cutoff_lowest
+    longest = max(bridged, RULES.gap_kept * plan.step)  # measured derivatives need no filter
     if plan.band is not None:
         longest = RULES.gap_bridged / plan.band
         gaps.check(samples)

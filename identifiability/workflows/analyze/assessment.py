@@ -17,18 +17,20 @@ import pandas as pd
 from identifiability.estimation.decide import decide_submodel, find_left_out
 from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.estimate import fit_whole
-from identifiability.estimation.estimator import NOTHING, Estimate, settle_signs
+from identifiability.estimation.estimator import Estimate, settle_signs
 from identifiability.estimation.evidence import Mixture
-from identifiability.estimation.least_squares import MIXED, dependence
+from identifiability.estimation.least_squares import dependence
 from identifiability.estimation.prediction import (
     Prediction,
     measure_errors,
     measure_spread,
     widening,
 )
+from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty
-from identifiability.estimation.verdict import Class, Thresholds, Verdict, withdraw
+from identifiability.estimation.verdict import Class, Verdict, withdraw
 from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.result import Result
@@ -208,7 +210,7 @@ class ModelResult(JudgedModel):
         if self.feasible or not self.physical_as_good:
             return False
         base = self.physical.base
-        reach = NOTHING * np.abs(base).max(initial=0.0)
+        reach = ROUNDOFF * np.abs(base).max(initial=0.0)
         return bool(np.abs(self.submodel.expand(self.physical.value) - base).max() <= reach)
 
     @property
@@ -475,7 +477,7 @@ def _aliases(information: Information, fit: Estimate, submodel: Submodel) -> tup
         at = own.index(int(k))
         row = np.abs(leans[at] if k in fit.kept else leans[:, at])
         others = [submodel.columns[rest[i]] for i in np.argsort(-row)]
-        count = int((row > MIXED).sum())
+        count = int((row > NEARLY).sum())
         out[k] = (
             f"This motion determines only its combination with {listing(others[:count], 4)}."
             if count

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import pandas as pd
 
-from identifiability.estimation.verdict import Class, Thresholds, Verdict
+from identifiability.estimation.rules import Thresholds
+from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.errors import (
     IdentifiabilityError,
     ModelError,

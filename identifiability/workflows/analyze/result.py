@@ -11,8 +11,9 @@ import pandas as pd
 
 from identifiability.estimation.evidence import Folds
 from identifiability.estimation.prediction import Prediction
+from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import loaded_joints
-from identifiability.estimation.verdict import Class, Thresholds, Verdict
+from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.options import check_choice
 from identifiability.foundation.rounding import (

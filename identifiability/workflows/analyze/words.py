@@ -11,7 +11,8 @@ from identifiability.effects.imu import move_mounting
 from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.instrumental import InstrumentalVariables, RenoisedLeastSquares
 from identifiability.estimation.prediction import Prediction
-from identifiability.estimation.uncertainty import LEVEL, Motions, compare_halves
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.uncertainty import Motions, compare_halves
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.errors import listing
 from identifiability.foundation.values import frozen
@@ -139,7 +140,7 @@ def _blame(
         )
     odd = motions.odd()
     found = f"{differences(motions, columns, odd)}{_worse(motions, joints, odd)}"
-    if motions.without(odd) < LEVEL or not motions.moved.any():
+    if motions.without(odd) < ESTIMATION_RULES.motions_level or not motions.moved.any():
         return (
             f"The logs disagree with each other, {names[odd]} most: {found}. {CAUSE.capitalize()}, "
             f"{LEFT_OUT}; intervals are widened to hold all of them."

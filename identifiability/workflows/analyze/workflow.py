@@ -9,7 +9,7 @@ import numpy as np
 
 from identifiability.estimation.estimate import Kind, Method, find_estimator, settle_noise
 from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
-from identifiability.estimation.verdict import Thresholds
+from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.options import (
     NotNegative,

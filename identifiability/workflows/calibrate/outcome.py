@@ -15,8 +15,9 @@ from scipy.stats import binom
 
 from identifiability.estimation.decide import decide_submodel, find_left_out
 from identifiability.estimation.estimate import Method, find_estimator, fit_whole, settle_noise
+from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import assess_uncertainty
-from identifiability.estimation.verdict import Class, Thresholds
+from identifiability.estimation.verdict import Class
 from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.engines.mapping import Steps
 from identifiability.foundation.names import Array

@@ -21,7 +21,8 @@ import numpy as np
 
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.uncertainty import LEVEL, Motions, compare_motions
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.uncertainty import Motions, compare_motions
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -268,7 +269,11 @@ def find_odd_log(information: Information, fit: Estimate) -> tuple[Motions, int]
     if motions is None or len(motions.which) < FEWEST or motions.agree:
         return None
     odd = motions.odd()
-    return (motions, odd) if motions.without(odd) >= LEVEL and motions.moved.any() else None
+    return (
+        (motions, odd)
+        if motions.without(odd) >= ESTIMATION_RULES.motions_level and motions.moved.any()
+        else None
+    )
 
 
 @frozen

@@ -15,9 +15,10 @@ from scipy.special import fdtrc
 from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import Evidence, Gain, Score, near_best
-from identifiability.estimation.least_squares import MIXED, dependence
+from identifiability.estimation.least_squares import dependence
 from identifiability.estimation.refits import UpdatedRefits
 from identifiability.foundation.errors import listing
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
@@ -578,7 +579,7 @@ def _why_idle(information: Information, full: Estimate, idle: Sequence[str]) -> 
     leans = np.abs(dependence(information, full.kept, full.weights))
     alone, either = [], []
     for k, name in enumerate(idle):
-        partners = [full.kept[i] for i in np.argsort(-leans[:, k]) if leans[i, k] > MIXED]
+        partners = [full.kept[i] for i in np.argsort(-leans[:, k]) if leans[i, k] > NEARLY]
         if not partners:
             alone.append(name)
         elif len(partners) == 1:

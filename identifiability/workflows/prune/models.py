@@ -29,13 +29,14 @@ from identifiability.estimation.evidence import (
 )
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.estimation.refits import Equations
+from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import (
     standard_error,
     standard_error_over_joints,
     take_turns,
 )
 from identifiability.estimation.uncertainty import Uncertainty, resample
-from identifiability.estimation.verdict import Class, Thresholds
+from identifiability.estimation.verdict import Class
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.errors import listing

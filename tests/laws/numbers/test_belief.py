@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from identifiability.estimation.verdict import Class, Thresholds, Verdict
+from identifiability.estimation.rules import Thresholds
+from identifiability.estimation.verdict import Class, Verdict
 from identifiability.posterior.diagnostics import Convergence
 from identifiability.posterior.target import Prior
 from identifiability.workflows.analyze.belief import (

@@ -14,9 +14,8 @@ from identifiability.estimation.prediction import (
     predict,
     predict_all,
 )
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.torque_errors import (
-    FEWEST,
-    MEMORIES,
     STRETCHES,
     ErrorSums,
     Layout,
@@ -117,7 +116,7 @@ def test_white_errors_are_counted_over_twenty_stretches():
     ("memory", "parts"), [(1.0, 20), (20.0, 20), (20.1, 10), (40.1, 5), (400.0, 5)]
 )
 def test_a_stretch_is_five_memories_long_while_four_are_left(memory, parts):
-    assert (STRETCHES, MEMORIES, FEWEST) == (20, 5.0, 4)
+    assert (STRETCHES, ESTIMATION_RULES.memories, ESTIMATION_RULES.errors_fewest) == (20, 5.0, 4)
     rng = np.random.default_rng(1)
     tau, predicted = rng.normal(size=(2000, 1)), rng.normal(size=(2000, 1, 1))
     found = prediction(tau, predicted, (2000,))

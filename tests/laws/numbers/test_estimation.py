@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.estimator import PAPER_FACTOR
 from identifiability.estimation.least_squares import dependence
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 
 from .made import fit_of, gather
 
@@ -138,7 +138,7 @@ def test_relative_deviations_are_percent_of_the_size():
 
 def test_the_papers_rule_passes_what_is_below_ten_times_the_least():
     fit = fit_of([1.0, 1.0, 1.0, 1.0], [0.01, 0.0999, 0.1001, 0.01], [True] * 3 + [False])
-    assert PAPER_FACTOR == 10
+    assert ESTIMATION_RULES.paper_factor == 10
     np.testing.assert_array_equal(fit.paper_rule, [True, True, False, False])
     assert not fit_of([1.0], [1.0], [False]).paper_rule.any()
 

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation.bootstrap import FEWEST, count_freedom, scatter_scores
+from identifiability.estimation.bootstrap import count_freedom, scatter_scores
 from identifiability.estimation.decide import Grounds, decide
 from identifiability.estimation.estimate import estimate
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import assess_uncertainty, recurrence
-from identifiability.estimation.verdict import Class, Thresholds
+from identifiability.estimation.verdict import Class
 
 from .made import ar1, fit_of, gather
 
@@ -140,4 +142,4 @@ def test_short_logs_have_scores_as_long_as_there_are_rows_for_twelve_stretches(l
     information = gather(W, tau, 1, logs)
     found = scatter_scores(information, estimate(information), 9.0)
     assert found is not None
-    assert found.stretches >= FEWEST
+    assert found.stretches >= ESTIMATION_RULES.stretches_fewest

@@ -5,15 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.estimation.decide import (
-    SHARE,
-    Grounds,
-    LeftOut,
-    body_scatter,
-    decide,
-    find_left_out,
-)
+from identifiability.estimation.decide import Grounds, LeftOut, body_scatter, decide, find_left_out
 from identifiability.estimation.estimate import find_estimator
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.names import INERTIAL
 from identifiability.foundation.numbers import REACH
@@ -63,9 +57,11 @@ def left_out(motion, nominal, submodel, tau=None):
 def test_bodies_scatter_by_mass_and_the_rms_distance_of_their_mass():
     scatter = body_scatter(structure_of(FILE))
     mass, second = 4.0, (2.0 + 1.5 + 1.1) / 2
-    np.testing.assert_allclose(scatter[9], SHARE * mass)
-    np.testing.assert_allclose(scatter[6:9], SHARE * np.sqrt(mass * second))  # m r
-    np.testing.assert_allclose(scatter[:6], SHARE * second)
+    np.testing.assert_allclose(scatter[9], ESTIMATION_RULES.body_share * mass)
+    np.testing.assert_allclose(
+        scatter[6:9], ESTIMATION_RULES.body_share * np.sqrt(mass * second)
+    )  # m r
+    np.testing.assert_allclose(scatter[:6], ESTIMATION_RULES.body_share * second)
     assert not scatter[10:].any()
 
 

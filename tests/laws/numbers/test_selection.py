@@ -11,7 +11,8 @@ from identifiability.estimation.decide import column_noise, column_rms
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.evidence import Score
 from identifiability.estimation.prediction import Prediction
-from identifiability.estimation.verdict import Class, Thresholds
+from identifiability.estimation.rules import Thresholds
+from identifiability.estimation.verdict import Class
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import Submodel
 from identifiability.workflows.analyze.assessment import assess_ladder, select_model

@@ -9,13 +9,13 @@ from scipy.stats import norm
 from identifiability.estimation.bootstrap import Bootstrap, ScoreScatter, bootstrap
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.noise import autocorrelation, autocorrelation_time, block_length
+from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import (
     Uncertainty,
     assess_uncertainty,
     recurrence,
     resample,
 )
-from identifiability.estimation.verdict import Thresholds
 
 from .made import ar1, fit_of, gather
 

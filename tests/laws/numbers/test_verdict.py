@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.decide import Grounds, decide
-from identifiability.estimation.verdict import Class, Thresholds, Verdict
+from identifiability.estimation.rules import Thresholds
+from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.numbers import holm
 
 from .made import fit_of
