@@ -30,10 +30,11 @@ from identifiability.logs.conventions import Conventions
 from identifiability.physical.cad_prior import combine_with_file, thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.regression.reduction import find_ladder, ladder_model
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot
-from identifiability.workflows.diagnose.known_values import share_spread
+from identifiability.workflows.diagnose.known_values import near_file, share_spread
 from identifiability.workflows.opening import read_recordings
 from identifiability.workflows.rollout import rollout
 from identifiability.workflows.servo_gains import Bodies, state_gains
@@ -463,6 +464,60 @@ def test_what_the_sidecar_states_of_a_body_or_a_parameter_counts_beside_the_log(
     (tmp_path / "arm.toml").write_text("[prior_share]\nnone = 0.1\n")
     with pytest.raises(RobotError, match="prior_share"):
         Robot.load(tmp_path / "arm.urdf")
+
+
+def test_a_diagnosis_knows_bodies_within_a_share_and_nothing_of_joints(arm):
+    """A body that is a share heavier in all is one standard deviation off, or less of a group."""
+    structure = Structure.of(arm, Model.of("rigid_body", "viscous_friction", "torque_offset"))
+    near = near_file(0.2, structure)
+    np.testing.assert_allclose(near.values, structure.nominal_base, rtol=1e-9)
+    for name in ("elbow.Fv", "shoulder.off"):
+        alone = structure.G[:, structure.columns.index(name)]
+        assert np.abs(near.root @ alone).max() < 1e-6 * np.abs(near.root).max()
+    own = np.array([p.owner == arm.bodies[1] for p in structure.parameters])
+    off = near.root @ structure.G @ np.where(own, 0.2 * structure.nominal, 0.0)
+    assert 0.2 < off @ off < 1.0 + 1e-9
+
+
+def biased(frame, zeros):
+    """A log whose encoders, and so whose commands, count from elsewhere [rad]."""
+    shifts = {f"{j}.{k}": b for j, b in zeros.items() for k in ("q", "cmd")}
+    return frame.assign(**{name: frame[name] + b for name, b in shifts.items()})
+
+
+@pytest.mark.everything
+def test_a_wrong_zero_of_an_encoder_is_measured_where_bodies_do_not_say_the_same(arm, tmp_path):
+    """That of the last joint turns its body's first moments, and no log tells these apart."""
+    rng = np.random.default_rng(5)
+    commands = servos.draw_commands(arm, 12.0, 100.0, 1.0, rng)
+    how = servos.Recorder(200.0, 100.0, 0.006, 16)
+    frame = servos.record(arm, TRUTH, commands, 12.0, how, rng)
+    ladder = tmp_path / "bias.toml"
+    usual = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"]
+    text = {"models": [{"name": "zeros", "effects": [*usual, "torque_offset", "encoder_bias"]}]}
+    ladder.write_text(toml_text(text))
+    found = analyze(arm, biased(frame, {"shoulder": 0.02}), ladder=ladder, quick=True).to_frame()
+    told = found[found["name"].str.endswith(".bias")]
+    assert [*told["name"]] == ["shoulder.bias"]
+    low, high = told["interval95"].item()
+    assert low < 0.02 < high < low + 0.06
+
+
+@pytest.mark.everything
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_wrong_zero_is_named_with_the_tilt_that_it_looks_like(arm, seed):
+    """A planar arm whose first zero is wrong stands as one whose base is tilted."""
+    rng = np.random.default_rng(seed)
+    how = servos.Recorder(200.0, 100.0, 0.006, 16)
+    frames = []
+    for seconds in (25.0, 10.0):
+        commands = servos.draw_commands(arm, seconds, 100.0, 1.0, rng)
+        frames.append(servos.record(arm, TRUTH, commands, seconds, how, rng))
+    for b in (0.0, 0.03):
+        fitted, unseen = (biased(x, {"shoulder": b}) for x in frames)
+        found = diagnose(arm, fitted, unseen, fixed=0.05, quick=True, forward=False)
+        named = {name for e in found.effects for name in (e.name, *e.alternatives)}
+        assert named == ({"gravity_tilt", "encoder_bias"} if b else set())
 
 
 def test_a_log_that_contradicts_the_files_bodies_says_so_and_names_the_farthest():

@@ -1,4 +1,4 @@
-"""Errors of measured torque: an offset, a drift, a gain, a delay, a leak from another joint."""
+"""Errors of what is measured: torque that is offset, late, scaled or leaks, and positions."""
 
 from __future__ import annotations
 
@@ -25,15 +25,18 @@ from identifiability.effects.nominal import (
     Torque,
     needs_masses,
     once,
+    position_derivatives,
     reference_values,
     rigid_torque,
 )
 from identifiability.effects.registry import declare
 from identifiability.effects.springs import JointStiffness
 from identifiability.foundation.errors import ModelError
+from identifiability.foundation.linalg import without_rounding
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Motion, Robot
+from identifiability.robot.along import project
 
 # A constant torque at every actuated joint.
 
@@ -368,3 +371,54 @@ class VelocityLeak(FromJoint):
         """Write one column a joint."""
         if out.shape[2]:
             self.fill_from(robot, motion.actuated_v, out)
+
+
+# Positions that are counted from elsewhere than the robot file counts them.
+
+
+def _stands_in_a_tree(robot: Robot, place: str) -> str:
+    if robot.closed:
+        return "a loop moves with it, so that a wrong zero is its geometry's: calibrate finds it"
+    return in_motor(robot, place) or needs_masses(robot, place)
+
+
+@declare(
+    "a wrong zero of an encoder",
+    actuated_joints,
+    against="position",
+    refuse=_stands_in_a_tree,
+    commanded=True,
+    loaded=True,
+    told_by=POSTURES,
+    rank=13.5,
+)
+class EncoderBias(Effect):
+    """``τ = −b ∂τ/∂q``: a joint's position is measured b too large, and so is its command.
+
+    The servo holds what it measures, so its torque is right and every other joint's is told at a
+    configuration that is not there. Linear in small b, by the masses of the robot file. Where the
+    joint's axis is along gravity and the first of its tree nothing depends on it; at the last body
+    it looks like first moments that are turned about its axis. A large one goes into the sidecar
+    as an offset of ``[columns]``, and what is left of it is found again.
+    """
+
+    name = "encoder_bias"
+    equation = "τ = −b ∂τ/∂q"
+    source = "derivatives of inverse dynamics [Carpentier & Mansard 2018]"
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return that of every actuated joint of a tree."""
+        axes = () if robot.closed else robot.axes[: len(robot.motor_joints)]
+        return tuple(
+            Parameter(a.name, "bias", "m" if a.prismatic else "rad", self.name, a.symbol)
+            for a in axes
+        )
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write how torque changes with minus each position."""
+        if not out.shape[2]:
+            return
+        changes, rigid = position_derivatives(robot, motion), rigid_torque(robot, motion)
+        for k, joint in enumerate(motors(robot)):
+            change = project(robot, motion, changes[:, :, robot.actuated[joint]])
+            out[:, :, k] = -without_rounding(change, rigid)

@@ -102,8 +102,8 @@ def find_family(name: str) -> Family:
         ) from None
 
 
-def find_families(names: Iterable[str] | None) -> tuple[Family, ...]:
-    """Return families by name, all for None.
+def find_families(names: Iterable[str] | None, *, commanded: bool = False) -> tuple[Family, ...]:
+    """Return families by name, all for None: of logs of commands, or of torque.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def find_families(names: Iterable[str] | None) -> tuple[Family, ...]:
         If there is none of a name, with the near match.
     """
     if names is None:
-        return tuple(FAMILIES.values())
+        return tuple(f for f in FAMILIES.values() if commanded or not f.commanded)
     return tuple(find_family(name) for name in names)
 
 

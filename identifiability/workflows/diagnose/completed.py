@@ -16,7 +16,7 @@ from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.logs.prepare import Samples
-from identifiability.physical.cad_prior import real_robot_dict
+from identifiability.physical.cad_prior import WEAK, real_robot_dict, share_weight
 from identifiability.physical.feasibility import find_nearest
 from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
 from identifiability.physical.project import Projection
@@ -143,12 +143,16 @@ def _standard(d: Findings) -> Array:
 
 
 def fit_physical(
-    structure: Structure, samples: Sequence[Samples], unseen: Sequence[Samples] = ()
+    structure: Structure,
+    samples: Sequence[Samples],
+    unseen: Sequence[Samples] = (),
+    cad_weight: float | None = None,
 ) -> Physical:
     """Return the real robot that explains some logs best under a model.
 
     How strongly it is drawn to the robot file is chosen by what it predicts of stretches of the
     logs, as of an analysis, where others are there to judge it; without any it is so weakly.
+    It is not chosen where it is given.
 
     Raises
     ------
@@ -160,8 +164,8 @@ def fit_physical(
     information = weigh_rows(joints, samples, information, wls)[0]
     submodel, fit = full_model(structure.base), estimate(information)
     model = FittedModel(structure, submodel, information, information, fit)
-    found = find_nearest(model)
-    if unseen:
+    found = find_nearest(model, WEAK if cad_weight is None else cad_weight)
+    if unseen and cad_weight is None:
         held, short = hold_folds(information, wls)
         found = settle_robot(model, held, None, choose=not short).robot
     if found.nearest is None:
@@ -181,7 +185,8 @@ def real_robot(d: Findings, structure: Structure) -> Physical:
         If the solver finds none.
     """
     if not d.fixed:
-        return fit_physical(structure, d.samples, d.validation)
+        weight = None if d.near is None else share_weight(d.near.share)
+        return fit_physical(structure, d.samples, d.validation, weight)
     values = dict.fromkeys(structure.columns, 0.0) | _kept(d)
     named = d.effects if structure is d.completed else ()
     for placement in (p for e in named for p in e.placements):

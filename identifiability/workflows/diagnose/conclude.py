@@ -499,12 +499,17 @@ def _real_errors(
     if p.setting.fixed or "rigid_body" not in structure.model.names:
         return [float("nan")] * len(submodels)
     out = []
+    b, near = len(structure.G), p.setting.near
     for parts, R in zip(submodels, factors, strict=True):
         signs = [p.candidates[k].positive for k in parts for _ in p.candidates[k].columns]
-        value = fit_real(structure, R, signs, len(p.rows))
+        start = np.zeros(len(R) - 1)
+        start[:b] = 0.0 if near is None else near.values
+        whole = np.column_stack([R[:, :-1], R[:, -1] + R[:, :-1] @ start])
+        value = fit_real(structure, whole, signs, len(p.rows))
         if value is None:
             out.append(float("nan"))
             continue
+        value = value - start
         left = p.left(p.shown, parts, value)
         out.append(float(Gap(p.shown, left[:, :, None]).relative_error()[0]))
     return out

@@ -14,6 +14,7 @@ import numpy as np
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
 from identifiability.foundation.values import frozen
+from identifiability.physical.cad_prior import state_rows
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.predict import Fit, Predicts, read_fit
@@ -64,6 +65,60 @@ class KnownValues:
     def uncertain(self) -> np.ndarray:
         """Which of the values have errors, (·,) int."""
         return np.flatnonzero(np.diag(self.covariance) > 0)
+
+
+@frozen
+class NearFile:
+    """Bodies that are the file's within a share, beside logs that are refitted otherwise freely.
+
+    Attributes
+    ----------
+    share : float
+    values : (b,)
+        Base parameters that are likeliest without logs.
+    root : (d, b)
+        Rows about their differences from these, each of variance 1; none about what joints alone
+        decide, of which files of commanded robots say nothing.
+    """
+
+    share: float
+    values: Array
+    root: Array
+
+    @property
+    def hint(self) -> str:
+        """What is kept, in one sentence."""
+        return (
+            f"Bodies are the robot file's within {100 * self.share:.3g} % (--prior): without "
+            "measured torque what they weigh cannot be told from the servos' gains."
+        )
+
+
+def near_file(share: float, structure: Structure) -> NearFile:
+    """Return what robot file and sidecar say of base parameters where torque is not measured.
+
+    Parameters
+    ----------
+    share : float
+        Within which bodies are the file's.
+    structure : Structure
+    """
+    rows, aim, _ = state_rows(structure, share)
+    size = np.linalg.norm(rows, axis=0)
+    said = size > 0
+    size = np.where(said, size, 1.0)
+    _, s, Vt = np.linalg.svd(rows / size)
+    rank = int(np.sum(s > LEAST * s.max(initial=0.0)))
+    standard = structure.nominal + np.linalg.pinv(rows / size) @ (aim - rows @ structure.nominal)
+    spread = (structure.G / size) @ (Vt[:rank].T / s[:rank])
+    free = (structure.G / size) @ Vt[rank:].T
+    unit = np.maximum(np.linalg.norm(spread, axis=1), 1e-300)
+    U, own, _ = np.linalg.svd(free / unit[:, None])
+    across = U[:, int(np.sum(own > 1e-9 * own.max(initial=0.0))) :].T / unit
+    values, axes = np.linalg.eigh(across @ spread @ spread.T @ across.T)
+    values = np.maximum(values, LEAST * values.max(initial=0.0))
+    root = (axes / np.sqrt(np.maximum(values, 1e-300))).T @ across
+    return NearFile(share, structure.G @ standard, root)
 
 
 def read_given(given: Given, robot: Robot) -> tuple[Fit | None, str]:

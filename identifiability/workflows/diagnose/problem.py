@@ -22,7 +22,7 @@ from identifiability.workflows.diagnose.evidence import (
     step_of,
     tempering,
 )
-from identifiability.workflows.diagnose.known_values import KnownValues
+from identifiability.workflows.diagnose.known_values import KnownValues, NearFile
 from identifiability.workflows.diagnose.motion import Change
 from identifiability.workflows.diagnose.rows import (
     Candidate,
@@ -57,6 +57,8 @@ class Setting:
         Whether the model keeps the values of the robot file.
     known : KnownValues or None
         The values that it keeps, where these have errors.
+    near : NearFile or None
+        What is believed of values that are refitted.
     rules : Rules
     seed : int
     chosen_by : str
@@ -69,6 +71,8 @@ class Setting:
         Logs that disagree with the fitted ones and were left out.
     changes : tuple of Change
         What changed in the middle of fitted logs: what was logged meanwhile was left out.
+    commanded : bool
+        Whether torque is what servos made of commands.
     """
 
     structure: Structure
@@ -76,6 +80,7 @@ class Setting:
     validation: tuple[Samples, ...] = ()
     fixed: bool = False
     known: KnownValues | None = None
+    near: NearFile | None = None
     rules: Rules = Rules()
     seed: int = 0
     chosen_by: str = ""
@@ -83,6 +88,7 @@ class Setting:
     preparation: Preparation = Preparation()
     left_out: tuple[str, ...] = ()
     changes: tuple[Change, ...] = ()
+    commanded: bool = False
 
 
 @frozen
@@ -134,10 +140,10 @@ class Problem:
         logs = [part for part in (setting.samples, setting.validation) if part]
         masked = [tuple(map(_without_stuck, part)) for part in logs]
         self.tables, whole = (
-            tuple(Table.of(s, part, fixed, setting.known) for part in parts)
+            tuple(Table.of(s, part, fixed, setting.known, setting.near) for part in parts)
             for parts in (masked, logs)
         )
-        families = find_families(effects)
+        families = find_families(effects, commanded=setting.commanded)
         motions = [x.motion for x in setting.samples]
         listed, refused = list_candidates(s.robot, families, s.present, motions, fixed=fixed)
         rows = self.tables[0].rows(listed)

@@ -25,7 +25,7 @@ from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.samples import Piece
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
-from identifiability.workflows.diagnose.known_values import KnownValues
+from identifiability.workflows.diagnose.known_values import KnownValues, NearFile
 
 #: What a model has where: families with their places.
 Present = Collection[tuple[str, str]]
@@ -304,6 +304,7 @@ class Table:
         samples: Sequence[Samples],
         fixed: bool = False,
         known: KnownValues | None = None,
+        near: NearFile | None = None,
     ) -> Table:
         """Return the rows of some logs, without candidates; arguments are those of `build_rows`."""
         regression = replace(structure.regression(samples, keep=True), echo=None, instruments=None)
@@ -318,6 +319,8 @@ class Table:
             target, X = tau - X @ structure.nominal_base, X[:, :, :0]
         elif fixed and known is not None:
             target, X, root = tau - X @ known.values, X[:, :, known.uncertain], known.root
+        elif near is not None:
+            target, root = tau - X @ near.values, near.root
         D = Dictionary(len(tau), tau.shape[1], 0)
         t = np.concatenate([s.output_times() for s in samples])
         q, dq, ddq = np.split(np.concatenate([_states(s) for s in samples]), 3, axis=1)

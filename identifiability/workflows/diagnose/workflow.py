@@ -33,6 +33,7 @@ from identifiability.foundation.options import (
 from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, Samples
+from identifiability.physical.cad_prior import share_weight
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import (
     USUAL_EFFECTS,
@@ -57,6 +58,7 @@ from identifiability.workflows.diagnose.known_values import (
     KnownValues,
     know_fit,
     know_share,
+    near_file,
     read_given,
 )
 from identifiability.workflows.diagnose.motion import (
@@ -86,7 +88,7 @@ from identifiability.workflows.opening import (
     require_signal,
 )
 from identifiability.workflows.provenance import state_provenance
-from identifiability.workflows.session import Session, settle_gains, weigh_rows
+from identifiability.workflows.session import Session, settle_gains, settle_prior, weigh_rows
 
 #: Simulated noises, and those without which no p-value falls below 5 %.
 DRAWS, FEWEST = 199, 19
@@ -180,11 +182,24 @@ def diagnose(
         say("reading logs", 0.0)
         robot = settle_gains(robot, logs)
         given = read_recordings(logs, validate, Conventions.of(robot), preparation, commands=True)
-        structure, known = _settle_values(robot, model, fixed, commanded=given.commanded)
+        commanded = given.commanded
+        if commanded and isinstance(fixed, int | float) and fixed is not True:
+            near, fixed = settle_prior(fixed if fixed is not False else None, None, True)[0], False
+        else:
+            near = 0.0
+        structure, known = _settle_values(robot, model, fixed, commanded=commanded)
         session = Session(structure, given, preparation, say, engine or Serial())
-        given = session.follow_fitted(np.random.default_rng(seed)).recordings
+        weight = share_weight(near) if near else None
+        given = session.follow_fitted(np.random.default_rng(seed), cad_weight=weight).recordings
         setting, opening, leaning = _open(session, given, fixed=fixed is not False)
-        setting = replace(setting, known=known, rules=rules or Rules(), seed=seed)
+        setting = replace(
+            setting,
+            known=known,
+            near=near_file(near, setting.structure) if near else None,
+            rules=rules or Rules(),
+            seed=seed,
+            commanded=commanded,
+        )
         # Values that are kept are those of the file, and a wrong scale or sign is an effect.
         nothing = "" if setting.fixed else opening.misread
         asked = _Asked(() if nothing else effects, say, draws, streams, before)
@@ -197,6 +212,7 @@ def diagnose(
         options = {
             "effects": "all" if effects is None else list(effects),
             "fixed": fixed is True if known is None else known.words,
+            **({"prior": near} if near else {}),
             "rules": setting.rules,
             "replicates": draws,
             **({} if before is None else {"earlier": before.source}),
@@ -204,8 +220,9 @@ def diagnose(
             "preparation": preparation or Preparation(),
         }
         used = [*setting.samples, *setting.validation]
-        exact = (EXACT,) if fixed is True else ()
-        hints = (*exact, *doubts, *opening.hints, *say_band(setting.preparation))
+        kept = (EXACT,) if fixed is True else ()
+        believed = () if setting.near is None else (setting.near.hint,)
+        hints = (*kept, *believed, *doubts, *opening.hints, *say_band(setting.preparation))
         found = replace(
             found,
             nothing=nothing,

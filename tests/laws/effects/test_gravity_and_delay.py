@@ -1,15 +1,17 @@
-"""A payload is a body, a tilted base is turned gravity, and a delay is minus the torque's slope."""
+"""A payload is a body, a tilt turns gravity, a delay is a slope, a wrong zero another place."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from identifiability.effects import find_families
 from identifiability.effects.gravity import GravityTilt, horizontal_axes
 from identifiability.effects.inertia import Payload, RigidBody
-from identifiability.effects.measurement import TimeDelay
+from identifiability.effects.measurement import EncoderBias, TimeDelay
 from identifiability.logs.prepare import Samples
 from identifiability.regression.regression import Model, Regression
+from identifiability.robot import Robot, complete_motion
 
 T = np.linspace(0, 2.5, 60)
 
@@ -88,6 +90,30 @@ def test_without_gravity_nothing_tilts(polar):
     assert GravityTilt().parameters(with_gravity(polar, (0, 0, 0))) == ()
 
 
+def test_a_wrong_zero_is_the_torque_at_another_position(polar, move, columns):
+    """Against torque at positions that are truly b less, to first order."""
+    m, b = move(polar, T), 1e-6
+    found = columns(polar, m, EncoderBias())
+    assert {name: unit for name, (unit, _) in found.items()} == {
+        "lift.bias": "rad", "reach.bias": "m",
+    }  # fmt: skip
+    for k, (_, column) in enumerate(found.values()):
+        true = complete_motion(
+            polar, m.t, m.actuated_q - b * np.eye(2)[k], m.actuated_v, m.actuated_a
+        )
+        change = (torque(polar, true) - torque(polar, m)) / b
+        np.testing.assert_allclose(column, change, atol=1e-4)
+
+
+def test_loops_have_no_wrong_zeros_and_only_commands_are_searched_for_them():
+    closed = Robot.load("five-bar")
+    assert not EncoderBias().parameters(closed)
+    (family,) = find_families(["encoder_bias"])
+    assert "geometry" in family.refuse(closed, closed.joints[0])
+    assert family not in find_families(None)
+    assert family in find_families(None, commanded=True)
+
+
 def recorded(by_hand, t):
     """The file's whole torque of the polar arm at any time, friction and rotors included."""
     q, v, a = by_hand.swing(t, 2)
@@ -103,8 +129,6 @@ def fine(by_hand, count=4000):
 
 
 def swung(robot, by_hand, t):
-    from identifiability.robot import complete_motion
-
     return complete_motion(robot, t, *by_hand.swing(t, 2))
 
 
