@@ -183,9 +183,9 @@ class Rules(RuleTable):
     dwell_band : float, level
         The errors of a record as a multiple of its noise's standard deviation.
     reversal_blur : float, calibrated
-        Periods of the cut-off on each side of a reversal in which its time is not known:
-        half of the main lobe of the low-pass. Twice as many cost a diagnosis half of the
-        laws of friction near zero speed, half as many left names to robots that stick.
+        Periods of the cut-off on each side that the low-pass mixes with a dwell or with a
+        reversal: its main lobe. With half as many, values of robots that stick left their
+        intervals.
     echo_nothing : float, by hand
         Noise with a smaller share of every acceleration (rms) does nothing to values.
     echo_explained : float, by hand
@@ -291,7 +291,7 @@ class Rules(RuleTable):
     dwell_creep: float = 0.32
     creep: float = 0.02
     dwell_band: float = 3.0
-    reversal_blur: float = 0.25
+    reversal_blur: float = 0.5
     echo_nothing: float = 0.01
     echo_explained: float = 1.03
     loops_open: float = 0.02

@@ -206,7 +206,10 @@ class DwellRule:
 
     Dry friction holds a joint that does not move with whatever is left of its level, so what its
     motor supplies meanwhile says nothing of the robot. A reversal is passed through in the time
-    that its acceleration takes; its torque is data.
+    that its acceleration takes; its torque is data where no joint ever stands. Where one does,
+    friction sticks: it turns when the low-pass of the motion cannot tell, a joint that sticks for
+    that long cannot be told from one that does not, and a few such rows are off by tens of standard
+    errors.
 
     Attributes
     ----------
@@ -222,6 +225,8 @@ class DwellRule:
         How long a joint stays below them at least.
     beside : int
         Samples on each side whose speed and acceleration the low-pass mixes with a dwell.
+    turning : int
+        Samples on each side of a reversal that are no data; 0 where they are.
     """
 
     speeds: bool
@@ -230,11 +235,12 @@ class DwellRule:
     creep: Array
     slow: np.ndarray
     beside: int
+    turning: int = 0
 
     @property
     def reach(self) -> int:
         """Samples on each side that decide whether a joint dwells."""
-        return int(max(self.least.max(), self.slow.max())) + self.beside + 1
+        return int(max(self.least.max(), self.slow.max())) + max(self.beside, self.turning) + 1
 
     def find(self, log: Log, dq: Array) -> np.ndarray:
         """Return where each joint dwells, (N, n) bool; dq (N, n) are the speeds that are used."""
@@ -250,7 +256,12 @@ class DwellRule:
             out[:, j] |= binary_propagation(
                 out[:, j], mask=out[:, j] | (speed[:, j] <= self.creep[0, j])
             )
-        return maximum_filter1d(out, 2 * self.beside + 1, axis=0) if self.beside else out
+        out = _reached(out, self.beside)
+        if self.turning:
+            turns = np.zeros(out.shape, bool)
+            turns[:-1] = np.sign(dq[:-1]) != np.sign(dq[1:])
+            out |= _reached(turns, self.turning)
+        return out
 
 
 def _largest(x: Array, window: int) -> Array:
@@ -305,9 +316,10 @@ def choose_dwell_rule(plan: Plan, windows: Sequence[Log], origins: Sequence[int]
     # Below, the record or the filter tells nothing apart.
     creep, crossing = (np.where(told, x, x[0]) for x in (creep, crossing))
     longer = np.maximum(np.ceil(crossing / plan.step), SEVERAL).astype(int)
-    beside = 0.0 if plan.cutoff is None else 0.5 / (plan.cutoff * plan.step)
-    width = np.where(never, np.inf, width)
-    return DwellRule(speeds, width, least, creep, longer, int(np.ceil(beside)))
+    beside = int(np.ceil(RULES.reversal_blur * blurred / plan.step))
+    rule = DwellRule(speeds, np.where(never, np.inf, width), least, creep, longer, beside)
+    found = (rule.find(w, v)[:, ~never] for w, (_, v, _) in zip(windows, parts, strict=True))
+    return replace(rule, turning=max(1, beside)) if any(x.any() for x in found) else rule
 
 
 @frozen

@@ -12,7 +12,6 @@ from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from identifiability.foundation.errors import ClosureError, LogError, RobotError
 from identifiability.foundation.names import Array
@@ -343,22 +342,6 @@ class Samples:
         """The samples along the second record of the motion."""
         other = self.instrument
         return None if other is None else replace(self, motion=other, instrument=None, echoes=())
-
-    def without_reversals(self) -> Samples:
-        """The same, the torque of a joint being no data while its speed crosses zero.
-
-        When dry friction turns is known no better than the low-pass of the motion lets it, and a
-        joint that sticks for that long cannot be told from one that does not.
-        """
-        v = self.motion.actuated_v
-        step = signals.sampling_step(self.motion.t)
-        reach = (
-            1 if self.cutoff is None else int(np.ceil(RULES.reversal_blur / (self.cutoff * step)))
-        )
-        turns = np.zeros(v.shape, bool)
-        turns[:-1] = np.signbit(v[:-1]) != np.signbit(v[1:])
-        near = maximum_filter1d(turns, 2 * reach + 1, axis=0)
-        return replace(self, dwells=near if self.dwells is None else self.dwells | near)
 
     @cached_property
     def runs(self) -> list[tuple[int, int]]:

@@ -138,11 +138,7 @@ class Problem:
         self.setting = setting
         s, fixed = setting.structure, setting.fixed
         logs = [part for part in (setting.samples, setting.validation) if part]
-        masked = [tuple(map(_without_stuck, part)) for part in logs]
-        self.tables, whole = (
-            tuple(Table.of(s, part, fixed, setting.known, setting.near) for part in parts)
-            for parts in (masked, logs)
-        )
+        self.tables = tuple(Table.of(s, part, fixed, setting.known, setting.near) for part in logs)
         families = find_families(effects, commanded=setting.commanded)
         motions = [x.motion for x in setting.samples]
         listed, refused = list_candidates(s.robot, families, s.present, motions, fixed=fixed)
@@ -162,7 +158,6 @@ class Problem:
             Options(self.candidates),
             self.typical(self.candidates, rows),
         )
-        self._whole = whole
 
     @property
     def sizes(self) -> Array:
@@ -171,13 +166,13 @@ class Problem:
 
     @property
     def seen(self) -> Rows:
-        """All rows of the fitted logs, those at which the speed of a joint crosses zero as well."""
-        return self._whole[0].rows(self.candidates, later=True)
+        """Rows of the fitted logs, with the candidates that are computed later."""
+        return self.tables[0].rows(self.candidates, later=True)
 
     @property
     def shown(self) -> Rows:
         """All rows on which errors are stated: of unseen logs, where there are any."""
-        return self._whole[-1].rows(self.candidates, later=True)
+        return self.tables[-1].rows(self.candidates, later=True)
 
     @property
     def rows(self) -> Rows:
@@ -347,16 +342,6 @@ class Problem:
             out[own] /= np.sqrt(len(c.columns))
         sizes: Array = np.where(np.isfinite(out), out, 0.0)
         return sizes
-
-
-def _without_stuck(samples: Samples) -> Samples:
-    """Return samples of a diagnosis: where a joint ever stands friction sticks at reversals.
-
-    A few such rows, tens of standard errors off, would speak for whatever bends there. Where no
-    joint ever stands all rows are data.
-    """
-    sticks = samples.dwells is not None and samples.dwells.any()
-    return samples.without_reversals() if sticks else samples
 
 
 def family_blocks(rows: Rows, candidates: Sequence[Candidate], joint: int) -> list[Array]:

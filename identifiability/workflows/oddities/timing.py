@@ -192,8 +192,7 @@ def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
     """Return by how much the torque of all joints is late; None where a log is too short to tell.
 
     A small delay d adds ``−d τ'`` to the torque τ of the model. What friction lacks at low and high
-    speed is fitted beside it. What a joint that stands supplies is no data, nor when it turns: dry
-    friction holds it for a while, and its torque changes before it moves again.
+    speed is fitted beside it. What a joint that stands supplies is no data.
     """
     samples = _consecutive(prepared)
     if samples is None:
@@ -210,8 +209,7 @@ def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
         return None
     dt = float(np.median(np.diff(motion.t) / np.diff(motion.kept)))
 
-    still = samples.without_reversals().dwells
-    assert still is not None
+    still = np.zeros(samples.tau.shape, bool) if samples.dwells is None else samples.dwells
     at = [slice(down.reach, len(r) - down.reach, down.factor) for r in runs]
     moves = np.concatenate([~still[r][k] for r, k in zip(runs, at, strict=True)])
 

@@ -1,4 +1,4 @@
-"""Where a joint stands its torque is no data; where it reverses it is."""
+"""Where a joint stands its torque is no data; where it reverses it is, if no joint ever stands."""
 
 from dataclasses import replace
 
@@ -46,8 +46,15 @@ def samples_of(two, t, q, other, how=None, **channels):
     return prepare_samples(two, Log.from_frame(pd.DataFrame(frame)), how or Preparation())
 
 
+def beside_turns(motion, reach):
+    """Return the samples within some of where a speed crosses zero, (N, n) bool."""
+    turns = np.sign(motion.actuated_v[1:]) != np.sign(motion.actuated_v[:-1])
+    both = np.pad(turns, ((0, 1), (0, 0))).astype(float).T
+    return np.stack([np.convolve(x, np.ones(2 * reach + 1), "same") > 0.5 for x in both], axis=1)
+
+
 @pytest.mark.parametrize("error", ERRORS)
-def test_a_joint_that_stands_dwells_and_one_that_reverses_does_not(two, error):
+def test_beside_a_joint_that_stands_all_reversals_are_no_data(two, error):
     t, q, stands = stop_and_go()
     rng = np.random.default_rng(1)
     make = ERRORS[error]
@@ -61,7 +68,15 @@ def test_a_joint_that_stands_dwells_and_one_that_reverses_does_not(two, error):
     mixed = 2 * (round(0.5 * RATE / s.cutoff) - 2) + 1  # half a period of the cut-off on each side
     assert found[np.convolve(stands, np.ones(mixed), "same") > 0.5].mean() > 0.98
     assert not found[~beside].any()
-    assert not other.any()
+    near = beside_turns(s.motion, round(np.ceil(0.5 * RATE / s.cutoff)))[:, 1]
+    np.testing.assert_array_equal(other, near)
+    assert 0 < near.mean() < 0.2
+
+
+def test_reversals_are_data_where_no_joint_ever_stands(two):
+    t = np.arange(0, 8, 1 / RATE)
+    swings = [0.6 * np.sin(2 * np.pi * f * t) for f in (0.7, 0.9)]
+    assert not samples_of(two, t, *swings).dwells.any()
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.01])
@@ -76,7 +91,7 @@ def test_recorded_speeds_tell_without_positions(two, noise):
     inside = np.convolve(~stands, np.ones(11), "same") < 0.5
     assert s.dwells[inside, 0].mean() > 0.98
     assert s.dwells[~stands, 0].mean() < 0.1
-    assert s.dwells[:, 1].mean() < 0.01
+    assert s.dwells[:, 1][~beside_turns(s.motion, 1)[:, 1]].mean() < 0.01
 
 
 def test_fourier_motion_has_no_dwells_whatever_its_errors(two):
@@ -87,7 +102,7 @@ def test_fourier_motion_has_no_dwells_whatever_its_errors(two):
         for _ in range(4):
             q = [np.sin(np.outer(t, w) + rng.uniform(0, 7, 5)) @ (1 / w) for _ in two.joints]
             shares.append(samples_of(two, t, *(error(x, rng) for x in q)).dwells.mean())
-    assert np.mean(shares) < 0.03  # of all reversals 5 % are so slow
+    assert np.mean(shares) < 0.05  # of all reversals 5 % are so slow, and beside one all count
 
 
 @pytest.mark.parametrize("decimated", [False, True])
@@ -107,7 +122,8 @@ def test_torque_of_a_dwelling_joint_is_in_no_row_and_that_of_others_is(two, deci
     plain, spoilt = found
     np.testing.assert_allclose(spoilt.factor(), plain.factor(), rtol=1e-9, atol=1e-9)
     moving, every = plain.data.sum(0)
-    assert every == plain.samples > moving > 0
+    assert plain.samples >= every > moving > 0  # the other joint reverses, no more
+    assert every > 0.95 * plain.samples
     assert plain.rows == moving + every
 
 
