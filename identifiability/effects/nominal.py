@@ -100,8 +100,8 @@ def gravity_torque(robot: Robot, motion: Motion, gravity: Array) -> Array:
 
 
 def has_masses(robot: Robot) -> bool:
-    """Whether the file states a mass for any body."""
-    return any(robot.nominal.get(f"{b}.m", 0.0) > 0 for b in robot.bodies)
+    """Whether the file states a mass for any body, and none is a guess."""
+    return not robot.guessed and any(robot.nominal.get(f"{b}.m", 0.0) > 0 for b in robot.bodies)
 
 
 def needs_masses(robot: Robot, _place: str) -> str:

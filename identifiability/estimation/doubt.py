@@ -450,6 +450,10 @@ class MissingFunction:
         return f"{self.of} in {self.joint}"
 
 
+#: Joints of which a sentence says what is missing; a table has them all.
+TOLD = 2
+
+
 @frozen
 class Doubt:
     """Functions that are missing beside a model, and what they say of its values.
@@ -485,7 +489,9 @@ class Doubt:
             explains = "explains" if len(own) == 1 else "explain"
             much = f"{explains} {100 * share:.0f} % of that" if share > 0 else "makes it likelier"
             parts.append(f"{joint} errs {own[0].error:.2g} × its noise; {what} {much}")
-        return "; ".join(parts)
+        more = len(parts) - TOLD
+        others = [f"and so for {more} more joint{'s' if more > 1 else ''}"] if more > 0 else []
+        return "; ".join([*parts[:TOLD], *others])
 
     def to_list(self) -> list[dict[str, Any]]:
         """Return the functions as a JSON result has them."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from functools import cache
 from typing import TYPE_CHECKING
 
 from identifiability.foundation.errors import LogError
@@ -70,19 +71,19 @@ RULES = tuple(
     Rule(*row)
     for row in (
         ("q pos position positions angle angles theta qpos winkel lage", "q"),
-        ("dq qd qdot q+dot vel velocity velocities speed speeds qvel", "dq"),
+        ("dq qd qdot q+dot vel velo velocity velocities speed speeds qvel", "dq"),
         ("geschwindigkeit drehzahl vitesse", "dq"),
         ("ddq qdd qddot q+ddot acc accel acceleration accelerations qacc beschleunigung", "ddq"),
         ("tau tau+j torque torques trq effort efforts force forces moment", "tau"),
         ("qfrc qfrc+actuator drehmoment kraft couple", "tau"),
         ("current currents curr strom courant", "current"),
-        ("t time times timestamp timestamps stamp zeit temps elapsed", "t"),
+        ("t time times timestamp timestamps stamp zeit stempel temps elapsed", "t"),
         ("name names", "name"),
         ("d des desired target targets cmd command commands commanded ref reference", "wanted"),
-        ("setpoint action actions ctrl set goal planned nominal soll sollwert consigne", "wanted"),
+        ("setpoint action actions ctrl set goal planned nominal soll consigne", "wanted"),
         ("ff feedforward", "tau_ff"),
-        ("joint joints dof dofs j axis axes state states robot arm actual measured", "silent"),
-        ("meas mes msr feedback fbk field data log value values achse axe ist istwert", "silent"),
+        ("joint joints dof dofs j axis axes state states robot arm actual act measured", "silent"),
+        ("meas mes msr feedback fbk field data log value values achse axe ist wert", "silent"),
         ("policy controller servo motor motors output pd", "silent of commands"),
         ("acc accel accelerometer acceleration linear_acceleration a", "base.acc"),
         ("gyro gyroscope angular_velocity angular w omega ang_vel", "base.gyro"),
@@ -293,15 +294,23 @@ class Guess:
 
 
 def words_of(name: str) -> list[str]:
-    """Return a name's words, in small letters, and numbers.
+    """Return a name's words, in small letters, and numbers; two known words that are one, apart.
 
     Example
     -------
-    >>> words_of("actualPosition_1")
-    ['actual', 'position', '1']
+    >>> words_of("actualPosition_1"), words_of("Iststrom 2")
+    (['actual', 'position', '1'], ['ist', 'strom', '2'])
     """
     apart = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
-    return [w.casefold() for w in re.findall(r"[^\W\d_]+|\d+", apart)]
+    words = (w.casefold() for w in re.findall(r"[^\W\d_]+|\d+", apart))
+    return [part for word in words for part in _compounds().get(word, (word,))]
+
+
+@cache
+def _compounds() -> dict[str, tuple[str, str]]:
+    """Return what two words of the table are together, as German and lazy typists write them."""
+    known = {w for rule in RULES if rule.channel for w in rule.words if w.isalpha() and len(w) > 2}
+    return {a + b: (a, b) for a in known for b in known if a + b not in known}
 
 
 def guess_column(source: str, name: str, joints: Sequence[str]) -> Guess | None:
@@ -326,7 +335,8 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Guess | None:
     rest, unit = _pair(rest, unit)
     kinds = [w for w in rest if w in KINDS]
     numbers = [w for w in rest if w.isdecimal()]
-    others = [w for w in rest if w not in kinds and w not in numbers and w not in SILENT]
+    silent = _IDLE if kinds and KINDS[kinds[0]] == "current" else SILENT  # all are of motors
+    others = [w for w in rest if w not in kinds and w not in numbers and w not in silent]
     if len(kinds) != 1 or others or COMMANDED & {*rest, *above} or len(numbers) > (not joint):
         return None
     number = int(numbers[0]) if numbers and len(numbers[0]) < 4 else -1

@@ -43,7 +43,12 @@ def find_joints(columns: list[str], source: str, of: Collection[str] = ()) -> li
     if "t" not in columns:
         likely = [c for c in columns if c == "T" or c.casefold().startswith("time")]
         guess = f", did you mean '{likely[0]}'?" if likely else "."
-        rows = "" if likely else " Rows at an even rate need one, too: their number / rate."
+        rows = (
+            ""
+            if likely
+            else " If one of them is it, add --map 'OLD=t'; rows at an even rate need one, too: "
+            "their number / rate."
+        )
         raise LogError(
             f"{source} has no column 't' (time in s){guess} It has the columns {listing(columns)}."
             f"{rows}"

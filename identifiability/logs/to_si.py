@@ -239,10 +239,19 @@ def start_of(naming: Naming) -> float | None:
     return seconds if RULES.epoch[0] < seconds < RULES.epoch[1] else None
 
 
-def as_dates(given: pd.Series, start: int) -> pd.Series | None:
-    """Return dates, durations or texts of ISO 8601 in ns after `start`, as whole numbers.
+_POINTED = re.compile(r"^(\d{1,2})\.(\d{1,2})\.(\d{4})[T ]+")
+_OF_A_DAY = re.compile(r"\d{1,2}:\d\d:\d\d(?:\.\d+)?")
 
-    None if some are something else.
+
+def _as_iso(date: re.Match[str]) -> str:
+    return f"{date[3]}-{int(date[2]):02d}-{int(date[1]):02d} "
+
+
+def as_dates(given: pd.Series, start: int) -> pd.Series | None:
+    """Return dates, durations or texts of such in ns after `start`, as whole numbers.
+
+    Texts are of ISO 8601, dates with points (the day first), or times of a day; a comma may stand
+    before fractions of a second. None if some are something else.
     """
     import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
 
@@ -252,7 +261,11 @@ def as_dates(given: pd.Series, start: int) -> pd.Series | None:
     if given.dtype.kind not in "mM":
         if not given.map(lambda x: isinstance(x, str)).all() or to_numbers(given).notna().any():
             return None
-        times = pd.to_datetime(given.str.strip(), format="ISO8601", errors="coerce", utc=True)
+        texts = given.str.strip().str.replace(r"(?<=:\d\d),(?=\d+$)", ".", regex=True)
+        texts = texts.str.replace(_POINTED, _as_iso, regex=True)
+        times = pd.to_datetime(texts, format="ISO8601", errors="coerce", utc=True)
+        if times.isna().all() and texts.str.fullmatch(_OF_A_DAY).all():
+            times = pd.to_timedelta(texts)
     if times.isna().any():
         return None
     if getattr(times.dtype, "tz", None) is not None:

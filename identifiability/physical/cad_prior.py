@@ -414,7 +414,7 @@ def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float 
     """
     mass = total_mass(robot, parameters)
     stated = total_mass(robot, robot.nominal)
-    if not (stated > 0 and mass_rows(robot, parameters) and is_far(mass, stated)):
+    if robot.guessed or not (stated > 0 and mass_rows(robot, parameters) and is_far(mass, stated)):
         return ""
     remedy = f"--cad-prior {10 * cad_weight or WEAK:g} keeps it nearer to the file"
     why = f"the logs do not determine every mass; {remedy}"
@@ -467,6 +467,8 @@ def state_masses(robot: Robot, parameters: Mapping[str, float]) -> str:
     if not rows:
         return ""
     text = state_total(robot, parameters)
+    if robot.guessed:
+        return f"{text}, where {listing(robot.guessed, 4)} are guesses."
     far = [r for r in rows if is_far(r["mass"], r["mass_file"])]
     if not far:
         return f"{text}; every body is within a factor {FAR:g} of the file's."

@@ -215,8 +215,7 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
         names = [*BASE_JOINTS, *(n for n in names if n not in BASE_JOINTS)]
     if extra.actuated is None and stated.undriven:
         actuator, *pulled = stated.undriven
-        locks = " ".join(f"--lock {j}=…" for j in pulled)
-        held = f" What stands still, as a gripper may, is locked where it does: {locks}."
+        held = f" {_propose_locks(pulled)}"
         raise RobotError(
             f"{robot.path}: the actuator '{actuator}' drives no single joint; name the joints "
             'whose torque is measured in the sidecar: actuated = ["joint1", …].'
@@ -362,8 +361,16 @@ def _refuse_loose(robot: Description, count: int) -> NoReturn:
         advice += hinges if kind == "ball" else ""
     raise RobotError(
         f"{robot.path}: {len(robot.dependent)} joints have no actuator ({listing(robot.passive)}) "
-        f"but the loops give only {count} independent equations; {advice}."
+        f"but the loops give only {count} independent equations; {advice}. "
+        f"{_propose_locks(robot.passive)}"
     )
+
+
+def _propose_locks(joints: Sequence[str]) -> str:
+    """Return what to write of joints that may stand still."""
+    locks = " ".join(f"--lock {joint}" for joint in joints)
+    where = f"--lock {joints[0]}=0.02 where that is not at home" if joints else ""
+    return f"What stands still, as a gripper may, is locked: {locks} ({where})."
 
 
 def position_limits(
@@ -467,6 +474,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     loops = stated.loops
     if extra.loops is not None:
         loops = [_sidecar_loop(path, entry, stated) for entry in extra.loops]
+    loops = [x for x in loops if x.first.joint != x.second.joint]  # locked, it says nothing
     named = tuple(body for body in extra.base_parameters.bodies if body in bodies)
     name = path.resolve().parent.name if path.stem == "robot" else path.stem
     robot = Description(
@@ -489,6 +497,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         placed=tuple(extra.effects),
         tendons=tuple(name for name, axis in axes.items() if axis.numbers),
         body_order=named + tuple(b for b in bodies if b not in named),
+        guessed=tuple(extra.guessed),
         inertia_parts=tuple(extra.inertia_parts),
         prior_relative=extra.prior_relative,
         prior={name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
@@ -551,6 +560,7 @@ def _check_sidecar(
     )
     _check_known(path, "limits", extra.limits, dofs)
     _check_known(path, "prior_share", extra.prior_share, bodies)
+    _check_known(path, "guessed", extra.guessed, (*bodies, *stated.welded))
     _check_known(path, "rest", extra.rest, (*stated.tree.single, *stated.locked))
     tied = [name for tie in _ties(extra, stated) for members in tie.values() for name in members]
     tables = {key: getattr(extra, key) for key in ("nominal", "prior", "shapes", "reference")}

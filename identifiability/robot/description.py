@@ -147,6 +147,8 @@ class Description:
         Width of the default priors relative to the nominal robot, and stated (mean, sd) by name.
     prior_share : mapping
         Bodies to the share within which they are the file's, where the sidecar says it.
+    guessed : tuple of str
+        Bodies whose masses the file does not know.
     inertia_parts : tuple of str
         Kinds that make up the inertia of an actuator (``Ia``, or rotor and screw).
     shapes : mapping
@@ -218,6 +220,7 @@ class Description:
     speed_limits: Array = field(default_factory=_none)
     acceleration_limits: Array = field(default_factory=_none)
     transmission: Transmission | None = None
+    guessed: tuple[str, ...] = ()
     inertia_parts: tuple[str, ...] = ("Ia",)
     prior_relative: float = 1.0
     prior: Mapping[str, tuple[float, float]] = field(default_factory=dict)

@@ -326,9 +326,14 @@ def _weightless(links: Sequence[Link]) -> list[str]:
     return [link.name for link in links if link.joint and link.name not in heavy]
 
 
+def _guessed(links: Sequence[Link]) -> list[str]:
+    """Return the moving links whose mass the table does not state."""
+    return [link.name for link in links if link.joint and link.entry.mass is None]
+
+
 def _unknown_bodies(links: Sequence[Link]) -> list[str]:
     """Return the sentence that says of which links masses or inertias were made up, if of any."""
-    balls = [link.name for link in links if link.joint and link.entry.mass is None]
+    balls = _guessed(links)
     points = [link.name for link in links if link.entry.mass and link.entry.inertia is None]
     said = []
     if balls:
@@ -349,6 +354,8 @@ def _sidecar(table: DhTable, links: Sequence[Link]) -> str:
     """Return the sidecar: what the table says there, and which bodies weigh anything."""
     content = table.sidecar.model_dump(mode="json", exclude_unset=True)
     content = {**({"name": table.name} if table.name else {}), **content}
+    if _guessed(links):
+        content["guessed"] = [*dict.fromkeys([*content.get("guessed", []), *_guessed(links)])]
     idle = _weightless(links)
     effects = content.get("effects", [])
     if idle and not any(text.partition("@")[0] == "rigid_body" for text in effects):

@@ -14,6 +14,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Literal
 
@@ -159,7 +160,9 @@ def read_robot(
     if extra.stand is not None and robot.base is None:  # only where gravity is in the root's axes
         upright = pin.rpy.rpyToMatrix(np.array(extra.stand, float)).T @ robot.gravity
         robot = robot.turned(stated.drawn @ upright)
-    return replace(robot, lock_option=tuple(read_locks(lock)), base_option=base)
+    given = read_locks(lock)
+    option = (n for n in robot.locked if n in given or any(fnmatchcase(n, x) for x in given))
+    return replace(robot, lock_option=tuple(option), base_option=base)
 
 
 def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:

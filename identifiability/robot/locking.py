@@ -7,6 +7,7 @@ what follows a locked joint stands still with it.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -73,7 +74,7 @@ def settle_locks(
     path : Path
         Of the robot file, for sentences.
     wanted : mapping
-        Joints that are to be locked.
+        Joints that are to be locked, or patterns of their names.
     home : mapping
         Home positions of the joints with one axis.
     couplings : sequence of Coupling
@@ -84,6 +85,11 @@ def settle_locks(
     RobotError
         If a joint cannot be locked, or couplings put it elsewhere.
     """
+    wanted = {
+        name: at
+        for pattern, at in wanted.items()
+        for name in [n for n in home if n == pattern or fnmatchcase(n, pattern)] or [pattern]
+    }
     for name in wanted:
         if name not in home:
             raise RobotError(

@@ -430,6 +430,12 @@ class Sidecar(_Strict):
         ["cross"],
         list,
     )
+    guessed: Names = described(
+        "Bodies whose masses and inertias in the file are guesses, as `convert` makes where a "
+        "table states none: no torque is compared with what they ask for.",
+        ["forearm"],
+        list,
+    )
     inertia_parts: Names = described(
         "What an actuator's inertia is made of.", ["Jr", "Js"], lambda: ["Ia"], min_length=1
     )

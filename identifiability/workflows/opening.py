@@ -30,6 +30,7 @@ from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.longsamples import LongSamples, Prepared
 from identifiability.logs.prepare.samples import explain_silence
 from identifiability.logs.repeats import Recording, check_held_out, share_clock
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
@@ -288,8 +289,41 @@ def read_recordings(
             "which analyze, prune, diagnose, inspect and rollout take; here give logs of measured "
             "torque."
         )
+    if evidence:
+        _refuse_silent(train)
     read = tuple((log.name, "; ".join(log.notes)) for log in (*train, *held) if log.notes)
     return Recordings(mended.fitted, mended.held, (*state_reading(read), *mended.hints), read)
+
+
+def _refuse_silent(logs: Sequence[Recording]) -> None:
+    """Refuse joints that neither move nor show torque in any log: free, they hide what moves.
+
+    Raises
+    ------
+    LogError
+        With what locks each where it stands, as a gripper's fingers should be.
+    """
+    known = [log for log in logs if isinstance(log, Log)]
+    if len(known) < len(logs) or any(log.unmeasured is None for log in known):
+        return
+    silent = {
+        joint: float(np.median(q))
+        for joint in known[0].joints
+        if all(
+            joint in log.joints and log.unmeasured[:, log.joints.index(joint)].all()
+            for log in known
+        )
+        and np.ptp(q := np.concatenate([log.q[:, log.joints.index(joint)] for log in known]))
+        <= LOG_RULES.locked_play
+    }
+    if 0 < len(silent) < len(known[0].joints):
+        one = len(silent) == 1
+        locks = " ".join(f"--lock {joint}={at:.4g}" for joint, at in silent.items())
+        raise LogError(
+            f"{listing([log.name for log in known], 4)}: nobody measured the torque of "
+            f"{listing([*silent], 4)}, which {'does' if one else 'do'} not move either; lock "
+            f"{'it where it stands' if one else 'them where they stand'}: {locks}."
+        )
 
 
 def state_reading(read: Sequence[tuple[str, str]]) -> list[str]:

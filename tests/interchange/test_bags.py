@@ -125,6 +125,19 @@ def test_a_topic_shared_with_a_gripper_is_read_by_naming_the_joints(frame, state
     )
 
 
+def test_a_finger_whose_effort_nobody_publishes_is_locked_where_it_stands(frame, states, write_bag):
+    """A motor that neither moves nor shows torque would hide what the others determine."""
+    elbow = {"elbow.q": 0.02, "elbow.dq": 0.0, "elbow.tau": np.nan}
+    bag = write_bag({"/joint_states": states(frame.assign(**elbow), JOINTS)})
+    robot = Robot.load("two-link")
+    with pytest.raises(
+        LogError, match=r"torque of elbow, which does not move .*--lock elbow=0\.02"
+    ):
+        analyze(robot, bag)
+    held = Log.read(bag, Conventions.of(robot.with_lock({"elbow": 0.5})))
+    assert "stands at 0.02 and is locked at 0.5: lock it there, --lock elbow=0.02" in held.notes[-1]
+
+
 def test_bags_without_torque_or_without_joint_states_are_refused(
     frame, states, joint_state, write_bag
 ):

@@ -11,6 +11,7 @@ from identifiability.estimation.verdict import Class
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
 from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
 from identifiability.workflows.oddities import MeasuredLogs, find_oddities
@@ -18,7 +19,7 @@ from identifiability.workflows.oddities.check import CHECKS, Does, check
 from identifiability.workflows.oddities.timing import Shift, measure_position, measure_shift
 from identifiability.workflows.oddities.torque import measure_carried
 
-from .conftest import record
+from .conftest import MODEL, record
 
 
 def test_a_good_log_is_not_spoken_of(say, good):
@@ -32,6 +33,8 @@ def test_torque_in_another_unit(say, good, factor, unit):
     assert "what the masses of the robot file ask for" in hint
     assert "at all joints alike" in hint
     assert unit in hint
+    guess = replace(structure.robot, guessed=structure.robot.bodies)  # of which nothing follows
+    assert say(Structure.of(guess, MODEL), replace(log, tau=factor * log.tau)) == ()
 
 
 def test_torque_before_the_gears(say, six_axis):

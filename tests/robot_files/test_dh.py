@@ -10,8 +10,10 @@ from typer.testing import CliRunner
 
 from identifiability import Model, Robot, find_base_parameters
 from identifiability.cli import app
+from identifiability.effects.nominal import has_masses
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import OutputError, RobotError
+from identifiability.physical.cad_prior import state_mass, state_masses
 from identifiability.robot import complete_motion
 from identifiability.robot.dh import convert_dh
 
@@ -269,7 +271,13 @@ def test_what_the_table_leaves_open_is_said(tmp_path):
     assert "alpha = 1.5708 of 'hand': nearly a multiple of 45°" in rounded
     assert "no mass of arm: each is a ball of 1 kg" in weightless
     assert "no inertia of hand: each has 0.01 kg·m² a kilogram" in thin
-    assert Robot.load(done.robot).nominal["hand.Izz"] == pytest.approx(0.015)
+    robot = Robot.load(done.robot)
+    assert robot.nominal["hand.Izz"] == pytest.approx(0.015)
+    assert robot.guessed == ("arm",)
+    assert not has_masses(robot)  # no torque is compared with what a guess asks for
+    masses = {"arm.m": 40.0, "hand.m": 9.0}
+    assert state_mass(robot, masses) == ""
+    assert state_masses(robot, masses).endswith("of the robot file 2.5 kg, where arm are guesses.")
     assert rounded in done.robot.read_text()
     exact = [{**row, "alpha": "pi/2"} for row in links]
     done = convert_dh({"convention": "modified", "links": exact}, tmp_path / "robot.xml")

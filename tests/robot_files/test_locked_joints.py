@@ -123,6 +123,24 @@ def test_a_locked_gripper_on_a_closed_chain_is_part_of_its_body(agrees):
     assert "claw" not in robot.bodies
 
 
+def test_a_gripper_with_loops_of_its_own_is_locked_by_patterns_and_its_loops_with_it(load_text):
+    """A scene's gripper closes its own loops: locked whole, they say nothing."""
+    loop = """<body name="claw{k}" pos="0.3 0 {z}"><joint name="grip_{k}" axis="0 1 0"/>
+      <inertial mass="0.2" pos="0.05 0 0" diaginertia="0.001 0.001 0.001"/>
+      <body name="pad{k}" pos="0.1 0 0"><joint name="pad_{k}" axis="0 1 0"/>
+      <inertial mass="0.1" pos="0.02 0 0" diaginertia="1e-4 1e-4 1e-4"/></body></body>"""
+    inside = "".join(loop.format(k=k, z=0.1 * k) for k in (0, 1))
+    tie = '<equality><connect body1="pad0" body2="pad1" anchor="0 0 0.05"/></equality>'
+    motors = '<actuator><motor joint="shoulder"/><motor joint="elbow"/></actuator>'
+    text = arm(inside=inside, actuator=f"{tie}{motors}")
+    with pytest.raises(RobotError, match=r"may, is locked: --lock grip_0 .*--lock pad_1 \("):
+        load_text(text)
+    robot = load_text(text, lock=["grip_*", "pad_?"])
+    assert robot.joints == ("shoulder", "elbow")
+    assert not robot.loops
+    assert {*robot.lock_option} == {"grip_0", "grip_1", "pad_0", "pad_1"}
+
+
 FINGERS = """<robot name="r"><link name="ground"/><link name="arm"><inertial><mass value="2"/>
   <origin xyz="0.1 0.2 0.3"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>
   </inertial></link>{links}

@@ -18,7 +18,7 @@ from __future__ import annotations
 import hashlib
 import sqlite3
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from functools import partial
@@ -132,15 +132,18 @@ class MixedJointsError(LogError):
 
     Attributes
     ----------
-    joints : set of str
-        All of them.
+    groups : list of tuple of str
+        Those of each kind of message.
     """
 
-    joints: set[str]
+    groups: list[tuple[str, ...]]
 
 
 def read_bag(
-    path: str | Path, topic: str | None = None, joints: Sequence[str] | None = None
+    path: str | Path,
+    topic: str | None = None,
+    joints: Sequence[str] | None = None,
+    still: Callable[[str], bool] | None = None,
 ) -> pd.DataFrame:
     """Read the joint states of a bag as a table with the columns of a log.
 
@@ -153,6 +156,9 @@ def read_bag(
     joints : sequence of str, optional
         Which joints, for topics that also tell of others (grippers); messages that lack one of
         them are passed over. By default all, and every message must hold the same.
+    still : callable(str), optional
+        Whether a joint's positions count though no effort tells of it: such as is locked, or has a
+        motor that nobody measures.
 
     Returns
     -------
@@ -173,7 +179,7 @@ def read_bag(
             states = _choose_topic(bag, reader, name or None)
             goal = _choose_commands(bag, reader, of)
             messages = _messages(bag, reader, states)
-            frame = _collect(bag, states, messages, joints, commanded=bool(goal))
+            frame = _collect(bag, states, messages, joints, still, commanded=bool(goal))
             frame = _add_commands(bag, reader, frame, goal) if goal else frame
             return _add_base(bag, reader, frame)
     except LogError:
@@ -412,6 +418,7 @@ def _collect(
     topic: str,
     messages: Iterable[tuple[int, Any]],
     joints: Sequence[str] | None,
+    still: Callable[[str], bool] | None,
     *,
     commanded: bool,
 ) -> pd.DataFrame:
@@ -455,6 +462,9 @@ def _collect(
     for channel in FIELDS:
         if channel not in lacking and (channel != "dq" or known["dq"][driven].all()):
             columns |= {f"{wanted[k]}.{channel}": values[channel][:, k] for k in driven}
+    for k, name in enumerate(wanted):
+        if still and still(name) and known["q"][k]:
+            columns.setdefault(f"{name}.q", values["q"][:, k])
     frame = pd.DataFrame(columns)
     frame.attrs["start"] = float(stamp.min()) * 1e-9  # on the clock of the stamps
     frame.attrs["recorded"] = recordings[sequence]
@@ -481,7 +491,7 @@ def _check_same(path: Path, topic: str, groups: Sequence[Sequence[str]]) -> None
                 f"{listing(names)}), and no message of all joints that are needed; if they are "
                 "called otherwise, add --map 'OLD=NEW', or in Python read_bag(path, joints=[…])."
             )
-            error.joints = {name for group in groups for name in group}
+            error.groups = [tuple(names) for names in groups]
             raise error
 
 
@@ -537,13 +547,21 @@ def read_joints(path: Path, known: Conventions) -> Whole:
 
 
 def _read_asked(path: Path, known: Conventions) -> tuple[pd.DataFrame, Form]:
+    own = {*known.motors, *known.joints, *known.locked}
+
+    def still(name: str) -> bool:
+        return known.columns.apply(name) in own
+
     try:
-        return read_bag(path), PLAIN
+        return read_bag(path, still=still), PLAIN
     except MixedJointsError as mixed:
-        called = {known.columns.apply(name): name for name in sorted(mixed.joints)}
+        names = {name for group in mixed.groups for name in group}
+        called = {known.columns.apply(name): name for name in sorted(names)}
         for joints in (known.motors, known.joints):
             if joints and set(joints) <= set(called):
                 note = "messages that do not tell of the robot's joints were passed over"
-                frame = read_bag(path, joints=[called[j] for j in joints])
-                return frame, replace(PLAIN, notes=(note,))
+                needed = [called[j] for j in joints]
+                group = next((g for g in mixed.groups if set(needed) <= set(g)), ())
+                needed += [x for x in group if known.columns.apply(x) in known.locked]
+                return read_bag(path, joints=needed, still=still), replace(PLAIN, notes=(note,))
         raise

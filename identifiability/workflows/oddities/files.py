@@ -135,8 +135,10 @@ def find_still(logs: MeasuredLogs) -> tuple[str, ...]:
     still = [j for j, r, s in zip(logs.joints, rows, idle, strict=True) if not r and s]
     if not (still and any(s.outputs for s in surveys)):
         return ()
+    at = dict(zip(logs.robot.joints, np.median(logs.motion.actuated_q, 0), strict=True))
+    locks = " ".join(f"--lock {j}={at[j]:.4g}" for j in still if j in at)
     return (
         f"{listing(still, 6)} never moves in these logs, so its torque is no data: dry "
-        "friction makes it anything. Log motion of it, or keep it "
-        "(Preparation(keep_rest=True)) if it has no dry friction.",
+        f"friction makes it anything. Lock it{f' ({locks})' if locks else ''}, log motion of it, "
+        "or keep it (Preparation(keep_rest=True)) if it has no dry friction.",
     )

@@ -51,6 +51,8 @@ UNDERSTOOD = {
     "humps": (["t", *each("{k}{j}", ("Elbow", "Shoulder"), ("position", "torque"))], PAIR,
               [2, 1], [4, 3]),
     "one joint": (["t", "angle", "torque"], ("hinge",), [1], [2]),
+    "compounds": (["Zeitstempel", *each("{j}.Ist{k}", PAIR, ("position", "moment"))], PAIR,
+                  [1, 2], [3, 4]),
     "levels": (["t", *each("('{j}', '{k}')", PAIR, ("q", "tau"))], PAIR, [1, 2], [3, 4]),
 }  # fmt: skip
 

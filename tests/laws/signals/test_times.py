@@ -87,26 +87,31 @@ def test_times_since_1970_count_from_the_first(unit):
     assert len(log.notes) == 1 + (unit != "s")
 
 
-@pytest.mark.parametrize("form", ["dates", "zone", "text", "zulu", "durations", "micro"])
+@pytest.mark.parametrize(
+    "form", ["dates", "zone", "text", "zulu", "durations", "micro", "points", "of a day"]
+)
 def test_dates_and_durations_are_times(form):
     frame = table(0.004)
-    since = pd.Timedelta(1, "D") if form == "durations" else pd.Timestamp("2026-11-20 18:00:00.5")
+    elapsed = form in ("durations", "of a day")
+    since = pd.Timedelta("18:00:00.5") if elapsed else pd.Timestamp("2026-11-20 18:00:00.5")
     t = since + pd.to_timedelta(frame["t"], unit="s").dt.round("us")
     given = {
         "dates": t,
         "durations": t,
-        "micro": t if form == "durations" else pd.Series(t.to_numpy("datetime64[us]")),
-        "zone": t if form == "durations" else t.dt.tz_localize("Europe/Berlin"),
+        "micro": t if elapsed else pd.Series(t.to_numpy("datetime64[us]")),
+        "zone": t if elapsed else t.dt.tz_localize("Europe/Berlin"),
         "text": t.astype(str),
         "zulu": t.map(str).str.replace(" ", "T") + "Z",
-    }[form] if form != "durations" else t  # fmt: skip
+        "points": t if elapsed else t.dt.strftime("%d.%m.%Y %H:%M:%S,%f"),
+        "of a day": t.astype(str).str.slice(-15) if elapsed else t,
+    }[form]
     log = read(frame.assign(t=given))
     np.testing.assert_allclose(log.t, frame["t"], rtol=0, atol=1e-9)
     assert "were read in seconds from the first" in log.notes[0]
-    assert ("2026-11-20" in log.notes[0]) == (form != "durations")
+    assert ("2026-11-20" in log.notes[0]) == (not elapsed)
     hours = 1 if form == "zone" else 0  # of Berlin in November before that of Greenwich
     began = pd.Timestamp("2026-11-20 18:00:00.5").timestamp() - 3600 * hours
-    assert log.start == (None if form == "durations" else pytest.approx(began, abs=1e-6))
+    assert log.start == (None if elapsed else pytest.approx(began, abs=1e-6))
 
 
 def test_what_is_no_time_is_refused_as_before():
