@@ -245,10 +245,10 @@ def _missing_numbers(robot: Robot) -> list[Need]:
     """Return what the files state no numbers of."""
     needs = []
     if not has_masses(robot):
-        what = "Masses of the file are guesses" if robot.guessed else "The file states no masses"
+        masses = "Masses of the file are guesses" if robot.guessed else "The file states no masses"
         needs.append(
             Need(
-                f"{what}: torque cannot be compared with it, and parameters start from "
+                f"{masses}: torque cannot be compared with it, and parameters start from "
                 f"{'these' if robot.guessed else 'nothing'}. Give every link an <inertial>."
             )
         )

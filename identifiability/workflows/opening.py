@@ -304,18 +304,13 @@ def _refuse_silent(logs: Sequence[Recording]) -> None:
         With what locks each where it stands, as a gripper's fingers should be.
     """
     known = [log for log in logs if isinstance(log, Log)]
-    if len(known) < len(logs) or any(log.unmeasured is None for log in known):
+    gone = [log.unmeasured for log in known if log.unmeasured is not None]
+    if len(gone) < len(logs) or len({log.joints for log in known}) > 1:
         return
-    silent = {
-        joint: float(np.median(q))
-        for joint in known[0].joints
-        if all(
-            joint in log.joints and log.unmeasured[:, log.joints.index(joint)].all()
-            for log in known
-        )
-        and np.ptp(q := np.concatenate([log.q[:, log.joints.index(joint)] for log in known]))
-        <= LOG_RULES.locked_play
-    }
+    q, lost = np.concatenate([log.q for log in known]), np.concatenate(gone).all(0)
+    stays = np.ptp(q, axis=0) <= LOG_RULES.locked_play
+    at = dict(zip(known[0].joints, np.median(q, axis=0), strict=True))
+    silent = {j: at[j] for j, none in zip(at, lost & stays, strict=True) if none}
     if 0 < len(silent) < len(known[0].joints):
         one = len(silent) == 1
         locks = " ".join(f"--lock {joint}={at:.4g}" for joint, at in silent.items())
