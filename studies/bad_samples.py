@@ -237,7 +237,9 @@ def say(robot: Robot, log: Log) -> tuple[bool, bool]:
 def judge(found: Analysis) -> tuple[int, int]:
     """Return how many values are called identifiable, and how many of them lie outside."""
     submodel = found.chosen.submodel
-    truth = np.linalg.lstsq(submodel.M, found.structure.nominal_base - submodel.held, rcond=None)[0]
+    truth = np.linalg.lstsq(submodel.M, found.structure.nominal_base - submodel.fixed, rcond=None)[
+        0
+    ]
     called = [
         v.interval95[0] <= true <= v.interval95[1]
         for v, true in zip(found.chosen.verdicts, truth, strict=True)

@@ -112,7 +112,7 @@ class Bench:
         model, structure = analysis.models[self.which], analysis.structure
         rules = analysis.thresholds
         at = [self.laboratory.structure.columns.index(c) for c in structure.columns]
-        label = np.linalg.pinv(model.submodel.M) @ (structure.G @ theta[at] - model.submodel.held)
+        label = np.linalg.pinv(model.submodel.M) @ (structure.G @ theta[at] - model.submodel.fixed)
         ends = np.array([v.interval95 for v in model.verdicts])
         called = [v.verdict is Class.IDENTIFIABLE for v in model.verdicts]
         outcome = Outcome(

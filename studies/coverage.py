@@ -83,7 +83,7 @@ def measure_paper(
     clean = analyze(robot, simulate_log(robot, 0.0, np.random.default_rng(0)), replicates=0)
     submodels = [m.submodel for m in clean.models]
     truth = [
-        np.linalg.lstsq(r.M, clean.structure.nominal_base - r.held, rcond=None)[0]
+        np.linalg.lstsq(r.M, clean.structure.nominal_base - r.fixed, rcond=None)[0]
         for r in submodels
     ]
     cells: dict[str, list[Cell]] = {r.name: [] for r in submodels}

@@ -102,7 +102,7 @@ class Subject:
         self.full = self.analysis.full
         regression = self.analysis.structure.regression(self.analysis.samples)
         self.experiment = Experiment.of(regression, self.full.submodel)
-        stated = self.analysis.structure.nominal_base - self.full.submodel.held
+        stated = self.analysis.structure.nominal_base - self.full.submodel.fixed
         self.truth = np.linalg.lstsq(self.full.submodel.M, stated, rcond=None)[0]
         self.sd = np.sqrt(self.full.estimate.variance)
         self.base = np.concatenate([W for _, _, W, _ in regression.chunks()])
@@ -116,7 +116,7 @@ class Subject:
         return self.base @ self._base_truth() + noise.simulate([(0, len(self.base))], rng)
 
     def _base_truth(self) -> Array:
-        return self.full.submodel.held + self.full.submodel.M @ self.truth
+        return self.full.submodel.fixed + self.full.submodel.M @ self.truth
 
     def try_log(self, tau: Array, rng: np.random.Generator) -> Trial:
         """Return what one log gives by every road."""
@@ -144,10 +144,10 @@ class Subject:
         """Return values by weights 1/σ², and deviations tempered by one mean time."""
         plain = find_estimator("ols").fit(part)
         W = self.experiment.W
-        left = tau - self.base @ self.full.submodel.held - W @ plain.value
+        left = tau - self.base @ self.full.submodel.fixed - W @ plain.value
         weights = 1.0 / np.mean(left**2, axis=0)
         value = refit(part, weights, np.ones((1, len(part.counts))))[0]
-        left = tau - self.base @ self.full.submodel.held - W @ value
+        left = tau - self.base @ self.full.submodel.fixed - W @ value
         G = np.einsum("tnk,n,tnl->kl", W, weights, W)
         scale = float(weights @ (left**2).sum(0)) / (part.rows - part.size)
         time = float(autocorrelation_time(left).mean())

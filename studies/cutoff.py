@@ -115,7 +115,9 @@ def make_log(log: Log, rate: int, step: float, rng: np.random.Generator) -> Log:
 def judge(found: Analysis) -> dict[str, float]:
     """Return what came of one log: counts, and whether something was said."""
     submodel = found.chosen.submodel
-    truth = np.linalg.lstsq(submodel.M, found.structure.nominal_base - submodel.held, rcond=None)[0]
+    truth = np.linalg.lstsq(submodel.M, found.structure.nominal_base - submodel.fixed, rcond=None)[
+        0
+    ]
     verdicts = found.chosen.verdicts
     value = np.array([v.value for v in verdicts])
     sigma = np.array([v.sigma_robust for v in verdicts])

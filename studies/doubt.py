@@ -91,7 +91,7 @@ def run(seed: int, trial: int, *, null: bool) -> dict[str, object]:
         frame[f"{j}.tau"] += extra
     found = analyze(robot, Log.from_frame(frame, "log"), replicates=60)
     submodel, fit = found.chosen.submodel, found.chosen.estimate
-    truth = np.linalg.lstsq(submodel.M, structure.nominal_base - submodel.held, rcond=None)[0]
+    truth = np.linalg.lstsq(submodel.M, structure.nominal_base - submodel.fixed, rcond=None)[0]
     row = dict.fromkeys(("named", "outside", "before", "outside_before", "lost"), 0)
     moved = 0.0
     for v, true, value in zip(found.chosen.verdicts, truth, fit.value, strict=True):

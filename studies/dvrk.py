@@ -175,7 +175,7 @@ def identify(name: str, seeds: int, say: Say) -> Identified:
         result = analyze(campaign(name).robot, fitted, validate=unseen, seed=seed)
         frame, submodel = result.to_frame(), result.models[0].submodel
         truth = np.linalg.lstsq(
-            submodel.M, result.structure.nominal_base - submodel.held, rcond=None
+            submodel.M, result.structure.nominal_base - submodel.fixed, rcond=None
         )[0]
         low, high = np.array(frame["interval95"].tolist()).T
         names = tuple(frame["name"])

@@ -175,7 +175,7 @@ class Laboratory:
         """Return what a model says, beside what is true."""
         model, structure = analysis.models[which], analysis.structure
         at = [self.structure.columns.index(c) for c in structure.columns]
-        beta = structure.G @ theta[at] - model.submodel.held
+        beta = structure.G @ theta[at] - model.submodel.fixed
         label = np.linalg.pinv(model.submodel.M) @ beta
         kept = list(model.estimate.kept)
         clean = gather_information(structure.regression(analysis.validation))

@@ -33,7 +33,9 @@ PERIOD, HARMONICS, SECONDS, TORQUE, STEP = 10.0, 5, 40.0, 0.03, 1e-5
 def judge(found: Analysis) -> dict[str, int]:
     """Return how many values are called identifiable, and how many of these are wrong."""
     submodel = found.chosen.submodel
-    truth = np.linalg.lstsq(submodel.M, found.structure.nominal_base - submodel.held, rcond=None)[0]
+    truth = np.linalg.lstsq(submodel.M, found.structure.nominal_base - submodel.fixed, rcond=None)[
+        0
+    ]
     called, outside = 0, 0
     for verdict, true in zip(found.chosen.verdicts, truth, strict=True):
         if verdict.verdict is Class.IDENTIFIABLE:

@@ -96,7 +96,7 @@ def look_at_labels(folder: Path, kind: str, seed: int, seconds: int, off: float)
     robot, beta, (frame, _) = draw(kind, seed, seconds, off, folder)
     found = prune(robot, Log.from_frame(frame, "log"), replicates=60)
     submodel = found.chosen.submodel
-    truth = np.linalg.pinv(submodel.M) @ (beta - submodel.held)
+    truth = np.linalg.pinv(submodel.M) @ (beta - submodel.fixed)
     own = found.chosen.estimate.value
     row: dict[str, Any] = {"robot": kind, "off": off, "seconds": seconds, "labels": len(truth)}
     pairs = list(zip(found.verdicts, truth, own, strict=True))

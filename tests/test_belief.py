@@ -45,7 +45,7 @@ def fitted(analysis, result, robot=None):
 
 def truth_of(analysis, result):
     """Values of a model's parameters in the robot that was simulated."""
-    rest = analysis.structure.nominal_base - result.submodel.held
+    rest = analysis.structure.nominal_base - result.submodel.fixed
     return np.linalg.lstsq(result.submodel.M, rest, rcond=None)[0]
 
 

@@ -98,9 +98,9 @@ def test_an_outcome_without_noise_gives_the_truth_back(analysis):
 
 def test_what_a_model_holds_is_no_part_of_its_noise(analysis):
     submodel = analysis.models[3].submodel
-    held = np.linspace(1.0, 2.0, len(submodel.held))
+    held = np.linspace(1.0, 2.0, len(submodel.fixed))
     free, fixed = (
-        Experiment.of(analysis.regression, r) for r in (submodel, replace(submodel, held=held))
+        Experiment.of(analysis.regression, r) for r in (submodel, replace(submodel, fixed=held))
     )  # fmt: skip
     W = np.concatenate([columns for _, _, columns, _ in analysis.regression.chunks()])
     np.testing.assert_allclose(free.tau - fixed.tau, W @ held, rtol=1e-9, atol=1e-9)

@@ -160,7 +160,9 @@ def _judge(positions, cutoff, encoder, seed):
     how = Preparation(cutoff=cutoff)
     found = analyze("two-link", positions(encoder, seed), preparation=how, replicates=60)
     submodel, verdicts = found.chosen.submodel, found.chosen.verdicts
-    truth = np.linalg.lstsq(submodel.M, found.structure.nominal_base - submodel.held, rcond=None)[0]
+    truth = np.linalg.lstsq(submodel.M, found.structure.nominal_base - submodel.fixed, rcond=None)[
+        0
+    ]
     off = np.abs(np.array([v.value for v in verdicts]) - truth)
     sigma = np.array([v.sigma_robust for v in verdicts])
     known = np.array([v.verdict.value == "identifiable" for v in verdicts])

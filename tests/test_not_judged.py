@@ -59,7 +59,7 @@ def test_a_log_with_two_outputs_a_parameter_is_judged_and_right(slow):
         "3-rps", slow("3-rps", "601"), preparation=Preparation(cutoff=4.0), replicates=50
     )
     full = found.full
-    stated = found.structure.nominal_base - full.submodel.held
+    stated = found.structure.nominal_base - full.submodel.fixed
     truth = np.linalg.lstsq(full.submodel.M, stated, rcond=None)[0]
     held = [
         v.interval95[0] <= true <= v.interval95[1]
@@ -103,7 +103,7 @@ def test_nearly_noise_free_logs_are_judged_and_right(size):
     found = analyze(robot, replace(log, dq=None, ddq=None), replicates=20)
     full = found.full
     assert full.unjudged == ""
-    stated = found.structure.nominal_base - full.submodel.held
+    stated = found.structure.nominal_base - full.submodel.fixed
     truth = np.linalg.lstsq(full.submodel.M, stated, rcond=None)[0]
     known = [
         (v.interval95[0] <= true <= v.interval95[1])

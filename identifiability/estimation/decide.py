@@ -120,7 +120,7 @@ def find_left_out(
     P = fit.estimator.project(information, fit, submodel.M[:, kept])
     difference = P - np.linalg.pinv(submodel.M)[kept]
     difference[np.abs(difference) < ROUNDOFF * np.abs(P).max(1, initial=0.0, keepdims=True)] = 0.0
-    stated = structure.nominal_base - submodel.held
+    stated = structure.nominal_base - submodel.fixed
     scatter = body_scatter(structure)
     shift, spread = difference @ stated, (difference @ structure.G) * scatter
     if full is not None:
@@ -171,7 +171,7 @@ def _settle(submodel: Submodel, fit: Estimate, full: Estimate, sigma: Array) -> 
     meant = np.linalg.pinv(submodel.M)[kept]
     meant[np.abs(meant) < ROUNDOFF * np.abs(meant).max(1, initial=0.0, keepdims=True)] = 0.0
     known = ~(meant[:, ~full.determined] != 0).any(1)
-    value = meant @ (np.where(full.determined, full.value, 0.0) - submodel.held)
+    value = meant @ (np.where(full.determined, full.value, 0.0) - submodel.fixed)
     at = list(full.kept)
     own = np.einsum("ka,ab,kb->k", meant[:, at], full.covariance[np.ix_(at, at)], meant[:, at])
     reach = REACH * np.sqrt(np.maximum(own, 0.0) * float(np.max(full.times)))

@@ -5,17 +5,17 @@ Accounts are compared by what they predict of motion that did not choose them. T
     folds = Folds.of(information, memory)              # who tests what, whose rest is fitted
     held = Held.of(information, noise, folds)          # sums over each fold, whitened; once
     a = held.score_fit(fit)                            # `Score` of a model: what it predicts
-    b = held.score_fit(smaller, submodel.M, submodel.held)     # of one that has fewer parameters
+    b = held.score_fit(smaller, submodel.M, submodel.fixed)     # of one that has fewer parameters
     Evidence.of(a, b).level                            # better, as good, worse, not told apart
 
 What to use when:
 
 - *A choice* (a model, a weight of a prior, an estimator) is made on blocked folds of the fitted
-  logs. `Held.score_fit` asks the estimator for its fits to each fold's rest; `Held.score` takes
+  logs. `HeldOut.score_fit` asks the estimator for its fits to each fold's rest; `score` takes
   values ``(F, k)`` that somebody else has fitted to these (`Folds.train`), over the k columns of
-  the regression, so a reduced model's are ``held + M x``, its covariance ``M Σ Mᵀ``. The smallest
+  the regression, so a reduced model's are ``fixed + M x``, its covariance ``M Σ Mᵀ``. The smallest
   of those that may stand for the best (`near_best`) is used; weights of all are `weigh_models`.
-- *A veto or a statement* on logs that are held out: ``Held.of(validation, noise)`` and
+- *A veto or a statement* on logs that are held out: ``HeldOut.of(validation, noise)`` and
   ``score(value, covariance)``: one model for all folds, and folds do not share data.
 - *Candidates that have no information in common* (bands of a low-pass, exported files): squared
   errors against the same torque, ``Score.of_errors(squares, variation, ratio)``; they have no
@@ -274,7 +274,7 @@ class Score:
 
 
 @frozen
-class Held:
+class HeldOut:
     """Sums over the folds of a regression, in which any number of its models are scored.
 
     Attributes
@@ -310,7 +310,7 @@ class Held:
         noise: Noise,
         folds: Folds | None = None,
         variation: Array | None = None,
-    ) -> Held:
+    ) -> HeldOut:
         """Return the sums.
 
         Parameters
@@ -343,9 +343,9 @@ class Held:
         )
         spread = squares if variation is None else variation
         sums = tuple(bases), tuple(tests), tuple(rests)
-        return Held(information, folds, own, *sums, turn, np.asarray(whole), spread)
+        return HeldOut(information, folds, own, *sums, turn, np.asarray(whole), spread)
 
-    def score_fit(self, fit: Estimate, M: Array | None = None, held: Array | None = None) -> Score:
+    def score_fit(self, fit: Estimate, M: Array | None = None, fixed: Array | None = None) -> Score:
         """Return what a model predicts, fitted to each fold's rest.
 
         Parameters
@@ -354,20 +354,20 @@ class Held:
             Of the m columns ``W M``; its estimator fits them to each fold's rest.
         M : (k, m), optional
             The model among the k columns; by default it has all of them.
-        held : (k,), optional
+        fixed : (k,), optional
             Values that it holds fixed.
         """
         M_ = np.eye(self.information.size) if M is None else M
-        return self.score_roots(self.refit(fit, M, held), self.roots(M_[:, list(fit.kept)]))
+        return self.score_roots(self.refit(fit, M, fixed), self.roots(M_[:, list(fit.kept)]))
 
-    def refit(self, fit: Estimate, M: Array | None = None, held: Array | None = None) -> Array:
+    def refit(self, fit: Estimate, M: Array | None = None, fixed: Array | None = None) -> Array:
         """Return the values of a model fitted to each fold's rest, (F, k); as `score_fit`."""
         part = self.information
         if M is not None:
-            part = part.reduce(M, fit.columns, held)
+            part = part.reduce(M, fit.columns, fixed)
         values = fit.estimator.refit(part, fit, self.folds.train.astype(float))
         whole: Array = values if M is None else values @ M.T
-        return whole if held is None else whole + held
+        return whole if fixed is None else whole + fixed
 
     def roots(self, M: Array) -> Array:
         """Return roots L of the errors of a model fitted to each fold's rest, (F, k, m).

@@ -1,6 +1,6 @@
 """`Prediction`: torque predicted along logs in one pass, and how far it is from the measured.
 
-`Spread` says how far it may lie from the truth and from a sample.
+`TorqueUncertainty` says how far it may lie from the truth and from a sample.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from identifiability.logs.signals import is_constant
 from identifiability.regression.information import Information
 from identifiability.regression.regression import LogPart, Regression, map_parts
 
-# `Spread`: how far torque that a fitted model predicts may lie from the truth and from a sample.
+# `TorqueUncertainty`: how far predicted torque may lie from the truth and from a sample.
 #
 # Two intervals. That of the *mean* holds the torque of the model with its true values: what the
 # parameters do not know. That of a *new sample* adds what a measured torque scatters about it,
@@ -50,7 +50,7 @@ from identifiability.regression.regression import LogPart, Regression, map_parts
 
 
 @frozen(kw_only=True)
-class Spread:
+class TorqueUncertainty:
     """What is not known of predicted torque.
 
     Attributes
@@ -98,7 +98,7 @@ def measure_spread(
     uncertainty: Uncertainty,
     rms: tuple[Array, Array],
     unseen: tuple[Array, Array],
-) -> Spread:
+) -> TorqueUncertainty:
     """Return what is not known of the torque that a fit predicts.
 
     Parameters
@@ -121,7 +121,7 @@ def measure_spread(
     covariance, unknown = measure_errors(information, fit, widening(information, fit, uncertainty))
     if uncertainty.late is not None:
         covariance = covariance + uncertainty.late.T @ uncertainty.late
-    return Spread(covariance=covariance, unknown=unknown, low=low, raw=raw, dof=dof)
+    return TorqueUncertainty(covariance=covariance, unknown=unknown, low=low, raw=raw, dof=dof)
 
 
 def measure_errors(
@@ -251,8 +251,8 @@ class Prediction:
         layout = Layout.of(counts, torque, ~is_constant(low, high), rows)
         parts = ((k, 0, *(x[log == k] for x in (tau, predicted, data))) for k in range(len(t)))
         sums = reduce(add, (ErrorSums.of(layout, *part) for part in parts))
-        held = tuple(t), tau, predicted, log, log, np.zeros_like(tau), data
-        return Prediction(len(tau), sums, sums, *held)
+        kept = tuple(t), tau, predicted, log, log, np.zeros_like(tau), data
+        return Prediction(len(tau), sums, sums, *kept)
 
     @property
     def samples(self) -> int:
@@ -364,13 +364,13 @@ class Task:
     values : (F, b, m)
     turns : Turns or None
         Which set predicts a sample; the first without.
-    held : bool
+    kept : bool
         Whether samples are held, not only sums.
     """
 
     values: Array
     turns: Turns | None = None
-    held: bool = True
+    kept: bool = True
 
     def predict(self, W: Array, start: int) -> Array:
         """Return the torque (N, n, m) of samples from one on, over all logs, with W (N, n, b)."""
@@ -438,18 +438,18 @@ def predict_all(
 Both = tuple[ErrorSums, ErrorSums]
 
 #: Time, torque, prediction, velocity, log, series and what is data of some samples.
-Held = tuple[Array, Array, Array, Array, np.ndarray, np.ndarray, np.ndarray]
+KeptSamples = tuple[Array, Array, Array, Array, np.ndarray, np.ndarray, np.ndarray]
 
 
 def _predict_part(
     part: LogPart, tasks: Sequence[Task], layout: Layout
-) -> list[tuple[Both, list[Held]]]:
+) -> list[tuple[Both, list[KeptSamples]]]:
     n = len(layout.joint_mean)
-    sums, held = [], []
+    sums, kept = [], []
     for m in (task.values.shape[2] for task in tasks):
         tau, predicted, none = np.empty((0, n)), np.empty((0, n, m)), np.empty(0, int)
         sums.append([ErrorSums.of(layout, 0, 0, tau, predicted)] * 2)
-        held.append([(np.empty(0), tau, predicted, tau, none, none, tau > 0)])
+        kept.append([(np.empty(0), tau, predicted, tau, none, none, tau > 0)])
     for chunk in part.shown():
         before = int(layout.counts[: chunk.log].sum())
         log = np.full(len(chunk.t), chunk.log)
@@ -462,15 +462,15 @@ def _predict_part(
                 data = chunk.data[at]
                 for which, tau in enumerate((chunk.tau[at], chunk.raw[at])):
                     sums[k][which] += ErrorSums.of(layout, chunk.log, start, tau, predicted, data)
-                if task.held:
+                if task.kept:
                     some = chunk.t[at], chunk.tau[at], predicted, chunk.velocity[at]
-                    held[k].append((*some, log[at], series[at], data))
-    return [((low, raw), some) for (low, raw), some in zip(sums, held, strict=True)]
+                    kept[k].append((*some, log[at], series[at], data))
+    return [((low, raw), some) for (low, raw), some in zip(sums, kept, strict=True)]
 
 
-def _join(found: Sequence[tuple[Both, list[Held]]], counts: Sequence[int]) -> Prediction:
+def _join(found: Sequence[tuple[Both, list[KeptSamples]]], counts: Sequence[int]) -> Prediction:
     sums, raw = (reduce(add, parts) for parts in zip(*(both for both, _ in found), strict=True))
-    held = [some for _, several in found for some in several]
-    t, tau, predicted, velocity, log, series, data = map(np.concatenate, zip(*held, strict=True))
+    kept = [some for _, several in found for some in several]
+    t, tau, predicted, velocity, log, series, data = map(np.concatenate, zip(*kept, strict=True))
     times = tuple(t[log == k] for k in range(len(counts)))
     return Prediction(sum(counts), sums, raw, times, tau, predicted, log, series, velocity, data)

@@ -54,8 +54,8 @@ class UpdatedRefits:
         y of the unconstrained fit to everything.
     grams, right : (F + 1, k, k) and (F + 1, k)
         Normal equations ``grams (y - centre) = right`` of each fit without constraints.
-    held : (r, k)
-        The constraints ``held y = 0`` so far.
+    fixed : (r, k)
+        The constraints ``fixed y = 0`` so far.
     delta : (F + 1, k)
         ``y - centre`` of each fit.
     inverses : (F + 1, k, k)
@@ -69,7 +69,7 @@ class UpdatedRefits:
     centre: Array
     grams: Array
     right: Array
-    held: Array
+    fixed: Array
     delta: Array
     inverses: Array
     solved: int
@@ -92,16 +92,16 @@ class UpdatedRefits:
         return UpdatedRefits._solve(centre, grams, right, np.empty((0, k)))
 
     @staticmethod
-    def _solve(centre: Array, grams: Array, right: Array, held: Array) -> UpdatedRefits:
+    def _solve(centre: Array, grams: Array, right: Array, fixed: Array) -> UpdatedRefits:
         """Return the fits under constraints, from the normal equations of what they leave free."""
-        turned = np.linalg.qr(held.T, mode="complete")[0]
-        gone, free = turned[:, : len(held)], turned[:, len(held) :]
+        turned = np.linalg.qr(fixed.T, mode="complete")[0]
+        gone, free = turned[:, : len(fixed)], turned[:, len(fixed) :]
         C = invert_along(grams, free)
         delta = np.tile(-gone @ (gone.T @ centre), (len(grams), 1))
         for _ in range(2):  # the second time takes away what the ridge did to the first
             delta = delta + _improve(C, grams, right, delta)
         traces = np.trace(C, axis1=1, axis2=2)
-        return UpdatedRefits(centre, grams, right, held, delta, C, len(held), traces)
+        return UpdatedRefits(centre, grams, right, fixed, delta, C, len(fixed), traces)
 
     @property
     def C(self) -> Array:
@@ -115,7 +115,7 @@ class UpdatedRefits:
         own = {name: getattr(self, name)[:1] for name in EACH}
         return replace(self, **own)
 
-    def along(self, held: Array, counts: Sequence[int]) -> Array:
+    def along(self, fixed: Array, counts: Sequence[int]) -> Array:
         """Return ``y - centre`` of each fit under the first few of constraints, (M, F + 1, k).
 
         The free directions of nested models are leading ones of a common basis, so the leading
@@ -123,13 +123,13 @@ class UpdatedRefits:
 
         Parameters
         ----------
-        held : (r, k)
-            All constraints ``held y = 0``, those so far first.
+        fixed : (r, k)
+            All constraints ``fixed y = 0``, those so far first.
         counts : sequence of int
             How many of them hold in each of M models.
         """
         k = len(self.centre)
-        turn = np.ascontiguousarray(np.linalg.qr(held.T, mode="complete")[0][:, ::-1])
+        turn = np.ascontiguousarray(np.linalg.qr(fixed.T, mode="complete")[0][:, ::-1])
         free = np.arange(k)[:, None] < k - np.asarray(counts, int)
         c, out = turn.T @ self.centre, np.empty((len(counts), len(self.grams), k))
         for f, (gram, right) in enumerate(zip(self.grams, self.right, strict=True)):
@@ -137,7 +137,7 @@ class UpdatedRefits:
             try:
                 root = np.linalg.cholesky(A + RIDGE * np.eye(k))
             except np.linalg.LinAlgError:
-                return self._one_by_one(held, counts)
+                return self._one_by_one(fixed, counts)
             half = solve_triangular(root, np.eye(k), lower=True)
             moved = np.where(free, 0.0, -c[:, None])
             for _ in range(2):  # the second time takes away what the ridge did to the first
@@ -146,24 +146,24 @@ class UpdatedRefits:
             out[:, f] = (turn @ moved).T
         return out
 
-    def _one_by_one(self, held: Array, counts: Sequence[int]) -> Array:
+    def _one_by_one(self, fixed: Array, counts: Sequence[int]) -> Array:
         out, refits = np.empty((len(counts), *self.delta.shape)), self
         for place, count in zip(out, counts, strict=True):
-            more = held[len(refits.held) : count]
+            more = fixed[len(refits.fixed) : count]
             refits = refits.constrain(more, more) if len(more) else refits
             place[:] = refits.delta
         return out
 
     def constrain(self, L: Array, _model: Array) -> UpdatedRefits:
         """Return the fits under more constraints ``L y = 0``, L (r, k) of full rank."""
-        held, free = np.concatenate([self.held, L]), len(self.centre) - self.solved
+        fixed, free = np.concatenate([self.fixed, L]), len(self.centre) - self.solved
         gain, C = constrain_inverse(self.inverses, L)
         left = np.trace(C, axis1=1, axis2=2) / self.largest
-        if len(held) - self.solved >= FEWER * free or min(left.min(), _angle(gain)) < LOST:
-            return self._solve(self.centre, self.grams, self.right, held)
+        if len(fixed) - self.solved >= FEWER * free or min(left.min(), _angle(gain)) < LOST:
+            return self._solve(self.centre, self.grams, self.right, fixed)
         delta = self.delta - np.einsum("fij,fj->fi", gain, (self.centre + self.delta) @ L.T)
         delta += _improve(C, self.grams, self.right, delta)
-        return replace(self, held=held, delta=delta, inverses=C)
+        return replace(self, fixed=fixed, delta=delta, inverses=C)
 
 
 def _angle(gain: Array) -> float:

@@ -402,8 +402,8 @@ class Problem:
         self.at = len(kinds) * self.n, len(kinds) * self.n + len(bodies)
         self.varied = VARIED * np.concatenate([*(each[k] for k in kinds), np.ones(len(bodies))])
         ones = np.ones(self.n, bool)
-        held = [~(free or {}).get(k, ones) for k in kinds]
-        self.held = np.concatenate([*held, np.zeros(len(bodies), bool)])
+        fixed = [~(free or {}).get(k, ones) for k in kinds]
+        self.fixed = np.concatenate([*fixed, np.zeros(len(bodies), bool)])
         self.trees = machine.trees
         #: Which tree each number is of.
         self.tree_of = np.concatenate([np.tile(self.trees, len(kinds)), machine.trees_of(bodies)])
@@ -411,7 +411,7 @@ class Problem:
         self.groups: list[np.ndarray] = []
         ends = [*range(0, self.at[0] + 1, self.n), *([self.at[1]] if bodies else [])]
         for a, b in pairwise(ends):
-            own = np.flatnonzero(~self.held[a:b]) + a
+            own = np.flatnonzero(~self.fixed[a:b]) + a
             trees = self.tree_of[own]
             place = np.array([np.sum(trees[:k] == t) for k, t in enumerate(trees)], int)
             self.groups += [own[place == k] for k in range(int(place.max(initial=-1)) + 1)]
@@ -445,8 +445,8 @@ class Problem:
             if kind != "off":
                 own = slice(k * self.n, (k + 1) * self.n)
                 low[own] = -x[own] if kind != "kp" else -0.8 * x[own]
-        held = np.flatnonzero(self.held)
-        low[held], high[held] = -1e-12, 1e-12
+        fixed = np.flatnonzero(self.fixed)
+        low[fixed], high[fixed] = -1e-12, 1e-12
         # A command was given at any time since the row before.
         late = slice(self.at[1], None)
         low[late] = -self.dt - x[late]
@@ -547,7 +547,7 @@ class Problem:
                 J[:data, column] = (along - J[:data, beside] @ step[beside]) / step[column]
         if self.believed is not None:
             self._tell_scale(J[:data], x, changes[-2] / VARIED)
-            for column in np.flatnonzero(~self.held):
+            for column in np.flatnonzero(~self.fixed):
                 own = x.copy()
                 own[column] += self.varied[column]
                 J[data:, column] = (self._belief(own) - r[data:]) / self.varied[column]
@@ -567,7 +567,7 @@ class Problem:
         out[columns] = self.varied[columns]
         if columns[0] < self.at[0] and self.kinds[columns[0] // self.n] == "kp":
             every = (columns[:, None] % self.n + self.n * np.arange(len(self.kinds))).ravel()
-            out[every] = np.where(self.held[every], 0.0, VARIED * x[every])
+            out[every] = np.where(self.fixed[every], 0.0, VARIED * x[every])
         return out
 
     def scaled(self, x: Array, by: float) -> Array:
@@ -575,7 +575,7 @@ class Problem:
         assert self.believed is not None
         a, b = self.at
         out = x.copy()
-        out[:a] = np.where(self.held[:a], x[:a], by * x[:a])
+        out[:a] = np.where(self.fixed[:a], x[:a], by * x[:a])
         out[a:b] = self.believed.scaled(x[a:b], by)
         return out
 

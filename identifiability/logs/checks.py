@@ -184,7 +184,7 @@ def to_floats(given: pd.Series) -> Array:
 
 
 @frozen
-class Step:
+class ClockStep:
     """One step of the clock: the row and the time [s] it starts from, and the time it leads to."""
 
     row: int
@@ -204,16 +204,16 @@ class Clock:
     ----------
     rows : int
     first, last : float [s]
-    longest, shortest : Step
+    longest, shortest : ClockStep
     """
 
     def __init__(self, source: str) -> None:
         self.source = source
         self.rows = 0
         self.first = self.last = self._usual = np.nan
-        self.longest, self.shortest = Step(0, 0.0, -np.inf), Step(0, 0.0, np.inf)
+        self.longest, self.shortest = ClockStep(0, 0.0, -np.inf), ClockStep(0, 0.0, np.inf)
         self._before = np.empty(0)
-        self._back: Step | None = None
+        self._back: ClockStep | None = None
         self._odd: list[Array] = []
 
     def add(self, t: Array) -> None:
@@ -229,8 +229,8 @@ class Clock:
         if not len(steps):
             return
 
-        def step(k: np.intp) -> Step:
-            return Step(start + int(k), float(t[k]), float(t[k + 1]))
+        def step(k: np.intp) -> ClockStep:
+            return ClockStep(start + int(k), float(t[k]), float(t[k + 1]))
 
         self.longest = max(self.longest, step(steps.argmax()), key=lambda s: s.length)
         self.shortest = min(self.shortest, step(steps.argmin()), key=lambda s: s.length)

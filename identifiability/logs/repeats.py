@@ -45,7 +45,7 @@ MOST_LAGS = 16
 Recording = Log | LogFile
 
 
-def check_held_out(train: Sequence[Recording], held: Sequence[Recording]) -> None:
+def check_held_out(train: Sequence[Recording], held_out: Sequence[Recording]) -> None:
     """Refuse a log that is given twice: its repetition would pass for new evidence.
 
     Stretches of one log that share no time are no repetition.
@@ -60,7 +60,7 @@ def check_held_out(train: Sequence[Recording], held: Sequence[Recording]) -> Non
                 raise LogError(
                     f"The log {s.name} is given twice (as {other.name} before); give each log once."
                 )
-    for s in held:
+    for s in held_out:
         for other in train:
             if _same(s, other):
                 raise LogError(
@@ -80,7 +80,7 @@ def _same(one: Recording, other: Recording) -> bool:
 
 
 def drop_repeats(
-    logs: Sequence[Recording], held: Sequence[Recording] = ()
+    logs: Sequence[Recording], held_out: Sequence[Recording] = ()
 ) -> tuple[list[Recording], list[Recording], tuple[str, ...]]:
     """Return fitted and held-out logs without rows that came before, and a hint for each such log.
 
@@ -91,17 +91,17 @@ def drop_repeats(
     LogError
         If nothing is left of a held-out log.
     """
-    first = [log if log.motion_alone else _first_pass(log) for log in (*logs, *held)]
+    first = [log if log.motion_alone else _first_pass(log) for log in (*logs, *held_out)]
     pairs = zip(first, _find_copies(first), strict=True)
     left = [_keep(log, copied & (not log.motion_alone)) for log, copied in pairs]
     hints = tuple(
         f"{log.name} repeats rows that were given before, noise and all ({len(log) - count} of "
         f"{len(log)}): they count once; give each measurement once."
-        for log, kept in zip([*logs, *held], left, strict=True)
+        for log, kept in zip([*logs, *held_out], left, strict=True)
         if (count := sum(len(part) for part in kept)) < len(log)
     )
     n = len(logs)
-    for log, kept in zip(held, left[n:], strict=True):
+    for log, kept in zip(held_out, left[n:], strict=True):
         if not kept:
             raise LogError(
                 f"The validation log {log.name} repeats rows of the logs before it; its error "
@@ -146,17 +146,17 @@ def _first_pass(log: Recording) -> Recording:
     names = [f"{joint}.{kind}" for kind in kinds for joint in log.joints]
     changes = [len(np.unique(x)) for x in np.rint(begin / near).T]
     one = max(range(len(names)), key=lambda k: (changes[k], k))
-    held, first = np.empty(0), start + 1
+    buffer, first = np.empty(0), start + 1
     for values in log.column(names[one], first, len(log)):
-        held = np.concatenate([held, values])
-        like = _where(held[:, None], begin[:, [one]], near[[one]])
+        buffer = np.concatenate([buffer, values])
+        like = _where(buffer[:, None], begin[:, [one]], near[[one]])
         if len(like):
-            rows = _values(log.rows(first, first + len(held)), log.joints, kinds)
+            rows = _values(log.rows(first, first + len(buffer)), log.joints, kinds)
             for k in np.intersect1d(like, _where(rows, begin, near)).tolist():
                 period = first + k - start
                 again = _comes_again(log, period, near, kinds)
                 return log.cut(0, period, log.name) if again else log
-        first, held = first + max(0, len(held) - RUN + 1), held[1 - RUN :]
+        first, buffer = first + max(0, len(buffer) - RUN + 1), buffer[1 - RUN :]
     return log
 
 

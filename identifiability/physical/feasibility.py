@@ -9,7 +9,7 @@ import numpy as np
 
 from identifiability.effects.vocabulary import file_kinds, held_by_file
 from identifiability.estimation.estimator import settle_signs
-from identifiability.estimation.evidence import LEVELS, Evidence, Held, Level, Score, square_root
+from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Level, Score, square_root
 from identifiability.estimation.uncertainty import remembering_covariance
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
@@ -186,14 +186,14 @@ class PriorChoice:
 
 
 def choose_prior(
-    model: FittedModel, held: Held, free: Score, weights: Sequence[float] = WEIGHTS
+    model: FittedModel, held_out: HeldOut, free: Score, weights: Sequence[float] = WEIGHTS
 ) -> PriorChoice | None:
     """Choose the heaviest prior within two nats of the best predictive log density.
 
     Parameters
     ----------
     model : FittedModel
-    held : evidence.Held
+    held_out : evidence.HeldOut
         Folds of what was fitted, about all base parameters.
     free : Score
         Of the model without a prior, on the same folds.
@@ -215,7 +215,7 @@ def choose_prior(
         if len(weights) > 1:
             weights = _within_reach(model, projection, weights)
         ways = []
-        for row in held.folds.train:
+        for row in held_out.folds.train:
             rest = model.whole.take(row)
             part = FittedModel(structure, model.submodel, rest, model.submodel.reduce(rest), fit)
             ways.append(projection.follow(_believe(part, weights[-1]), weights))
@@ -224,7 +224,7 @@ def choose_prior(
         for found in zip(*ways, strict=False):
             values.append(np.stack([phi for phi, _ in found]) @ G.T)
             roots = wider * (G @ np.stack([root for _, root in found]))
-            scores.append(held.score_roots(values[-1], roots))
+            scores.append(held_out.score_roots(values[-1], roots))
             total = [float(score.density.sum()) for score in scores]
             if len(total) > 1 and total[-1] <= total[-2] + LEVELS.nats:
                 break  # a lighter one still would give up more of the file for nothing
@@ -293,7 +293,7 @@ def _projection(model: FittedModel, cad_weight: float) -> Projection:
         model.region,
         reference=_possible(structure.nominal, physical_set(structure)),
         prior=CadPrior(bodies.phi, cad_weight) if cad_weight and bodies.titles else None,
-        held=model.held,
+        fixed=model.fixed,
     )
 
 

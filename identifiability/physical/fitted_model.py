@@ -130,7 +130,7 @@ class LeastSquares:
 
 
 @frozen
-class Held:
+class Fixed:
     """Independent combinations of parameters with their values; of no inertial parameter.
 
     Attributes
@@ -143,9 +143,9 @@ class Held:
     value: Array
 
     @staticmethod
-    def none(size: int) -> Held:
+    def none(size: int) -> Fixed:
         """Return the absence of held combinations of so many parameters."""
-        return Held(np.zeros((0, size)), np.zeros(0))
+        return Fixed(np.zeros((0, size)), np.zeros(0))
 
     @cached_property
     def alone(self) -> np.ndarray:
@@ -154,7 +154,7 @@ class Held:
         return mask
 
     @property
-    def fixed(self) -> np.ndarray:
+    def parameters(self) -> np.ndarray:
         """The parameters that are held by themselves, (p,) bool."""
         mask: np.ndarray = (self.rows[self.alone] != 0).any(axis=0)
         return mask
@@ -210,7 +210,7 @@ class Plane:
         return self.project(start + self.along @ step)
 
 
-def find_held(region: PhysicalSet, G: Array, M: Array, value: Array) -> Held:
+def find_fixed(region: PhysicalSet, G: Array, M: Array, value: Array) -> Fixed:
     """Return what a model leaves out, holds or ties outside the bodies.
 
     Parameters
@@ -246,7 +246,7 @@ def find_held(region: PhysicalSet, G: Array, M: Array, value: Array) -> Held:
         parts = np.eye(len(row))[members] if signed and at == 0 else row[None]
         found |= {part.tobytes(): (part, float(at)) for part in parts}
     rows = np.array([row for row, _ in found.values()]).reshape(-1, region.size)
-    return Held(rows, np.array([at for _, at in found.values()]))
+    return Fixed(rows, np.array([at for _, at in found.values()]))
 
 
 def left_out(R: Array, G: Array, M: Array, value: Array) -> tuple[Array, Array]:
@@ -298,7 +298,7 @@ def physical_set(structure: Structure) -> PhysicalSet:
 class FittedModel:
     """A model of a robot that was fitted, and what the fit says of the standard parameters.
 
-    The model says that base parameters are ``held + M x``; the part of ``G phi`` outside the span
+    The model says that base parameters are ``fixed + M x``; the part of ``G phi`` outside the span
     of M is what the model leaves out, and does not enter its prediction.
 
     Attributes
@@ -327,7 +327,7 @@ class FittedModel:
         return FittedModel(structure, submodel, whole, part, estimator.fit(part))
 
     @cached_property
-    def told(self) -> FittedModel:
+    def reported(self) -> FittedModel:
         """The model in the parameters that are reported: terms with their shares of functions."""
         R = self.whole.factor(self.estimate.weights)[:-1, :-1]
         submodel = tell_with_terms(self.structure, self.submodel, R)
@@ -352,7 +352,7 @@ class FittedModel:
         return LeastSquares.of_fit(self.information, self.estimate).through(self.to_x)
 
     @cached_property
-    def held(self) -> Held:
+    def fixed(self) -> Fixed:
         """What the model leaves out, holds or ties outside the bodies.
 
         Raises
@@ -361,16 +361,16 @@ class FittedModel:
             If it holds what no real robot has.
         """
         region = physical_set(self.structure)
-        return find_held(region, self.structure.G, self.submodel.M, self.submodel.held)
+        return find_fixed(region, self.structure.G, self.submodel.M, self.submodel.fixed)
 
     @cached_property
     def region(self) -> PhysicalSet:
         """What a real robot can have; what is held by itself needs no sign."""
         region = physical_set(self.structure)
-        return replace(region, nonnegative=region.nonnegative & ~self.held.fixed)
+        return replace(region, nonnegative=region.nonnegative & ~self.fixed.parameters)
 
     @cached_property
     def left_out(self) -> tuple[Array, Array]:
         """Torque of what the model leaves out, ``rows phi − aim``: (b, p) and (b,)."""
         R = self.whole.factor(self.estimate.weights)[:-1, :-1]
-        return left_out(R, self.structure.G, self.submodel.M, self.submodel.held)
+        return left_out(R, self.structure.G, self.submodel.M, self.submodel.fixed)

@@ -27,7 +27,7 @@ from identifiability.physical.feasible_set import (
     most_gain,
     semidefinite,
 )
-from identifiability.physical.fitted_model import Held, LeastSquares, Plane
+from identifiability.physical.fitted_model import Fixed, LeastSquares, Plane
 
 # The nearest real robots under a CAD prior of falling weight, by Newton's method.
 #
@@ -292,7 +292,7 @@ class Projection:
         Where the parameters go that the data do not determine; the CAD values, else zero.
     prior : CadPrior, optional
         Nominal robot that pulls.
-    held : Held, optional
+    fixed : Fixed, optional
         Combinations of parameters outside the bodies that keep their values.
 
     Raises
@@ -308,12 +308,12 @@ class Projection:
         margin: float = MARGIN,
         reference: Array | None = None,
         prior: CadPrior | None = None,
-        held: Held | None = None,
+        fixed: Fixed | None = None,
     ) -> None:
         p = region.size
         self.region, self.margin, self.prior = region, margin, prior
         self.reference = np.zeros(p) if reference is None else reference
-        self.held = Held.none(p) if held is None else held
+        self.fixed = Fixed.none(p) if fixed is None else fixed
         self._rows, self._least = region.scaled_rows, region.least_with(margin)
         self.nominal = np.zeros((0, 16, p)) if prior is None else nominal_cones(region, prior)
 
@@ -363,7 +363,7 @@ class Projection:
         free = scaled.plane.solve(scaled.factor, scaled.target)
         way = self._way(scaled, free)
         for at in follow(self.region, self.nominal, weights, *way, enough=ENOUGH_TO_PREDICT):
-            yield self.held.settle(at.x * scaled.scale), scaled.scale[:, None] * at.root
+            yield self.fixed.settle(at.x * scaled.scale), scaled.scale[:, None] * at.root
 
     @cached_property
     def _program(self) -> _Program:
@@ -386,7 +386,7 @@ class Projection:
         stacked = np.vstack([data.R * scale / data.unit, np.diag(pull)])
         Q, factor = np.linalg.qr(stacked)
         wanted = np.concatenate([data.z / data.unit, pull * self.reference / scale])
-        return _Scaled(scale, factor, Q.T @ wanted, self.held.scaled(scale))
+        return _Scaled(scale, factor, Q.T @ wanted, self.fixed.scaled(scale))
 
     def _holds(self, x: Array) -> bool:
         J = np.vstack([self.region.cones @ x, self.region.ellipsoids @ x]).reshape(-1, 4, 4)
@@ -396,14 +396,14 @@ class Projection:
     def _read(
         self, data: LeastSquares, scaled: _Scaled, x: Array, y: Array, E: Array, status: str
     ) -> FeasibleEstimate:
-        region, phi = self.region, self.held.settle(x * scaled.scale)
+        region, phi = self.region, self.fixed.settle(x * scaled.scale)
         Z, gap = self._judge(scaled, x, y, E)
         excess = (float(data.rss(phi)) - data.rss_min) / data.unit**2
         allowed = GAP * (1 + excess) + ROUNDING * float(scaled.target @ scaled.target)
         margins = region.margins(phi)
         # Complementarity: of slack and multiplier one is zero, and the larger one says which.
         pressed = np.linalg.norm(Z, axis=1) > margins - self.margin
-        held = np.array(region.labels, object)[y > self._rows @ x - self._least]
+        active = np.array(region.labels, object)[y > self._rows @ x - self._least]
         room = np.linalg.eigvalsh((region.ellipsoids @ x).reshape(-1, 4, 4))[:, 0] - self.margin
         touched = np.array(region.ellipsoid_labels, object)[np.linalg.norm(E, axis=1) > room]
         return FeasibleEstimate(
@@ -412,7 +412,7 @@ class Projection:
             excess=excess,
             margins=margins,
             active_bodies=tuple(np.array(region.names, object)[pressed]),
-            active_rows=(*held, *touched),
+            active_rows=(*active, *touched),
             status=status,
             gap=gap,
             accurate=bool(gap <= allowed),
@@ -430,17 +430,17 @@ class Projection:
         slope = 2 * scaled.factor.T @ (scaled.factor @ x - scaled.target) - y @ A
         slope = slope - adjoint(ellipsoids, E)
         slope = scaled.plane.turn(slope)  # what is held has a multiplier of its own
-        reach, held = 2 * float(np.linalg.norm(x)), float(y @ (A @ x - self._least))
-        held += float(np.sum(E * (ellipsoids @ x - self.margin * np.eye(4).ravel())))
+        reach, bound = 2 * float(np.linalg.norm(x)), float(y @ (A @ x - self._least))
+        bound += float(np.sum(E * (ellipsoids @ x - self.margin * np.eye(4).ravel())))
         if self.prior is not None:
             rest = np.where(self.region.inertial, 0.0, slope)
             gap = prior_gap(self.nominal, self.prior.weight, x, slope)
-            gap += abs(held) + most_gain(rest, scaled.factor, reach)
+            gap += abs(bound) + most_gain(rest, scaled.factor, reach)
             return np.zeros(cones.shape[:2]), gap  # the divergence keeps bodies off the edge
         Z = semidefinite(adjoint_inverse(cones, slope))
         room = cones @ x - self.margin * np.eye(4).ravel()
         error = slope - adjoint(cones, Z)
-        gap = abs(held + float(np.sum(Z * room))) + most_gain(error, scaled.factor, reach)
+        gap = abs(bound + float(np.sum(Z * room))) + most_gain(error, scaled.factor, reach)
         return Z, gap
 
 
@@ -455,9 +455,9 @@ class _Program:
         import cvxpy as cp  # noqa: PLC0415
 
         region, margin, prior = projection.region, projection.margin, projection.prior
-        p, held = region.size, len(projection.held.rows)
+        p, fixed = region.size, len(projection.fixed.rows)
         step, image = cp.Variable(p), cp.Variable(p)
-        data = np.ones((p + held, p)) @ step == np.eye(p + held, p) @ image
+        data = np.ones((p + fixed, p)) @ step == np.eye(p + fixed, p) @ image
         self._signs = region.scaled_rows @ step >= region.least_with(margin)
         self._inside = [above(map_, step, margin) for map_ in region.ellipsoids]
         bodies = [above(map_, step, margin) for map_ in region.cones]

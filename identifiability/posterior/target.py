@@ -13,7 +13,7 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import Held, LeastSquares, Plane
+from identifiability.physical.fitted_model import Fixed, LeastSquares, Plane
 
 # What the user knew before the data: a normal distribution per parameter.
 
@@ -213,7 +213,7 @@ class Target:
         Integrated autocorrelation time of the residual [samples].
     variance : float, optional [torque²]
         Known noise variance of a sample; without it, it is marginalised.
-    held : Held, optional
+    fixed : Fixed, optional
         Combinations of the p parameters that keep their k values, so that q = p − k coordinates are
         left; `region` must not bound what is held by itself.
     """
@@ -223,7 +223,7 @@ class Target:
     region: PhysicalSet
     iact: float = 1.0
     variance: float | None = None
-    held: Held | None = None
+    fixed: Fixed | None = None
 
     def __post_init__(self) -> None:
         """Check that all parts speak of the same parameters."""
@@ -251,8 +251,8 @@ class Target:
     @cached_property
     def plane(self) -> Plane:
         """What is held, in distances from the prior's mean [prior sd]; along it (p, q) is free."""
-        prior, held = self.proper_prior, self.held or Held.none(self.size)
-        return Held(held.rows, held.value - held.rows @ prior.mean).scaled(prior.sd)
+        prior, fixed = self.proper_prior, self.fixed or Fixed.none(self.size)
+        return Fixed(fixed.rows, fixed.value - fixed.rows @ prior.mean).scaled(prior.sd)
 
     @cached_property
     def seen(self) -> Array:
@@ -313,7 +313,7 @@ class Target:
     def to_phi(self, eta: Array) -> Array:
         """Parameters ``(..., p)`` of coordinates ``(..., q)``."""
         phi: Array = self.origin + eta @ self.basis.T
-        return phi if self.held is None else self.held.settle(phi)
+        return phi if self.fixed is None else self.fixed.settle(phi)
 
     def to_eta(self, phi: Array) -> Array:
         """Coordinates ``(..., q)`` of parameters ``(..., p)``, the nearest of the plane."""

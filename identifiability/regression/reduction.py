@@ -48,7 +48,7 @@ def _held(value: Any) -> Any:
     return value
 
 
-Held = Annotated[float | Literal["nominal"], BeforeValidator(_held)]
+FixedValue = Annotated[float | Literal["nominal"], BeforeValidator(_held)]
 
 
 class ModelEntry(BaseModel):
@@ -68,7 +68,7 @@ class ModelEntry(BaseModel):
         "The model that it starts from; without it the one before.", "Model 1", None, alias="from"
     )
     zero: list[str] = described("Left out: held at 0.", ["leg1_lower.mx"], list)
-    hold: dict[str, Held] = described(
+    hold: dict[str, FixedValue] = described(
         "Held at a value [SI], or at the robot file's (nominal).", {"platform.mz": "nominal"}, dict
     )
     tie: dict[str, list[str]] = described(
@@ -291,7 +291,7 @@ def ladder_model(entry: LadderEntry) -> Model:
 
 @frozen
 class Submodel:
-    """One model of a ladder: columns ``W_base M`` and torque ``τ - W_base held``.
+    """One model of a ladder: columns ``W_base M`` and torque ``τ - W_base fixed``.
 
     Attributes
     ----------
@@ -299,8 +299,8 @@ class Submodel:
     columns, labels, units : tuple of str
         Of its m parameters.
     M : (b, m)
-        Base parameters from the model's: ``beta = held + M x``.
-    held : (b,)
+        Base parameters from the model's: ``beta = fixed + M x``.
+    fixed : (b,)
         Values of base parameters that are held.
     nonnegative : (m,) bool
         Whether physics forbids a value below zero.
@@ -312,7 +312,7 @@ class Submodel:
     labels: tuple[str, ...]
     units: tuple[str, ...]
     M: Array
-    held: Array
+    fixed: Array
     nonnegative: np.ndarray
 
     def __len__(self) -> int:
@@ -321,12 +321,12 @@ class Submodel:
 
     def reduce(self, information: Information) -> Information:
         """Return the information about the model's parameters."""
-        return information.reduce(self.M, self.columns, self.held)
+        return information.reduce(self.M, self.columns, self.fixed)
 
     def expand(self, value: Array) -> Array:
         """Return base parameters (b,) or (b, …) from values of the model's parameters."""
-        held = self.held.reshape(-1, *[1] * (np.ndim(value) - 1))
-        expanded: Array = held + self.M @ value
+        fixed = self.fixed.reshape(-1, *[1] * (np.ndim(value) - 1))
+        expanded: Array = fixed + self.M @ value
         return expanded
 
     def without(self, columns: Sequence[str]) -> Submodel:
@@ -365,9 +365,9 @@ class Submodel:
 
 def full_model(base: BaseParameters, name: str = "full model", description: str = "") -> Submodel:
     """Return the model of all base parameters."""
-    M, held = np.eye(len(base)), np.zeros(len(base))
+    M, fixed = np.eye(len(base)), np.zeros(len(base))
     return Submodel(
-        name, description, base.names, base.labels, base.units, M, held, base.nonnegative
+        name, description, base.names, base.labels, base.units, M, fixed, base.nonnegative
     )
 
 
@@ -415,13 +415,13 @@ def _build_submodel(item: ModelEntry, start: Submodel, structure: Structure) -> 
     hold: dict[str, float | Literal["nominal"]] = {}
     for text in sorted(item.hold, key=is_pattern, reverse=True):  # a name says more
         hold |= dict.fromkeys(_find_columns(submodel, [text], item.name), item.hold[text])
-    held = submodel.held.copy()
+    fixed = submodel.fixed.copy()
     for name, value in hold.items():
         column = submodel.M[:, submodel.columns.index(name)]
         row = structure.base.names.index(name)
         at = structure.nominal_base[row] if value == "nominal" else value
-        held += column * at
-    submodel = replace(submodel, held=held).without([*zero, *hold])
+        fixed += column * at
+    submodel = replace(submodel, fixed=fixed).without([*zero, *hold])
     for name, texts in item.tie.items():
         members = _find_columns(submodel, texts, item.name)
         if len(set(members)) < 2 or (name in submodel.columns and name not in members):
@@ -473,8 +473,8 @@ def model_entry(submodel: Submodel, base: BaseParameters, effects: Sequence[str]
         name=submodel.name,
         description=submodel.description,
         effects=list(effects),
-        zero=[names[k] for k in gone if submodel.held[k] == 0],
-        hold={names[k]: float(submodel.held[k]) for k in gone if submodel.held[k] != 0},
+        zero=[names[k] for k in gone if submodel.fixed[k] == 0],
+        hold={names[k]: float(submodel.fixed[k]) for k in gone if submodel.fixed[k] != 0},
         tie={c: m for c, m in members.items() if m != [c]},
     )
 

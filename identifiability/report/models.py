@@ -509,8 +509,8 @@ def _fate(analysis: Analysis, row: int) -> str:
     submodel = analysis.chosen.submodel
     kept = [submodel.columns[k] for k in np.flatnonzero(submodel.M[row])]
     if not kept:
-        held = float(submodel.held[row])
-        return f"held at {format_number(held)}" if held else "left out"
+        fixed = float(submodel.fixed[row])
+        return f"held at {format_number(fixed)}" if fixed else "left out"
     alone = kept == [analysis.base.names[row]]
     return "kept" if alone else f"as {', '.join(kept)}"
 

@@ -83,14 +83,14 @@ def read_forces(path: Path, m: Any, locked: Mapping[str, float]) -> Forces:
     _refuse_fields(path, m)
     forces = Forces(np.array(m.dof_damping), np.array(m.dof_frictionloss), np.array(m.dof_armature))
     stiffness, pull = np.zeros(m.nv), np.zeros(m.nv)
-    held = {int(m.joint(name).id): at for name, at in locked.items()}
+    locks = {int(m.joint(name).id): at for name, at in locked.items()}
     for j in range(m.njnt):
-        if j not in held:
+        if j not in locks:
             _add_joint_spring(path, m, j, stiffness, pull)
     for t in range(m.ntendon):
-        _add_tendon(path, m, t, held, forces, stiffness, pull)
+        _add_tendon(path, m, t, locks, forces, stiffness, pull)
     for a in range(len(m.actuator_trntype)):
-        _add_actuator(path, m, a, held, forces)
+        _add_actuator(path, m, a, locks, forces)
     _refuse_on_balls(path, m, forces)
     for d in np.flatnonzero((stiffness == 0.0) & (pull != 0.0)):
         name = m.joint(int(m.dof_jntid[d])).name
@@ -131,9 +131,9 @@ def find_drives(m: Any, locked: Mapping[str, float]) -> tuple[list[str] | None, 
     A joint may have several actuators, say one that holds a position and one that damps; an
     actuator whose joints are all locked drives nothing.
     """
-    held = {int(m.joint(name).id): at for name, at in locked.items()}
-    working = [a for a in range(len(m.actuator_trntype)) if not _idle(m, a, held)]
-    joints = {a: _driven(m, a, held) for a in working}
+    locks = {int(m.joint(name).id): at for name, at in locked.items()}
+    working = [a for a in range(len(m.actuator_trntype)) if not _idle(m, a, locks)]
+    joints = {a: _driven(m, a, locks) for a in working}
     names = [
         m.joint(j).name if j is not None else cable_name(m, int(m.actuator_trnid[a, 0]))
         for a, j in joints.items()
@@ -155,13 +155,13 @@ def find_drives(m: Any, locked: Mapping[str, float]) -> tuple[list[str] | None, 
     return list(dict.fromkeys(names)) if names or other else None, other
 
 
-def _idle(m: Any, a: int, held: Mapping[int, float]) -> bool:
+def _idle(m: Any, a: int, locks: Mapping[int, float]) -> bool:
     """Whether all joints that an actuator drives are locked."""
     kind, target = int(m.actuator_trntype[a]), int(m.actuator_trnid[a, 0])
     if kind == _ON_TENDON:
         arms = find_arms(m, target)
-        return bool(arms) and all(j in held for j in arms or ())
-    return kind in _ON_JOINT and target in held
+        return bool(arms) and all(j in locks for j in arms or ())
+    return kind in _ON_JOINT and target in locks
 
 
 def _pulls(m: Any, a: int) -> bool:
@@ -169,22 +169,22 @@ def _pulls(m: Any, a: int) -> bool:
     return int(m.actuator_trntype[a]) == _ON_TENDON and straight(m, int(m.actuator_trnid[a, 0]))
 
 
-def _driven(m: Any, a: int, held: Mapping[int, float]) -> int | None:
+def _driven(m: Any, a: int, locks: Mapping[int, float]) -> int | None:
     """Return the joint that an actuator drives, or None."""
     target = int(m.actuator_trnid[a, 0])
     if int(m.actuator_trntype[a]) in _ON_JOINT:
         return target
-    single = _single(m, target, held) if int(m.actuator_trntype[a]) == _ON_TENDON else None
+    single = _single(m, target, locks) if int(m.actuator_trntype[a]) == _ON_TENDON else None
     return single[0] if single is not None else None
 
 
-def _single(m: Any, t: int, held: Mapping[int, float]) -> tuple[int, float, float] | None:
+def _single(m: Any, t: int, locks: Mapping[int, float]) -> tuple[int, float, float] | None:
     """Return the one joint that moves a tendon: its index, coefficient, and length at zero."""
     arms = find_arms(m, t) or {}
-    moving = [(j, c) for j, c in arms.items() if j not in held]
+    moving = [(j, c) for j, c in arms.items() if j not in locks]
     if len(moving) != 1:
         return None
-    return *moving[0], sum(c * held[j] for j, c in arms.items() if j in held)
+    return *moving[0], sum(c * locks[j] for j, c in arms.items() if j in locks)
 
 
 def _extra(m: Any, name: str, k: int) -> Any:
@@ -213,7 +213,7 @@ def _add_tendon(
     path: Path,
     m: Any,
     t: int,
-    held: Mapping[int, float],
+    locks: Mapping[int, float],
     forces: Forces,
     stiffness: Array,
     pull: Array,
@@ -227,11 +227,11 @@ def _add_tendon(
     bent = [k for k in ("stiffness", "damping") if np.any(_extra(m, f"tendon_{k}poly", t))]
     present = [k for k, value in linear.items() if value] + bent
     arms = find_arms(m, t)
-    if not present or (arms and all(j in held for j in arms)):
+    if not present or (arms and all(j in locks for j in arms)):
         return
     called = m.tendon(t).name
     name = called or f"number {t + 1}"
-    single = _single(m, t, held)
+    single = _single(m, t, locks)
     if single is None and not arms and not straight(m, t):
         bends = "bends around a geom" if arms is None else "is not along joints"
         raise _refusal(path, f"the tendon '{name}' has {present[0]} and {bends}")
@@ -242,8 +242,8 @@ def _add_tendon(
         if arms is None:
             forces.cables[t] = linear
             return
-        weights = {m.joint(j).name: c for j, c in arms.items() if j not in held}
-        still = sum(c * held[j] for j, c in arms.items() if j in held)
+        weights = {m.joint(j).name: c for j, c in arms.items() if j not in locks}
+        still = sum(c * locks[j] for j, c in arms.items() if j in locks)
         if not called:
             raise RobotError(
                 f"{path}: the tendon {name} runs along several joints and has {present[0]}, and "
@@ -259,13 +259,13 @@ def _add_tendon(
     forces.armature[dof] += linear["armature"] * arm**2
 
 
-def _add_actuator(path: Path, m: Any, a: int, held: Mapping[int, float], forces: Forces) -> None:
+def _add_actuator(path: Path, m: Any, a: int, locks: Mapping[int, float], forces: Forces) -> None:
     """Add the rotor and the damping that an actuator brings along."""
     rotor, damping = (float(_extra(m, f"actuator_{k}", a)) for k in ("armature", "damping"))
     bent = np.any(_extra(m, "actuator_dampingpoly", a))
-    if not (rotor or damping or bent) or _idle(m, a, held):
+    if not (rotor or damping or bent) or _idle(m, a, locks):
         return
-    name, joint = m.actuator(a).name or f"number {a + 1}", _driven(m, a, held)
+    name, joint = m.actuator(a).name or f"number {a + 1}", _driven(m, a, locks)
     if _pulls(m, a) and not bent:
         each = forces.cables.setdefault(
             int(m.actuator_trnid[a, 0]),
@@ -279,7 +279,7 @@ def _add_actuator(path: Path, m: Any, a: int, held: Mapping[int, float], forces:
         raise _refusal(path, f"the actuator '{name}' has {what}")
     arm = float(m.actuator_gear[a, 0])
     if int(m.actuator_trntype[a]) == _ON_TENDON:
-        single = _single(m, int(m.actuator_trnid[a, 0]), held)
+        single = _single(m, int(m.actuator_trnid[a, 0]), locks)
         arm *= single[1] if single is not None else 1.0
     dof = int(m.jnt_dofadr[joint])
     forces.armature[dof] += rotor * arm**2

@@ -96,33 +96,33 @@ def settle_locks(
                 f"{path} has no joint '{name}' with one axis, which is to be locked"
                 f"{near_match(name, home)} Its joints are {', '.join(home)}."
             )
-    held = {name: float(value) for name, value in wanted.items() if value is not None}
+    locked = {name: float(value) for name, value in wanted.items() if value is not None}
     for c in couplings:
         if not c.sources and c.joint in wanted:
-            _hold(path, held, c.joint, float(np.polynomial.Polynomial(c.polynomial)(0.0)))
-    left = _carry_on(path, held, home, list(couplings))
+            _hold(path, locked, c.joint, float(np.polynomial.Polynomial(c.polynomial)(0.0)))
+    left = _carry_on(path, locked, home, list(couplings))
     for name in wanted:
-        if name not in held:
-            held[name] = home[name]
-            left = _carry_on(path, held, home, left)
-    return held, left
+        if name not in locked:
+            locked[name] = home[name]
+            left = _carry_on(path, locked, home, left)
+    return locked, left
 
 
 def _carry_on(
-    path: Path, held: dict[str, float], home: Mapping[str, float], couplings: list[Coupling]
+    path: Path, locked: dict[str, float], home: Mapping[str, float], couplings: list[Coupling]
 ) -> list[Coupling]:
     """Lock what is coupled to locked joints, and return the couplings of the others."""
     left, found = couplings, True
     while found:
         couplings, left, found = left, [], False
         for c in couplings:
-            less = hold_still(c, held) if held.keys() & set(c.sources) else c
-            if not less.sources and (c.sources or c.joint in held):
-                _hold(path, held, c.joint, less.polynomial[0])
-            elif c.joint in held and less.of is not None:
-                _hold(path, held, less.of, _source(path, less, held[c.joint], home))
-            elif c.joint in held:
-                left.append(_turn_round(path, less, held[c.joint]))
+            less = hold_still(c, locked) if locked.keys() & set(c.sources) else c
+            if not less.sources and (c.sources or c.joint in locked):
+                _hold(path, locked, c.joint, less.polynomial[0])
+            elif c.joint in locked and less.of is not None:
+                _hold(path, locked, less.of, _source(path, less, locked[c.joint], home))
+            elif c.joint in locked:
+                left.append(_turn_round(path, less, locked[c.joint]))
             else:
                 left.append(less)
                 continue
@@ -154,10 +154,10 @@ def _source(path: Path, coupling: Coupling, value: float, home: Mapping[str, flo
     return float(real[np.abs(real - home.get(str(coupling.of), 0.0)).argmin()])
 
 
-def _hold(path: Path, held: dict[str, float], name: str, value: float) -> None:
-    if abs(held.setdefault(name, value) - value) > APART * (1 + abs(value)):
+def _hold(path: Path, locked: dict[str, float], name: str, value: float) -> None:
+    if abs(locked.setdefault(name, value) - value) > APART * (1 + abs(value)):
         raise RobotError(
-            f"{path}: the joint '{name}' is locked at {held[name]:g}, but a coupling to another "
+            f"{path}: the joint '{name}' is locked at {locked[name]:g}, but a coupling to another "
             f"locked joint puts it at {value:g}; lock one of them, the other follows."
         )
 

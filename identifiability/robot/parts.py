@@ -348,12 +348,12 @@ def couple(name: str, joint: str, terms: Iterable[Term]) -> Coupling:
     return Coupling(name, joint, None, (constant,), tuple(left))
 
 
-def hold_still(coupling: Coupling, held: Mapping[str, float]) -> Coupling:
+def hold_still(coupling: Coupling, locked: Mapping[str, float]) -> Coupling:
     """Return a coupling in which some of the joints that are followed stand still."""
     terms = []
     for term in coupling.terms:
-        moving = {j: w for j, w in term.weights.items() if j not in held}
-        still = sum(w * held[j] for j, w in term.weights.items() if j in held)
+        moving = {j: w for j, w in term.weights.items() if j not in locked}
+        still = sum(w * locked[j] for j, w in term.weights.items() if j in locked)
         poly = Polynomial(term.polynomial)(Polynomial([still, 1.0]))
         terms.append(Term(moving, tuple(map(float, poly.coef))))
     return couple(coupling.name, coupling.joint, terms)

@@ -63,7 +63,7 @@ Length = Annotated[float, Field(gt=0)]
 Gain = Annotated[float, Field(ge=0)]
 Fitted = Gain | Literal["fit"]
 #: No value of a robot in SI units is larger.
-Held = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Value = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 #: Coefficients of a polynomial.
 DEGREE = 50
 
@@ -450,7 +450,7 @@ class Sidecar(_Strict):
         "Short forms of bodies and joints in labels.", {"platform": "3"}, dict
     )
     base_parameters: _BaseParametersEntry = _BaseParametersEntry()
-    nominal: dict[str, Held] = described(
+    nominal: dict[str, Value] = described(
         "Values of parameters beside those of the robot file.", {"joint1.Fv": 3.0}, dict
     )
     rest: dict[str, float] = described(

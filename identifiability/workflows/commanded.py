@@ -59,7 +59,7 @@ def give_torque(logs: Sequence[Log | LogFile], servo: Servo | None) -> list[Log 
 def follow_commands(
     structure: Structure,
     fitted: Sequence[Recording],
-    held: Sequence[Recording],
+    held_out: Sequence[Recording],
     how: Preparation,
     rng: np.random.Generator,
     values: Mapping[str, float],
@@ -76,7 +76,7 @@ def follow_commands(
     Parameters
     ----------
     structure : Structure
-    fitted, held : sequence of Log or LogFile
+    fitted, held_out : sequence of Log or LogFile
         As `give_torque` returned them.
     how : Preparation
         With the cut-off that all logs are prepared with.
@@ -89,7 +89,7 @@ def follow_commands(
     robot = structure.robot
     commanded = [x for x in fitted if isinstance(x, Log) and x.servo_delay is not None]
     if robot.servo is None or not commanded:
-        return tuple(fitted), tuple(held), "", (), None
+        return tuple(fitted), tuple(held_out), "", (), None
     try:
         found = fit_rollouts(
             robot,
@@ -101,7 +101,7 @@ def follow_commands(
         said = f"{error} Torque of commands is taken as it is"
         if robot.servo.delay is None:
             said += ", without a delay: state it in the sidecar ([servo] delay = …)"
-        return tuple(fitted), tuple(held), f"{said}.", (), None
+        return tuple(fitted), tuple(held_out), f"{said}.", (), None
     if first is None:
         _check_found(robot, commanded, found)
     else:
@@ -133,7 +133,7 @@ def follow_commands(
         pairs = [(k, x) for k, x in enumerate(own_fitted) if isinstance(x, Log)]
         each = {k: moved(x, robot.servo, other) for k, x in pairs if x.servo_delay is not None}
         later.append(each)
-    return own_fitted, tuple(map(calibrated, held)), said, tuple(later), found
+    return own_fitted, tuple(map(calibrated, held_out)), said, tuple(later), found
 
 
 def moved(log: Log, servo: Servo, other: Servo, more: float = 0.0) -> Log:
@@ -265,7 +265,7 @@ def measure_rollouts(
     robot: Robot,
     values: Mapping[str, float],
     fitted: Sequence[Recording],
-    held: Sequence[Recording],
+    held_out: Sequence[Recording],
 ) -> Moved | None:
     """Return how far rollouts are off on unseen logs of commands, or else on fitted ones.
 
@@ -277,11 +277,11 @@ def measure_rollouts(
         With the file's values.
     values : mapping
         The fitted standard parameters by name.
-    fitted, held : sequence of Log or LogFile
+    fitted, held_out : sequence of Log or LogFile
     """
     commanded = [
         [x.select(robot.joints) for x in logs if isinstance(x, Log) and x.servo_delay is not None]
-        for logs in (held, fitted)
+        for logs in (held_out, fitted)
     ]
     logs = commanded[0] or commanded[1]
     if robot.servo is None or not logs or not values:

@@ -455,20 +455,20 @@ def find_changes(causes: Sequence[Cause], difference: Difference) -> tuple[Chang
     if not taken:
         return ()
     X = np.hstack([designs[k] for k in taken])
-    inverse, told = _invert(X)
+    inverse, determined = _invert(X)
     sizes, spread = inverse @ y, inverse @ inverse.T
     changes, start = [], 0
     for k, p, wider in zip(taken, sure, wide, strict=True):
         at = slice(start, start + designs[k].shape[1])
         start = at.stop
         own = wider * spread[at, at]
-        share, share_sd = _share(causes[k], difference, sizes[at], own, told[at])
+        share, share_sd = _share(causes[k], difference, sizes[at], own, determined[at])
         changes.append(
             Change(
                 cause=causes[k],
                 p=min(p, 1.0),
-                sizes=np.where(told[at], sizes[at], np.nan),
-                sd=np.where(told[at], np.sqrt(np.diag(own)), np.nan),
+                sizes=np.where(determined[at], sizes[at], np.nan),
+                sd=np.where(determined[at], np.sqrt(np.diag(own)), np.nan),
                 share=share,
                 share_sd=share_sd,
             )
@@ -535,19 +535,19 @@ def _invert(X: Array) -> tuple[Array, np.ndarray]:
     length = np.where(length > SAME * length.max(), length, np.inf)
     _, size, turn = np.linalg.svd(X / length)
     null = np.vstack([turn[: len(size)][size <= SAME], turn[len(size) :]])
-    told: np.ndarray = (np.abs(null) < np.sqrt(SAME)).all(0)
+    determined: np.ndarray = (np.abs(null) < np.sqrt(SAME)).all(0)
     inverse: Array = np.linalg.pinv(X / length, rcond=SAME) / length[:, None]
-    return inverse, told
+    return inverse, determined
 
 
 def _share(
-    cause: Cause, difference: Difference, sizes: Array, spread: Array, told: np.ndarray
+    cause: Cause, difference: Difference, sizes: Array, spread: Array, determined: np.ndarray
 ) -> tuple[float, float]:
     """Return by which share the torque of a cause grew, and its standard deviation.
 
     Torque is measured as the logs before saw it: in the metric of what they know of its values.
     """
-    if cause.kind not in ("friction", "effect") or not told.all():
+    if cause.kind not in ("friction", "effect") or not determined.all():
         return float("nan"), float("nan")
     at = np.flatnonzero(np.abs(cause.design).max(1) > SAME)
     metric = np.linalg.inv(difference.known[np.ix_(at, at)])
@@ -825,16 +825,16 @@ def describe(change: Change) -> str:
             word = "grew" if mass > 0 else "shrank"
             return f"{cause.what} {word} by {measured(abs(mass), half, 'kg')}"
         return f"{cause.what} changed"
-    told = [
+    parts = [
         f"{name} by {measured(size, REACH * sd, unit)}"
         for name, size, sd, unit in zip(
             cause.names, change.sizes, change.sd, cause.units, strict=True
         )
         if np.isfinite(size)
     ]
-    if cause.kind == "value" and told:
-        return f"{told[0].replace(' by ', ' changed by ', 1)} ({cause.what})"
-    return f"{cause.what} changed: {listing(told)}" if told else f"{cause.what} changed"
+    if cause.kind == "value" and parts:
+        return f"{parts[0].replace(' by ', ' changed by ', 1)} ({cause.what})"
+    return f"{cause.what} changed: {listing(parts)}" if parts else f"{cause.what} changed"
 
 
 # `compare`: what changed between two results, or between logs of one robot.

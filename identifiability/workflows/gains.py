@@ -351,7 +351,7 @@ def identify_gains(
         place, load = _load_of(robot, mass, centre, inertia, body)
         known = replace(Conventions.of(robot), raw_torque=True)
         recordings = read_recordings(logs, loaded, known, preparation)
-        without, with_load = (in_memory(x, Log) for x in (recordings.fitted, recordings.held))
+        without, with_load = (in_memory(x, Log) for x in (recordings.fitted, recordings.held_out))
         if not with_load:
             raise LogError("No log with the load was given; give at least one.")
         _refuse_motors(robot, [*without, *with_load])

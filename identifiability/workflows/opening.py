@@ -73,7 +73,7 @@ class Recordings:
 
     Attributes
     ----------
-    fitted, held : tuple of Log or LogFile
+    fitted, held_out : tuple of Log or LogFile
     hints : tuple of str
         On those that are read otherwise than literally, repeat others, or have wrong samples.
     read : tuple of (str, str)
@@ -88,7 +88,7 @@ class Recordings:
     """
 
     fitted: tuple[Recording, ...]
-    held: tuple[Recording, ...] = ()
+    held_out: tuple[Recording, ...] = ()
     hints: tuple[str, ...] = ()
     read: tuple[tuple[str, str], ...] = ()
     commands: str = ""
@@ -118,14 +118,14 @@ class Recordings:
         from identifiability.workflows.commanded import follow_commands  # noqa: PLC0415 - MuJoCo
 
         say("rolling out commands", 0.1)
-        fitted, held, said, later, found = follow_commands(
-            structure, self.fitted, self.held, how, rng, values or {}, self.rolled
+        fitted, held_out, said, later, found = follow_commands(
+            structure, self.fitted, self.held_out, how, rng, values or {}, self.rolled
         )
         rolled = any(isinstance(x, Log) and x.rollout is not None for x in fitted)
         return replace(
             self,
             fitted=fitted,
-            held=held,
+            held_out=held_out,
             hints=(said, *self.hints[bool(values) :]),
             commands=said if rolled else "",
             later=later,
@@ -138,7 +138,7 @@ class Recordings:
             return None
         from identifiability.workflows.commanded import measure_rollouts  # noqa: PLC0415 - MuJoCo
 
-        return measure_rollouts(robot, values, self.fitted, self.held)
+        return measure_rollouts(robot, values, self.fitted, self.held_out)
 
 
 @frozen(kw_only=True)
@@ -195,8 +195,8 @@ def find_missing(opening: Opening) -> Doubt:
     """Return the functions that are missing beside the unpruned model."""
     if opening.silence:
         return NO_DOUBT
-    held = opening.validation
-    unseen = opening.structure.regression(held) if held else None
+    held_out = opening.validation
+    unseen = opening.structure.regression(held_out) if held_out else None
     return find_doubt(opening.regression, unseen)
 
 
@@ -274,14 +274,14 @@ def read_recordings(
         If there is none to fit, or one is given twice.
     """
     known = known or Conventions()
-    train, held = read_logs(logs, known), read_logs(validate, known)
+    train, held_out = read_logs(logs, known), read_logs(validate, known)
     if not train:
         raise LogError("No log was given; give at least one.")
-    check_held_out(train, held)
-    whole, n = share_clock([*train, *held]), len(train)
+    check_held_out(train, held_out)
+    whole, n = share_clock([*train, *held_out]), len(train)
     servo = known.servo if evidence else None
     mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, servo, evidence=evidence))
-    every = (*mended.fitted, *mended.held)
+    every = (*mended.fitted, *mended.held_out)
     alone = [x.name for x in every if isinstance(x, Log) and x.servo_delay is not None]
     if alone and not commands:
         raise LogError(
@@ -291,8 +291,8 @@ def read_recordings(
         )
     if evidence:
         _refuse_silent(train)
-    read = tuple((log.name, "; ".join(log.notes)) for log in (*train, *held) if log.notes)
-    return Recordings(mended.fitted, mended.held, (*state_reading(read), *mended.hints), read)
+    read = tuple((log.name, "; ".join(log.notes)) for log in (*train, *held_out) if log.notes)
+    return Recordings(mended.fitted, mended.held_out, (*state_reading(read), *mended.hints), read)
 
 
 def _refuse_silent(logs: Sequence[Recording]) -> None:
@@ -342,12 +342,12 @@ def is_reading(hint: str) -> bool:
     return hint.startswith("How ") and " read: " in hint
 
 
-Held = TypeVar("Held", Log, Samples)
+InMemory = TypeVar("InMemory", Log, Samples)
 
 
 def in_memory(
-    logs: Sequence[Log | LogFile | Samples | LongSamples], kind: type[Held]
-) -> list[Held]:
+    logs: Sequence[Log | LogFile | Samples | LongSamples], kind: type[InMemory]
+) -> list[InMemory]:
     """Return logs, or samples, for what needs all of them at once.
 
     Raises
@@ -355,7 +355,7 @@ def in_memory(
     LogError
         If one is too long.
     """
-    out: list[Held] = []
+    out: list[InMemory] = []
     for log in logs:
         if not isinstance(log, kind):
             raise LogError(
@@ -392,17 +392,17 @@ def open_logs(
     """
     each = map if engine is None else engine.map
     train = tuple(each(prepare, recordings.fitted))
-    held = tuple(each(prepare, recordings.held))
+    held_out = tuple(each(prepare, recordings.held_out))
     if done:
         require_signal(train, done)
-    require_signal(held, "verified")
-    split = (text for s in (*train, *held) for text in s.hints)
+    require_signal(held_out, "verified")
+    split = (text for s in (*train, *held_out) for text in s.hints)
     own = MeasuredLogs(structure, recordings.fitted, train)
     hints = (*find_always(own), *recordings.hints, *split)
     opening = Opening(
         structure=structure,
         samples=train,
-        validation=held,
+        validation=held_out,
         hints=hints,
         commands=recordings.commands,
     )

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from pydantic import BaseModel, ConfigDict, Field
 
-from identifiability.estimation.prediction import Prediction, Spread
+from identifiability.estimation.prediction import Prediction, TorqueUncertainty
 from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines.mapping import Engine, one_thread
@@ -36,7 +36,7 @@ from identifiability.regression.reduction import (
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
-from identifiability.robot.sidecar import Held
+from identifiability.robot.sidecar import Value
 from identifiability.workflows.answers import answer_next, answer_quality, state_joints, with_hints
 from identifiability.workflows.commands import name_export, name_logs, quote, source_name
 from identifiability.workflows.opening import Logs
@@ -400,7 +400,7 @@ class Fit(Covaries):
     submodel : Submodel
         The model over its base parameters, with k parameters.
     values : (k,)
-    spread : Spread
+    spread : TorqueUncertainty
     preparation : Preparation
         How the fitted logs were turned into motion, with the cut-off that was chosen for them.
     base_covariance, base_unknown : (b, b), (b, d)
@@ -417,7 +417,7 @@ class Fit(Covaries):
     structure: Structure
     submodel: Submodel
     values: Array
-    spread: Spread
+    spread: TorqueUncertainty
     preparation: Preparation
     base_covariance: Array
     base_unknown: Array
@@ -562,7 +562,7 @@ class FitEntry(Entry):
 
     model: ModelEntry
     names: list[str]
-    values: list[Held]
+    values: list[Value]
     covariance: list[list[float]]
     unknown: list[list[float]]
     low: list[float]
@@ -634,7 +634,7 @@ def _build(entry: FitEntry, robot: Robot, where: str) -> Fit:
     if list(submodel.columns) != entry.names or len(entry.low) != len(robot.joints):
         raise _other_robot(where, robot, "its parameters are not those of this robot.")
     k, n = len(submodel), len(robot.joints)
-    spread = Spread(
+    spread = TorqueUncertainty(
         covariance=_shaped(entry.covariance, (k, k), where),
         unknown=_shaped(entry.unknown, (k, -1), where) if k else np.empty((0, 0)),
         **{x: _shaped(getattr(entry, x), (n,), where) for x in ("low", "raw", "dof")},

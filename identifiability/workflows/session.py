@@ -214,7 +214,7 @@ class Session:
             return first
         session, before = first, start
         for _ in range(ROUNDS):
-            fitted = replace(session, recordings=replace(session.recordings, held=()))
+            fitted = replace(session, recordings=replace(session.recordings, held_out=()))
             opening = fitted.open()
             if opening.silence or opening.misread:
                 break

@@ -12,7 +12,7 @@ from scipy.linalg import null_space
 from identifiability.estimation.evidence import Score
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.prune.elimination import Path, find_path, walk
-from identifiability.workflows.prune.folds import Fit, WhitenedRegression
+from identifiability.workflows.prune.folds import FoldFits, WhitenedRegression
 from identifiability.workflows.prune.moves import Move, propose_moves
 from inside.pair import Array, Pair, all_rows, difference, timed
 
@@ -30,8 +30,8 @@ class RowRefits:
         Block and joint of each row.
     own : (R,)
         What the square of a weighted row counts in the units of its joint.
-    held : (r, k)
-        Constraints so far, ``held @ y = 0``.
+    fixed : (r, k)
+        Constraints so far, ``fixed @ y = 0``.
     """
 
     folds: WhitenedRegression
@@ -40,12 +40,12 @@ class RowRefits:
     stretch: np.ndarray
     joint: np.ndarray
     own: Array
-    held: Array
+    fixed: Array
 
     @cached_property
     def free(self) -> Array:
         """A basis of what the constraints leave free, (k, m)."""
-        return null_space(self.held, rcond=1e-7)
+        return null_space(self.fixed, rcond=1e-7)
 
     def solve(self, rows: np.ndarray | slice = slice(None)) -> Array:
         """Return the fit to some rows, (k,)."""
@@ -72,10 +72,10 @@ class RowRefits:
 
     def constrain(self, L: Array, _model: Array | None = None) -> RowRefits:
         """Return the fits under more constraints."""
-        return replace(self, held=np.vstack([self.held, L]))
+        return replace(self, fixed=np.vstack([self.fixed, L]))
 
 
-class RowFit(Fit):
+class RowFit(FoldFits):
     """The fits that the walk asks for, each from all rows."""
 
     def _rise(self, L: Array) -> tuple[float, int]:

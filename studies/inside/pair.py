@@ -102,4 +102,4 @@ def all_rows(analysis: Analysis, submodel: Submodel, information: Information) -
     parts = [(W.copy(), tau) for _, _, W, tau in regression.chunks()]
     W, tau = np.concatenate([w for w, _ in parts]), np.concatenate([t for _, t in parts])
     block = np.repeat(np.arange(len(information.counts)), information.counts)
-    return Rows(W @ submodel.M, tau - W @ submodel.held, block)
+    return Rows(W @ submodel.M, tau - W @ submodel.fixed, block)

@@ -75,7 +75,7 @@ class Subject:
     def exact(self) -> tuple[Array, ...]:
         """Exact parameters of each model: those of the robot file."""
         stated = self.structure.nominal_base
-        values = [np.linalg.lstsq(r.M, stated - r.held, rcond=None)[0] for r in self.models]
+        values = [np.linalg.lstsq(r.M, stated - r.fixed, rcond=None)[0] for r in self.models]
         # Groups that cancel in a symmetric robot come out as rounding errors.
         return tuple(np.where(np.abs(x) < ZERO * np.abs(x).max(), 0.0, x) for x in values)
 

@@ -144,9 +144,11 @@ def test_sheets_are_read_with_titles_and_units(bare, arrays, known, tmp_path, mo
 
 
 def test_a_dictionary_of_arrays_is_a_log(arrays, known):
-    fitted, held = ({k: v[part] for k, v in arrays.items()} for part in np.split(range(200), [120]))
-    recordings = read_recordings([fitted], held, known)
-    assert [len(x) for x in (*recordings.fitted, *recordings.held)] == [120, 80]
+    fitted, held_out = (
+        {k: v[part] for k, v in arrays.items()} for part in np.split(range(200), [120])
+    )
+    recordings = read_recordings([fitted], held_out, known)
+    assert [len(x) for x in (*recordings.fitted, *recordings.held_out)] == [120, 80]
     assert "(in the robot's order)" in recordings.hints[0]
 
 

@@ -162,7 +162,7 @@ def joint_share(fit, structure, count, rng, size=256):
         phi[signed] = np.abs(phi[signed]) * rng.uniform(0.5, 2, len(signed)) + 0.1
         assert region.contains(phi[None])[0]
         base = structure.G @ phi + root @ rng.standard_normal(len(root))
-        own = replace(fit, values=np.linalg.pinv(fit.submodel.M) @ (base - fit.submodel.held))
+        own = replace(fit, values=np.linalg.pinv(fit.submodel.M) @ (base - fit.submodel.fixed))
         drawn = draw_robots(structure.robot, own, size, seed=k, prior=0.2).base
         turn = np.linalg.inv(np.linalg.cholesky(np.cov(drawn.T)))
         far = ((drawn - drawn.mean(0)) @ turn.T) ** 2

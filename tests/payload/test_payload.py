@@ -35,7 +35,7 @@ def test_a_load_without_noise_is_found_exactly(fit, make_logs, planted):
 
 
 def truth(kept):
-    nominal = kept.structure.nominal_base - kept.submodel.held
+    nominal = kept.structure.nominal_base - kept.submodel.fixed
     return np.linalg.lstsq(kept.submodel.M, nominal, rcond=None)[0]
 
 

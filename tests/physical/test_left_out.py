@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.physical.fitted_model import FittedModel, Held, LeastSquares, find_held
+from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares, find_fixed
 from identifiability.physical.project import Projection, project
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.workflows.analyze.belief import Effort, Source, form_belief
@@ -88,7 +88,7 @@ def test_a_held_column_is_a_column_less(robot):
     at, value = int(outside[0]), 0.3
     rows = np.eye(robot.region.size)[[at]]
     free = replace(robot.region, nonnegative=robot.region.nonnegative & (rows[0] == 0))
-    found = Projection(free, held=Held(rows, np.array([value]))).solve(data)
+    found = Projection(free, fixed=Fixed(rows, np.array([value]))).solve(data)
     R = np.array(data.R)
     shifted = data.z - R[:, at] * value
     R[:, at] = 0.0
@@ -107,9 +107,9 @@ def test_a_sum_of_what_cannot_be_negative_is_zero_part_by_part(robot):
     region = replace(robot.region, nonnegative=np.isin(np.arange(p), outside))
     G = np.zeros((1, p))
     G[0, outside[:2]] = 1.0, 2.0
-    held = find_held(region, G, np.zeros((1, 0)), np.zeros(1))
-    assert held.fixed.nonzero()[0].tolist() == outside[:2].tolist()
-    kept = find_held(region, G, np.ones((1, 1)), np.zeros(1))
+    fixed = find_fixed(region, G, np.zeros((1, 0)), np.zeros(1))
+    assert fixed.parameters.nonzero()[0].tolist() == outside[:2].tolist()
+    kept = find_fixed(region, G, np.ones((1, 1)), np.zeros(1))
     assert not len(kept.rows)
 
 

@@ -5,7 +5,7 @@ import pytest
 from identifiability.physical import project as pulled
 from identifiability.physical.cad_prior import CadPrior
 from identifiability.physical.feasible_set import PhysicalSet, Program
-from identifiability.physical.fitted_model import Held, LeastSquares
+from identifiability.physical.fitted_model import Fixed, LeastSquares
 from identifiability.physical.project import MARGIN, RIDGE, Projection, project
 from identifiability.physical.pseudo_inertia import BASIS, to_matrix
 
@@ -101,14 +101,14 @@ def test_what_may_not_be_negative_is_not_by_a_digit_either():
     # Parameters of different scales: without care the solver ends 1e-8 beyond some signs.
     nonnegative, rng = np.arange(12) < 10, np.random.default_rng(0)
     columns = tuple(f"j{k}.Fc" for k in range(12))
-    region, held = PhysicalSet(np.empty((0, 10), int), nonnegative, columns=columns), 0
+    region, fixed = PhysicalSet(np.empty((0, 10), int), nonnegative, columns=columns), 0
     for _ in range(30):
         R = np.linalg.qr(rng.standard_normal((12, 12)))[1] * 10 ** rng.uniform(-1, 1, 12)
         z = R @ (10 * rng.standard_normal(12))
         found = project(LeastSquares(R, z, 0.1, 1.0), region)
         assert (found.phi[nonnegative] >= 0).all()
-        held += len(found.active_rows)
-    assert held > 50
+        fixed += len(found.active_rows)
+    assert fixed > 50
 
 
 def test_for_a_real_robot_the_estimate_is_never_farther_from_the_truth_than_least_squares(pair):
@@ -118,9 +118,9 @@ def test_for_a_real_robot_the_estimate_is_never_farther_from_the_truth_than_leas
     for draw in range(200):
         data = pair.data(np.random.default_rng(draw), noise=0.2)
         free = np.linalg.norm(data.z - data.R @ pair.phi)
-        held = np.linalg.norm(data.R @ (program.solve(data).phi - pair.phi))
-        assert held <= free * (1 + 1e-5)
-        closer.append(held / free)
+        fixed = np.linalg.norm(data.R @ (program.solve(data).phi - pair.phi))
+        assert fixed <= free * (1 + 1e-5)
+        closer.append(fixed / free)
     assert np.mean(closer) < 0.95
 
 
@@ -169,7 +169,7 @@ def test_a_program_that_is_compiled_once_is_that_of_each_data_set(pair, rng, pri
     row[0, -2:] = 1.0
     options = {
         "prior": prior and CadPrior(pair.phi * 1.2, prior),
-        "held": Held(row, row @ pair.phi * 1.1),
+        "fixed": Fixed(row, row @ pair.phi * 1.1),
     }
     once = Projection(pair.region, **options)
     for _ in range(3):

@@ -48,7 +48,7 @@ def test_a_walk_that_tells_nothing_finds_the_same_models():
         len(information.counts), np.full(len(information.counts), 1 / len(information.counts))
     )
     told, silent = (
-        walk(search.whitened.fit(counts.astype(float)), search.plan, told=told)
+        walk(search.whitened.fit(counts.astype(float)), search.plan, explained=told)
         for told in (True, False)
     )
     assert told.refused

@@ -224,7 +224,7 @@ def hits(name, seed, trajectories, samples=None, replicates=1000):
     logs = campaign.logs(noise=NOISE, rng=np.random.default_rng(seed))
     result = analyze(robot, logs[:-1], validate=logs[-1], replicates=replicates, seed=seed)
     submodel, frame = result.models[0].submodel, result.to_frame()
-    truth = np.linalg.lstsq(submodel.M, result.structure.nominal_base - submodel.held, rcond=None)[
+    truth = np.linalg.lstsq(submodel.M, result.structure.nominal_base - submodel.fixed, rcond=None)[
         0
     ]
     low, high = np.array(frame["interval95"].tolist()).T

@@ -308,19 +308,21 @@ def assess_ladder(
         submodel, reduced, fit = model.submodel, model.information, model.estimate
         residual = fitted.residual[:, :, k]
         uncertainty = assess_uncertainty(reduced, fit, residual, fitted.series, rng, replicates)
-        told, spread_told = model.told, uncertainty
-        if told is not model:
-            spread_told = assess_uncertainty(
-                told.information, told.estimate, residual, fitted.series, rng, replicates
+        reported, reported_uncertainty = model.reported, uncertainty
+        if reported is not model:
+            reported_uncertainty = assess_uncertainty(
+                reported.information, reported.estimate, residual, fitted.series, rng, replicates
             )
         if late is not None:
             uncertainty = replace(uncertainty, late=late(submodel))
-            spread_told = replace(spread_told, late=late(told.submodel))
+            reported_uncertainty = replace(reported_uncertainty, late=late(reported.submodel))
         result = ModelResult(
             submodel=submodel,
             estimate=fit,
             uncertainty=uncertainty,
-            verdicts=decide_told(told, spread_told, torque, thresholds, full, doubt),
+            verdicts=decide_reported(
+                reported, reported_uncertainty, torque, thresholds, full, doubt
+            ),
             error_ra=float(error[k]),
             error_ra_validation=float(held_error[k]),
             error_se=float(spread[k]),
@@ -333,7 +335,7 @@ def assess_ladder(
             error_ra_file=float(error[2 * m + k]),
             error_ra_other=float(error[3 * m + k]),
             error_real_joints=each[:, [m + k, 2 * m + k, 3 * m + k]],
-            infeasible=forbidden_signs(told.submodel, told.information, told.estimate),
+            infeasible=forbidden_signs(reported.submodel, reported.information, reported.estimate),
             physical=real,
             physical_as_good=stands_for(held_out if veto else None, real, k, m + k),
         )
@@ -341,8 +343,8 @@ def assess_ladder(
     return tuple(results)
 
 
-def decide_told(
-    told: FittedModel,
+def decide_reported(
+    reported: FittedModel,
     uncertainty: Uncertainty,
     torque: float,
     thresholds: Thresholds,
@@ -350,7 +352,7 @@ def decide_told(
     doubt: Doubt,
     models: Mixture | None = None,
 ) -> tuple[Verdict, ...]:
-    """Return the verdicts on a model as it is told (`FittedModel.told`).
+    """Return the verdicts on a model as it is told (`FittedModel.reported`).
 
     Parameters
     ----------
@@ -366,9 +368,11 @@ def decide_told(
     models : Mixture, optional
         What all models of a path say of its labels.
     """
-    submodel, part, fit = told.submodel, told.information, told.estimate
-    stated = np.linalg.lstsq(submodel.M, told.structure.nominal_base - submodel.held, rcond=None)[0]
-    left_out = find_left_out(told.structure, submodel, told.whole, fit, full)
+    submodel, part, fit = reported.submodel, reported.information, reported.estimate
+    stated = np.linalg.lstsq(
+        submodel.M, reported.structure.nominal_base - submodel.fixed, rcond=None
+    )[0]
+    left_out = find_left_out(reported.structure, submodel, reported.whole, fit, full)
     aliases = _aliases(part, fit, submodel)
     own = doubt.of_labels(submodel, fit)
     return decide_submodel(
@@ -400,26 +404,28 @@ def tell_with_file(
     if not (share or robot.prior or robot.prior_share) or not models[0].estimate.kept:
         return tuple(results), ("",) * len(results)
     both = [_add_file(m, r, share, thresholds) for m, r in zip(models, results, strict=True)]
-    told, hints = zip(*both, strict=True)
-    return told, hints
+    reported, hints = zip(*both, strict=True)
+    return reported, hints
 
 
 def _add_file(
     model: FittedModel, result: ModelResult, share: float, thresholds: Thresholds
 ) -> tuple[ModelResult, str]:
-    told = model.told
-    fit = told.estimate
-    data = LeastSquares.likelihood(told.information, fit)
+    reported = model.reported
+    fit = reported.estimate
+    data = LeastSquares.likelihood(reported.information, fit)
     own = np.linalg.pinv(data.R)
     variance = (own**2).sum(1) * data.variance
     sure = fit.determined & (variance > 0)
     wide = np.array([v.sigma_robust for v in result.verdicts]) ** 2
     sure &= np.isfinite(wide)
     wider = max(float(np.mean(wide[sure] / variance[sure])) if sure.any() else 1.0, 1.0)
-    data = data.through(told.to_x).beside(*told.left_out)
+    data = data.through(reported.to_x).beside(*reported.left_out)
     unit = np.sqrt(wider * data.variance)
     try:
-        both = combine_with_file(told.structure, data.R / unit, data.z / unit, told.to_x, share)
+        both = combine_with_file(
+            reported.structure, data.R / unit, data.z / unit, reported.to_x, share
+        )
     except ValueError:  # bodies that no prior can be around are said elsewhere
         return result, ""
     verdicts = []
@@ -569,9 +575,9 @@ def tell_errors(
 
 def errors_dict(errors: pd.DataFrame) -> dict[str, Any]:
     """Return the rows of `tell_errors` as plain values, those of joints and those of logs."""
-    told = {"joint": ["name", "unit", *OF_LOG, *OF_JOINT], "log": ["name", *OF_LOG]}
+    reported = {"joint": ["name", "unit", *OF_LOG, *OF_JOINT], "log": ["name", *OF_LOG]}
     return {
-        f"{kind}s": part[told[str(kind)]].rename(columns={"name": kind}).to_dict("records")
+        f"{kind}s": part[reported[str(kind)]].rename(columns={"name": kind}).to_dict("records")
         for kind, part in errors.groupby("of")
     }
 
@@ -751,8 +757,8 @@ class Laddered(Result, Opening, Predicts):
         moved = "" if self.moved is None else self.moved.statement
         real = {} if self.nothing else self._used.physical.parameters()
         weight = "" if self.nothing else state_weight(self.structure, self.models[0].verdicts, real)
-        told = (self.mass_warning, weight, answer, each, moved, about, raw, *self.hints)
-        return " ".join(filter(None, told))
+        reported = (self.mass_warning, weight, answer, each, moved, about, raw, *self.hints)
+        return " ".join(filter(None, reported))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""

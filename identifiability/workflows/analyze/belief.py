@@ -26,7 +26,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import check_nominal
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import FittedModel, Held, LeastSquares
+from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares
 from identifiability.physical.project import project
 from identifiability.posterior.diagnostics import (
     PRIOR_SENSITIVITY,
@@ -556,7 +556,7 @@ def _sample(
     progress: Progress | None = None,
 ) -> tuple[Posterior, Convergence]:
     """Draw until the draws may be shown; what is held by itself never moves and is not asked."""
-    moving = np.flatnonzero(~(target.held or Held.none(target.size)).fixed)
+    moving = np.flatnonzero(~(target.fixed or Fixed.none(target.size)).parameters)
     names = [target.region.columns[k] for k in moving]
 
     def judge(posterior: Posterior) -> Convergence:
@@ -588,11 +588,11 @@ def _sample_physical(
     What the model leaves out, holds or ties is so in every draw; what bodies cannot do without
     counts as error in full, as in the nearest real robot.
     """
-    structure, region, held = model.structure, model.region, model.held
+    structure, region, fixed = model.structure, model.region, model.fixed
     own = LeastSquares.likelihood(model.information, model.estimate).through(model.to_x)
     data = own.beside(*model.left_out)
-    target = Target(data, prior, region, held=held)
-    options = {"margin": START_MARGIN, "reference": structure.nominal, "held": held}
+    target = Target(data, prior, region, fixed=fixed)
+    options = {"margin": START_MARGIN, "reference": structure.nominal, "fixed": fixed}
     start = np.array(project(data, region, **options).phi)
     # The start must lie inside: the projection ends on the edge of signs, or by rounding outside.
     signed = region.signed
@@ -605,14 +605,14 @@ def _sample_physical(
 
 
 def _look_at_standard(structure: Structure, target: Target, posterior: Posterior) -> StandardBelief:
-    proper, fixed = target.proper_prior, (target.held or Held.none(target.size)).fixed
+    proper, alone = target.proper_prior, (target.fixed or Fixed.none(target.size)).parameters
     data_sd = np.linalg.norm(target.root, axis=1)
     flat = posterior.flat()
     sd = flat.std(0, ddof=1)
     idle = ~np.any(structure.G, axis=0)
     enough = LEARNED * proper.sd
     sources = np.select(
-        [idle, fixed, data_sd < enough, sd < enough],
+        [idle, alone, data_sd < enough, sd < enough],
         [Source.STRUCTURE, Source.MODEL, Source.DATA, Source.CONSTRAINT],
         Source.PRIOR,
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from identifiability.estimation.estimate import settle_noise
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.evidence import Folds, Held, Score, near_best
+from identifiability.estimation.evidence import Folds, HeldOut, Score, near_best
 from identifiability.estimation.least_squares import Noise, leave_open
 from identifiability.estimation.prediction import Task
 from identifiability.estimation.torque_errors import take_turns
@@ -159,11 +159,11 @@ def fit_ladder(
     models = tuple(
         FittedModel.of(structure, submodel, information, estimator) for submodel in submodels
     )
-    held, short = hold_folds(information, estimator)
+    held_out, short = hold_folds(information, estimator)
     found: list[Settled] = []
     for model in models:  # a smaller one asks for no heavier prior than the unpruned
         heaviest = found[0].robot.cad_weight if found else np.inf
-        found.append(settle_robot(model, held, cad_weight, heaviest, choose=not short))
+        found.append(settle_robot(model, held_out, cad_weight, heaviest, choose=not short))
     robots = tuple(
         one.robot.with_certificate(*certify_model(model))
         for one, model in zip(found, models, strict=True)
@@ -175,7 +175,7 @@ def fit_ladder(
     near |= stand_for_impossible(
         near, [len(r) for r in submodels], robots, [one.real for one in found]
     )
-    return FittedLadder(models, robots, crossed[:, :, order], held.folds, near, short)
+    return FittedLadder(models, robots, crossed[:, :, order], held_out.folds, near, short)
 
 
 def stand_for_impossible(
@@ -214,18 +214,18 @@ def stand_for_impossible(
     return out
 
 
-def hold_folds(information: Information, estimator: Estimator) -> tuple[Held, str]:
+def hold_folds(information: Information, estimator: Estimator) -> tuple[HeldOut, str]:
     """Return folds of the fitted logs; those of logs too short for a choice, and why they are."""
     fit = estimator.fit(information)
     noise = Noise(fit.variance, fit.times)
     try:
-        return Held.of(information, noise), ""
+        return HeldOut.of(information, noise), ""
     except LogError as error:
         short = (
             "Whether values of a robot that can exist predict as well, and how strongly the robot "
             f"file's bodies pull, could not be asked: {error}"
         )
-        return Held.of(information, noise, Folds.short(information)), short
+        return HeldOut.of(information, noise, Folds.short(information)), short
 
 
 @frozen
@@ -251,7 +251,7 @@ class Settled:
 
 def settle_robot(
     model: FittedModel,
-    held: Held,
+    held_out: HeldOut,
     cad_weight: float | None,
     heaviest: float = np.inf,
     *,
@@ -262,7 +262,7 @@ def settle_robot(
     Parameters
     ----------
     model : FittedModel
-    held : Held
+    held_out : HeldOut
         Folds of what was fitted.
     cad_weight : float or None
         As in `fit_ladder`.
@@ -272,11 +272,11 @@ def settle_robot(
         Whether folds may choose; else the prior is weak, unless it is given.
     """
     submodel, fit = model.submodel, model.estimate
-    free = held.refit(fit, submodel.M, submodel.held)
-    score = held.score_roots(free, held.roots(submodel.M[:, list(fit.kept)]))
+    free = held_out.refit(fit, submodel.M, submodel.fixed)
+    score = held_out.score_roots(free, held_out.roots(submodel.M[:, list(fit.kept)]))
     weight = WEAK if cad_weight is None and not choose else cad_weight
     tried = [w for w in WEIGHTS if w <= heaviest] if weight is None else [weight or WEIGHTS[-1]]
-    chosen = choose_prior(model, held, score, tried)
+    chosen = choose_prior(model, held_out, score, tried)
     values = np.full(free.shape, np.nan) if chosen is None else chosen.values
     if weight is None:
         weight = WEAK if chosen is None else chosen.weight
@@ -337,9 +337,9 @@ def check_cutoff(
     """
     if not isinstance(how, SettledPreparation) or how.band is None:
         return ()
-    held = settle_band(opening.structure, recordings.held, how)
-    seen = held.band if isinstance(held, SettledPreparation) else None
-    names = " and ".join(log.name for log in recordings.held)
+    held_out = settle_band(opening.structure, recordings.held_out, how)
+    seen = held_out.band if isinstance(held_out, SettledPreparation) else None
+    names = " and ".join(log.name for log in recordings.held_out)
     unseen = _say_cut(seen, names) if seen and not _say_cut(how.band, "") else ""
     varied = vary_cutoff(opening, recordings.fitted, result, how)
     return (*say_band(how), *filter(None, (unseen, varied)))

@@ -215,8 +215,8 @@ def _fit(
     predicting = share(say, "predicting torque", 0.65, 0.9)
     within, *out = predict_all(opening.regression, tasks, engine=engine, progress=predicting)
     if opening.validation:
-        held = opening.structure.regression(opening.validation)
-        out = [predict(held, values[:, : 2 * len(ladder.models)], engine=engine)]
+        held_out = opening.structure.regression(opening.validation)
+        out = [predict(held_out, values[:, : 2 * len(ladder.models)], engine=engine)]
     return _Fitted(
         opening, rows.information, ladder, within, (out or [within])[0], late, rows.burst
     )

@@ -73,8 +73,8 @@ class Outcome:
 
     def holds(self, truth: Array) -> np.ndarray:
         """Return which robust intervals hold the truth (k,), (k,) bool."""
-        held: np.ndarray = np.abs(self.value - truth) <= REACH * self.robust
-        return held
+        covered: np.ndarray = np.abs(self.value - truth) <= REACH * self.robust
+        return covered
 
     def wrong(self, truth: Array) -> np.ndarray:
         """Return which values are off by more than half of the truth (k,), (k,) bool."""
@@ -126,7 +126,7 @@ class Experiment:
         for chunk in (c for part in regression.parts(whole=True) for c in part.chunks()):
             log.append(np.full(len(chunk.tau), chunk.log))
             W.append(chunk.W @ submodel.M)
-            tau.append(chunk.tau - chunk.W @ submodel.held)
+            tau.append(chunk.tau - chunk.W @ submodel.fixed)
             moves.append(chunk.data)
         return Experiment(
             submodel=submodel,
@@ -316,10 +316,10 @@ def count_outcomes(
     )
 
 
-def _error(held: np.ndarray) -> float:
+def _error(covered: np.ndarray) -> float:
     """Return the Monte-Carlo standard error of a share, by trials (rows)."""
-    by_trial = held.mean(1)
-    return float(by_trial.std(ddof=1) / np.sqrt(len(held))) if len(held) > 1 else float("nan")
+    by_trial = covered.mean(1)
+    return float(by_trial.std(ddof=1) / np.sqrt(len(covered))) if len(covered) > 1 else float("nan")
 
 
 def _share(wrong: np.ndarray, called: np.ndarray) -> float:

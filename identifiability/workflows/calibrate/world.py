@@ -293,7 +293,7 @@ def _free(
     own = submodel.M[rows]
     own = own[:, own.any(0)]
     left = np.eye(rows.sum()) - own @ np.linalg.pinv(own)
-    found = full.submodel.expand(full.estimate.value)[rows] - submodel.held[rows]
+    found = full.submodel.expand(full.estimate.value)[rows] - submodel.fixed[rows]
     C = np.where(np.isfinite(full.estimate.covariance), full.estimate.covariance, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         wider = np.nan_to_num(full.uncertainty.robust / full.estimate.sigma, nan=1.0, posinf=1.0)
@@ -303,8 +303,8 @@ def _free(
     sure = (np.abs(left @ found) > SURE * sd) & (sd > 0) & ~open_
     span, origin = np.zeros((len(rows), own.shape[1] + sure.sum())), np.zeros(len(rows))
     span[rows] = np.hstack([own, left[:, sure]])
-    held = rows & (submodel.held != 0)
-    origin[held] = submodel.held[held] - by_bodies[held]
+    fixed = rows & (submodel.fixed != 0)
+    origin[fixed] = submodel.fixed[fixed] - by_bodies[fixed]
     return span, origin
 
 
@@ -387,7 +387,7 @@ class World:
         of_robot, of_noise, of_motion, of_fit = map(np.random.default_rng, seed.spawn(4))
         submodel = self.experiment.submodel
         beta = self.robots.draw(of_robot)
-        truth = np.linalg.lstsq(submodel.M, beta - submodel.held, rcond=None)[0]
+        truth = np.linalg.lstsq(submodel.M, beta - submodel.fixed, rcond=None)[0]
         if Cause.LEFT_OUT not in causes:
             beta = submodel.expand(truth)
         if Cause.NOISE_MEMORY not in causes:
@@ -405,7 +405,7 @@ class World:
         names = self.robots.structure.base.names
         whole = replace(Information.of_rows(names, W, tau, log, size, V, moves), echo=echo)
         experiment = replace(self.experiment, W=W @ submodel.M)
-        left = tau - W @ submodel.held
+        left = tau - W @ submodel.fixed
         return experiment.judge(submodel.reduce(whole), left, of_fit, whole), truth
 
 

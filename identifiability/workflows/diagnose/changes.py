@@ -233,7 +233,7 @@ class Scan:
         G[range(b, len(G)), range(b, len(G))] += prior
         return factor_of(G)
 
-    def fit(self, stay: Stay, rows: Blocks) -> Fit:
+    def fit(self, stay: Stay, rows: Blocks) -> ChangeFit:
         """Return a change fitted beside the model: values, covariance, scatter of its scores."""
         at = list(self.candidates[stay.candidate].columns)
         every = [np.column_stack([A, C[:, at] * stay.course[block, None]]) for block, A, C in rows]
@@ -254,7 +254,7 @@ class Scan:
             np.add.at(scores, n * blocks + block, C[:, at] * (A @ whole)[:, None])
         scatter, equal = scatter_of(scores, each)
         sizes = self.sizes[at]
-        return Fit(value * sizes, half * sizes, P, max(1.0, scatter), equal, whole)
+        return ChangeFit(value * sizes, half * sizes, P, max(1.0, scatter), equal, whole)
 
     def widen(self, found: Sequence[Stay], rows: Blocks) -> Blocks:
         """Let all be typically as large as they are where they are likeliest."""
@@ -266,7 +266,7 @@ class Scan:
         self.sizes = self.sizes * ratio
         return [(block, A, C * ratio) for block, A, C in rows]
 
-    def reweigh(self, stay: Stay, fit: Fit, view: View) -> View:
+    def reweigh(self, stay: Stay, fit: ChangeFit, view: View) -> View:
         """Return the rows weighed as a change leaves them, by the noise that is left beside it."""
         p, c = self.problem, self.candidates[stay.candidate]
         b, at = self.rows.X.shape[2], p.columns(self.parts)
@@ -317,7 +317,7 @@ def _held(c: Candidate) -> Candidate:
 
 
 @frozen
-class Fit:
+class ChangeFit:
     """A change beside a model.
 
     Attributes
@@ -416,7 +416,9 @@ def find_change(
     )
 
 
-def _settle(scan: Scan, start: Stay, rows: Blocks, view: View) -> tuple[list[Stay], Fit, Blocks]:
+def _settle(
+    scan: Scan, start: Stay, rows: Blocks, view: View
+) -> tuple[list[Stay], ChangeFit, Blocks]:
     """Return what is likeliest beside the noise that a change leaves, the first fitted; rows."""
     best = start
     for _ in range(SETTLED):
@@ -428,7 +430,7 @@ def _settle(scan: Scan, start: Stay, rows: Blocks, view: View) -> tuple[list[Sta
     return found, scan.fit(best, rows), rows
 
 
-def _odds(stay: Stay, fit: Fit) -> float:
+def _odds(stay: Stay, fit: ChangeFit) -> float:
     volume = 0.5 * float(np.linalg.slogdet(np.eye(len(fit.P)) + fit.P)[1])
     return of_few((stay.evidence + volume) / fit.scatter, fit.blocks) - volume - stay.price
 

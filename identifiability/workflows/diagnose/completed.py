@@ -11,7 +11,7 @@ import numpy as np
 from identifiability.effects.vocabulary import file_kinds, held_by_file
 from identifiability.estimation.estimate import estimate, find_estimator
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.prediction import Spread, measure_spread, predict
+from identifiability.estimation.prediction import TorqueUncertainty, measure_spread, predict
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
@@ -116,7 +116,7 @@ def _kept_values(d: Findings) -> Array:
     return base
 
 
-def _of_named(d: Findings, spread: Spread) -> Spread:
+def _of_named(d: Findings, spread: TorqueUncertainty) -> TorqueUncertainty:
     variance = np.zeros(len(d.completed.columns))
     for k, _, error in _named(d):
         variance[k] += error**2
@@ -166,8 +166,8 @@ def fit_physical(
     model = FittedModel(structure, submodel, information, information, fit)
     found = find_nearest(model, WEAK if cad_weight is None else cad_weight)
     if unseen and cad_weight is None:
-        held, short = hold_folds(information, wls)
-        found = settle_robot(model, held, None, choose=not short).robot
+        held_out, short = hold_folds(information, wls)
+        found = settle_robot(model, held_out, None, choose=not short).robot
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())
     return Physical(structure, found.parameters(), found.cad_weight)
@@ -232,8 +232,8 @@ def nearest_dict(d: Findings) -> dict[str, Any]:
     regression = replace(structure.regression(d.samples, keep=True), instruments=None, echo=None)
     found = predict(regression, structure.G @ (phi * first[:, None]))
     errors, each = found.relative_error(), found.joint_error()
-    held = (float(errors[0]), float(errors[1]), float(errors[2]))
-    return real_robot_dict(structure, _fold(values), held, each, d.samples, real.cad_weight)
+    held_out = (float(errors[0]), float(errors[1]), float(errors[2]))
+    return real_robot_dict(structure, _fold(values), held_out, each, d.samples, real.cad_weight)
 
 
 def _fold(values: dict[str, float]) -> dict[str, float]:

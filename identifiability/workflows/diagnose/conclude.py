@@ -33,7 +33,7 @@ from identifiability.workflows.diagnose.hypothesis import Hypothesis
 from identifiability.workflows.diagnose.problem import Problem
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.rows import is_body
-from identifiability.workflows.diagnose.search import Search, Step
+from identifiability.workflows.diagnose.search import Search, SearchStep
 from identifiability.workflows.diagnose.verdict import Judged, Verdict
 
 #: Quantile of the normal distribution for a power of 80 %.
@@ -391,7 +391,7 @@ def _curve(p: Problem, h: Hypothesis, view: View, k: int, placed: Placement) -> 
 
 def _tell_steps(
     search: Search, verdict: Verdict, null: Array, effects: Sequence[NamedEffect]
-) -> list[Step]:
+) -> list[SearchStep]:
     """Return the steps of the search with what became of each."""
     p = search.problem
     named = {p.candidates[k].group: verdict.judged[k] for k in verdict.hypothesis.parts}

@@ -167,7 +167,9 @@ class Earlier:
         """Return what became of each name."""
         return tuple(_turn(t, found.effects, self.told) for t in self.told)
 
-    def find_logs(self, logs: Sequence[Any], held: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+    def find_logs(
+        self, logs: Sequence[Any], held_out: Sequence[Any]
+    ) -> tuple[list[Any], list[Any]]:
         """Return the logs that are fitted and held out: its own, and those that are given.
 
         Raises
@@ -175,21 +177,21 @@ class Earlier:
         LogError
             If one of its own is nowhere, or nothing is left that verifies.
         """
-        given = {_name(x) for x in (*logs, *held)}
+        given = {_name(x) for x in (*logs, *held_out)}
         folders = [self.folder, *(Path(x).parent for x in logs if isinstance(x, str | Path))]
         fitted, verified = (
             list(dict.fromkeys(n.partition(PART)[0] for n in names))
             for names in (self.fitted, self.verified)
         )
         apart = [name for name in verified if name not in fitted]
-        if not (held or apart):
+        if not (held_out or apart):
             raise LogError(
                 f"{self.source} was verified on a part of {listing(verified)}, which is fitted as a"
                 " whole with a log more; give a log that verifies (--validate)."
             )
         own = [self._find(name, folders) for name in fitted if name not in given]
         unseen = [self._find(name, folders) for name in apart if name not in given]
-        return [*own, *logs], [*unseen, *held]
+        return [*own, *logs], [*unseen, *held_out]
 
     def _find(self, name: str, folders: Iterable[Path | None]) -> Path:
         digests = {d for n, d in self.hashes.items() if n.partition(PART)[0] == name}

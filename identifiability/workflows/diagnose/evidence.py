@@ -135,7 +135,7 @@ def factor_of(G: Array) -> Array:
     return factor
 
 
-class Evidence:
+class NormalEquations:
     """What rows say of hypotheses, beside the model: each column over its typical value.
 
     Parameters
@@ -278,7 +278,7 @@ class Beside:
 
     Attributes
     ----------
-    evidence : Evidence
+    evidence : NormalEquations
     rest : tuple of int
     z : (c, …)
         Products with the torque.
@@ -288,7 +288,7 @@ class Beside:
 
     def __init__(
         self,
-        evidence: Evidence,
+        evidence: NormalEquations,
         rest: tuple[int, ...],
         z: Array,
         left: Array,
@@ -474,17 +474,17 @@ class View:
         return np.concatenate([self.sizes, later]) if len(later) else self.sizes
 
     @property
-    def evidence(self) -> Evidence:
+    def evidence(self) -> NormalEquations:
         """What the rows say of hypotheses."""
         sizes = self.typical
         if len(sizes) not in self._evidence:
             self._evidence.clear()
             weights = 1.0 / self.tempered
-            self._evidence[len(sizes)] = Evidence(self.products, self.steps, weights, sizes)
+            self._evidence[len(sizes)] = NormalEquations(self.products, self.steps, weights, sizes)
         return self._evidence[len(sizes)]
 
     @cached_property
-    def _evidence(self) -> dict[int, Evidence]:
+    def _evidence(self) -> dict[int, NormalEquations]:
         """What was made, for so many columns."""
         return {}
 

@@ -137,11 +137,11 @@ def measure_false_names(
     say = progress or (lambda what, share: None)
     robot = Robot.of(robot)
     given = read_recordings(logs, validate, Conventions.of(robot), preparation)
-    train, held = (in_memory(x, Log) for x in (given.fitted, given.held))
+    train, held_out = (in_memory(x, Log) for x in (given.fitted, given.held_out))
     found = diagnose(
-        robot, train, held, model=model, preparation=preparation, quick=True, seed=seed
+        robot, train, held_out, model=model, preparation=preparation, quick=True, seed=seed
     )
-    null = null_of(found, train, held, preparation)
+    null = null_of(found, train, held_out, preparation)
     items = [(seed + k, s) for k, s in enumerate(np.random.SeedSequence(seed).spawn(trials))]
     results = (engine or Serial()).map(
         null, items, progress=lambda done, total: say(f"repetition {done}", done / total)
@@ -194,12 +194,12 @@ class Null:
         """Return the name given to one repetition, if any, and what would have stood out."""
         seed, stream = item
         fake = self.make(np.random.default_rng(stream))
-        train, held = fake[: self.fitted], fake[self.fitted :]
+        train, held_out = fake[: self.fitted], fake[self.fitted :]
         names, model = bring(self.families), self.structure.model
         d = diagnose(
             self.structure.robot,
             train,
-            held,
+            held_out,
             model=model,
             effects=names,
             preparation=self.preparation,
@@ -213,7 +213,7 @@ class Null:
 def null_of(
     found: Diagnosis,
     train: Sequence[Log],
-    held: Sequence[Log],
+    held_out: Sequence[Log],
     preparation: Preparation | None = None,
 ) -> Null:
     """Return logs of the same motion with base torque and like noise.
@@ -221,7 +221,7 @@ def null_of(
     The torque is that of the base model as it is fitted beside the named effects; the noise is
     autoregressive with the covariance of what both leave.
     """
-    robot, logs = found.robot, [*train, *held]
+    robot, logs = found.robot, [*train, *held_out]
     whole = replace(preparation or Preparation(), decimate=1)
     samples = [prepare_samples(robot, log, whole) for log in logs]
     moves = [np.ones(s.tau.shape, bool) if s.dwells is None else ~s.dwells for s in samples]

@@ -18,7 +18,7 @@ from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.gap import Discrepancy, Gap, Remainder
 from identifiability.workflows.diagnose.problem import Alias, Setting
 from identifiability.workflows.diagnose.rows import Refusal
-from identifiability.workflows.diagnose.search import Step
+from identifiability.workflows.diagnose.search import SearchStep
 from identifiability.workflows.gravity import Leaning
 
 
@@ -337,7 +337,7 @@ class Findings(Setting, Verified):
     discrepancies, discrepancies_after : tuple of Discrepancy
     aliases : tuple of Alias
     refusals : tuple of Refusal
-    steps : tuple of Step
+    steps : tuple of SearchStep
     remainder : Remainder
     model : Model
         The base model with the named effects.
@@ -364,7 +364,7 @@ class Findings(Setting, Verified):
     discrepancies_after: tuple[Discrepancy, ...]
     aliases: tuple[Alias, ...]
     refusals: tuple[Refusal, ...]
-    steps: tuple[Step, ...]
+    steps: tuple[SearchStep, ...]
     remainder: Remainder
     model: Model
     forward: ForwardGap | None = None

@@ -30,7 +30,7 @@ Moves = Callable[[Hypothesis, View, float], Iterator[Hypothesis]]
 
 
 @dataclass
-class Step:
+class SearchStep:
     """One step of the search.
 
     Attributes
@@ -69,13 +69,13 @@ class Search:
     say : callable(str, float)
     barred : set of (family, place)
         What unseen motion refuted.
-    steps : list of Step
+    steps : list of SearchStep
     """
 
     problem: Problem
     say: Say = lambda what, share: None
     barred: set[Group] = field(default_factory=set)
-    steps: list[Step] = field(default_factory=list)
+    steps: list[SearchStep] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._list()
@@ -367,4 +367,4 @@ class Search:
         else:
             return
         level = self.problem.setting.rules.odds
-        self.steps.append(Step(evidence, level, group, float("nan")))
+        self.steps.append(SearchStep(evidence, level, group, float("nan")))

@@ -242,7 +242,7 @@ def _open(
 
     Values that are fixed are those of the file, and its direction of gravity is one of them.
     """
-    roles, robot = assign_roles(given.fitted, given.held), session.structure.robot
+    roles, robot = assign_roles(given.fitted, given.held_out), session.structure.robot
     parts = Recordings(roles.fit, roles.verify, given.hints)
     session = replace(session, recordings=parts)
     how = session.preparation if session.how.cutoff is None else session.how
@@ -335,14 +335,14 @@ class _Asked:
             What became of the log.
         """
         found = self.run(setting)
-        held = odd.number >= len(setting.samples)
-        logs = (*found.samples, *found.validation) if held else found.samples
+        held_out = odd.number >= len(setting.samples)
+        logs = (*found.samples, *found.validation) if held_out else found.samples
         explained = found.effects or found.changes
         if len(found.samples) < len(setting.samples):
             return found, ""
         if explained and not still_odd(found.completed, logs, odd.number):
             return found, odd.kept
-        if held:
+        if held_out:
             return found, odd.doubted
         samples = tuple(s for k, s in enumerate(setting.samples) if k != odd.number)
         found = self.run(replace(setting, samples=samples, left_out=(odd.name,)))

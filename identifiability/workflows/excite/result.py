@@ -33,7 +33,7 @@ from identifiability.workflows.answers import answer_next, note, sentence
 from identifiability.workflows.commands import name_logs, on_file, source_name
 from identifiability.workflows.excite.criteria import VISIBLE, Criterion
 from identifiability.workflows.excite.limits import MARGIN, Clearance, Drive, Limits
-from identifiability.workflows.excite.search import End, Step
+from identifiability.workflows.excite.search import End, Iteration
 
 # From a periodic motion to what a controller plays: from rest, into the periods, back to rest.
 #
@@ -189,7 +189,7 @@ class Excitation(Result):
         Largest condition number of the closure along the motion; 1 for an open chain.
     room : float [m]
         Least distance of the workspace's points from the walls of their boxes; infinite without.
-    history : tuple of Step
+    history : tuple of Iteration
         Of the search.
     evaluations : int
         Motions looked at.
@@ -222,7 +222,7 @@ class Excitation(Result):
     limits: Limits
     closure: float
     room: float
-    history: tuple[Step, ...]
+    history: tuple[Iteration, ...]
     evaluations: int
     seconds: float
     end: End

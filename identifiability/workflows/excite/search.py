@@ -285,7 +285,7 @@ ROUNDS = 4
 
 
 @frozen
-class Step:
+class Iteration:
     """One iteration: which start, how many iterations before it, and the cost so far."""
 
     start: int
@@ -305,7 +305,7 @@ class Search:
         Random candidates.
     costs : (DRAWS,)
         Theirs.
-    steps : tuple of Step
+    steps : tuple of Iteration
     evaluations : int
         Candidates whose cost was computed.
     end : {"converged", "evaluations", "time"}
@@ -315,7 +315,7 @@ class Search:
     found: tuple[tuple[float, Array], ...]
     draws: Array
     costs: Array
-    steps: tuple[Step, ...]
+    steps: tuple[Iteration, ...]
     evaluations: int
     end: End
 
@@ -337,7 +337,7 @@ class _Run:
     allowed: float = 0.0
     iterations: int = 0
     evaluations: int = 0
-    steps: list[Step] = field(default_factory=list)
+    steps: list[Iteration] = field(default_factory=list)
 
     def improve(self, iterations: int) -> End:
         """Go on for some iterations of BFGS; return what ended them."""
@@ -361,7 +361,7 @@ class _Run:
 
     def _count(self, _x: Array) -> None:
         self.iterations += 1
-        self.steps.append(Step(self.number, self.iterations, self.cost))
+        self.steps.append(Iteration(self.number, self.iterations, self.cost))
         self.say(self.cost)
 
 

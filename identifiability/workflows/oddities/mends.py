@@ -21,7 +21,7 @@ class Reading:
 
     Attributes
     ----------
-    fitted, held : tuple of Log or LogFile
+    fitted, held_out : tuple of Log or LogFile
     how : Preparation or None
         How they will be prepared.
     servo : Servo or None
@@ -35,7 +35,7 @@ class Reading:
     """
 
     fitted: tuple[Recording, ...]
-    held: tuple[Recording, ...]
+    held_out: tuple[Recording, ...]
     how: Preparation | None = None
     servo: Servo | None = None
     hints: tuple[str, ...] = ()
@@ -46,16 +46,16 @@ class Reading:
         self, mend: Callable[[Sequence[Recording]], tuple[list[Recording], tuple[str, ...]]]
     ) -> Reading:
         """Return the logs, each mended by itself."""
-        every, hints = mend([*self.fitted, *self.held])
+        every, hints = mend([*self.fitted, *self.held_out])
         n = len(self.fitted)
         return self.having(every[:n], every[n:], hints)
 
     def having(
-        self, fitted: Sequence[Recording], held: Sequence[Recording], hints: Sequence[str] = ()
+        self, fitted: Sequence[Recording], held_out: Sequence[Recording], hints: Sequence[str] = ()
     ) -> Reading:
         """Return the same of other logs, with what is said of them."""
         said = (*self.hints, *hints)
-        return replace(self, fitted=tuple(fitted), held=tuple(held), hints=said)
+        return replace(self, fitted=tuple(fitted), held_out=tuple(held_out), hints=said)
 
 
 def mend(logs: Reading) -> Reading:
@@ -107,9 +107,9 @@ def compute_torque(logs: Reading) -> Reading:
         return logs
     from identifiability.workflows.commanded import give_torque  # noqa: PLC0415 - MuJoCo
 
-    before = (*logs.fitted, *logs.held)
+    before = (*logs.fitted, *logs.held_out)
     given = logs.by(lambda every: (give_torque(every, servo), ()))
-    after = (*given.fitted, *given.held)
+    after = (*given.fitted, *given.held_out)
     pairs = zip(before, after, strict=True)
     return replace(
         given,
@@ -149,10 +149,10 @@ def count_once(logs: Reading) -> Reading:
     """Leave out rows that came before; measured speeds tell repetitions from copies."""
     if not logs.evidence:
         return logs
-    every: list[Recording] = [*logs.fitted, *logs.held]
+    every: list[Recording] = [*logs.fitted, *logs.held_out]
     for k, speed in enumerate(logs.speeds):
         if isinstance(log := every[k], Log) and speed is not None:
             every[k] = replace(log, dq=speed)
     *kept, hints = drop_repeats(every[: len(logs.fitted)], every[len(logs.fitted) :])
-    fitted, held = ([x.without(("dq",)) if _commanded(x) else x for x in some] for some in kept)
-    return logs.having(fitted, held, hints)
+    fitted, held_out = ([x.without(("dq",)) if _commanded(x) else x for x in some] for some in kept)
+    return logs.having(fitted, held_out, hints)

@@ -22,7 +22,12 @@ from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
-from identifiability.workflows.prune.folds import HELD, Fit, WhitenedRegression, whiten_regression
+from identifiability.workflows.prune.folds import (
+    HELD,
+    FoldFits,
+    WhitenedRegression,
+    whiten_regression,
+)
 from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
 
 # Which move is the cheapest, and the order in which all that is left goes.
@@ -47,25 +52,25 @@ class Descent:
     either : str
         The parameter that a dropped one can hardly be told from.
     after : Partition
-    held : (r, k)
-        All constraints ``held y = 0`` after it.
+    fixed : (r, k)
+        All constraints ``fixed y = 0`` after it.
     """
 
     move: Move
     cost: float
     either: str
     after: Partition
-    held: Array
+    fixed: Array
 
 
 def descend(
-    fit: Fit, pairs: Sequence[Move], kept: Collection[str], *, told: bool = True
+    fit: FoldFits, pairs: Sequence[Move], kept: Collection[str], *, explained: bool = True
 ) -> Iterator[Descent]:
     """Yield the cheapest moves until nothing is left that may go.
 
     Parameters
     ----------
-    fit : Fit
+    fit : FoldFits
         Whose refits are updates.
     pairs : sequence of Move
         Merges of Coulomb levels; such columns are dropped in pairs only.
@@ -86,10 +91,10 @@ def descend(
         before, then = (f.refits for f in (fit, after))
         assert isinstance(before, UpdatedRefits)
         assert isinstance(then, UpdatedRefits)
-        said = (fit.cost(move), find_either(fit, move, spread)) if told else (np.nan, "")
-        yield Descent(move, *said, after.partition, then.held)
+        said = (fit.cost(move), find_either(fit, move, spread)) if explained else (np.nan, "")
+        yield Descent(move, *said, after.partition, then.fixed)
         if then.solved == before.solved:
-            new = then.held[len(before.held) :]
+            new = then.fixed[len(before.fixed) :]
             gone = before.C @ new.T
             of_x = X @ gone
             spread = spread - ((of_x @ np.linalg.inv(new @ gone)) * of_x).sum(1)
@@ -98,7 +103,7 @@ def descend(
         fit = after
 
 
-def measure_spread(fit: Fit) -> Array:
+def measure_spread(fit: FoldFits) -> Array:
     """Return the inverse information of each column's value, (k,)."""
     X = fit.whitened.inverse
     spread: Array = ((X @ fit.refits.C) * X).sum(1)
@@ -106,7 +111,7 @@ def measure_spread(fit: Fit) -> Array:
 
 
 def find_cheapest(
-    fit: Fit, pairs: Sequence[Move], kept: Collection[str], drops: Array | None = None
+    fit: FoldFits, pairs: Sequence[Move], kept: Collection[str], drops: Array | None = None
 ) -> Move | None:
     """Return the move whose loss raises the sum of squares least per parameter.
 
@@ -142,12 +147,12 @@ def find_cheapest(
     return moves[best - len(singles)]
 
 
-def find_either(fit: Fit, move: Move, spread: Array | None = None) -> str:
+def find_either(fit: FoldFits, move: Move, spread: Array | None = None) -> str:
     """Return the parameter that a dropped one can hardly be told from.
 
     Parameters
     ----------
-    fit : Fit
+    fit : FoldFits
     move : Move
     spread : (k,), optional
         As `measure_spread` has it.
@@ -269,7 +274,7 @@ class Step:
         return float(self.score.density.sum())
 
     @staticmethod
-    def of(fit: Fit, move: Move | None = None, evidence: MoveTest | None = None) -> Step:
+    def of(fit: FoldFits, move: Move | None = None, evidence: MoveTest | None = None) -> Step:
         """Return the step to the model of some fits."""
         return Step(fit.partition, fit.score, fit.violations(), fit.values, move, evidence)
 
@@ -318,19 +323,19 @@ class Path:
     refused: tuple[Refusal, ...] = ()
 
 
-def walk(fit: Fit, plan: Plan, *, told: bool = True) -> Path:
+def walk(fit: FoldFits, plan: Plan, *, explained: bool = True) -> Path:
     """Return the path from a fit down.
 
     Parameters
     ----------
-    fit : Fit
+    fit : FoldFits
         Of all columns.
     plan : Plan
     told : bool
         Whether each step says what the data say of it, and what was refused; who walks again on
         resampled logs asks for the models alone, which takes half as long.
     """
-    walker = _Walker(fit, plan, told=told)
+    walker = _Walker(fit, plan, explained=explained)
     for move in plan.forced:
         walker.make(move)
     for kind in (Kind.OFFSET, Kind.MERGE, Kind.ZERO, Kind.TIE):
@@ -342,25 +347,25 @@ def walk(fit: Fit, plan: Plan, *, told: bool = True) -> Path:
 class _Walker:
     """The state of a walk; it lives as long as `walk`."""
 
-    def __init__(self, fit: Fit, plan: Plan, *, told: bool) -> None:
+    def __init__(self, fit: FoldFits, plan: Plan, *, explained: bool) -> None:
         self.start = self.fit = fit
         self.plan = plan
         #: Fits of an estimator that has its own refits are scored one by one in any case.
-        self.told = told or not isinstance(fit.refits, UpdatedRefits)
+        self.explained = explained or not isinstance(fit.refits, UpdatedRefits)
         self.base = max(fit.whitened.scale**2, 1e-300)
-        self.steps = [Step.of(fit)] if self.told else []
+        self.steps = [Step.of(fit)] if self.explained else []
         #: Moves, and the models and constraints after them, of steps that say nothing.
         self.made: list[tuple[Move | None, Partition, Array]] = []
         if isinstance(fit.refits, UpdatedRefits):
-            self.made.append((None, fit.partition, fit.refits.held))
+            self.made.append((None, fit.partition, fit.refits.fixed))
         self.refused: list[Refusal] = []
 
     def path(self) -> tuple[Step, ...]:
         """Return the steps; those that say nothing are scored here, all at once."""
-        if self.told:
+        if self.explained:
             return tuple(self.steps)
-        moves, partitions, held = zip(*self.made, strict=True)
-        fits = self.start.along(held[-1], list(zip(partitions, map(len, held), strict=True)))
+        moves, partitions, fixed = zip(*self.made, strict=True)
+        fits = self.start.along(fixed[-1], list(zip(partitions, map(len, fixed), strict=True)))
         return tuple(Step.of(fit, move) for fit, move in zip(fits, moves, strict=True))
 
     def make(self, move: Move) -> None:
@@ -368,11 +373,11 @@ class _Walker:
         if len(self.fit.rows(move)):
             self._step(self.fit.after(move), move)
 
-    def _step(self, after: Fit, move: Move) -> None:
-        if self.told:
+    def _step(self, after: FoldFits, move: Move) -> None:
+        if self.explained:
             self.steps.append(Step.of(after, move, self._evidence(move, after)))
         elif isinstance(after.refits, UpdatedRefits):
-            self.made.append((move, after.partition, after.refits.held))
+            self.made.append((move, after.partition, after.refits.fixed))
         self.fit = after
 
     def suggest(self, moves: Sequence[Move]) -> None:
@@ -389,7 +394,7 @@ class _Walker:
             forbidden = after.violations() > self.fit.violations()
         if not (contradicted or forbidden):
             self._step(after, move)
-        elif self.told:
+        elif self.explained:
             evidence = self._evidence(move, after)
             reason = "It would give another parameter a sign that physics forbids."
             if contradicted:
@@ -406,23 +411,23 @@ class _Walker:
             while (move := find_cheapest(self.fit, plan.pairs, plan.kept)) is not None:
                 self.make(move)
             return
-        made = list(descend(fit, plan.pairs, plan.kept, told=self.told))
-        if not self.told:
-            self.made += [(d.move, d.after, d.held) for d in made]
+        made = list(descend(fit, plan.pairs, plan.kept, explained=self.explained))
+        if not self.explained:
+            self.made += [(d.move, d.after, d.fixed) for d in made]
             return
-        held = made[-1].held if made else fit.refits.held
+        fixed = made[-1].fixed if made else fit.refits.fixed
         for d, after in zip(
-            made, fit.along(held, [(d.after, len(d.held)) for d in made]), strict=True
+            made, fit.along(fixed, [(d.after, len(d.fixed)) for d in made]), strict=True
         ):
             evidence = self._weigh(d.move, after, d.cost, d.either)
             self.steps.append(Step.of(after, d.move, evidence))
             self.fit = after
 
-    def _evidence(self, move: Move, after: Fit) -> MoveTest:
+    def _evidence(self, move: Move, after: FoldFits) -> MoveTest:
         fit = self.fit
         return self._weigh(move, after, fit.cost(move), find_either(fit, move))
 
-    def _weigh(self, move: Move, after: Fit, cost: float, either: str) -> MoveTest:
+    def _weigh(self, move: Move, after: FoldFits, cost: float, either: str) -> MoveTest:
         gain, (p_value, percent) = self._gain(after), self._significance(move)
         return MoveTest(
             cost=cost / self.base,
@@ -433,7 +438,7 @@ class _Walker:
             either=either,
         )
 
-    def _gain(self, after: Fit) -> Gain:
+    def _gain(self, after: FoldFits) -> Gain:
         """Return the gain in predictive log density of a model after the present one [nats]."""
         return after.score.gain(self.fit.score)
 

@@ -144,7 +144,7 @@ class WhitenedRegression:
         unit: Array = L / np.linalg.norm(L, axis=1, keepdims=True)
         return unit
 
-    def fit(self, counts: Array | None = None) -> Fit:
+    def fit(self, counts: Array | None = None) -> FoldFits:
         """Return the fits of all columns to everything and to each fold's rest.
 
         Parameters
@@ -163,11 +163,11 @@ class WhitenedRegression:
             every = np.ones(len(folds.test), bool)
             refits = self.refitter.start(weights, np.vstack([every, folds.train]).astype(float))
         seen = self.project(weights) if len(self.seen) else None
-        return Fit(self, Partition.of(self.columns), tuple(tests), seen, refits)
+        return FoldFits(self, Partition.of(self.columns), tuple(tests), seen, refits)
 
 
 @frozen
-class Fit:
+class FoldFits:
     """Fits of one model to everything (first) and to the rest of each of F folds.
 
     Attributes
@@ -200,7 +200,7 @@ class Fit:
         return x
 
     @property
-    def alone(self) -> Fit:
+    def alone(self) -> FoldFits:
         """The fit to everything without the others."""
         assert isinstance(self.refits, UpdatedRefits)
         return replace(self, refits=self.refits.alone)
@@ -209,7 +209,7 @@ class Fit:
         """Return what a move denies, ``L y = 0`` with L (r, k); none if it is void."""
         return self.whitened.whiten(self.partition.rows(move))
 
-    def after(self, move: Move) -> Fit:
+    def after(self, move: Move) -> FoldFits:
         """Return the fits of the model after a move."""
         L, partition = self.rows(move), self.partition.apply(move)
         values, vectors = np.linalg.eigh(L @ self.refits.C @ L.T)
@@ -268,25 +268,25 @@ class Fit:
         own = delta[:, 1:]
         return self.whitened.score(self.tests, self.seen, precision, own, turn, np.asarray(free))
 
-    def along(self, held: Array, models: Sequence[tuple[Partition, int]]) -> list[Fit]:
+    def along(self, fixed: Array, models: Sequence[tuple[Partition, int]]) -> list[FoldFits]:
         """Return the fits of nested models, for what they say and not for more moves.
 
         Parameters
         ----------
-        held : (r, k)
-            All constraints ``held y = 0``, those of this fit first.
+        fixed : (r, k)
+            All constraints ``fixed y = 0``, those of this fit first.
         models : sequence of (Partition, int)
             And how many of the constraints hold in each.
         """
         refits = self.refits
         assert isinstance(refits, UpdatedRefits)
         counts = [count for _, count in models]
-        delta = refits.along(held, counts)
+        delta = refits.along(fixed, counts)
         fits = [
-            replace(self, partition=p, refits=replace(refits, held=held[:r], delta=d))
+            replace(self, partition=p, refits=replace(refits, fixed=fixed[:r], delta=d))
             for (p, r), d in zip(models, delta, strict=True)
         ]
-        turn = np.linalg.qr(held.T, mode="complete")[0][:, ::-1]
+        turn = np.linalg.qr(fixed.T, mode="complete")[0][:, ::-1]
         scores = self._score(delta, turn, [self.whitened.size - count for count in counts])
         for fit, score in zip(fits, scores, strict=True):
             vars(fit)["score"] = score  # those of all models at once are a tenth of the work

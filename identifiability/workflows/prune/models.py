@@ -51,7 +51,7 @@ from identifiability.workflows.analyze.assessment import (
     JudgedModel,
     ModelResult,
     assess_ladder,
-    decide_told,
+    decide_reported,
     forbidden_signs,
     tell_with_file,
 )
@@ -312,7 +312,9 @@ def _walk_again(
     """Return what some replicates choose; `draws` (r, units) says how often they draw a unit."""
     chosen = []
     for row in draws:
-        steps = walk(search.whitened.fit(row[unit].astype(float)), search.plan, told=False).steps
+        steps = walk(
+            search.whitened.fit(row[unit].astype(float)), search.plan, explained=False
+        ).steps
         path = Path((steps[choose_step(steps, criterion)],))
         chosen.append(search.embed(path).steps[0].partition)
     return chosen
@@ -544,7 +546,7 @@ def measure_models(
     fits = [(model.submodel, model.estimate) for model in map(question.fit, steps)]
     values = np.stack([submodel.expand(fit.value) for submodel, fit in fits], 1)
     own_values = np.stack([values[:, chosen], physical.base, *physical.in_files], 1)
-    every, two = Task(values[None], held=False), Task(own_values[None])
+    every, two = Task(values[None], kept=False), Task(own_values[None])
     crossed = _plan_unseen(question, search)
     fitted, unseen, own = predict_all(
         opening.regression, [every, crossed, two], engine=engine, progress=progress
@@ -552,8 +554,8 @@ def measure_models(
     outside, own_held = unseen, own
     error_held = joints_held = np.full(len(steps), np.nan)
     if opening.validation:
-        held = opening.structure.regression(opening.validation)
-        outside, own_held = predict_all(held, [every, two], engine=engine)
+        held_out = opening.structure.regression(opening.validation)
+        outside, own_held = predict_all(held_out, [every, two], engine=engine)
         error_held, joints_held = outside.relative_error(), outside.error_over_joints()
     own_model = [question.recall(*fits[chosen])]
     missing = find_missing(opening)
@@ -575,18 +577,18 @@ def measure_models(
     weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
     spreads = [
         replace(
-            resample(told.information, told.estimate, spread.block, rng, replicates),
-            late=question.delays.move(told.submodel),
+            resample(reported.information, reported.estimate, spread.block, rng, replicates),
+            late=question.delays.move(reported.submodel),
         )
-        for told in (model.told for model in starmap(question.recall, fits))
+        for reported in (model.reported for model in starmap(question.recall, fits))
     ]
-    own_told = own_model[0].told
-    models = _mix(question, fits, spreads, weights, own_told) if replicates else None
+    own_reported = own_model[0].reported
+    models = _mix(question, fits, spreads, weights, own_reported) if replicates else None
     torque = float(np.sqrt(np.mean(own.rms**2)))
     result = replace(
         result,
-        verdicts=decide_told(
-            own_told, spreads[chosen], torque, Thresholds(), question.full, missing, models
+        verdicts=decide_reported(
+            own_reported, spreads[chosen], torque, Thresholds(), question.full, missing, models
         ),
     )
     submodels = tuple(
@@ -596,7 +598,9 @@ def measure_models(
             estimate=model.estimate,
             verdicts=result.verdicts
             if k == chosen
-            else decide_told(model.told, spreads[k], torque, Thresholds(), question.full, missing),
+            else decide_reported(
+                model.reported, spreads[k], torque, Thresholds(), question.full, missing
+            ),
             error_ra=float(error[k]),
             error_ra_unseen=float(error_unseen[k]),
             error_se=float(error_se[k]),
@@ -611,7 +615,7 @@ def measure_models(
             density_se=judged[k].density.se,
             weight=float(weights[k]),
             infeasible=forbidden_signs(
-                model.told.submodel, model.told.information, model.told.estimate
+                model.reported.submodel, model.reported.information, model.reported.estimate
             ),
         )
         for k, (step, model) in enumerate(zip(steps, starmap(question.recall, fits), strict=True))
@@ -642,9 +646,9 @@ def _plan_unseen(question: Question, search: Search) -> Task:
     """Return how stretches (or logs) are predicted by models fitted to the others."""
     start = question.start
     fits = np.stack([s.values[1:] for s in search.path.steps], 2)
-    values = start.held[:, None] + start.M @ fits
+    values = start.fixed[:, None] + start.M @ fits
     turns = take_turns(question.information, search.whitened.folds.test)
-    return Task(values, turns, held=False)
+    return Task(values, turns, kept=False)
 
 
 def state_foreign(measured: Measured) -> tuple[str, ...]:
@@ -677,17 +681,19 @@ def _mix(
     fits: Sequence[tuple[Submodel, Estimate]],
     spreads: Sequence[Uncertainty],
     weights: Array,
-    told: FittedModel,
+    reported: FittedModel,
 ) -> Mixture:
     """Return what all models of the path say of the labels of one, as it is told."""
-    inverse = np.linalg.pinv(told.submodel.M)
+    inverse = np.linalg.pinv(reported.submodel.M)
     heavy = np.flatnonzero(weights > LEAST_WEIGHT * weights.max())
     values, sigmas = [], []
     for k in heavy.tolist():
-        model = question.recall(*fits[k]).told
+        model = question.recall(*fits[k]).reported
         L = inverse @ model.submodel.M
         L[np.abs(L) < ROUNDING] = 0.0
-        values.append(inverse @ (model.submodel.expand(model.estimate.value) - told.submodel.held))
+        values.append(
+            inverse @ (model.submodel.expand(model.estimate.value) - reported.submodel.fixed)
+        )
         sigmas.append(_spread_labels(L, model.estimate, spreads[k].robust))
     return mix_labels(weights[heavy], np.array(values), np.array(sigmas))
 

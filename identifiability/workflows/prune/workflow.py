@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.estimate import Kind, Method, find_estimator, settle_noise
-from identifiability.estimation.evidence import Held, Score, near_best
+from identifiability.estimation.evidence import HeldOut, Score, near_best
 from identifiability.estimation.least_squares import Noise
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
@@ -332,22 +332,22 @@ def _choose(
         raise problems[-1]
     feasible = [a for a in asked if a[2][0] is not None and a[2][0].feasible]
     noise = Noise(search.full.variance, search.full.times)
-    held = Held.of(question.information, noise, search.whitened.folds)
+    held_out = HeldOut.of(question.information, noise, search.whitened.folds)
     if not feasible and criterion == "identifiable":
-        feasible = _find_possible(question, steps, asked[0][0], held)
+        feasible = _find_possible(question, steps, asked[0][0], held_out)
     k, model, proved = (feasible or asked)[0]
-    return k, settle_robot(model, held, cad_prior).robot.with_certificate(*proved)
+    return k, settle_robot(model, held_out, cad_prior).robot.with_certificate(*proved)
 
 
 def _find_possible(
-    question: Question, steps: Sequence[Step], impossible: int, held: Held
+    question: Question, steps: Sequence[Step], impossible: int, held_out: HeldOut
 ) -> list[Candidate]:
     """Return the largest smaller model whose values a real robot has, if it predicts as well.
 
     What a model with impossible values says of the robot is its nearest real robot, and that of a
     smaller one has what its bodies cannot do without: the two are compared.
     """
-    best = _score_robot(question.fit(steps[impossible]), held)
+    best = _score_robot(question.fit(steps[impossible]), held_out)
     for k, step in list(enumerate(steps))[impossible + 1 :][:CERTIFIED]:
         model = question.fit(step)
         try:
@@ -355,14 +355,14 @@ def _find_possible(
         except IdentifiabilityError:
             continue
         if proved[0] is not None and proved[0].feasible:
-            own = _score_robot(model, held)
+            own = _score_robot(model, held_out)
             near = best is not None and own is not None and near_best([own, best])[0]
             return [(k, model, proved)] if near else []
     return []
 
 
-def _score_robot(model: FittedModel, held: Held) -> Score | None:
+def _score_robot(model: FittedModel, held_out: HeldOut) -> Score | None:
     """Return what the nearest real robot predicts; None where there is none."""
     fit, submodel = model.estimate, model.submodel
-    found = choose_prior(model, held, held.score_fit(fit, submodel.M, submodel.held))
+    found = choose_prior(model, held_out, held_out.score_fit(fit, submodel.M, submodel.fixed))
     return None if found is None else found.score

@@ -8,7 +8,7 @@ from scipy import stats
 from scipy.integrate import quad
 
 from identifiability.workflows.diagnose.evidence import (
-    Evidence,
+    NormalEquations,
     Options,
     Products,
     View,
@@ -38,7 +38,7 @@ SIZES = np.array([0.2, 0.5, 1.0, 0.3, 0.7])
 
 def evidence_of(rows, noise, sizes=SIZES, weights=None):
     weights = np.ones(rows.joints) if weights is None else weights
-    return Evidence(Products(rows, noise), np.zeros(rows.joints, int), weights, sizes)
+    return NormalEquations(Products(rows, noise), np.zeros(rows.joints, int), weights, sizes)
 
 
 def dense(rows, noise, columns, sizes=SIZES):

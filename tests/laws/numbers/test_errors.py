@@ -291,7 +291,7 @@ def test_every_sample_is_predicted_by_the_fit_that_has_not_seen_it_over_several_
     values = rng.normal(size=(3, 3, 2))
     turns = Turns(np.arange(8, 81, 8), np.arange(10) % 3)
     whole, plain = predict_all(
-        Rows(W, tau, logs), [Task(values, turns), Task(values[:1], held=False)]
+        Rows(W, tau, logs), [Task(values, turns), Task(values[:1], kept=False)]
     )
     expected = np.einsum("tak,tkm->tam", W, values[fold])
     np.testing.assert_allclose(whole.predicted, expected, rtol=1e-12)

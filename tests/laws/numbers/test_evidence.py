@@ -12,7 +12,7 @@ from identifiability.estimation.evidence import (
     Evidence,
     Folds,
     Gain,
-    Held,
+    HeldOut,
     Level,
     Score,
     mix_labels,
@@ -44,7 +44,7 @@ def test_densities_are_those_of_the_normal_distribution_of_a_fold():
     W, tau = rows()
     information = gather(W, tau, size=6)
     folds = Folds.of(information, 7.0)
-    held = Held.of(information, WHITE, folds)
+    held = HeldOut.of(information, WHITE, folds)
     fit = estimate(information, "ols")
     found = held.score_fit(fit)
     S = WHITE.variance
@@ -89,7 +89,7 @@ def test_a_log_too_short_for_five_folds_is_refused_in_one_sentence(memory):
 
 
 def test_a_against_b_is_minus_b_against_a():
-    held = Held.of(gather(*rows()), WHITE)
+    held = HeldOut.of(gather(*rows()), WHITE)
     a, b = drop(held), drop(held, [0])
     one, other = Evidence.of(a, b), Evidence.of(b, a)
     for x, y in zip(
@@ -112,7 +112,7 @@ def test_of_models_that_are_equally_good_few_are_called_better_or_worse(rho):
         W = np.stack([ar1(rng, 0.95, 300, 3) for _ in range(2)], 1)
         tau = W[:, :, 0] + ar1(rng, rho, 300, 2)
         information = gather(W, tau, size=4)
-        held = Held.of(information, Noise(np.ones(2), np.full(2, (1 + rho) / (1 - rho))))
+        held = HeldOut.of(information, Noise(np.ones(2), np.full(2, (1 + rho) / (1 - rho))))
         level = Evidence.of(drop(held, [1]), drop(held, [2])).level
         called += level in {Level.BETTER, Level.WORSE}
     assert called / trials <= 0.05 + 2 * np.sqrt(0.05 * 0.95 / trials)
@@ -127,7 +127,7 @@ def test_a_planted_gain_is_found_as_often_as_theory_says(off):
     right = np.zeros((1, 1))
     found = 0
     for _ in range(trials):
-        held = Held.of(gather(W, rng.normal(size=(N, 1)), size=12), noise)
+        held = HeldOut.of(gather(W, rng.normal(size=(N, 1)), size=12), noise)
         a, b = (held.score(x, right) for x in (np.zeros(1), np.full(1, off)))
         found += Evidence.of(a, b).level is Level.BETTER
     K = held.folds.count
@@ -142,7 +142,7 @@ def test_nothing_depends_on_units_or_on_how_rows_are_cut_into_blocks_and_ordered
 
     def judged(W, tau, noise, size):
         information = gather(W, tau, size=size)
-        held = Held.of(information, noise, Folds.of(information, 8.0))
+        held = HeldOut.of(information, noise, Folds.of(information, 8.0))
         found = Evidence.of(drop(held), drop(held, [1]))
         gains = (found.density, found.error, *found.joint_errors)
         return [x for gain in gains for x in (gain.value, gain.se)]

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import Held, LeastSquares
+from identifiability.physical.fitted_model import Fixed, LeastSquares
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.target import Prior, Target
 
 #: The second parameter is held at 0.7; the third and the fifth are tied.
-HELD = Held(np.array([[0, 1.0, 0, 0, 0], [0, 0, 2.0, 0, -2.0]]), np.array([0.7, 0.0]))
+FIXED = Fixed(np.array([[0, 1.0, 0, 0, 0], [0, 0, 2.0, 0, -2.0]]), np.array([0.7, 0.0]))
 
 
 def target(nonnegative=(False,) * 5, variance=0.3):
@@ -17,7 +17,7 @@ def target(nonnegative=(False,) * 5, variance=0.3):
     data = LeastSquares(rng.normal(size=(4, 5)), rng.normal(size=4), 9.0, 30.0)
     prior = Prior(rng.normal(size=5), rng.uniform(0.5, 2.0, 5))
     region = PhysicalSet(np.empty((0, 10), int), np.array(nonnegative))
-    return Target(data, prior, region, variance=variance, held=HELD)
+    return Target(data, prior, region, variance=variance, fixed=FIXED)
 
 
 def test_what_is_held_conditions_the_normal_of_data_and_prior():
@@ -26,9 +26,9 @@ def test_what_is_held_conditions_the_normal_of_data_and_prior():
     R, prior = t.data.R, t.prior
     covariance = np.linalg.inv(R.T @ R / t.variance + np.diag(prior.sd**-2))
     mean = covariance @ (R.T @ t.data.z / t.variance + prior.mean / prior.sd**2)
-    gain = covariance @ HELD.rows.T @ np.linalg.inv(HELD.rows @ covariance @ HELD.rows.T)
-    expected = mean + gain @ (HELD.value - HELD.rows @ mean)
-    left = covariance - gain @ HELD.rows @ covariance
+    gain = covariance @ FIXED.rows.T @ np.linalg.inv(FIXED.rows @ covariance @ FIXED.rows.T)
+    expected = mean + gain @ (FIXED.value - FIXED.rows @ mean)
+    left = covariance - gain @ FIXED.rows @ covariance
     centre, sd = t.diagonal.conditional(np.array([t.variance]))
     np.testing.assert_allclose(t.to_phi(centre[0]), expected, rtol=1e-9)
     root = t.basis * sd[0]
@@ -39,9 +39,9 @@ def test_the_covariance_without_constraints_is_that_of_the_plane():
     t = target()
     S = t.data.R / np.sqrt(t.data.variance)
     covariance = np.linalg.inv(S.T @ S + np.diag(t.prior.sd**-2))
-    gain = covariance @ HELD.rows.T @ np.linalg.inv(HELD.rows @ covariance @ HELD.rows.T)
+    gain = covariance @ FIXED.rows.T @ np.linalg.inv(FIXED.rows @ covariance @ FIXED.rows.T)
     np.testing.assert_allclose(
-        t.root @ t.root.T, covariance - gain @ HELD.rows @ covariance, atol=1e-12
+        t.root @ t.root.T, covariance - gain @ FIXED.rows @ covariance, atol=1e-12
     )
 
 
@@ -60,5 +60,5 @@ def test_coordinates_and_parameters_of_the_plane_are_one_to_one():
     t = target()
     eta = np.random.default_rng(1).normal(size=(7, 3))
     phi = t.to_phi(eta)
-    np.testing.assert_allclose(phi @ HELD.rows.T, np.broadcast_to(HELD.value, (7, 2)), atol=1e-12)
+    np.testing.assert_allclose(phi @ FIXED.rows.T, np.broadcast_to(FIXED.value, (7, 2)), atol=1e-12)
     np.testing.assert_allclose(t.to_eta(phi), eta, atol=1e-12)

@@ -43,7 +43,7 @@ def test_the_first_model_has_every_group(base):
     (full,) = submodels(base)
     assert full.columns == base.names == ("arm.m", "arm.mx", "arm.Fc+", "arm.Fc-")
     np.testing.assert_array_equal(full.M, np.eye(4))
-    np.testing.assert_array_equal(full.held, 0.0)
+    np.testing.assert_array_equal(full.fixed, 0.0)
     np.testing.assert_array_equal(full.nonnegative, [True, False, True, True])
     np.testing.assert_array_equal(full_model(base).M, full.M)
 
@@ -51,14 +51,14 @@ def test_the_first_model_has_every_group(base):
 def test_zeroed_parameters_are_left_out_and_held_ones_keep_their_value(base):
     submodel = submodels(base, {"name": "r", "zero": ["arm.mx"], "hold": {"arm.Fc+": 0.4}})[1]
     assert submodel.columns == ("arm.m", "arm.Fc-")
-    np.testing.assert_array_equal(submodel.held, [0, 0, 0.4, 0])
+    np.testing.assert_array_equal(submodel.fixed, [0, 0, 0.4, 0])
     np.testing.assert_array_equal(submodel.expand(np.array([5.0, 6.0])), [5, 0, 0.4, 6])
 
 
 def test_nominal_is_the_value_of_the_whole_group(base):
     """m + 3 Ixx = 2 + 1.5."""
     submodel = submodels(base, {"name": "r", "hold": {"arm.m": "nominal"}})[1]
-    np.testing.assert_allclose(submodel.held, [3.5, 0, 0, 0])
+    np.testing.assert_allclose(submodel.fixed, [3.5, 0, 0, 0])
     np.testing.assert_allclose(Structure(ROBOT, Model(()), base).nominal_base, [3.5, 0.3, 1.0, 0.0])
 
 
@@ -108,7 +108,7 @@ def test_a_pattern_is_all_that_fit_it_and_a_name_goes_before_it(base):
     )[1:]
     assert zero.columns == ("arm.Fc+", "arm.Fc-")
     assert hold.columns == ("arm.m",)
-    np.testing.assert_array_equal(hold.held, [0, 0.3, 0.5, 2.0])
+    np.testing.assert_array_equal(hold.fixed, [0, 0.3, 0.5, 2.0])
     assert tie.columns == ("arm.m", "arm.mx", "arm.Fc")
     assert keep.columns == ("arm.mx", "arm.Fc+")
     with pytest.raises(ModelError, match=r"names the parameter 'leg\*', which is not there"):

@@ -32,12 +32,12 @@ def structure_of(nominal):
     )
 
 
-def submodel_of(kept, held=None):
+def submodel_of(kept, fixed=None):
     kept = list(kept)
     names = tuple(NAMES[k] for k in kept)
-    held = np.zeros(12) if held is None else held
+    fixed = np.zeros(12) if fixed is None else fixed
     signs = np.zeros(len(kept), bool)
-    return Submodel("small", "", names, names, ("",) * len(kept), np.eye(12)[:, kept], held, signs)
+    return Submodel("small", "", names, names, ("",) * len(kept), np.eye(12)[:, kept], fixed, signs)
 
 
 @pytest.fixture(scope="module")
@@ -89,8 +89,8 @@ def test_nothing_left_out_nothing_added(motion):
 
 
 def test_what_is_held_at_the_files_value_errs_by_its_scatter_alone(motion):
-    held = np.where(np.isin(np.arange(12), [10, 11]), FILE, 0.0)
-    found, _ = left_out(motion, FILE, submodel_of(range(10), held))
+    fixed = np.where(np.isin(np.arange(12), [10, 11]), FILE, 0.0)
+    found, _ = left_out(motion, FILE, submodel_of(range(10), fixed))
     np.testing.assert_allclose(found.sigma, 0.0, atol=1e-9)  # friction does not scatter
 
 
@@ -180,11 +180,11 @@ def test_what_no_file_states_is_noticed_by_the_unpruned_model(motion, size):
     kept = [0, 5, 9]
     theta = FILE + np.where(np.arange(12) == 10, 40.0, 0.0)
     every = gather(motion, motion @ theta + quiet(motion, size=size), columns=NAMES)
-    held = np.where(np.isin(np.arange(12), kept), 0.5 * FILE, 0.0)
-    submodel, own = submodel_of(kept, held), find_estimator("ols")
+    fixed = np.where(np.isin(np.arange(12), kept), 0.5 * FILE, 0.0)
+    submodel, own = submodel_of(kept, fixed), find_estimator("ols")
     fit, full = own.fit(submodel.reduce(every)), own.fit(every)
     found = find_left_out(structure_of(FILE), submodel, every, fit, full)
-    label = (full.value - held)[kept]
+    label = (full.value - fixed)[kept]
     apart = np.abs(fit.value - label)
     own = REACH * full.sigma[kept] * np.sqrt(full.times.max())
     assert (apart > 10 * own).any()  # else nothing would be tested

@@ -31,9 +31,9 @@ def count(trials, truth):
 
 
 def test_an_interval_holds_the_truth_up_to_the_deviations_that_verdicts_state():
-    for off, held in ((1.959, 1.0), (-1.959, 1.0), (1.961, 0.0), (-1.961, 0.0)):
+    for off, fixed in ((1.959, 1.0), (-1.959, 1.0), (1.961, 0.0), (-1.961, 0.0)):
         cell = count([outcome([10 + off])], [10.0])
-        assert (cell.coverage_white, cell.coverage_robust) == (held, held)
+        assert (cell.coverage_white, cell.coverage_robust) == (fixed, fixed)
 
 
 def test_white_and_robust_intervals_are_counted_apart():
@@ -117,7 +117,7 @@ def made(samples):
     rng = np.random.default_rng(0)
     submodel = Submodel(
         name="m", description="", columns=("p0", "p1"), labels=("p0", "p1"), units=("kg", "kg"),
-        M=np.eye(2), held=np.zeros(2), nonnegative=np.zeros(2, bool),
+        M=np.eye(2), fixed=np.zeros(2), nonnegative=np.zeros(2, bool),
     )  # fmt: skip
     experiment = Experiment(
         submodel=submodel,

@@ -15,7 +15,7 @@ from identifiability.physical import project
 from identifiability.physical.cad_prior import WEIGHTS, CadPrior
 from identifiability.physical.feasibility import choose_prior, stands_elsewhere
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import FittedModel, Held, LeastSquares
+from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares
 from identifiability.physical.project import Projection
 from identifiability.physical.pseudo_inertia import to_matrix
 from identifiability.regression.reduction import default_ladder, ladder_model
@@ -73,7 +73,7 @@ def test_newton_keeps_what_is_held_and_stops_friction_at_zero(monkeypatch):
     row = np.zeros((1, 22))
     row[0, 20:] = 1.0, -1.0  # both levels alike
     data = problem(1, 40)
-    found = Projection(REGION, prior=CadPrior(FILE, 1.0), held=Held(row, np.zeros(1))).solve(data)
+    found = Projection(REGION, prior=CadPrior(FILE, 1.0), fixed=Fixed(row, np.zeros(1))).solve(data)
     assert found.phi[20] == pytest.approx(found.phi[21], abs=1e-9)
     pushed = LeastSquares(np.eye(22)[20:], np.array([-3.0, 2.0]), 1.0, 1.0)
     stopped = Projection(REGION, prior=CadPrior(FILE, 1.0)).solve(pushed)
@@ -129,7 +129,7 @@ def weighed():
     heavy = logs_of(right.with_values(double), (1,))[0]
     how = {"replicates": 0, "estimator": "ls"}
     return (
-        [analyze(right, log, held, **how) for held in ((), unseen, other)],
+        [analyze(right, log, fixed, **how) for fixed in ((), unseen, other)],
         analyze(right, heavy, **how),
     )
 
@@ -166,9 +166,9 @@ def test_the_heaviest_prior_within_two_nats_is_taken_and_a_surely_better_fit_sta
         ((-30.0, -10.0, 0.0, 1.0), score(500.0, 0.01), 2, False),
     ):
         planted = iter(totals)
-        held = SimpleNamespace(folds=real.folds, score_roots=lambda *_: score(next(planted)))  # noqa: B023
+        fixed = SimpleNamespace(folds=real.folds, score_roots=lambda *_: score(next(planted)))  # noqa: B023
         weights = (1e-1, 3e-2, 1e-2, 3e-3)
-        found = choose_prior(model, held, free, weights)
+        found = choose_prior(model, fixed, free, weights)
         assert found.weight == weights[taken]
         assert found.as_good is good
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate, find_estimator
-from identifiability.estimation.evidence import Held
+from identifiability.estimation.evidence import HeldOut
 from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.refits import RIDGE
 from identifiability.regression.information import Information
@@ -68,10 +68,10 @@ def test_densities_are_the_judges(rows, move):
     information = gather(*rows, size=8)
     full = estimate(information, "ols")
     noise = replace(full, variance=1.0 / WEIGHTS, times=np.ones(2))
-    held = Held.of(information, noise, folds.folds)
+    fixed = HeldOut.of(information, noise, folds.folds)
     M = fit.partition.matrix
     own = estimate(information.reduce(M, [f"c{j}" for j in range(M.shape[1])]), "ols")
-    expected = held.score_fit(replace(own, weights=WEIGHTS), M)
+    expected = fixed.score_fit(replace(own, weights=WEIGHTS), M)
     # The variance of noise of weight 1 is the fit's own: 1 where weights are those of the noise.
     exact = replace(folds, unit=1.0)
     found = replace(fit, whitened=exact).score
@@ -216,9 +216,9 @@ def test_nested_models_are_fitted_together_as_they_are_one_by_one():
     fits = [start]
     for names in drops:
         fits.append(fits[-1].after(Move(Kind.DROP, names)))
-    models = [(fit.partition, len(fit.refits.held)) for fit in fits]
-    together = start.along(fits[-1].refits.held, models)
-    alone = start.refits._one_by_one(fits[-1].refits.held, [count for _, count in models])
+    models = [(fit.partition, len(fit.refits.fixed)) for fit in fits]
+    together = start.along(fits[-1].refits.fixed, models)
+    alone = start.refits._one_by_one(fits[-1].refits.fixed, [count for _, count in models])
     np.testing.assert_array_equal(alone, [fit.refits.delta for fit in fits])
     for found, one in zip(together, fits, strict=True):
         size = np.abs(one.values).max() + np.abs(start.values).max()

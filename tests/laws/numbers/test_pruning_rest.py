@@ -26,7 +26,7 @@ def rows():
 def full_model(k=4):
     return Submodel(
         name="full", description="", columns=NAMES[:k], labels=NAMES[:k], units=("kg",) * k,
-        M=np.eye(k), held=np.zeros(k), nonnegative=np.array([True, False, False, True])[:k],
+        M=np.eye(k), fixed=np.zeros(k), nonnegative=np.array([True, False, False, True])[:k],
     )  # fmt: skip
 
 
@@ -195,7 +195,7 @@ def test_a_path_over_excited_columns_is_one_over_all():
 def test_a_model_expands_to_base_parameters_and_reduces_the_regression(rows):
     W, tau = rows
     submodel = full_model().without(["b"]).tied("a=d", ["a", "d"])
-    submodel = Submodel(**{**vars(submodel), "held": np.array([0.0, -1.5, 0.0, 0.0])})
+    submodel = Submodel(**{**vars(submodel), "fixed": np.array([0.0, -1.5, 0.0, 0.0])})
     assert submodel.columns == ("a=d", "c")
     np.testing.assert_array_equal(submodel.nonnegative, [True, False])
     np.testing.assert_array_equal(submodel.expand(np.array([2.0, 3.0])), [2, -1.5, 3, 2])

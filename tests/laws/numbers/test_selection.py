@@ -135,7 +135,7 @@ def submodel(name, kept, names, nonnegative=()):
     columns = tuple(names[k] for k in kept)
     return Submodel(
         name=name, description="", columns=columns, labels=columns, units=("kg",) * len(kept),
-        M=M, held=np.zeros(4), nonnegative=np.isin(kept, nonnegative),
+        M=M, fixed=np.zeros(4), nonnegative=np.isin(kept, nonnegative),
     )  # fmt: skip
 
 
@@ -195,17 +195,17 @@ def ladder():
 
 def test_every_model_gets_its_own_errors(ladder):
     *_, made, results = ladder
-    fitted, held = (p.relative_error() for p in made)
+    fitted, fixed = (p.relative_error() for p in made)
     for k, r in enumerate(results):
-        assert (r.error_ra, r.error_ra_validation) == (fitted[k], held[k])
-        assert r.error_ra_physical == held[2 + k]
+        assert (r.error_ra, r.error_ra_validation) == (fitted[k], fixed[k])
+        assert r.error_ra_physical == fixed[2 + k]
         assert (r.error_ra_real, r.error_ra_file) == (fitted[2 + k], fitted[4 + k])
         assert r.error_ra_other == fitted[6 + k]
     assert results[0].error_se == 0.0  # it is the best
     assert results[1].error_se == made[1].standard_error(0)[1] > 0
-    fitted, held = (p.error_over_joints() for p in made)
+    fitted, fixed = (p.error_over_joints() for p in made)
     for k, r in enumerate(results):
-        assert (r.error_joints, r.error_joints_validation) == (fitted[k], held[k])
+        assert (r.error_joints, r.error_joints_validation) == (fitted[k], fixed[k])
     assert results[1].error_joints_se == made[1].standard_error_over_joints(0)[1] > 0
     assert [r.worse_at for r in results] == [(), ("one", "two")]
 
