@@ -106,6 +106,7 @@ def temporary_folder() -> tempfile.TemporaryDirectory[str]:
         folder = _Folder(prefix=prefix, ignore_cleanup_errors=True)
         if hold(folder, Path(folder.name)):
             return folder
+        folder.cleanup()  # who swept took it before it was held; else it is reported as left behind
 
 
 # Write results so that a reader never finds half a file.

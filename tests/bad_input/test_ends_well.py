@@ -1,10 +1,12 @@
 """However a command ends: nothing half or lost, nothing that a terminal or sheet would run."""
 
+import gc
 import os
 import signal
 import subprocess
 import sys
 import time
+import warnings
 from pathlib import Path
 
 import pandas as pd
@@ -155,3 +157,26 @@ def test_what_killed_programs_left_is_swept_and_what_others_work_on_is_not(tmp_p
     output.write_text(tmp_path / "mine.txt", "whole")
     output.temporary_folder().cleanup()
     assert set(tmp_path.iterdir()) == {saved, tmp_path / "mine.txt"}
+
+
+def test_a_folder_that_is_swept_before_it_is_held_is_made_again_without_a_warning(
+    tmp_path, monkeypatch
+):
+    """Warnings are errors: of one that comes when rubbish is collected another test would fail."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    hold, gone = output.hold, []
+
+    def swept_once(owner, path):
+        if not gone:
+            gone.append(path)
+            path.rmdir()
+        return hold(owner, path)
+
+    monkeypatch.setattr(output, "hold", swept_once)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        with output.temporary_folder() as folder:
+            assert Path(folder).is_dir()
+            assert Path(folder) != gone[0]
+        gc.collect()
+    assert not said
