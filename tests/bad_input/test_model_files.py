@@ -72,7 +72,7 @@ def test_a_model_with_every_reduction_is_written_and_read_back_as_it_was(tmp_pat
         (again,) = build_ladder(read_ladder(written), structure)
         assert again.columns == submodel.columns
         np.testing.assert_array_equal(again.M, submodel.M)
-        np.testing.assert_array_equal(again.held, submodel.fixed)
+        np.testing.assert_array_equal(again.fixed, submodel.fixed)
 
 
 def test_effects_live_where_a_file_says_with_the_shape_that_it_gives():
