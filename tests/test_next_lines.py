@@ -40,6 +40,13 @@ TYPED = [
 #: What `make test` runs of it.
 FEW = TYPED[2:3]
 
+#: What a batch is asked for.
+STUDY = """
+verb = "analyze"
+options = {quick = true, replicates = 0}
+robots = [{name = "arm", file = "robot.xml", train = "a.csv", validate = "b.csv"}]
+"""
+
 #: What somebody has yet to measure, and the log that stands for it here.
 MEASURED = {"next.csv": "b.csv", "another.csv": "b.csv", "empty.csv": "a.csv"}
 
@@ -133,9 +140,15 @@ def words(text):
         "predict robot.xml result.json b.csv --report page.html",
         "payload robot.xml result.json loaded.csv --body link2 --report page.html",
         "compare robot.xml a.csv loaded.csv --report page.html",
+        "inspect robot.xml --report page.html",
+        "inspect robot.xml a.csv --report page.html",
+        "gain robot.xml a.csv --loaded loaded.csv --mass 1 --report page.html",
+        "batch study.toml --out out",
         *(
             pytest.param(t, marks=pytest.mark.everything)
             for t in (
+                f"diagnose {GIVEN} --report page.html",
+                "calibrate robot.xml a.csv --replicates 4 --names 0 --no-sbc --report page.html",
                 f"prune {GIVEN} --report page.html",
                 "excite robot.xml --evaluations 50 --out mine.json --report page.html",
             )
@@ -151,10 +164,11 @@ def test_a_terminal_shows_no_number_column_or_next_line_that_the_page_has_not(
         log.write(tmp_path / f"{name}.csv")
     if "result.json" in typed:
         call(shlex.split("analyze robot.xml a.csv --replicates 0 --json result.json"))
+    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
     shown = []
     monkeypatch.setattr(common, "print_table", lambda _, table: shown.append(table))
     said = call(shlex.split(typed))
-    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    page = (tmp_path / ("page.html" if "page" in typed else "out/index.html")).read_text("utf-8")
     cells = Cells()
     cells.feed(page)
     texts = {words(text) for text in cells.texts}
@@ -164,7 +178,7 @@ def test_a_terminal_shows_no_number_column_or_next_line_that_the_page_has_not(
             assert any(words(text) in known for known in texts), text
     told = re.findall(r"^Next .*?: (identifiability .*)$", said, re.MULTILINE)
     copied = re.findall('data-copy="(identifiability [^"]*)"', page)
-    assert told == [html.unescape(copied[0])]
+    assert told == [html.unescape(line) for line in copied[:1]]
 
 
 @pytest.mark.everything

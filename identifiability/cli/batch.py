@@ -58,15 +58,16 @@ def batch(
         from identifiability.workflows.batch import batch as run  # noqa: PLC0415
 
         result = run(study, out, engine=runner, progress=say)
-    print_batch(result)
+    print_batch(result, study)
     if result.failed:
         raise Exit(1)
 
 
-def print_batch(result: Batch) -> None:
-    """Print a row a robot, the statement, and where the page and the tables are."""
+def print_batch(result: Batch, study: str) -> None:
+    """Print a row a robot, the statement, what to do next, and where page and tables are."""
     from identifiability.workflows.batch import PAGE, TABLE  # noqa: PLC0415
 
     table = result.folder / TABLE
     written = [table, table.with_suffix(".json"), result.folder / PAGE]
-    common.print_result(result, [result.statement], written, title=f"{result.name}: {result.verb}")
+    title = f"{result.name}: {result.verb}"
+    common.print_result(result, [result.statement], written, [study], title)

@@ -182,7 +182,7 @@ def print_result(
     texts : iterable of str
     written : sequence of Path
     typed : iterable of str or Path
-        Robot and logs as they were typed, for the next line; without any there is none.
+        Robot and logs as they were typed, for the next line.
     title : str
         Of the first table; others have their captions.
     most : int, optional
@@ -194,9 +194,7 @@ def print_result(
         if len(table.rows) > LISTED and table.worst is not None:
             print_end([f"{len(table.rows) - LISTED} with smaller errors are not shown."])
     print_end(texts)
-    typed = list(typed)
-    if typed:
-        print_next(result, [*typed, *written])
+    print_next(result, [*typed, *written])
     print_end([], written)
 
 

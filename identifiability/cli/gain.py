@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 from typer import Option
 
 from identifiability.cli import common, options
-from identifiability.cli.common import Writes
 
 
 @options.command()
@@ -17,13 +15,13 @@ def gain(
     recorded: options.Recorded,
     logs: options.Logs,
     derived: options.Derived,
+    outputs: options.Outputs,
     loaded: Annotated[list[str], Option()],
     mass: Annotated[float, Option(min=0)],
     centre: Annotated[str, Option(metavar="X,Y,Z")] = "0,0,0",
     inertia: Annotated[str, Option(metavar="X,Y,Z")] = "0,0,0",
     body: str | None = None,
     model: options.Model = None,
-    json: Annotated[Path | None, Option(), Writes(".json")] = None,
 ) -> None:
     """Identify what one unit of each torque column is, from logs with and without a known load.
 
@@ -50,8 +48,6 @@ def gain(
         Its moments of inertia about its centre [kg m²].
     body
         Which it is fixed to; default: the last one.
-    json
-        Write the result as JSON here.
     """
     with common.sentences(), common.progress() as say:
         from identifiability.workflows.gains import identify_gains  # noqa: PLC0415
@@ -68,9 +64,9 @@ def gain(
             model=options.split_model(model),
             preparation=derived.preparation(),
         )
-        written = [result.to_json(json)] if json else []
+        written = outputs.write(result, say)
     texts = [*filter(None, [result.sidecar]), result.statement, *result.hints]
-    common.print_result(result, texts, written)
+    common.print_result(result, texts, written, [machine.robot, *logs, *loaded])
 
 
 def _numbers(text: str, option: str) -> list[float]:

@@ -61,12 +61,12 @@ def inspect(
         )
         written = [result.write_template(template)] if template is not None else []
         written += outputs.write(result, say)
-    print_inspection(result, written)
+    print_inspection(result, written, [machine.robot, *given])
 
 
-def print_inspection(result: Inspection, written: Iterable[Path]) -> None:
-    """Print the joints, or what the logs hold of them, then what is odd, and the paths."""
+def print_inspection(result: Inspection, written: Iterable[Path], typed: Iterable[str]) -> None:
+    """Print the joints, or what the logs hold of them, what is odd, what is next, and the paths."""
     hints = result.hints
     if not result.records:
         hints = tuple(f"{n.text} {n.line}".strip().replace("\n", " ") for n in result.needs)
-    common.print_result(result, [result.statement, *hints], list(written))
+    common.print_result(result, [result.statement, *hints], list(written), typed)

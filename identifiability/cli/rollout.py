@@ -65,4 +65,5 @@ def rollout(
         if fitted is not None and found.fitted is not None:
             written.append(found.fitted.save(fitted))
         written += outputs.write(found, say)
-    common.print_result(found, [found.statement], written, title="Error of positions (rms)")
+    typed = [machine.robot, *logs, *([against] if against else [])]
+    common.print_result(found, [found.statement], written, typed, "Error of positions (rms)")

@@ -64,8 +64,13 @@ class Result(ABC):
     def to_dict(self) -> dict[str, Any]:
         """Return the answer in its documented JSON schema."""
 
+    @property
+    def heading(self) -> tuple[str, str, str]:
+        """Title of its page, what kind of page it is, and what it is about."""
+        return type(self).__name__, "", ""
+
     def answers(self) -> tuple[Answer, ...]:
-        """Return what every reader asks first, answered; nothing of a result without a page."""
+        """Return what every reader asks first, answered."""
         return ()
 
     def cautions(self) -> tuple[Note, ...]:

@@ -30,14 +30,10 @@ _PIECE = """{% import "macros.html.j2" as m %}
 
 
 def notebook_result(result: Result) -> str:
-    """Return what the page of a result answers first, with its robot, and its tables.
-
-    A result that has no page is its statement and its table.
-    """
-    answers, tables = answer_first(result), result.tables()
-    said = result.statement if answers is None else ""
+    """Return what the page of a result answers first, with its robot, and its tables."""
+    tables = result.tables()
     frame = None if tables else result.to_frame()
-    return notebook_piece(said, frame, "to_frame()", answers, tables)
+    return notebook_piece("", frame, "to_frame()", answer_first(result), tables)
 
 
 def notebook_piece(

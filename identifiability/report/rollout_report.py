@@ -23,15 +23,10 @@ def build_rollout_page(result: RolledOut) -> Page:
         overline="Rollout",
         subtitle=f"{' · '.join(run.name for run in result.runs)} · {logs}",
         summary=(
-            answer_rollout(result),
+            Answers(result.answers()),
             Fold("The answer in one paragraph", (Prose((result.statement,)),)),
         ),
     )
-
-
-def answer_rollout(result: RolledOut) -> Answers:
-    """Return by how much positions err, and how late commands act."""
-    return Answers(result.answers())
 
 
 #: Colours of the robots, in their order: those of their lines below (`traces.js`).

@@ -29,7 +29,7 @@ import numpy as np
 import pandas as pd
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from identifiability.foundation.answers import Answer, Cell, Column, Table
+from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.documents import described, first_problem, read_document
 from identifiability.foundation.engines.local import Engine, Processes, Resumed, Serial
 from identifiability.foundation.engines.resume import fingerprint
@@ -474,6 +474,17 @@ class Batch(Result):
         known = [row for row in self.done if not math.isnan(row.unseen)]
         return tuple(sorted(known, key=lambda row: -row.unseen))
 
+    @property
+    def heading(self) -> tuple[str, str, str]:
+        """Title of its page, what kind of page it is, and what it is about."""
+        return self.name, "Batch", f"{self.verb} · {format_count(len(self.rows), 'robot')}"
+
+    def cautions(self) -> tuple[Note, ...]:
+        """Return why robots have no answer, and what to check in logs and files, by robot."""
+        failed = [Note("warning", row.robot, row.failed) for row in self.failed]
+        odd = [Note("note", row.robot, " ".join(row.warnings)) for row in self.done if row.warnings]
+        return (*failed, *odd)
+
     def answers(self) -> tuple[Answer, ...]:
         """Return whether every robot has an answer, how well they are described, what to check."""
         return _done(self), _errors(self), _check(self), _next(self)
@@ -494,7 +505,7 @@ class Batch(Result):
             Column("missing", "text", lambda row: "; ".join(row.missing) or NONE),
             Column("warnings", "number", lambda row: len(row.warnings)),
         )
-        return (Table.of("One row a robot", own, self.rows),)
+        return (Table.of("One row a robot, whose name leads to its own page", own, self.rows),)
 
     @property
     def statement(self) -> str:
@@ -734,9 +745,9 @@ def _next(result: Batch) -> Answer:
     study, folder = quote(result.study or "study.toml"), quote(str(result.folder))
     when = "these are mended" if result.failed else "there are more robots or logs"
     line = f"identifiability batch {study} --out {folder}"
-    commands = [(f"When {when}, the same: what is finished is not done again.", line)]
+    commands = [(f"When {when}, the same (what is finished is not done again):", line)]
     if result.verb != "diagnose" and any(row.missing for row in result.done):
-        text = 'Name what is missing: copy the study, with verb = "diagnose" in it.'
+        text = 'Name what is missing, in a copy of the study with verb = "diagnose":'
         commands.append((text, "identifiability batch missing.toml --out missing"))
     return answer_next(commands)
 

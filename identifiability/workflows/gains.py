@@ -15,13 +15,13 @@ from threadpoolctl import threadpool_limits
 from identifiability.effects.inertia import Payload
 from identifiability.estimation.noise import autocorrelation_time, autocovariance
 from identifiability.estimation.noise import fit_joint as fit_noise
-from identifiability.foundation.answers import Column, Table
+from identifiability.foundation.answers import Answer, Column, Note, Table
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.numbers import holm
 from identifiability.foundation.options import OptionError, Positive, checked
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import digits
+from identifiability.foundation.rounding import digits, format_count
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
@@ -119,6 +119,30 @@ class Gains(Result):
         """Lines for the robot's sidecar; nothing if no gain is identifiable."""
         pairs = ", ".join(f'"{j}" = {g:.6g}' for j, g in self.known.items())
         return f"[torque]\ngain = {{{pairs}}}\n" if pairs else ""
+
+    @property
+    def heading(self) -> tuple[str, str, str]:
+        """Title of its page, what kind of page it is, and what it is about."""
+        return self.robot, "Gains of torque columns", f"{self.mass:g} kg on {self.body}"
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return of which joints one unit is known, and what to do with it."""
+        known, count = len(self.known), len(self.gains)
+        tone = "green" if known == count else "amber" if known else "vermilion"
+        short = f"{known} of {format_count(count, 'gain')} {'is' if known == 1 else 'are'} known."
+        lines = " ".join(self.sidecar.split("\n"))
+        return (
+            Answer("What is one unit of each torque column?", short, self.statement, tone),
+            Answer(
+                "What next?",
+                "Write it into the sidecar." if known else "Measure once more.",
+                f"{lines}turns these columns into torque, for every verb." if known else "",
+            ),
+        )
+
+    def cautions(self) -> tuple[Note, ...]:
+        """Return how logs were read, and what is odd about them."""
+        return tuple(Note("note", "", hint) for hint in self.hints)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a joint."""
