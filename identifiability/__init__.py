@@ -25,8 +25,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from identifiability.foundation import __version__
-from identifiability.foundation.result import hand_down
+from identifiability.foundation import __version__, hand_down
 
 if TYPE_CHECKING:
     from identifiability.effects.effect import Effect

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from identifiability.foundation import handed
 from identifiability.foundation.errors import listing, near_match
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.output import check_ending, write_json
@@ -16,24 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from identifiability.foundation.answers import Answer, Note, Table
-
-
-# What rooms above hand down: functions that a lower room calls without knowing whose they are.
-#
-# The package hands them down when it is first imported, so that imports run one way all the same.
-
-
-_HANDED: dict[str, Callable[..., Any]] = {}
-
-
-def hand_down(**functions: Callable[..., Any]) -> None:
-    """Let lower rooms call functions by what they do."""
-    _HANDED.update(functions)
-
-
-def handed(name: str) -> Callable[..., Any]:
-    """Return what was handed down under a name."""
-    return _HANDED[name]
 
 
 #: Letters of a `repr`: one screen.

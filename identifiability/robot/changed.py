@@ -16,11 +16,11 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from identifiability.foundation import handed
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.options import Expected
 from identifiability.foundation.output import temporary_folder
-from identifiability.foundation.result import handed
 from identifiability.robot.description import Description
 from identifiability.robot.locking import least_eigenvalue
 

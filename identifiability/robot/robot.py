@@ -7,11 +7,12 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
+from identifiability.foundation import handed
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Renames
 from identifiability.foundation.options import Expected, FilePath, Positive, checked
 from identifiability.foundation.output import check_ending
-from identifiability.foundation.result import handed, shown
+from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.robot.changed import (
     Moments,

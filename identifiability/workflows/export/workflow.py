@@ -23,6 +23,7 @@ from identifiability.effects.vocabulary import (
     settle_springs,
     stated_numbers,
 )
+from identifiability.foundation import handed
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
 from identifiability.foundation.names import BASE, INERTIAL, INERTIAL_KINDS
@@ -33,7 +34,7 @@ from identifiability.foundation.output import (
     write_json,
     write_text,
 )
-from identifiability.foundation.result import handed, shown
+from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs.mend import REPLACED
 from identifiability.logs.prepare.instruments import STANDS
