@@ -69,7 +69,7 @@ from identifiability.simulation import (
 from identifiability.workflows.export import export
 
 #: Seconds after which one input counts as a hang.
-PATIENCE = 20
+PATIENCE = 120
 
 #: Letters of the longest sentence that anybody reads.
 LONGEST = 800

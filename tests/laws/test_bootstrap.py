@@ -50,16 +50,17 @@ def test_refits_equal_least_squares_on_resampled_rows(problem):
 def test_refits_from_blocks_are_ten_times_faster_than_from_rows(problem):
     information, W, tau = problem
     fit = estimate(information)
-    start = time.perf_counter()
-    bootstrap(information, fit, np.random.default_rng(0), replicates=500, length=25)
-    ours = (time.perf_counter() - start) / 500
     flat, right = W.reshape(-1, W.shape[2]), tau.ravel()
     rows = np.random.default_rng(0).integers(0, len(flat), len(flat))
-    start = time.perf_counter()
-    for _ in range(5):
+    ours, naive = [], []
+    for _ in range(5):  # in turns, and the least of each: what runs beside disturbs both
+        start = time.process_time()
+        bootstrap(information, fit, np.random.default_rng(0), replicates=200, length=25)
+        ours.append((time.process_time() - start) / 200)
+        start = time.process_time()
         np.linalg.lstsq(flat[rows], right[rows], rcond=None)
-    naive = (time.perf_counter() - start) / 5
-    assert ours * 10 <= naive, f"only {naive / ours:.1f} × faster"
+        naive.append(time.process_time() - start)
+    assert min(ours) * 10 <= min(naive), f"only {min(naive) / min(ours):.1f} × faster"
 
 
 def test_under_white_noise_the_spread_is_that_of_the_formula(problem):

@@ -37,7 +37,7 @@ def measure(page, width, folder):
         encoding="utf-8",
     )
     command = [BROWSER, *QUIET, f"--user-data-dir={folder / 'profile'}", outer.as_uri()]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=True)
     return json.loads(re.search(r"<title>(.*?)</title>", done.stdout)[1])
 
 

@@ -158,14 +158,14 @@ def test_columns_in_another_unit_or_order_are_pruned_alike():
 
 
 def test_the_search_does_not_know_the_number_of_samples():
-    times = []
-    for samples in (1000, 100_000):
-        information, _ = plant(np.random.default_rng(0), samples=samples)
-        find_path(information, FREE)
-        start = time.process_time()
-        find_path(information, FREE)
-        times.append(time.process_time() - start)
-    assert times[1] < 3 * times[0] + 0.05
+    few, many = (plant(np.random.default_rng(0), samples=n)[0] for n in (1000, 100_000))
+    times = {1000: [], 100_000: []}
+    for _ in range(3):  # in turns, and the least of each: what runs beside disturbs both
+        for samples, information in ((1000, few), (100_000, many)):
+            start = time.process_time()
+            find_path(information, FREE)
+            times[samples].append(time.process_time() - start)
+    assert min(times[100_000]) < 3 * min(times[1000])
 
 
 @pytest.mark.parametrize("criterion", ["one-se-of-difference", "one-se", "best"])

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.skipif(BROWSER is None, reason="needs Chromium")
 
 def browse(page: Path, folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
     command = [BROWSER, *QUIET, f"--user-data-dir={folder}", *options, page.as_uri()]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    return subprocess.run(command, capture_output=True, text=True, timeout=600, check=True)
 
 
 def measure(html: str, script: str, width: int, folder: Path):
