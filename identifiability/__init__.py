@@ -161,13 +161,13 @@ def __getattr__(name: str) -> Any:
 
 
 def _notebook_piece(*given: Any) -> Any:
-    from identifiability.report.notebook import notebook_piece  # noqa: PLC0415
+    from identifiability.report.results import notebook_piece  # noqa: PLC0415
 
     return notebook_piece(*given)
 
 
 def _notebook_result(*given: Any) -> Any:
-    from identifiability.report.notebook import notebook_result  # noqa: PLC0415
+    from identifiability.report.results import notebook_result  # noqa: PLC0415
 
     return notebook_result(*given)
 

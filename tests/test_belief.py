@@ -12,7 +12,7 @@ from identifiability.cli.analyze import analyze as command
 from identifiability.cli.demo import run_demo
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import RobotError
-from identifiability.physical.certify import certify
+from identifiability.physical.feasibility import certify
 from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
 from identifiability.physical.project import project
 from identifiability.posterior.ensemble import sample_posterior

@@ -21,7 +21,17 @@ from identifiability.foundation.rounding import (
 )
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.report.belief import section_bodies, section_posterior, section_standard
-from identifiability.report.blocks import Answers, Fold, Notes, Prose, Section, Term, Terms
+from identifiability.report.blocks import (
+    GLOSSARY,
+    Answers,
+    Fold,
+    Notes,
+    Prose,
+    Section,
+    Term,
+    Terms,
+    section,
+)
 from identifiability.report.models import (
     section_full_model,
     section_ladder,
@@ -39,7 +49,6 @@ from identifiability.report.torque import (
     section_residuals,
     unseen_samples,
 )
-from identifiability.report.words import GLOSSARY, section
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.result import (
     MOST_NAMES,

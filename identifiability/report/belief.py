@@ -28,7 +28,17 @@ from identifiability.foundation.rounding import (
     whole_percent,
 )
 from identifiability.posterior.diagnostics import PRIOR_SENSITIVITY, Thresholds
-from identifiability.report.blocks import Fold, Gallery, Notes, Section, Term, Terms
+from identifiability.report.blocks import (
+    Fold,
+    Gallery,
+    Notes,
+    Section,
+    Term,
+    Terms,
+    gallery,
+    picture,
+    section,
+)
 from identifiability.report.drawing import (
     BLUE,
     COLOURS,
@@ -51,7 +61,6 @@ from identifiability.report.drawing import (
     strokes,
     top_label,
 )
-from identifiability.report.words import gallery, picture, section
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import LEARNED, Source, StandardBelief, Summary
 from identifiability.workflows.analyze.result import model_title, stated_values

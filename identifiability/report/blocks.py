@@ -1,4 +1,7 @@
-"""What a page is made of: sections of prose, notes, terms, tiles, tables, pictures and folds."""
+"""What a page is made of: sections of prose, notes, terms, tiles, tables, pictures and folds.
+
+Titles, captions and leads come from `words.toml` (`section`, `picture`, `gallery`).
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from markupsafe import Markup
@@ -17,6 +20,7 @@ from identifiability.foundation.answers import Answer, Note, Table
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.report.drawing import svg
+from identifiability.workflows.answers import WORDS, words
 
 
 @frozen
@@ -315,3 +319,30 @@ class Section:
     lead: str = ""
     blocks: tuple[Block, ...] = ()
     detail: bool = False
+
+
+# The words of the reports, from `words.toml`: titles, captions, caveats, hints, glossary.
+
+
+GLOSSARY = tuple(Term(**term) for term in WORDS["glossary"])
+
+#: What each threshold is, and of what, by its name in Python.
+
+
+def section(name: str, /, *blocks: Block | str | None, **holes: Any) -> Section:
+    """Return a section with its title and lead; its anchor is the last part of its name.
+
+    A text becomes a paragraph, None is left out.
+    """
+    kept = (Prose((b,)) if isinstance(b, str) else b for b in blocks if b is not None)
+    return Section(name.rpartition(".")[2], **words(name, **holes), blocks=tuple(kept))
+
+
+def picture(name: str, figure: Figure, /, **holes: Any) -> Picture:
+    """Return a figure with its caption and what it is for those who cannot see it."""
+    return Picture(figure, **words(f"picture.{name}", **holes), name=name)
+
+
+def gallery(name: str, pictures: Sequence[Picture], /, **holes: Any) -> Gallery:
+    """Return several pictures with one caption."""
+    return Gallery(tuple(pictures), **words(f"gallery.{name}", **holes))

@@ -19,7 +19,16 @@ from identifiability.foundation.rounding import (
     rough_percent,
     whole_percent,
 )
-from identifiability.report.blocks import Answers, Fold, Notes, Prose, Section, Sketch
+from identifiability.report.blocks import (
+    Answers,
+    Fold,
+    Notes,
+    Prose,
+    Section,
+    Sketch,
+    picture,
+    section,
+)
 from identifiability.report.drawing import (
     BLUE,
     GREY,
@@ -36,7 +45,6 @@ from identifiability.report.drawing import (
 )
 from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, moved_pose, sketch_parts
-from identifiability.report.words import picture, section
 from identifiability.workflows.answers import note, sentence, with_hints, words
 from identifiability.workflows.calibrate.calibration import (
     WORDS,

@@ -20,11 +20,12 @@ from identifiability.report.blocks import (
     Section,
     Sketch,
     fold_rows,
+    picture,
+    section,
 )
 from identifiability.report.drawing import DASHED, INK, drawn, row_canvas, row_lines, whiskers
 from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, sketch_parts
-from identifiability.report.words import picture, section
 from identifiability.workflows.answers import note, with_hints
 from identifiability.workflows.compare import Comparison, describe
 

@@ -27,6 +27,9 @@ from identifiability.report.blocks import (
     Sketch,
     Term,
     Terms,
+    gallery,
+    picture,
+    section,
 )
 from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, moved_pose, sketch_parts
@@ -40,7 +43,6 @@ from identifiability.report.torque import (
     draw_shrink,
     velocity_units,
 )
-from identifiability.report.words import gallery, picture, section
 from identifiability.workflows.answers import (
     level_table,
     rule_table,

@@ -17,7 +17,17 @@ from identifiability.foundation.rounding import (
     format_number,
     join,
 )
-from identifiability.report.blocks import Answers, Fold, Gallery, Notes, Prose, Section, Sketch
+from identifiability.report.blocks import (
+    Answers,
+    Fold,
+    Gallery,
+    Notes,
+    Prose,
+    Section,
+    Sketch,
+    picture,
+    section,
+)
 from identifiability.report.drawing import (
     BLUE,
     COLOURS,
@@ -36,7 +46,6 @@ from identifiability.report.drawing import (
 )
 from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, actuated_pose, sketch_parts
-from identifiability.report.words import picture, section
 from identifiability.workflows.answers import sentence, words
 from identifiability.workflows.excite.result import (
     BETTER,

@@ -21,6 +21,8 @@ from identifiability.report.blocks import (
     Prose,
     Section,
     Sketch,
+    picture,
+    section,
 )
 from identifiability.report.drawing import (
     BLUE,
@@ -35,7 +37,6 @@ from identifiability.report.drawing import (
 from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, actuated_pose, sketch_parts
 from identifiability.report.torque import plot_runs
-from identifiability.report.words import picture, section
 from identifiability.workflows.answers import count_joints, note, sentence
 from identifiability.workflows.inspect import JOINTS, Inspection, Record
 

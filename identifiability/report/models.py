@@ -39,6 +39,9 @@ from identifiability.report.blocks import (
     Term,
     Terms,
     fold_rows,
+    gallery,
+    picture,
+    section,
 )
 from identifiability.report.drawing import (
     BLUE,
@@ -61,7 +64,6 @@ from identifiability.report.drawing import (
     write_beside,
     write_near,
 )
-from identifiability.report.words import gallery, picture, section
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.assessment import ModelResult

@@ -6,11 +6,19 @@ from identifiability.foundation.rounding import (
     digits,
     join,
 )
-from identifiability.report.blocks import Answers, Fold, Notes, Prose, Section, Sketch
+from identifiability.report.blocks import (
+    Answers,
+    Fold,
+    Notes,
+    Prose,
+    Section,
+    Sketch,
+    picture,
+    section,
+)
 from identifiability.report.comparison_report import draw_intervals
 from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, sketch_parts
-from identifiability.report.words import picture, section
 from identifiability.workflows.answers import note, sentence
 from identifiability.workflows.payload import Load, value_text
 

@@ -5,11 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.foundation.rounding import error_text, format_count
-from identifiability.report.blocks import Answers, Fold, Gallery, Prose, Section, Sketch
+from identifiability.report.blocks import (
+    Answers,
+    Fold,
+    Gallery,
+    Prose,
+    Section,
+    Sketch,
+    picture,
+    section,
+)
 from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, sketch_parts
 from identifiability.report.torque import LINE_POINTS, choose_stretch, draw_torque, fold_gallery
-from identifiability.report.words import picture, section
 from identifiability.workflows.answers import tone_of
 from identifiability.workflows.predict import TorquePrediction
 

@@ -16,12 +16,11 @@ from identifiability.foundation.rounding import (
     percent_text,
     whole_percent,
 )
-from identifiability.report.blocks import Answers, Fold, Notes, Prose, Section
+from identifiability.report.blocks import Answers, Fold, Notes, Prose, Section, picture, section
 from identifiability.report.models import draw_ladder, draw_survival, fold_verdicts, mass_table
 from identifiability.report.page import Page
 from identifiability.report.skeleton import sketch_robot
 from identifiability.report.torque import section_budget, section_correlated
-from identifiability.report.words import picture, section
 from identifiability.workflows.analyze.result import label_note
 from identifiability.workflows.answers import (
     SIGMA,

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.foundation.rounding import format_count
-from identifiability.report.blocks import Answers, Fold, Prose, Section, Trace, Traces
+from identifiability.report.blocks import Answers, Fold, Prose, Section, Trace, Traces, section
 from identifiability.report.drawing import peak_rows
 from identifiability.report.page import Page
 from identifiability.report.skeleton import move_skeletons
 from identifiability.report.torque import LINE_POINTS
-from identifiability.report.words import section
 from identifiability.workflows.rollout import RolledOut
 
 

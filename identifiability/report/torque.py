@@ -22,7 +22,17 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rounding import digits, error_text, format_number, join
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.report.blocks import Block, Fold, Gallery, Section, Trace, Traces
+from identifiability.report.blocks import (
+    Block,
+    Fold,
+    Gallery,
+    Section,
+    Trace,
+    Traces,
+    gallery,
+    picture,
+    section,
+)
 from identifiability.report.drawing import (
     BLUE,
     COLOURS,
@@ -45,7 +55,6 @@ from identifiability.report.drawing import (
     thin,
     write_near,
 )
-from identifiability.report.words import gallery, picture, section
 from identifiability.robot.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.result import error_tables, model_title

@@ -10,8 +10,8 @@ import pytest
 
 from identifiability.foundation.engines import resume as prints
 from identifiability.foundation.engines.local import Resumed, Serial
+from identifiability.foundation.engines.resume import key_path, user_key
 from identifiability.foundation.errors import OutputError
-from identifiability.foundation.private import key_path, user_key
 
 calls = []
 

@@ -16,7 +16,7 @@ from identifiability.foundation.rounding import (
 )
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares
-from identifiability.posterior.calibration import Calibration, calibrate_posterior
+from identifiability.posterior.diagnostics import Calibration, calibrate_posterior
 from identifiability.posterior.exact import ExactSampler
 from identifiability.posterior.target import Prior, Target
 from identifiability.workflows.calibrate.outcome import UNIFORM_LEVEL, RankCheck

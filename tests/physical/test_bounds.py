@@ -5,7 +5,7 @@ import pytest
 
 from identifiability import Robot
 from identifiability.foundation.errors import RobotError
-from identifiability.physical.certify import certify
+from identifiability.physical.feasibility import certify
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares, physical_set
 from identifiability.physical.project import project

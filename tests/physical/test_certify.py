@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from identifiability.physical.certify import ROOM, certify
+from identifiability.physical.feasibility import ROOM, certify
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.project import project
 

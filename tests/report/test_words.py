@@ -8,7 +8,7 @@ import pytest
 
 import identifiability
 from identifiability import plot
-from identifiability.report.words import section
+from identifiability.report.blocks import section
 from identifiability.workflows.answers import WORDS, note, sentence
 
 PACKAGE = Path(identifiability.__file__).parent

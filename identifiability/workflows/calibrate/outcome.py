@@ -32,7 +32,7 @@ from identifiability.foundation.numbers import (
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares
-from identifiability.posterior.calibration import Calibration, calibrate_posterior
+from identifiability.posterior.diagnostics import Calibration, calibrate_posterior
 from identifiability.posterior.target import Prior, Target
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel

@@ -26,8 +26,12 @@ from identifiability.foundation.options import (
 )
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.samples import find_signal
-from identifiability.physical.certify import Certificate
-from identifiability.physical.feasibility import PhysicalResult, certify_model, choose_prior
+from identifiability.physical.feasibility import (
+    Certificate,
+    PhysicalResult,
+    certify_model,
+    choose_prior,
+)
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import (
     LadderEntry,

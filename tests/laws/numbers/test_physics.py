@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.physical.cad_prior import CadPrior
-from identifiability.physical.certify import certify
+from identifiability.physical.feasibility import certify
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares
 from identifiability.physical.project import Projection, project

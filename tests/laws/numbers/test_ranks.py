@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2
 
-from identifiability.posterior.calibration import Calibration
+from identifiability.posterior.diagnostics import Calibration
 from identifiability.workflows.calibrate.outcome import BINS, DRAWS, RankCheck
 
 
