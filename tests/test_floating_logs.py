@@ -325,7 +325,7 @@ def test_contacts_that_contradict_the_motion_are_told(tmp_path):
 
 
 def test_what_does_not_know_bases_that_move_says_so(body, tmp_path):
-    with pytest.raises(RobotError, match="floats, and designing motion of robots that float is"):
+    with pytest.raises(RobotError, match="floats, and its sidecar states no"):
         excite(body)
     with pytest.raises(RobotError, match="simulation of robots that float is"):
         find_motion(body, "random", None, np.random.default_rng(0))

@@ -52,6 +52,9 @@ def excite(
     (multi-sine, chirp, steps; rest to rest), such that in a simulation of its file position, speed
     and servo torque stay within limits. Begin with less, *--scale 0.3*: the file may be wrong.
 
+    A robot that floats and stands on its `[[contacts]]` gets a motion **in place**: its base sways
+    over its feet, and each swings in turn while the others stand.
+
     By default all parameters shall be told well by one log (condition number). Ask for more with
 
         identifiability excite arm.urdf --start-from run.csv --parameter link3.mx --out next.json
@@ -72,7 +75,7 @@ def excite(
     scale
         Share of what the limits allow, of commands.
     duration
-        Period of the motion [s]; default: 7.5, of commands 15 in all.
+        Period of the motion [s]; default: 7.5, of commands 15 in all, in place as long as it takes.
     limits
         TOML with JOINT = {q = [low, high], v = speed, a = acceleration, tau = torque,
         power = power} and [workspace.BODY] x, y, z = [low, high]; replaces the robot's own.
@@ -106,7 +109,7 @@ def excite(
         rate = rate or 500.0
         result = run(
             machine.load(recorded),
-            duration=duration or 7.5,
+            duration=duration,
             limits=limits,
             parameters=parameter,
             preparation=derived.preparation(),

@@ -166,7 +166,9 @@ def _sketch(result: Excitation) -> Sketch | None:
         else Part("grey", "not better known")
         for owner in known
     }
-    pose = actuated_pose(result.robot, result.motion[1])
+    q = result.motion[1]
+    based = np.zeros((len(q), len(result.robot.joints) - q.shape[1]))  # where a base that floats is
+    pose = actuated_pose(result.robot, np.hstack([based, q]))
     return sketch_parts(result.robot, parts, "decision.excited", pose, "not in the model")
 
 
@@ -201,10 +203,12 @@ def build_excitation_page(result: Excitation) -> Page:
 def section_motion(result: Excitation) -> Section:
     """Return every joint along the motion, and the limits it keeps."""
     t, *parts = result.motion
-    limits = result.limits
+    limits, robot = result.limits, result.robot
+    motors = robot.actuated[-len(limits.joints) :]  # a base that floats comes before them
+    slides = [robot.is_prismatic(int(k)) for k in motors]
     pictures = []
     for k, joint in enumerate(limits.joints):
-        unit = "m" if result.robot.is_prismatic(int(result.robot.actuated[k])) else "rad"
+        unit = "m" if slides[k] else "rad"
         highest = np.array([limits.high[k], limits.speed[k], limits.acceleration[k]])
         lowest = np.array([limits.low[k], -limits.speed[k], -limits.acceleration[k]])
         figure = draw_joint(t, [x[:, k] for x in parts], (lowest, highest), joint, unit)
@@ -213,7 +217,7 @@ def section_motion(result: Excitation) -> Section:
         "excitation.motion",
         Gallery(tuple(pictures)),
         result.tables()[0],
-        Fold("Coefficients", (_coefficients(result),)),
+        *([] if result.in_place else [Fold("Coefficients", (_coefficients(result),))]),
     )
 
 
@@ -246,11 +250,12 @@ def section_method(result: Excitation) -> Section:
     logs = ", ".join(result.logs)
     text = words(
         "excitation.how",
-        harmonics=result.trajectory.sin.shape[1],
+        harmonics=(result.in_place or result.trajectory).harmonics,
         motions=format_count(result.evaluations, "motion"),
         seconds=f"{result.seconds:.0f}",
         seed=result.seed,
         effects=", ".join(result.effects),
         measured=sentence("excitation.measured", logs=logs) if logs else "",
     )
-    return section("excitation.method", Prose((text["how"], text["model"], text["run_in"])))
+    own = ("how", "model", "run_in") if result.in_place is None else ("in_place", "model")
+    return section("excitation.method", Prose(tuple(text[name] for name in own)))

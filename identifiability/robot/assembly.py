@@ -537,11 +537,13 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         speed_limits=np.array([np.inf if limit.v is None else limit.v for limit in limits]),
         acceleration_limits=np.array([np.inf if limit.a is None else limit.a for limit in limits]),
         transmission=_transmission(robot, extra),
-        # Torque is made of commands of a robot that is held.
-        servo=None
-        if robot.base is not None
-        else read_servo(path, extra.servo, stated.servos, robot.joints),
     )
+    motors = robot.motor_joints  # a body alone has none
+    servo = read_servo(path, extra.servo, stated.servos, motors) if motors else None
+    if robot.base is None:
+        robot = replace(robot, servo=servo)
+    else:  # torque is made of commands only where a robot is held
+        robot = replace(robot, base=replace(robot.base, servo=servo))
     lines = (a.name for a in (*(x for x in robot.axes if x.row is not None), *robot.passive_axes))
     along = [k.along for k in extra.known_torque]
     _check_known(path, "known_torque", along, (*lines, *robot.locked))

@@ -414,8 +414,9 @@ class Description:
 
     def describe_home(self) -> str:
         """Return the home positions of the actuated joints as ``slider1 = 0.7, …``."""
-        at = self.actuated_positions(self.home[None])[0]
-        return ", ".join(f"{n} = {x:.4g}" for n, x in zip(self.joints, at, strict=True))
+        names = self.motor_joints
+        at = self.actuated_positions(self.home[None])[0, -len(names) :]
+        return ", ".join(f"{n} = {x:.4g}" for n, x in zip(names, at, strict=True))
 
     def describe_assembly(self) -> str:
         """Return a sentence on a home that was computed, or nothing."""

@@ -19,6 +19,7 @@ from scipy.ndimage import maximum_filter1d
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot.kinematics import Frames, Point, Tree
+from identifiability.robot.servo import Servo
 
 #: The joints of a base that floats, slides first: rows of its force and of its moment about its
 #: origin, along its own axes.
@@ -132,6 +133,8 @@ class Base:
         Where MuJoCo keeps its pose and twist, in ``qpos`` and ``qvel``.
     which : int or None
         Of the free joints of an MJCF the one on which it floats.
+    servo : Servo or None
+        Of the joints that motors drive, in the robot's order.
     """
 
     body: str
@@ -142,6 +145,7 @@ class Base:
     imu: Imu = Imu()
     at: tuple[int, int] | None = None
     which: int | None = None
+    servo: Servo | None = None
 
     @property
     def pressed(self) -> bool:

@@ -396,7 +396,7 @@ class ForwardRobot:
         self._axes = mixed_axes(robot)
         places = (*robot.tree.single, *self._axes)
         terms = {n: JointTerms.of(values, n, parts) for n in places}
-        numbers = {name: _stated_numbers(of) for name, of in terms.items()}
+        numbers = {name: stated_numbers(of) for name, of in terms.items()}
         joints = {name: numbers[name] for name in (*robot.tree.single, *robot.tendons)}
         self._kinematics = MujocoRobot(robot, compile_forward(robot, values, joints, servo))
         self.model = self._kinematics.model
@@ -548,7 +548,7 @@ class ForwardRobot:
         return out
 
 
-def _stated_numbers(terms: JointTerms) -> dict[str, float]:
+def stated_numbers(terms: JointTerms) -> dict[str, float]:
     """Return what a robot file states of a joint with these terms."""
     numbers = {
         "damping": terms.viscous,

@@ -189,6 +189,7 @@ def find_next(
     """
     say = progress or (lambda what, share: None)
     with one_thread("blas"):
+        d.robot.check_stands("designing the motion that decides between names")
         bounds = find_limits(d.robot, limits)
         series = Series(bounds, duration, harmonics, at_rest=True)
         asked = ask_open(d, series, seed) or ask_hidden(d, series, seed)

@@ -153,34 +153,35 @@ def find_limits(
         If the file cannot be read, or names a joint or body that the robot does not have.
     """
     if isinstance(given, Limits):
-        if given.joints != robot.joints or np.any(given.low >= given.high):
+        if given.joints != robot.motor_joints or np.any(given.low >= given.high):
             raise RobotError(
                 f"The limits are not those of {robot.name}: they must be rising and of its "
-                f"actuated joints {listing(robot.joints)}, in this order."
+                f"actuated joints {listing(robot.motor_joints)}, in this order."
             )
         return given
     source, entry = _read(given)
-    _check_names(source, "joint", entry.limits, robot.joints)
+    _check_names(source, "joint", entry.limits, robot.motor_joints)
     _check_names(source, "body", entry.workspace, robot.bodies)
-    slides = np.array([int(robot.is_prismatic(int(k))) for k in robot.actuated])
-    home = robot.actuated_positions(robot.home[None])[0]
+    motors = slice(len(robot.joints) - len(robot.motor_joints), None)
+    slides = np.array([robot.is_prismatic(int(k)) for k in robot.actuated[motors]]).astype(int)
+    home = robot.actuated_positions(robot.home[None])[0, motors]
     own = {"q": robot.limits, "v": stated_speeds(robot), "a": robot.acceleration_limits}
     filled, assumed = {}, []
     for kind, values in own.items():
-        stated, likely = values.copy(), np.array(ASSUMED[kind])[slides]
+        stated, likely = values[motors].copy(), np.array(ASSUMED[kind])[slides]
         for name, limit in entry.limits.items():
             if getattr(limit, kind) is not None:
-                stated[robot.joints.index(name)] = getattr(limit, kind)
+                stated[robot.motor_joints.index(name)] = getattr(limit, kind)
         if kind == "q":
             likely = np.stack([home - likely, home + likely], 1)
         missing = ~np.isfinite(stated)
         filled[kind] = np.where(missing, likely, stated)
-        gaps = zip(robot.joints, missing, strict=True)
+        gaps = zip(robot.motor_joints, missing, strict=True)
         assumed += [f"{name}.{kind}" for name, gap in gaps if np.any(gap)]
     _check_rising(robot, filled["q"])
     low, high = filled["q"].T
     return Limits(
-        joints=robot.joints,
+        joints=robot.motor_joints,
         low=low,
         high=high,
         speed=filled["v"],
@@ -223,7 +224,7 @@ def doubt_assumed(limits: Limits, logs: Mapping[str, tuple[Array, Array]]) -> It
 
 def _of_drives(robot: Robot, entry: LimitsFile, kind: str) -> Array:
     """Return a limit of the drives, (n,); infinite where it is not stated."""
-    found = [getattr(entry.limits.get(name), kind, None) for name in robot.joints]
+    found = [getattr(entry.limits.get(name), kind, None) for name in robot.motor_joints]
     return np.array([np.inf if x is None else x for x in found])
 
 
@@ -249,7 +250,7 @@ def _check_names(source: str, what: str, given: Mapping[str, Any], known: tuple[
 
 
 def _check_rising(robot: Robot, q: Array) -> None:
-    for name, (low, high) in zip(robot.joints, q, strict=True):
+    for name, (low, high) in zip(robot.motor_joints, q, strict=True):
         if not low < high:
             raise RobotError(
                 f"The limits of {name} leave it no room: [{low:g}, {high:g}]; state both ends."

@@ -17,9 +17,10 @@ from scipy.optimize import minimize
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.robot import Motion, complete_motion
+from identifiability.robot import Motion, Robot, complete_motion
 from identifiability.simulation.motion import Trajectory
 from identifiability.workflows.excite.criteria import Known, Question
+from identifiability.workflows.excite.in_place import InPlace
 from identifiability.workflows.excite.limits import (
     MARGIN,
     Clearance,
@@ -46,6 +47,9 @@ from identifiability.workflows.excite.limits import (
 #: its values at M even points by at most 1/cos(πH/M) [Ehlich 1964]: 0.3 % here.
 FINENESS = 40
 OVERSHOOT = float(1 / np.cos(np.pi / FINENESS))
+
+#: Samples at which the search looks, for each harmonic; the regressor has harmonics of its own.
+LOOKS = 12
 
 #: Samples of a batch at most: its regressor stays in the processor's cache.
 BATCH = 2400
@@ -76,6 +80,11 @@ class Series:
     at_rest: bool = False
 
     @property
+    def looks(self) -> int:
+        """Samples at which a search looks at a candidate."""
+        return LOOKS * self.harmonics
+
+    @property
     def joints(self) -> int:
         """Number of joints n."""
         return len(self.limits.joints)
@@ -92,6 +101,11 @@ class Series:
         level = np.exp(rng.uniform(-2.0, 0.5, count))
         level[::2] = 3.0  # beyond any limit, so scaled down to it
         x[:, :amplitudes] *= level[:, None]
+        return x
+
+    def shrink(self, x: Array, samples: int) -> Array:
+        """Return candidates (m, size) that keep limits of joints: all do."""
+        assert samples
         return x
 
     def series(self, x: Array) -> tuple[Array, Array]:
@@ -127,6 +141,21 @@ class Series:
         sin, cos = np.split(amplitude, 2, axis=1)
         return Trajectory(name, self.period, samples, offset, sin, cos)
 
+    def complete(self, robot: Robot, x: Array, samples: int) -> Motion | None:
+        """Return the motion of all joints of candidates one after the other, if loops close."""
+        q, v, a = (part.reshape(-1, self.joints) for part in self.motion(x, samples))
+        try:
+            return complete_motion(robot, np.arange(len(q), dtype=float), q, v, a)
+        except ClosureError:
+            return None
+
+    def survey(
+        self, robot: Robot, motion: Motion, x: Array, samples: int, drive: Drive | None
+    ) -> Workspace:
+        """Return what candidates do beyond the limits of single joints."""
+        step = self.period / samples
+        return survey(robot, self.limits, motion, samples, len(x), step, drive)
+
     def _motion(self, offset: Array, amplitude: Array, samples: int) -> tuple[Array, Array, Array]:
         m, n, H = len(offset), self.joints, self.harmonics
         sin, cos = np.split(amplitude.reshape(m * n, 2 * H), 2, axis=1)
@@ -155,14 +184,14 @@ class Objective:
     ----------
     question : Question
     known : Known
-    series : Series
+    series : Series or InPlace
     samples : int
         At which a candidate is evaluated.
     """
 
     question: Question
     known: Known
-    series: Series
+    series: Series | InPlace
     samples: int
 
     @property
@@ -223,27 +252,21 @@ class Objective:
         return out.reshape(len(x), samples)
 
     def _complete(self, x: Array, samples: int) -> Motion | None:
-        """Return the motion of all joints of candidates one after the other, if loops close."""
-        q, v, a = (part.reshape(-1, self.series.joints) for part in self.series.motion(x, samples))
-        try:
-            t = np.arange(len(q), dtype=float)
-            return complete_motion(self.question.structure.robot, t, q, v, a)
-        except ClosureError:
-            return None
+        """Return the motion of all joints of candidates one after the other, where there is one."""
+        return self.series.complete(self.question.structure.robot, x, samples)
 
     def look(self, x: Array, samples: int) -> tuple[Array, Workspace]:
         """Return Gram matrices of logs and candidates together (m, k, k), and the workspace."""
         x = np.atleast_2d(x)
-        m, n = len(x), self.series.joints
         known, robot = self.known, self.question.structure.robot
+        m, n = len(x), len(robot.actuated)
         motion = self._complete(x, samples)
         if motion is None:
             missing = np.full(m, samples)
             nowhere = np.full(m, np.inf)
             G = np.repeat(known.G[None], m, 0)
             return G, Workspace(missing, nowhere, missing, nowhere, nowhere)
-        step = self.series.period / samples
-        space = survey(robot, self.limits, motion, samples, m, step, self.drive)
+        space = self.series.survey(robot, motion, x, samples, self.drive)
         W = self.question.model.regressor(robot, motion)[:, :, self.question.columns]
         W = W * np.sqrt(known.weights * known.samples / samples)[:, None]
         full = W if len(motion) == m * samples else _padded(W, motion.kept, m * samples)

@@ -37,6 +37,7 @@ from identifiability.workflows.excite.criteria import (
     pose_question,
     scaled,
 )
+from identifiability.workflows.excite.in_place import InPlace, find_in_place
 from identifiability.workflows.excite.limits import (
     MARGIN,
     Limits,
@@ -50,11 +51,11 @@ from identifiability.workflows.opening import Logs, Progress, list_logs, quiet
 from identifiability.workflows.provenance import state_provenance
 from identifiability.workflows.session import Session
 
-#: Samples at which the search looks, for each harmonic; the regressor has harmonics of its own.
-LOOKS = 12
+#: Length of a period [s], by default.
+PERIOD = 7.5
 
-#: Motions that a search looks at.
-EVALUATIONS = 15_000
+#: Motions that a search looks at; each of a robot that stands on its feet takes longer.
+EVALUATIONS, IN_PLACE = 15_000, 2_500
 
 
 @checked
@@ -63,7 +64,7 @@ def excite(
     *,
     harmonics: Annotated[int, counted(1, 50)] = 5,
     at_rest: bool = False,
-    duration: Annotated[float, within(1e-3, 1e6)] = 7.5,
+    duration: Annotated[float, within(1e-3, 1e6)] | None = None,
     samples: int = 750,
     limits: Limits | Mapping[str, Any] | str | Path | None = None,
     criterion: Literal["condition", "information", "separate"] | None = None,
@@ -73,7 +74,7 @@ def excite(
     separate: Names | None = None,
     preparation: Preparation | None = None,
     iterations: Annotated[int, at_least(1)] = 80,
-    evaluations: Annotated[int, at_least(1)] = EVALUATIONS,
+    evaluations: Annotated[int, at_least(1)] | None = None,
     time_limit: Positive | None = None,
     seed: Seed = 0,
     name: str = "excite",
@@ -89,8 +90,9 @@ def excite(
         Harmonics of the finite Fourier series [Swevers 1997].
     at_rest : bool
         Begin and end without speed and acceleration, which takes two harmonics of each joint.
-    duration : float [s]
-        The period.
+    duration : float [s], optional
+        The period, by default 7.5 s. Of a robot that floats and stands on its feet the whole
+        motion in place, from rest to rest, by default as long as its swings take.
     samples : int
         Samples a period; all of them are checked.
     limits : Limits, mapping, path or None
@@ -116,8 +118,8 @@ def excite(
     iterations : int
         Of the optimiser a round.
     evaluations : int
-        Motions that are looked at, at most, after the first random ones. The same number gives the
-        same motion on every machine of a kind.
+        Motions that are looked at, at most, after the first random ones; by default 15 000, in
+        place 2500. The same number gives the same motion on every machine of a kind.
     time_limit : float [s], optional
         Wall-clock time after which the search stops all the same; the result is then not
         reproducible, and says so.
@@ -145,15 +147,18 @@ def excite(
         raise OptionError("To begin and end at rest takes at least 2 harmonics; give more.")
     with one_thread("blas"):
         robot = Robot.of(robot)
-        robot.check_stands("designing motion")
         rule = criterion or _suggested(parameters, start_from, separate)
         say("reading logs", 0.0)
         bounds = find_limits(robot, limits)
         question = pose_question(robot, rule, model, parameters, separate)
         logs, wrong = _start(question, start_from, preparation, engine)
-        low = tuple(doubt_assumed(bounds, {s.name: (s.survey.low, s.survey.high) for s in logs}))
+        low = tuple(doubt_assumed(bounds, _reached(bounds, logs)))
         hints = (*low, *wrong, *free_again(model), *unused_ladder(robot, model))
-        series = Series(bounds, duration, harmonics, at_rest)
+        series: Series | InPlace = Series(bounds, duration or PERIOD, harmonics, at_rest)
+        if robot.base is not None:
+            series, stays = find_in_place(robot, bounds, duration, harmonics)
+            hints = (*stays, *hints)
+        evaluations = evaluations or (EVALUATIONS if robot.base is None else IN_PLACE)
         asked = {"iterations": iterations, "evaluations": evaluations, "time_limit": time_limit}
         options = {**asked, "preparation": preparation or Preparation()}
         found = find_motion(
@@ -171,6 +176,12 @@ def excite(
             provenance=state_provenance(robot, logs, seed, None, options),
         )
         return replace(found, preparation=preparation or Preparation())
+
+
+def _reached(limits: Limits, logs: Sequence[Prepared]) -> dict[str, tuple[Array, Array]]:
+    """Return how far, how fast and how hard joints that motors drive moved in logs."""
+    own = slice(-len(limits.joints), None)
+    return {s.name: (s.survey.low[:, own], s.survey.high[:, own]) for s in logs}
 
 
 def _start(
@@ -191,7 +202,7 @@ def _start(
 def find_motion(
     question: Question,
     known: Known,
-    series: Series,
+    series: Series | InPlace,
     *,
     samples: int,
     iterations: int,
@@ -210,7 +221,7 @@ def find_motion(
     question : Question
     known : Known
         What was measured already.
-    series : Series
+    series : Series or InPlace
         All motions that may be found.
     samples, iterations, evaluations, time_limit, seed, name
         As for `excite`.
@@ -224,7 +235,7 @@ def find_motion(
         If no candidate keeps the workspace.
     """
     begin, robot = time.monotonic(), question.structure.robot
-    objective = Objective(question, known, series, min(samples, LOOKS * series.harmonics))
+    objective = Objective(question, known, series, min(samples, series.looks))
     aim = question.criterion
 
     def show(cost: float, share: float) -> None:
@@ -252,6 +263,7 @@ def find_motion(
         before=_merit(question, _before(objective, found, samples)),
         after=_merit(question, G),
         limits=series.limits,
+        in_place=series if isinstance(series, InPlace) else None,
         closure=float(space.condition[0]),
         room=float(-space.outside[0]),
         gap=gap,
@@ -280,12 +292,17 @@ def _best(
     Last is how near bodies come that are not joined [m].
     """
     order = [k for k in np.argsort(found.costs)[:10] if found.costs[k] < OPEN]
-    ends = [x for _, x in found.found]
-    for x in [*ends, *found.draws[order]]:
+    ends, kept = [x for _, x in found.found], []
+    for tried in [*ends, *found.draws[order]]:
+        x = objective.series.shrink(tried[None], samples)[0]
         G, space = objective.look(x, samples)
         gap = float(objective.gaps(x, samples).min())
         if space.kept(objective.limits.closure_bound)[0] and gap >= MARGIN / 2:
-            return x, G[0], space, gap
+            kept.append((float(objective.question.criterion.cost(G)[0]), x, G[0], space, gap))
+            if isinstance(objective.series, Series):  # others are made smaller than they were found
+                break
+    if kept:
+        return min(kept, key=lambda one: one[0])[1:]
     robot, limits = objective.question.structure.robot, objective.limits
     demands = []
     if robot.closed:
@@ -293,12 +310,17 @@ def _best(
         demands.append(f"loops that close everywhere with a condition number below {bound}")
     if limits.boxes:
         demands.append(f"{listing([b.body for b in limits.boxes])} within the box")
+    if isinstance(objective.series, InPlace):
+        demands.append(
+            "limits of joints, and a zero-moment point "
+            f"{1e3 * objective.series.margin:.3g} mm inside of the feet that stand"
+        )
     if objective.watched[0] is not None:
         demands.append(f"bodies that keep {500 * MARGIN:g} mm from each other")
     raise ClosureError(
         f"No motion of {robot.name} was found that stays within the workspace "
         f"({' and '.join(demands)}); give narrower limits of the joints about its home position "
-        f"{robot.describe_home()}, or a wider workspace."
+        f"{robot.describe_home()}, a wider workspace, or a longer motion."
     )
 
 
