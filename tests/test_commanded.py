@@ -16,9 +16,11 @@ from identifiability import Log, Robot, analyze, diagnose, export, prune
 from identifiability.estimation.rollouts import (
     KINDS,
     Problem,
+    Rollouts,
     find_delay,
     fit_gains,
     fit_rollouts,
+    share_missed,
 )
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import LogError, RobotError
@@ -34,6 +36,7 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot
+from identifiability.workflows.commanded import check_found
 from identifiability.workflows.diagnose.known_values import near_file, share_spread
 from identifiability.workflows.opening import read_recordings
 from identifiability.workflows.rollout import rollout
@@ -533,13 +536,30 @@ def test_a_log_that_contradicts_the_files_bodies_says_so_and_names_the_farthest(
     assert combine_with_file(structure, A, A @ phi, structure.G, 2.0).hint == ""
 
 
-@pytest.mark.parametrize("factor", [0.01, 5.0])
-def test_gains_that_contradict_the_motion_are_refused(arm, frames, tmp_path, factor):
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [(0.01, "errs by"), (5.0, "contradict the motion"), (30.0, "30 times the torque")],
+)
+def test_gains_that_contradict_the_motion_are_refused(arm, frames, tmp_path, factor, said):
     shutil.copy(arm.path, tmp_path / "arm.xml")
     kp, kv = (dict(zip(arm.joints, factor * x, strict=True)) for x in (arm.servo.kp, arm.servo.kv))
     (tmp_path / "arm.toml").write_text(toml_text({"servo": {"kp": kp, "kv": kv}}))
-    with pytest.raises(LogError, match="contradict the motion"):
+    with pytest.raises(LogError, match=said):
         analyze(tmp_path / "arm.xml", frames[1], quick=True)
+
+
+def test_a_joint_that_does_not_follow_is_told_where_others_do(arm, frames):
+    """What is wrong at one joint is no reason to say nothing of the others."""
+    log = read(arm, frames[1])
+    apart = 1.0 / share_missed(np.ones(2), [log])  # what there is to explain
+    nothing = dict.fromkeys(KINDS, np.zeros(2))
+    shares = np.array([0.02, 0.7])
+    rolled = Rollouts(nothing, np.zeros(1), shares * apart, apart, 1, np.zeros(1))
+    said = check_found(arm, [log], rolled)
+    assert "Do not use what is said of 'elbow' (70 %)" in said
+    assert not check_found(arm, [log], replace(rolled, errors=0.02 * apart))
+    with pytest.raises(LogError, match="'elbow' errs by 90 %"):
+        check_found(arm, [log], replace(rolled, errors=np.array([0.6, 0.9]) * apart))
 
 
 @pytest.fixture(scope="module")

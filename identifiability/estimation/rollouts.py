@@ -128,8 +128,7 @@ def fit_rollouts(
     thirds = tuple(_middle(log) for log in logs)
     if not fitted and all(t[-1] - t[0] > ENOUGH for t in (log.t for log in thirds)):
         x, errors, taken, *_ = _descend(Problem(machine, thirds, delay), x, steps)
-        missed = share_missed(errors, logs).max()
-        if missed > RULES.rollout_contradicted:  # nor will whole logs be followed
+        if contradicted(share_missed(errors, logs)):  # nor will whole logs be followed
             numbers, delays, _ = problem.unpack(x)
             return Rollouts(numbers, delays, errors, before, taken, np.zeros(len(logs)))
     x, errors, taken, J, r = _descend(problem, x, steps)
@@ -263,6 +262,15 @@ def share_missed(errors: Array, logs: Sequence[Log]) -> Array:
     """
     every = np.mean([_unexplained(log) for log in logs], axis=0)
     return np.asarray(errors / np.maximum(np.sqrt(every), 1e-3))
+
+
+def contradicted(share: Array) -> bool:
+    """Whether shares of what there is to explain (n,) that are missed say that gains are wrong.
+
+    Where most joints are followed, what is wrong at another is its own, and no less is known of
+    these for it.
+    """
+    return bool(np.median(share) > RULES.rollout_contradicted)
 
 
 def _unexplained(log: Log) -> Array:

@@ -115,10 +115,14 @@ class Rules(RuleTable):
     delay_latest : float [s], by hand
         No delay that is looked for is longer.
     rollout_contradicted : float, calibrated
-        Share of what there is to explain by which the best rollout errs where gains
-        contradict it (simulated servos only),
+        Share of what there is to explain by which the best rollout errs, of half of the joints,
+        where gains contradict it (simulated servos only),
     rollout_noises : float, calibrated
         and how many times the noise of positions is nothing to explain.
+    servo_many : float, by hand
+        A servo that makes so many times the torque that the file's bodies need has other gains,
+    servo_told : float, by hand
+        where these bodies explain this share of it beside rotors, friction and offsets.
     rollout_block : float [s], by hand
         Length of blocks of time whose errors are taken to be independent.
     motions_level : float, level
@@ -157,6 +161,8 @@ class Rules(RuleTable):
     delay_latest: float = 0.06
     rollout_contradicted: float = 0.5
     rollout_noises: float = 5.0
+    servo_many: float = 5.0
+    servo_told: float = 0.1
     rollout_block: float = 1.0
     motions_level: float = 0.05
     halves_level: float = 0.01

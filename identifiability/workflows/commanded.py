@@ -15,7 +15,14 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from identifiability.estimation.rollouts import Rollouts, find_delay, fit_rollouts, share_missed
+from identifiability.effects.nominal import rigid_torque
+from identifiability.estimation.rollouts import (
+    Rollouts,
+    contradicted,
+    find_delay,
+    fit_rollouts,
+    share_missed,
+)
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.names import Array
@@ -90,6 +97,8 @@ def follow_commands(
     commanded = [x for x in fitted if isinstance(x, Log) and x.servo_delay is not None]
     if robot.servo is None or not commanded:
         return tuple(fitted), tuple(held_out), "", (), None
+    if first is None:
+        refuse_scale(structure, commanded, how)
     try:
         found = fit_rollouts(
             robot,
@@ -102,9 +111,8 @@ def follow_commands(
         if robot.servo.delay is None:
             said += ", without a delay: state it in the sidecar ([servo] delay = …)"
         return tuple(fitted), tuple(held_out), f"{said}.", (), None
-    if first is None:
-        _check_found(robot, commanded, found)
-    else:
+    doubt = check_found(robot, commanded, found)
+    if first is not None:
         found = replace(found, before=first.before)
     values = {**values, **found.parameters(robot)}
     own = CommandedRobot(robot, values)
@@ -120,7 +128,7 @@ def follow_commands(
         delay = find_delay(own, [chosen]) if stated is None else float(stated)
         return _calibrate(structure, chosen, own, values, delay, how, rng)
 
-    said = state_servos(robot, commanded, found)
+    said = doubt + state_servos(robot, commanded, found)
     own_fitted = tuple(map(calibrated, fitted))
     errors = dict(zip(map(id, commanded), found.delay_errors, strict=True))
     later = [
@@ -145,8 +153,8 @@ def moved(log: Log, servo: Servo, other: Servo, more: float = 0.0) -> Log:
     return replace(log, tau=log.tau + after - before)
 
 
-def _check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> None:
-    """Refuse gains that the motion contradicts.
+def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
+    """Refuse gains that the motion contradicts, and say which joints alone do not follow.
 
     Raises
     ------
@@ -155,7 +163,7 @@ def _check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> None:
     assert robot.servo is not None
     share = share_missed(found.errors, logs)
     k = int(np.argmax(share))
-    if share[k] > ESTIMATION_RULES.rollout_contradicted:
+    if contradicted(share):
         raise LogError(
             f"The servos of {robot.servo.source} contradict the motion in "
             f"{listing([log.name for log in logs], 4)}: moved by the commands, '{robot.joints[k]}' "
@@ -163,6 +171,55 @@ def _check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> None:
             f"whatever its friction and rotor are; "
             f"check its gains (kp = {robot.servo.kp[k]:.4g}, kv = {robot.servo.kv[k]:.4g}) and the "
             "sign and zero of its command."
+        )
+    (lost,) = np.nonzero(share > ESTIMATION_RULES.rollout_contradicted)
+    if not len(lost):
+        return ""
+    each = [f"'{robot.joints[j]}' ({100 * share[j]:.0f} %)" for j in lost]
+    return (
+        f"Do not use what is said of {listing(each, 4)}: moved by the commands, it errs by that "
+        "share of how far it is from its command, merely delayed, whatever its friction and rotor "
+        "are; check its gains, limit and sign, or whether something holds it. "
+    )
+
+
+def refuse_scale(structure: Structure, logs: Sequence[Log], how: Preparation) -> None:
+    """Refuse gains that make many times the torque that bodies of the file need, before long work.
+
+    Each joint's torque is a multiple of what the file's bodies need, and what its rotor, friction
+    and offset add. It is one where gains are right, hardly feels the delay, and noise makes it
+    less. Rollouts of servos so stiff take minutes.
+
+    Raises
+    ------
+    LogError
+    """
+    robot, servo = structure.robot, structure.robot.servo
+    assert servo is not None
+    endless = np.full(len(robot.joints), np.inf)
+    free = replace(servo, low=-endless, high=endless)
+    across, along, count = 0.0, 0.0, 0
+    for log in logs:
+        raw = servo_log(log, free, log.servo_delay or 0.0)
+        samples = prepare_samples(robot, replace(raw, unmeasured=None), how)
+        motion, needed = samples.motion, rigid_torque(robot, samples.motion)
+        for j, tau in enumerate(samples.tau.T):
+            v, a = motion.actuated_v[:, j], motion.actuated_a[:, j]
+            own = np.column_stack([np.ones(len(v)), v, a, np.sign(v)])
+            Q = np.linalg.qr(own)[0]
+            x, y = (z - Q @ (Q.T @ z) for z in (needed[:, j], tau))
+            size = float(y @ y) or 1.0
+            along, across = along + float(x @ y) / size, across + float(x @ x) / size
+            count += 1
+    if across <= 0 or along**2 < ESTIMATION_RULES.servo_told * count * across:
+        return
+    many = along / across
+    if many > ESTIMATION_RULES.servo_many:
+        raise LogError(
+            f"The servos of {robot.servo.source} contradict the motion in "
+            f"{listing([log.name for log in logs], 4)}: they make {many:.2g} times the torque that "
+            f"the bodies of {robot.path.name} need; check gains (kp = {servo.kp[0]:.4g}, "
+            f"kv = {servo.kv[0]:.4g} of '{robot.joints[0]}') and masses, and their units."
         )
 
 
