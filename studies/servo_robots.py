@@ -56,6 +56,8 @@ class Recorder:
     bits : int
         Of the encoders, a turn.
     servo_rate : float [Hz]
+    speeds : bool
+        Whether the speeds of commands are commanded beside them, ``.dq_cmd``.
     """
 
     rate: float = 200.0
@@ -63,6 +65,7 @@ class Recorder:
     delay: float = 0.006
     bits: int = 14
     servo_rate: float = 1000.0
+    speeds: bool = False
 
 
 def draw_commands(
@@ -122,14 +125,18 @@ def record(
     every, step = round(1 / (how.servo_rate * STEP)), 2 * np.pi / 2**how.bits
     phase, following = rng.uniform(size=n), rng.uniform(0, 1 / how.rate)
     tau, rows = np.zeros(n), []
+    speeds = np.gradient(commands, 1 / how.command_rate, axis=0) * how.speeds
     for k in range(round(duration / STEP)):
         t, q, v = k * STEP, data.qpos[at], data.qvel[dofs]
         if k % every == 0:
             target = _held(commands, t - how.delay, how.command_rate)
-            tau = np.clip(servo.kp * (target - q) - servo.kv * v, servo.low, servo.high)
+            speed = _held(speeds, t - how.delay, how.command_rate)
+            raw = servo.kp * (target - q) + servo.kv * (speed - v)
+            tau = np.clip(raw, servo.low, servo.high)
         if t >= following - 1e-9:
             seen = (np.floor(q / step + phase) + 0.5 - phase) * step
-            rows.append((t, *seen, *_held(commands, t, how.command_rate)))
+            told = (commands, speeds)[: 1 + how.speeds]
+            rows.append((t, *seen, *(x for c in told for x in _held(c, t, how.command_rate))))
             following += 1 / how.rate
         data.qfrc_applied[dofs] = tau - own["off"] - own["Fv"] * v
         mujoco.mj_forward(m, data)
@@ -139,7 +146,8 @@ def record(
         data.qvel[:] = after
         mujoco.mj_integratePos(m, data.qpos, between, STEP)
         data.time += STEP
-    names = [f"{j}.{kind}" for kind in ("q", "cmd") for j in joints]
+    kinds = ("q", "cmd", "dq_cmd")[: 2 + how.speeds]
+    names = [f"{j}.{kind}" for kind in kinds for j in joints]
     return pd.DataFrame(rows, columns=["t", *names])
 
 

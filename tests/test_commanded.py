@@ -36,7 +36,7 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot
-from identifiability.workflows.commanded import check_found
+from identifiability.workflows.commanded import check_found, state_drift
 from identifiability.workflows.diagnose.known_values import near_file, share_spread
 from identifiability.workflows.opening import read_recordings
 from identifiability.workflows.rollout import rollout
@@ -593,6 +593,33 @@ def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale
     again = Robot.load(known.save(tmp_path / "found.xml"))
     np.testing.assert_allclose(again.servo.kp, found.servo.kp)
     assert not again.servo.unknown.any()
+
+
+@pytest.mark.everything
+def test_commanded_speeds_tell_damping_of_servo_and_joint_apart(arm, tmp_path):
+    rng = np.random.default_rng(4)
+    how = servos.Recorder(200.0, 100.0, 0.006, 14, speeds=True)
+    commands = servos.draw_commands(arm, 8.0, 100.0, 0.5, rng)
+    frame = servos.record(arm, TRUTH, commands, 8.0, how, rng)
+    shutil.copy(arm.path, tmp_path / "arm.xml")
+    text = {"servo": {"kp": dict(zip(arm.joints, arm.servo.kp.tolist(), strict=True)), "kv": "fit"}}
+    (tmp_path / "arm.toml").write_text(toml_text(text))
+    found = analyze(tmp_path / "arm.xml", frame, quick=True)
+    for joint, kv in zip(arm.joints, arm.servo.kv, strict=True):
+        assert found.rolled is not None
+        low, high = found.to_frame().set_index("name")["interval95"][f"{joint}.Fv"]
+        assert low < TRUTH[f"{joint}.Fv"] < high
+        assert found.structure.robot.servo.kv[arm.joints.index(joint)] == pytest.approx(
+            kv, rel=5e-3
+        )
+    assert found.hints[0].startswith("Nobody states the gains of the servos")
+    assert "kv of shoulder" in found.hints[0]
+
+
+def test_servos_of_velocity_say_that_rollouts_drift(arm):
+    assert not state_drift(arm)
+    free = replace(arm, servo=replace(arm.servo, kp=np.array([1200.0, 0.0])))
+    assert "The servos of elbow hold no position" in state_drift(free)
 
 
 def test_commands_and_positions_say_nothing_of_the_scale_of_all_numbers(unstated, frames):

@@ -216,7 +216,8 @@ def fit_gains(robot: Robot, logs: Sequence[Log], believed: Believed) -> Gains:
         x, errors, _, J, _ = _descend(problem, x, 3 * STEPS)
     numbers, _, _ = problem.unpack(x)
     n, at = len(robot.joints), kinds.index("kp") * len(robot.joints)
-    size = np.linalg.norm(J, axis=0) + 1e-300
+    size = np.linalg.norm(J, axis=0)
+    size = np.where(size > 0, size, 1.0)  # of gains that are stated
     H = np.linalg.pinv((J / size).T @ (J / size), hermitian=True) / np.outer(size, size)
     kp = np.maximum(numbers["kp"], 1e-12)
     covariance = H[at : at + n, at : at + n] / np.outer(kp, kp)

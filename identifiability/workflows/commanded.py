@@ -216,7 +216,7 @@ def refuse_scale(structure: Structure, logs: Sequence[Log], how: Preparation) ->
     many = along / across
     if many > ESTIMATION_RULES.servo_many:
         raise LogError(
-            f"The servos of {robot.servo.source} contradict the motion in "
+            f"The servos of {servo.source} contradict the motion in "
             f"{listing([log.name for log in logs], 4)}: they make {many:.2g} times the torque that "
             f"the bodies of {robot.path.name} need; check gains (kp = {servo.kp[0]:.4g}, "
             f"kv = {servo.kv[0]:.4g} of '{robot.joints[0]}') and masses, and their units."
@@ -379,5 +379,17 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
         f"what the servos of {robot.servo.source} make of them, kp (q_cmd − q) − kv dq, "
         f"less what sampling and encoders leave in it; {late}, {known}. Moved by these commands "
         f"the file's robot errs by {before:.3g} mrad (rms), one with the numbers that fit "
-        f"best by {after:.3g}. {robot.servo.state_rate()}"
+        f"best by {after:.3g}. {state_drift(robot)}{robot.servo.state_rate()}"
     ).rstrip()
+
+
+def state_drift(robot: Robot) -> str:
+    """Return what servos of velocity leave unsaid, in one sentence; nothing without any."""
+    assert robot.servo is not None
+    drifts = [j for j, kp in zip(robot.joints, robot.servo.kp, strict=True) if not kp > 0]
+    if not drifts:
+        return ""
+    return (
+        f"The servos of {listing(drifts, 4)} hold no position, so rollouts drift there: rotors, "
+        "friction and delay are known worse than their intervals say. "
+    )

@@ -206,9 +206,15 @@ def state_gains(robot: Robot, names: Sequence[str], found: Gains, believed: Bodi
     sure = np.sqrt(np.diag(found.covariance))
     free = np.flatnonzero(np.isnan(asked.kp))
     each = [f"{robot.joints[k]} {servo.kp[k]:.4g} (± {100 * sure[k]:.2g} %)" for k in free]
+    damped = np.flatnonzero(np.isnan(asked.kv) & (servo.kv > 0))
+    said = [f"kp of {listing(each, 12)}"] if each else []
+    if len(damped):
+        said.append(
+            f"kv of {listing([f'{robot.joints[k]} {servo.kv[k]:.4g}' for k in damped], 12)}"
+        )
     text = (
         f"Nobody states the gains of the servos, so {listing(list(names), 4)} "
-        f"{'tells' if len(names) == 1 else 'tell'} them: kp of {listing(each, 12)}. "
+        f"{'tells' if len(names) == 1 else 'tell'} them: {'; '.join(said)}. "
     )
     unit = np.tile(0.5 * np.eye(4)[_UPPER], len(believed.names)).reshape(-1, 10)
     by = found.by_belief[: unit.size].reshape(-1, 10)
@@ -225,7 +231,10 @@ def state_gains(robot: Robot, names: Sequence[str], found: Gains, believed: Bodi
             f"file's {body}: weigh one, and say so ([prior_share])."
         )
     else:
-        text += "What fixes their scale is what is stated beside: a gain, a limit, a spring."
+        text += (
+            "What fixes their scale is what is stated beside: a gain, a limit, a spring, a "
+            "commanded torque."
+        )
     if np.isnan(asked.kv).any() and not servo.kv[np.isnan(asked.kv)].any():
         text += " Fv holds kv, too: no commanded speed tells them apart."
     return text
