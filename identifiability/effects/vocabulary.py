@@ -13,7 +13,6 @@ from identifiability.effects.registry import FAMILIES
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Parameter
 from identifiability.robot import Robot
 from identifiability.robot.parts import name_numbers
-from identifiability.robot.write import joint_numbers
 
 # What a robot file holds of a model's parameters, as their effects say it.
 #
@@ -29,6 +28,12 @@ Kind = Literal["mjcf", "urdf"]
 def file_kinds(robot: Robot) -> tuple[Kind, Kind]:
     """Return the format of a robot's own file, and the other one."""
     return ("mjcf", "urdf") if robot.mjcf else ("urdf", "mjcf")
+
+
+def joint_numbers(kind: Kind) -> tuple[str, ...]:
+    """Return what a file of a format can state of a joint of one degree of freedom."""
+    every = ("damping", "frictionloss", "armature", "stiffness")
+    return every if kind == "mjcf" else every[:2]
 
 
 @lru_cache(maxsize=8)

@@ -8,7 +8,6 @@ import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -100,12 +99,6 @@ def axis_weights(robot: Description, axis: Axis) -> dict[str, float]:
 DOWN, LEVEL = np.array([0.0, 0.0, -1.0]), 1e-12
 
 
-def joint_numbers(kind: Literal["mjcf", "urdf"]) -> tuple[str, ...]:
-    """Return what a file of a format can state of a joint of one degree of freedom."""
-    every = ("damping", "frictionloss", "armature", "stiffness")
-    return every if kind == "mjcf" else every[:2]
-
-
 def write_robot(
     robot: Description,
     path: str | Path,
@@ -125,7 +118,7 @@ def write_robot(
     bodies : mapping
         The inertial parameters of every body in the order of `INERTIAL_KINDS`, (10,).
     joints : mapping
-        Numbers of joints, and tendons that are axes, by the words of `joint_numbers`; others stay
+        Numbers of joints, and tendons that are axes, by the words of the file; others stay
         as they are.
     tables : mapping
         Tables of numbers that replace those of the template's sidecar.
