@@ -436,9 +436,21 @@ def _noise_map(V: Array, W: Array, F: Array) -> tuple[Array, Array, np.ndarray]:
     """
     k = V.shape[1]
     R = triangular_factor(np.hstack([V, W]))
-    B = solve_triangular(R[:k, :k], R[:k, k:])
+    B = _inverse(R[:k, :k]) @ R[:k, k:]
     root = triangular_factor(F)
-    U, s, Yt = np.linalg.svd(root @ B @ np.linalg.inv(root))
+    back = _inverse(root)
+    U, s, Yt = np.linalg.svd(root @ B @ back)
     weak = s < RULES.instrument_left
-    B = np.linalg.solve(root, (U * np.where(weak, 1.0, s)) @ Yt @ root)
-    return B, np.linalg.solve(root, U), weak
+    B = np.eye(k) + back @ ((U * np.where(weak, 1.0, s)) @ Yt - np.eye(k)) @ root
+    return B, back @ U, weak
+
+
+def _inverse(root: Array) -> Array:
+    """Return the inverse of a triangular factor (k, k), of what it determines.
+
+    A fold of a short log need not determine what the whole does.
+    """
+    scale = np.linalg.norm(root, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    inverse: Array = np.linalg.pinv(root / scale, rcond=APART) / scale[:, None]
+    return inverse

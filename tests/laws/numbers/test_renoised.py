@@ -82,6 +82,17 @@ def test_what_noise_drowns_stays_with_least_squares():
     assert abs(fit.value[3]) < 0.5 * abs(everything[3])
 
 
+def test_a_fold_that_does_not_determine_all_is_corrected_in_what_it_does(rows):
+    fit, (W, tau, exact, again) = RENOISED.fit(compress(*rows)), rows
+    still = np.array([1, 1, 1, 0])  # one column says nothing there
+    fold = compress(W * still, tau, exact * still, again * still)
+    three = np.eye(4)[:, :3]
+    B = RENOISED.map_noise(fold, fit)[:4, :4]
+    np.testing.assert_allclose(B[:3, :3], shrinkage(exact, again, three), atol=1e-8)
+    np.testing.assert_allclose(B[3], np.eye(4)[3], atol=1e-8)
+    assert np.isfinite(RENOISED.loss(fold, fit)).all()
+
+
 def test_refits_and_scores_follow_it(rows):
     W, tau, exact, again = rows
     information = compress(*rows)
