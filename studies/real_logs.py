@@ -1,9 +1,12 @@
 """What do models err on motion of real robots that was neither fitted nor chose anything?
 
-    python studies/real_logs.py [--only NAME] [--prune]
+    python studies/real_logs.py [--only NAME] [--prune | --diagnose]
 
 The model that an analysis of the fitted logs alone would use: as estimated, as the nearest real
-robot, and as it recommends; with `--prune` the unpruned and the pruned model, too.
+robot, and as it recommends; with `--prune` the unpruned and the pruned model, too. With
+`--diagnose` the effects that are named on some logs and stand on the other, the error there before
+and after, those that the other refutes, and which name of one part of a robot's data another part
+refutes.
 
 KUKA LWR4+ run 1 → 3 and 3 → 1, two of the first two thirds of a TX40's log on each other, halves of
 a UR10's on each other, a KR300 A, C → B and A, B → C. The folder of the data is
@@ -25,7 +28,7 @@ from pathlib import Path
 import kuka_lwr4
 import staubli_tx40
 
-from identifiability import Log, Robot, analyze
+from identifiability import Log, Robot, analyze, diagnose
 from identifiability.logs.conventions import Conventions
 from identifiability.physical.cad_prior import total_mass
 from identifiability.workflows.prune import prune
@@ -76,11 +79,19 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--only", default="")
     parser.add_argument("--prune", action="store_true")
+    parser.add_argument("--diagnose", action="store_true")
     asked = parser.parse_args()
+    named: dict[str, set[str]] = {}
+    refuted: dict[str, set[str]] = {}
     data = Path(os.environ.get("IDENTIFIABILITY_DATA", ROOT.parent / "shared" / "data"))
     with tempfile.TemporaryDirectory() as folder:
         for name, robot, fitted, other in find_cases(data, Path(folder)):
-            if asked.only in name:
+            if asked.only in name and asked.diagnose:
+                print(
+                    f"{name}: {state_diagnosed(name, robot, fitted, other, named, refuted)}",
+                    flush=True,
+                )
+            elif asked.only in name:
                 print(f"{name}: {state(robot, fitted, other)}", flush=True)
                 if asked.prune:
                     print(f"{name}, pruned: {state_pruned(robot, fitted, other)}", flush=True)
@@ -110,6 +121,27 @@ def state_pruned(robot: Robot, fitted: list[Log], other: Log) -> str:
         for r in (found.full, found.chosen)
     ]
     return f"unpruned {text[0]}, pruned {text[1]}"
+
+
+def state_diagnosed(
+    name: str,
+    robot: Robot,
+    fitted: list[Log],
+    other: Log,
+    named: dict[str, set[str]],
+    refuted: dict[str, set[str]],
+) -> str:
+    """Return what a diagnosis names, and keep what stands and what falls of each robot."""
+    found, arm = diagnose(robot, fitted, other, forward=False), name.partition(" ")[0]
+    stand, fall = ({f"{e.name} {p.place}" for e in of for p in e.placements}
+                   for of in (found.effects, found.refuted))  # fmt: skip
+    before, after = 100 * found.held_before, 100 * found.held_after
+    contrary = (stand & refuted.get(arm, set())) | (fall & named.get(arm, set()))
+    named.setdefault(arm, set()).update(stand)
+    refuted.setdefault(arm, set()).update(fall)
+    sets = (("named", stand), ("refuted", fall), ("refuted beside another part", contrary))
+    text = [f"{what}: {', '.join(sorted(x)) or 'none'}" for what, x in sets]
+    return "; ".join([*text, f"error {before:.2f} → {after:.2f} %"])
 
 
 if __name__ == "__main__":
