@@ -31,6 +31,7 @@ import staubli_tx40
 from identifiability import Log, Robot, analyze, diagnose
 from identifiability.logs.conventions import Conventions
 from identifiability.physical.cad_prior import total_mass
+from identifiability.workflows.diagnose.words import contradiction
 from identifiability.workflows.prune import prune
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -82,13 +83,13 @@ def main() -> None:
     parser.add_argument("--diagnose", action="store_true")
     asked = parser.parse_args()
     named: dict[str, set[str]] = {}
-    refuted: dict[str, set[str]] = {}
+    refused: dict[str, dict[str, str]] = {}
     data = Path(os.environ.get("IDENTIFIABILITY_DATA", ROOT.parent / "shared" / "data"))
     with tempfile.TemporaryDirectory() as folder:
         for name, robot, fitted, other in find_cases(data, Path(folder)):
             if asked.only in name and asked.diagnose:
                 print(
-                    f"{name}: {state_diagnosed(name, robot, fitted, other, named, refuted)}",
+                    f"{name}: {state_diagnosed(name, robot, fitted, other, named, refused)}",
                     flush=True,
                 )
             elif asked.only in name:
@@ -129,19 +130,29 @@ def state_diagnosed(
     fitted: list[Log],
     other: Log,
     named: dict[str, set[str]],
-    refuted: dict[str, set[str]],
+    refused: dict[str, dict[str, str]],
 ) -> str:
-    """Return what a diagnosis names, and keep what stands and what falls of each robot."""
+    """Return what a diagnosis names, and keep what stands and what does not of each robot."""
     found, arm = diagnose(robot, fitted, other, forward=False), name.partition(" ")[0]
-    stand, fall = ({f"{e.name} {p.place}" for e in of for p in e.placements}
-                   for of in (found.effects, found.refuted))  # fmt: skip
+    stand = {f"{e.name} {p.place}" for e in found.effects for p in e.placements}
+    falls = {
+        f"{e.name} {p.place}": contradiction(e, found.rules.odds)
+        for e in found.refuted
+        for p in e.placements
+    }
     before, after = 100 * found.held_before, 100 * found.held_after
-    contrary = (stand & refuted.get(arm, set())) | (fall & named.get(arm, set()))
-    named.setdefault(arm, set()).update(stand)
-    refuted.setdefault(arm, set()).update(fall)
-    sets = (("named", stand), ("refuted", fall), ("refuted beside another part", contrary))
-    text = [f"{what}: {', '.join(sorted(x)) or 'none'}" for what, x in sets]
-    return "; ".join([*text, f"error {before:.2f} → {after:.2f} %"])
+    names, earlier = named.setdefault(arm, set()), refused.setdefault(arm, {})
+    contrary = [f"{k} ({falls[k]} here)" for k in falls.keys() & names]
+    contrary += [f"{k} ({earlier[k]} there)" for k in earlier.keys() & stand]
+    names |= stand
+    earlier |= falls
+    text = [
+        f"named: {', '.join(sorted(stand)) or 'none'}",
+        f"not kept: {', '.join(f'{k} {said}' for k, said in sorted(falls.items())) or 'none'}",
+        f"named by one part and not kept by another: {', '.join(sorted(contrary)) or 'none'}",
+        f"error {before:.2f} → {after:.2f} %",
+    ]
+    return "; ".join(text)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from identifiability.foundation.values import frozen
 from identifiability.workflows.answers import state_joints
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
 from identifiability.workflows.diagnose.motion import OTHER, Change, join
+from identifiability.workflows.diagnose.verdict import REFUTED, WORSE
 
 #: Effects that the headline states in full, and names and places that it lists of each.
 FULL, LISTED = 2, 3
@@ -140,7 +141,7 @@ def _state_refused(d: Findings) -> str:
 
 def remarks(d: Findings) -> list[Remark]:
     """Return what else should be known of the named effects, and what was refuted."""
-    always = [Remark("Refuted", _state_contradicted(e, d.verified_on)) for e in d.refuted]
+    always = [Remark("Refuted", _state_contradicted(e, d)) for e in d.refuted]
     always += [Remark("Please note", hint) for hint in d.hints]
     if d.turns:
         good = all(t.outcome in ("decided", "kept") for t in d.turns)
@@ -205,19 +206,45 @@ def _state_mass(e: NamedEffect) -> str:
     return f", {' and '.join(masses)}".replace("-", "−") if masses else ""
 
 
-def _state_contradicted(e: NamedEffect, verified_on: str) -> str:
+def contradiction(e: NamedEffect, odds: float) -> str:
+    """Return what unseen motion says of an effect that it does not let stand, to follow its name.
+
+    Log odds between those for and those against it leave it open; and what serves its own joints,
+    but makes the error over all of them surely larger, is not refuted where it is.
+
+    Parameters
+    ----------
+    e : NamedEffect
+    odds : float [nat]
+        From which on a name is stated.
+    """
+    if e.why == OTHER:
+        return f"its value is refuted ({OTHER})"
+    if e.why == WORSE and e.shown.odds > 0 and e.shown.after <= e.shown.before:
+        return "is left out"
+    return "is not confirmed" if e.why == REFUTED and abs(e.shown.odds) < odds else "is refuted"
+
+
+def _state_contradicted(e: NamedEffect, d: Findings) -> str:
     """Return what the motion that verifies says against an effect."""
-    named = _capital(_state_effect(e))
-    what = f"its value is refuted ({OTHER})" if e.why == OTHER else "is refuted"
+    named, what, verified_on = (
+        _capital(_state_effect(e)),
+        contradiction(e, d.rules.odds),
+        d.verified_on,
+    )
     start = f"{named} stood out from the fitted motion and {what}: on {verified_on}"
     if np.isnan(e.shown.before):  # without a scale of its own there is no error over it
         return f"{start} the torque where it is never changes."
     change = _change(e.shown.before, e.shown.after, e.shown.interval)
     likelier = "likelier" if e.shown.odds > 0 else "less likely"
     odds = f"{e.shown.odds:.2g}".replace("-", "−")
+    over_all = ""
+    if e.why == WORSE:
+        risen = _change(e.joints_before, e.joints_after, e.joints_interval)
+        over_all = f" Over all joints it goes {risen}."
     return (
         f"{start} the torque is {likelier} with it (log likelihood ratio {odds}), and the error of "
-        f"its joints, each on its own scale, goes {change}."
+        f"its joints, each on its own scale, goes {change}.{over_all}"
     )
 
 

@@ -1,6 +1,7 @@
 """What must be true of any diagnosis: an arm on known motion, effects and noise that are known."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from identifiability.workflows.diagnose.conclude import (
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.hypothesis import OVER_SPEED, Hypothesis
 from identifiability.workflows.diagnose.verdict import (
+    REFUTED,
     WORSE,
     Fitted,
     Judged,
@@ -24,6 +26,7 @@ from identifiability.workflows.diagnose.verdict import (
     of_few,
     refute_worse,
 )
+from identifiability.workflows.diagnose.words import contradiction
 
 SPRING = {"joint_stiffness@elbow": 0.05}
 STRIBECK = {"stribeck_friction@shoulder:0.5": 0.05}
@@ -320,3 +323,20 @@ def test_evidence_of_a_few_blocks_is_as_rare_as_students_score(blocks):
         normal = stats.norm.isf(rare)
         assert np.sqrt(2 * of_few(0.5 * score**2, blocks)) == pytest.approx(normal, rel=0.03)
         assert of_few(0.5 * score**2, 1e7) == pytest.approx(0.5 * score**2, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("why", "odds", "after", "said"),
+    [
+        (REFUTED, -0.4, 0.055, "is not confirmed"),
+        (REFUTED, -5.0, 0.055, "is refuted"),
+        (WORSE, 10.0, 0.045, "is left out"),
+        (WORSE, 10.0, 0.065, "is refuted"),
+        (WORSE, -1.0, 0.055, "is refuted"),
+    ],
+)
+def test_a_name_is_called_refuted_only_where_unseen_motion_speaks_against_it(
+    why, odds, after, said
+):
+    shown = SimpleNamespace(odds=odds, before=0.06, after=after)
+    assert contradiction(SimpleNamespace(why=why, shown=shown), Rules().odds) == said
