@@ -107,7 +107,7 @@ def test_what_cannot_stand_is_refused_in_one_sentence(quadruped, tmp_path):
     feet = "".join(foot.format(k) for k in ("FL", "FR", "RL", "RR"))
     lines = "\n".join(f"{joint} = {x}" for joint, x in home.items())
     path.with_suffix(".toml").write_text(f"{feet}\n[home]\n{lines}\n")
-    with pytest.raises(RobotError, match="a leg is stretched or has too few joints"):
+    with pytest.raises(RobotError, match="a leg is stretched at home or has too few joints"):
         excite(path)
 
 
@@ -166,10 +166,12 @@ def test_servos_of_a_robot_on_its_feet_take_it_where_it_was(shaken):
     assert "errs in windows of 1 s" in found.statement
 
 
-def test_torque_takes_a_walking_robot_on_for_a_moment(quadruped):
+def test_torque_takes_a_walking_robot_on_for_a_moment(quadruped, tmp_path):
     found = rollout(quadruped, LOGS[0])
     assert found.torque
     assert found.window_totals[0] < 0.025
     assert "windows of 0.1 s" in found.statement
+    assert found.logs[0].t.shape == (len(found.logs[0].q),)
+    found.write_report(tmp_path / "page.html")
     with pytest.raises(RobotError, match="fitting to rollouts of robots that float is not"):
         rollout(quadruped, LOGS[0], fit=LOGS[1])

@@ -411,7 +411,7 @@ def _on_base(robot: Robot, log: Log, q: Array) -> Log:
     """Return the part of a log that was rolled out, with where its base was beside its joints."""
     cut = replace(log, dq=None, ddq=None, q_ref=None, dq_ref=None, tau_ff=None, unmeasured=None,
                   base=None).each(lambda x: x[: len(q)])  # fmt: skip
-    return replace(cut, joints=robot.joints, q=q, tau=np.zeros_like(q))
+    return replace(cut, t=log.t[: len(q)], joints=robot.joints, q=q, tau=np.zeros_like(q))
 
 
 def _name(robot: Robot) -> str:

@@ -562,9 +562,9 @@ def find_in_place(
         )
     if not whole.yields:
         raise RobotError(
-            f"The feet of {robot.path} cannot stay where they are while its base moves: at home "
-            f"({robot.describe_home()}) a leg is stretched or has too few joints; state a home "
-            f"position with bent legs in the sidecar, or {stand}"
+            f"The feet of {robot.path} cannot stay where they are while its base moves: a leg is "
+            "stretched at home or has too few joints; state a home position with bent legs in the "
+            f"sidecar, or {stand}"
         )
     found, unable = whole.prepared()
     for part in () if period else PARTS:
@@ -577,7 +577,8 @@ def find_in_place(
     if unable:
         said.append(
             f"{listing(unable, 4)} cannot be lifted without falling over or leaving limits of "
-            "joints, so one parameter per foot stays unknown; measure it on a stand."
+            "joints where the robot stands at home, so one parameter per foot stays unknown; "
+            "measure it on a stand."
         )
     return found, said
 
