@@ -345,8 +345,8 @@ class Family:
         Why it makes no sense there, as a sentence; empty if it does.
     stated : callable(Robot) -> bool
         Whether the robot file states it, so that default models have it.
-    commanded : bool
-        Whether only logs of commands are searched for it, where nobody names it.
+    logs : {"any", "torque", "commands"}
+        Of what the logs are that are searched for it, where nobody names it.
     loaded : bool
         Whether its columns depend on the masses that the robot file states.
     native : bool
@@ -385,7 +385,7 @@ class Family:
     needs: str = ""
     refuse: Callable[[Robot, str], str] = _nowhere_refused
     stated: Callable[[Robot], bool] = _not_stated
-    commanded: bool = False
+    logs: Literal["any", "torque", "commands"] = "any"
     loaded: bool = False
     native: bool = False
     dry: bool = False

@@ -122,6 +122,7 @@ def nominal_torque(robot: Robot, motion: Motion) -> Array:
     "a delay of the torque",
     actuated_joints,
     refuse=needs_masses,
+    logs="torque",
     loaded=True,
     native=True,
     rank=12,
@@ -174,6 +175,7 @@ class TimeDelay(Effect):
     "an error of clocks (torque stamped before its motion)",
     actuated_joints,
     refuse=needs_masses,
+    logs="torque",
     loaded=True,
     native=True,
     rank=12.1,
@@ -192,6 +194,54 @@ class ClockError(TimeDelay):
         """Write one column a joint, that of a delay with the other sign."""
         super().fill(robot, motion, out)
         out *= -1.0
+
+
+# A joint whose servo takes its commands later than those of the others.
+
+
+def _needs_servos(robot: Robot, place: str) -> str:
+    if robot.servo is None:
+        return "the robot has no servos that take commands"
+    return in_motor(robot, place) or needs_masses(robot, place)
+
+
+@declare(
+    "commands that act later than others",
+    actuated_joints,
+    refuse=_needs_servos,
+    logs="commands",
+    loaded=True,
+    native=True,
+    rank=12.15,
+)
+class CommandDelay(TimeDelay):
+    """``τ(q_cmd(t)) = τ + δ (dτ/dt + kp q̇ + kv q̈)``: the servo of a joint acts δ later.
+
+    Later than is taken of all joints of a log, or earlier where δ is negative. A command is what
+    its servo makes torque of, kp q_cmd = τ + kp q + kv q̇, so that most of a delay is viscous
+    friction and inertia; these are no longer wrong with it.
+    """
+
+    name = "command_delay"
+    equation = "τ = δ (dτ/dt + kp q̇ + kv q̈)"
+    source = "[Ljung 1999, Sec. 4.2]"
+    kind = "late"
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return that of every actuated joint of a robot with servos."""
+        late = () if robot.servo is None else super().parameters(robot)
+        return tuple(replace(p, nonnegative=False) for p in late)
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write one column a joint."""
+        servo = robot.servo
+        if servo is None or not out.shape[2]:
+            return
+        super().fill(robot, motion, out)
+        out *= -1.0
+        v, a = motion.actuated_v, motion.actuated_a
+        for k, joint in enumerate(motors(robot)):
+            out[:, joint, k] += servo.kp[joint] * v[:, joint] + servo.kv[joint] * a[:, joint]
 
 
 # A joint whose torque is measured in wrong units: a gain that is off.
@@ -387,7 +437,7 @@ def _stands_in_a_tree(robot: Robot, place: str) -> str:
     actuated_joints,
     against="position",
     refuse=_stands_in_a_tree,
-    commanded=True,
+    logs="commands",
     loaded=True,
     told_by=POSTURES,
     rank=13.5,

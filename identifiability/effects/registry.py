@@ -111,7 +111,8 @@ def find_families(names: Iterable[str] | None, *, commanded: bool = False) -> tu
         If there is none of a name, with the near match.
     """
     if names is None:
-        return tuple(f for f in FAMILIES.values() if commanded or not f.commanded)
+        other = "torque" if commanded else "commands"
+        return tuple(f for f in FAMILIES.values() if f.logs != other)
     return tuple(find_family(name) for name in names)
 
 

@@ -8,10 +8,11 @@ import pytest
 from identifiability.effects import find_families
 from identifiability.effects.gravity import GravityTilt, horizontal_axes
 from identifiability.effects.inertia import Payload, RigidBody
-from identifiability.effects.measurement import EncoderBias, TimeDelay
+from identifiability.effects.measurement import CommandDelay, EncoderBias, TimeDelay, nominal_torque
 from identifiability.logs.prepare import Samples
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot, complete_motion
+from identifiability.robot.servo import Servo
 
 T = np.linspace(0, 2.5, 60)
 
@@ -105,13 +106,36 @@ def test_a_wrong_zero_is_the_torque_at_another_position(polar, move, columns):
         np.testing.assert_allclose(column, change, atol=1e-4)
 
 
+def test_a_late_servo_makes_torque_of_the_commands_before(polar, by_hand, columns):
+    """Against the servo's law, whose commands were taken a little too early."""
+    kp, kv, late = np.array([90.0, 400.0]), np.array([2.0, 9.0]), 1e-5
+    endless = np.full(2, np.inf)
+    robot = replace(polar, servo=Servo(kp, kv, -endless, endless))
+    t = fine(by_hand)
+    m = swung(robot, by_hand, t)
+    found = columns(robot, m, CommandDelay())
+    assert list(found) == ["lift.late", "reach.late"]
+    q, v, _ = by_hand.swing(t, 2)
+
+    def command(at):
+        own = swung(robot, by_hand, at)
+        return own.actuated_q + (nominal_torque(robot, own) + kv * own.actuated_v) / kp
+
+    change = (kp * (command(t + late) - q) - kv * v - nominal_torque(robot, m)) / late
+    both = sum(column for _, column in found.values())
+    np.testing.assert_allclose(both[5:-5], change[5:-5], rtol=1e-3, atol=1e-2)
+    assert not CommandDelay().parameters(polar)
+
+
 def test_loops_have_no_wrong_zeros_and_only_commands_are_searched_for_them():
     closed = Robot.load("five-bar")
     assert not EncoderBias().parameters(closed)
     (family,) = find_families(["encoder_bias"])
     assert "geometry" in family.refuse(closed, closed.joints[0])
     assert family not in find_families(None)
-    assert family in find_families(None, commanded=True)
+    commands = {f.name for f in find_families(None, commanded=True)}
+    assert {"encoder_bias", "command_delay"} <= commands
+    assert not {"time_delay", "clock_error"} & commands
 
 
 def recorded(by_hand, t):
