@@ -69,10 +69,13 @@ def find_joints(columns: list[str], source: str, of: Collection[str] = ()) -> li
     alone += [(j, "tau", "position", "q") for j in sorted(named) if j not in joints]
     if alone:
         joint, has, what, kind = alone[0]
+        others = _loose([c for c in columns if c != "t"], joint, of)
+        near, some = near_match(f"{joint}.{kind}", others), listing(others, 4)
+        rule = f"--map '{others[0]}={joint}.{kind}'" if others else ""
+        told = f" If it is one of {some}, add {rule}." if others and near == "." else ""
         raise LogError(
-            f"{source} has '{joint}.{has}' but no {what} column '{joint}.{kind}'"
-            f"{near_match(f'{joint}.{kind}', _loose(columns, joint, of))} "
-            "Every actuated joint needs both."
+            f"{source} has '{joint}.{has}' but no {what} column '{joint}.{kind}'{near} "
+            f"Every actuated joint needs both.{told}"
         )
     return joints
 

@@ -221,11 +221,11 @@ def list_logs(logs: Logs) -> list[LogLike]:
     return [logs] if one else list(logs)  # type: ignore[list-item,arg-type]
 
 
-def read_logs(logs: Logs, known: Conventions) -> list[Log | LogFile]:
+def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log | LogFile]:
     """Return logs, however they are given; long files stay files.
 
     What is known of logs of the robot holds for those that are read here; each episode of a
-    dataset is a log.
+    dataset is a log. Those without a name are numbered from the number of others `before` on.
     """
     out: list[Log | LogFile] = []
     given = [
@@ -233,7 +233,7 @@ def read_logs(logs: Logs, known: Conventions) -> list[Log | LogFile]:
         for item in list_logs(logs)
         for one in (find_parts(Path(item)) if isinstance(item, (str, Path)) else [item])
     ]
-    for k, item in enumerate(given):
+    for k, item in enumerate(given, before):
         if isinstance(item, Mapping):
             item = frame_of(item, f"log {k + 1}")  # noqa: PLW2901 - the same in another form
         if isinstance(item, pd.DataFrame):
@@ -274,7 +274,8 @@ def read_recordings(
         If there is none to fit, or one is given twice.
     """
     known = known or Conventions()
-    train, held_out = read_logs(logs, known), read_logs(validate, known)
+    train = read_logs(logs, known)
+    held_out = read_logs(validate, known, len(train))
     if not train:
         raise LogError("No log was given; give at least one.")
     check_held_out(train, held_out)

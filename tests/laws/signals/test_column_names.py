@@ -51,6 +51,7 @@ UNDERSTOOD = {
     "humps": (["t", *each("{k}{j}", ("Elbow", "Shoulder"), ("position", "torque"))], PAIR,
               [2, 1], [4, 3]),
     "one joint": (["t", "angle", "torque"], ("hinge",), [1], [2]),
+    "letters": (["time_ms", "theta1", "theta2", "M1_torque", "M2_torque"], PAIR, [1, 2], [3, 4]),
     "compounds": (["Zeitstempel", *each("{j}.Ist{k}", PAIR, ("position", "moment"))], PAIR,
                   [1, 2], [3, 4]),
     "levels": (["t", *each("('{j}', '{k}')", PAIR, ("q", "tau"))], PAIR, [1, 2], [3, 4]),
@@ -65,7 +66,7 @@ def test_usual_names_are_understood_and_said(case):
     assert log.q[0].tolist() == q
     assert log.tau[0].tolist() == tau
     assert "taken for what their names usually mean" in log.notes[0]
-    numbered = case in ("numbers", "from zero", "actual and target", "numbered joints")
+    numbered = case in ("numbers", "letters", "from zero", "actual and target", "numbered joints")
     assert log.notes[0].endswith("(in the robot's order)") == numbered
 
 
@@ -85,6 +86,8 @@ REFUSED = {
     "an error is no position": (["t", *each("{j}_{k}", PAIR, ("position_error", "torque"))], PAIR,
                                 r"has no position column; expected"),
     "nothing": (["a", "b"], PAIR, r"has no column 't'"),
+    "no torque": (["t", *each("{k}{j}", (1, 2), ("q", "zz"))], PAIR,
+                  r"no torque column .* If it is one of zz1, zz2, add --map 'zz1=shoulder\.tau'"),
 }  # fmt: skip
 
 
