@@ -11,7 +11,7 @@ from identifiability.cli import common, options
 from identifiability.cli.common import Writes
 
 
-@options.command()
+@options.command(motion_alone=True)
 def rollout(
     machine: options.Machine,
     recorded: options.Recorded,

@@ -364,6 +364,7 @@ def _walk(robot: Robot, logs: Logs, against: Other | None, fit: Logs) -> RolledO
         robot.check_stands("fitting to rollouts")
     base = robot.base
     assert base is not None
+    WalkingRobot(robot, torque=True)  # says what it lacks before logs are read
     servo = None if base.servo is None or base.servo.unknown.any() else base.servo
     known = replace(Conventions.of(robot), commands=servo is not None, servo=servo)
     given = read_recordings(logs, known=known, commands=servo is not None, evidence=False)

@@ -149,6 +149,7 @@ def excite_commands(
         If it has no servos, or no commands keep the limits.
     """
     robot = Robot.of(robot)
+    robot.check_stands("designing commands")
     if robot.servo is None:
         raise RobotError(f"{robot.path} {NO_SERVO}")
     known = find_limits(robot, limits)
