@@ -24,7 +24,7 @@ from identifiability.regression.reduction import read_ladder
 from identifiability.robot import markup as magnitudes
 from identifiability.robot import markup as xml
 from identifiability.robot.dh import convert_dh
-from identifiability.robot.geometry import read_geometry
+from identifiability.robot.files import read_geometry
 from identifiability.workflows.predict import read_fit
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")

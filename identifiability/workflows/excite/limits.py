@@ -27,7 +27,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
 from identifiability.robot.closure import LEAP, invert, loop_jacobian, passes_singular
 from identifiability.robot.description import stated_speeds
-from identifiability.robot.geometry import body_of, read_geometry
+from identifiability.robot.files import body_of, read_geometry
 from identifiability.robot.kinematics import Point
 from identifiability.robot.sidecar import LimitEntry, Span
 
