@@ -530,13 +530,16 @@ class Evidence:
         a: Score,
         b: Score,
         levels: Levels = LEVELS,
+        *,
+        joints: bool = True,
     ) -> Evidence:
-        """Return the evidence of two scores of the same folds."""
+        """Return the evidence of two scores of the same folds, over each joint or only over all."""
         ratio = max(a.ratio, b.ratio)
         ours, theirs = a.shares, b.shares
         error = _error_gain(ours.sum(1), theirs.sum(1), ratio)
-        joints = tuple(_error_gain(x, y, ratio) for x, y in zip(ours.T, theirs.T, strict=True))
-        return Evidence(a.gain(b), error, joints, len(a.density), levels)
+        pairs = zip(ours.T, theirs.T, strict=True) if joints else ()
+        of_joints = tuple(_error_gain(x, y, ratio) for x, y in pairs)
+        return Evidence(a.gain(b), error, of_joints, len(a.density), levels)
 
     @property
     def level(self) -> Level:
@@ -636,7 +639,11 @@ def near_best(scores: Sequence[Score], levels: Levels = LEVELS) -> np.ndarray:
     best = scores[int(np.argmax(total))]
     near: np.ndarray = total >= total.max() - levels.nats
     for m in np.flatnonzero(~near).tolist():
-        near[m] = Evidence.of(scores[m], best, levels).replaceable
+        # Most fail over all joints already: a path asks it of a hundred models, and again of each
+        # path of a bootstrap.
+        near[m] = all(
+            Evidence.of(scores[m], best, levels, joints=each).replaceable for each in (False, True)
+        )
     return near
 
 
