@@ -225,17 +225,21 @@ def whiten(x: Array, runs: Runs, pacf: Array) -> Array:
     They are zero between the stretches.
     """
     predictors, variances = levinson(pacf)
-    p = len(pacf)
-    out = np.zeros(x.shape)
-    for start, stop in runs:
-        part = x[start:stop]
-        out[start:stop] = part
-        for k, a in enumerate(predictors[-1], start=1):
-            out[start + k : stop] -= a * part[:-k] if k < len(part) else 0.0
-        for m in range(min(p, len(part))):
-            past = part[:m][::-1]
-            error = part[m] - np.tensordot(predictors[m], past, 1) if m else part[0]
-            out[start + m] = error / np.sqrt(variances[m])
+    # All stretches at once: rows that are data may come in hundreds of short ones.
+    first, stop = np.array(runs, int).reshape(-1, 2).T
+    out = np.array(x, float)
+    for k, a in enumerate(predictors[-1], start=1):
+        out[k:] -= a * x[:-k]
+    for m in range(len(pacf)):
+        at = (first + m)[first + m < stop]
+        error = x[at]
+        for k, a in enumerate(predictors[m], start=1):
+            error = error - a * x[at - k]
+        out[at] = error / np.sqrt(variances[m])
+    edges = np.zeros(len(x) + 1, int)
+    np.add.at(edges, first, 1)
+    np.add.at(edges, stop, -1)
+    out[np.cumsum(edges[:-1]) == 0] = 0.0
     return out
 
 
