@@ -25,6 +25,7 @@ FRICTION = ("stribeck_friction", "rising_friction", "sigmoid_friction")
 OVER_SPEED = "friction over speed"
 
 Group = tuple[str, str]
+Slot = tuple[str, str, tuple[str, ...]]
 
 
 @frozen
@@ -79,6 +80,10 @@ class Catalogue:
         self.members: dict[Group, list[int]] = defaultdict(list)
         for k, group in enumerate(self.of):
             self.members[group].append(k)
+        #: Candidates of each slot, by shape.
+        self.slots: dict[Slot, list[int]] = defaultdict(list)
+        for k in sorted(range(len(candidates)), key=lambda k: candidates[k].shape):
+            self.slots[candidates[k].slot].append(k)
         self.places = Counter(family for family, _ in self.members)
         first = {self.of[k][0]: c.family for k, c in reversed([*enumerate(candidates)])}
         kinds = Counter(_kind(family) for family in first.values())

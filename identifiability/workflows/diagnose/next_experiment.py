@@ -357,7 +357,7 @@ def ask_open(d: Findings, series: Series, seed: int) -> Asked | None:
         names=(_text(name, placement), *texts),
         known=known,
         weights=weights,
-        chance=lambda G: decision_chance(aim, G, d.rules.odds),
+        chance=lambda G: decision_chance(aim, G, d.rules.odds * placement.scatter),
         hidden=False,
         same=same,
     )
@@ -651,6 +651,19 @@ def _within(left: Array, small: np.ndarray, large: np.ndarray) -> bool:
     return squares > SAME**2 * float(np.trace(left[np.ix_(small, small)]))
 
 
+def _between_shapes(left: Array) -> float:
+    """Return the least that a shape between those tried (s,) leaves: they are continuous.
+
+    That of a parabola through the best of them and its neighbours.
+    """
+    k = int(np.argmin(left))
+    least = float(left[k])
+    if not 0 < k < len(left) - 1:
+        return least
+    before, after = float(left[k - 1]) - least, float(left[k + 1]) - least
+    return max(least - (before - after) ** 2 / max(8.0 * (before + after), 1e-300), 0.0)
+
+
 def decision_chance(aim: Discrimination, G: Array, odds: float) -> float:
     """Return the chance that of several effects the true one is named alone.
 
@@ -673,7 +686,7 @@ def decision_chance(aim: Discrimination, G: Array, odds: float) -> float:
         whole, left = (part[..., 0] for part in aim.squares(G[None], ask))
         truth = ask.rival + 1 if ask.reverse else 0
         own = right.get(truth, np.ones(DRAWN, bool))
-        for outside in np.minimum(left, whole).tolist():
+        for outside in [*np.minimum(left, whole).tolist(), min(_between_shapes(left), whole)]:
             similarity = np.sqrt(1.0 - outside / max(float(whole), 1e-300))
             first = np.sqrt(whole) + e[0]
             # The other explains what is not the first one's own, and of the noise what it shares.

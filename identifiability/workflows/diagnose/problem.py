@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
@@ -22,6 +23,7 @@ from identifiability.workflows.diagnose.evidence import (
     step_of,
     tempering,
 )
+from identifiability.workflows.diagnose.hypothesis import FRICTION
 from identifiability.workflows.diagnose.known_values import KnownValues, NearFile
 from identifiability.workflows.diagnose.motion import Change
 from identifiability.workflows.diagnose.rows import (
@@ -203,21 +205,35 @@ class Problem:
         b = rows.X.shape[2] + len(self.columns(parts))
         rules = self.setting.rules
         tempered = tempering(errors, b / rows.joints, rules.lag, rules.usual)
-        return replace(view, tempered=tempered, sizes=self._widened(parts, view))
+        return replace(view, tempered=tempered, sizes=self.widened(parts, view))
 
-    def _widened(self, parts: Sequence[int], view: View) -> Array:
+    def widened(self, parts: Sequence[int], view: View) -> Array:
         """Return typical values, those of what is there as large as they are.
 
-        A narrow prior would hold back what is much larger, and other parts would take that on.
+        A narrow prior would hold back what is much larger, and other parts would take that on. What
+        competes for the same curve is as large: a name must not win for having been there first.
         """
         sizes, (value, _) = self.sizes.copy(), self.solve(parts, view)
-        value = value[self.rows.X.shape[2] :]
+        value, curves = value[self.rows.X.shape[2] :], self._curves
         for k in parts:
             at, c = list(self.candidates[k].columns), self.candidates[k]
             own, value = np.abs(value[: len(at)]), value[len(at) :]
-            ratio = own / np.where(sizes[at] > 0, sizes[at], np.inf)
-            sizes[at] *= np.maximum(np.sqrt(np.mean(ratio**2)) if c.family.flexible else ratio, 1.0)
+            ratio = own / np.where(self.sizes[at] > 0, self.sizes[at], np.inf)
+            ratio = np.maximum(np.sqrt(np.mean(ratio**2)) if c.family.flexible else ratio, 1.0)
+            if not c.family.flexible:
+                alike = curves[c.place, c.family.against]
+                sizes[alike] = np.maximum(sizes[alike], self.sizes[alike] * ratio.max())
+            sizes[at] = self.sizes[at] * ratio
         return sizes
+
+    @property
+    def _curves(self) -> dict[tuple[str, str], list[int]]:
+        """Columns of all names by place and what they are a curve over."""
+        out: dict[tuple[str, str], list[int]] = defaultdict(list)
+        for c in self.candidates:
+            if not c.family.flexible:
+                out[c.place, c.family.against] += c.columns
+        return out
 
     def settled(self, parts: Sequence[int], before: View | None = None) -> View:
         """Return the rows weighed as some candidates leave them, whatever they were before."""
@@ -326,12 +342,24 @@ class Problem:
         return range(first, len(self.candidates))
 
     def typical(self, candidates: Sequence[Candidate], rows: Rows) -> Array:
-        """Return the typical values of columns: a share of the torque where that is least."""
+        """Return the typical values of columns: a share of the torque where that is least.
+
+        Of friction over speed what it adds to Coulomb friction counts: one curve is as large
+        whether it is written with that level in it or without.
+        """
         at = [k for c in candidates for k in c.columns]
         torque = np.sqrt(np.sum(rows.measured**2 * rows.data, axis=0) / rows.counts)
         out = np.full(len(at), np.inf)
+        present = self.setting.structure.present
+        bends = [
+            n
+            for n, c in enumerate(c for c in candidates for _ in c.columns)
+            if c.family.name in FRICTION and ("coulomb_friction", c.place) in present
+        ]
         for j in range(rows.joints):
-            rms = np.sqrt(np.sum(rows.D.acting(j, at) ** 2, axis=0) / rows.counts[j])
+            D, level = rows.D.acting(j, at), np.sign(rows.dq[:, j]) * rows.data[:, j]
+            D[:, bends] -= np.outer(level, level @ D[:, bends]) / max(level @ level, 1.0)
+            rms = np.sqrt(np.sum(D**2, axis=0) / rows.counts[j])
             seen = rms > 0
             out[seen] = np.minimum(out[seen], self.setting.rules.size * torque[j] / rms[seen])
         first = 0

@@ -80,6 +80,12 @@ class Search:
     def __post_init__(self) -> None:
         self._list()
 
+    def extend(self, more: Sequence[Candidate]) -> range:
+        """Add candidates, and return their numbers."""
+        added = self.problem.extend(more)
+        self._list()
+        return added
+
     def _list(self) -> None:
         p = self.problem
         present = p.setting.structure.present
@@ -100,7 +106,7 @@ class Search:
             odds = self.options(best.parts, view, functions=functions)
             now = beam[0]
             if now.key == best.key:  # what no move betters may have better shapes
-                now = self._refine(best, view)
+                now = self._refine(best, view, functions=functions)
             if now.key == best.key:
                 own = self._add_in_own_view(best, odds, view, seen)
                 if own is None:
@@ -290,42 +296,49 @@ class Search:
                     more, columns, known = more.add(k, shaped), with_it, value
             yield more
 
-    def _refine(self, h: Hypothesis, view: View) -> Hypothesis:
-        """Return a hypothesis with the shapes between those of the grid that fit best."""
+    def _refine(self, h: Hypothesis, view: View, *, functions: bool) -> Hypothesis:
+        """Return a hypothesis with the shapes between those of the grid that fit best.
+
+        What finer shapes may bring near to a part is refined as well: of two names for one curve
+        the one whose grid happens to have its shape would win else.
+        """
         p = self.problem
-        new = list(h.parts)
         for _ in range(ROUNDS):
-            between = {k: more for k in new if (more := self._between(k))}
+            near = [self._near(h, k, view, functions=functions) for k in h.parts]
+            between = {o: more for own in near for o in own if (more := self._between(o))}
             if not between:
                 break
-            added = p.extend([c for more in between.values() for c in more])
-            self._list()
-            first, wide = added.start, self._as_wide(view, between)
-            for k, more in between.items():
-                tried = [k, *range(first, first + len(more))]
-                first += len(more)
-                rest = h.without({k})
-                gains = self.gains(rest.parts, wide)
-                best = max(tried, key=lambda o: gains[o])
-                if best != k:
-                    only = np.zeros(len(p.candidates), bool)
-                    only[self.catalogue.members[self.catalogue.of[k]]] = True
-                    _, _, shaped = self.catalogue.best_of(gains, only)[self.catalogue.of[k]]
-                    h = rest.add(best, shaped)
-                    new[new.index(k)] = best
+            self.extend([c for more in between.values() for c in more])
+            wide = replace(view, sizes=p.widened(h.parts, view))
+            for k, own in zip(h.parts, near, strict=True):
+                if own & between.keys():
+                    rest, only = h.without({k}), np.zeros(len(p.candidates), bool)
+                    only[[i for o in own for i in self.catalogue.slots[p.candidates[o].slot]]] = (
+                        True
+                    )
+                    odds = self.options(rest.parts, wide, functions=functions, among=only)
+                    _, best, shaped = max(odds.values())
+                    h = h if best == k else rest.add(best, shaped)
         return h
 
-    def _as_wide(self, view: View, parts: Collection[int]) -> View:
-        """Return a view in which all shapes of some parts may be as large as these are."""
-        p, sizes = self.problem, view.typical.copy()
-        for k in parts:
-            own = list(p.candidates[k].columns)
-            ratio = sizes[own] / np.where(p.sizes[own] > 0, p.sizes[own], np.inf)
-            for o in self.catalogue.members[self.catalogue.of[k]]:
-                at = list(p.candidates[o].columns)
-                if o != k and p.candidates[o].slot == p.candidates[k].slot:
-                    sizes[at] = p.sizes[at] * np.maximum(ratio, 1.0)
-        return replace(view, sizes=sizes)
+    def _near(self, h: Hypothesis, k: int, view: View, *, functions: bool) -> set[int]:
+        """Return a part, and the best of every other slot that finer shapes may bring near to it.
+
+        A parabola through a shape and its neighbours rises above it by an eighth of what they fall
+        short together at most, where it is the best of them.
+        """
+        p, rest = self.problem, h.without({k}).parts
+        gains = self.gains(rest, view)
+        least = gains[k] - p.setting.rules.odds
+        gains[~self.catalogue.allowed(rest, self.barred, functions=functions)] = -np.inf
+        near = {k}
+        for own in self.catalogue.slots.values():
+            best = max(range(len(own)), key=lambda n: gains[own[n]])
+            most = gains[own[best]]
+            beside = [gains[own[n]] for n in (best - 1, best + 1) if 0 <= n < len(own)]
+            if np.isfinite(most) and most + sum(most - x for x in beside) / 8.0 >= least:
+                near.add(own[best])
+        return near
 
     def _between(self, k: int) -> list[Candidate]:
         """Return a candidate with shapes on the way to its neighbours among those tried."""

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from identifiability.effects.effect import measure_spans
 from identifiability.workflows.diagnose import Rules
 from identifiability.workflows.diagnose.conclude import (
     conclude,
@@ -340,3 +341,33 @@ def test_a_name_is_called_refuted_only_where_unseen_motion_speaks_against_it(
 ):
     shown = SimpleNamespace(odds=odds, before=0.06, after=after)
     assert contradiction(SimpleNamespace(why=why, shown=shown), Rules().odds) == said
+
+
+SMOOTH = ("sigmoid_friction", "rising_friction")
+
+
+@pytest.mark.parametrize("family", SMOOTH)
+def test_neither_grid_nor_level_prefers_one_of_two_names_for_a_curve(arm, family):
+    """One has the level of Coulomb friction in it, and no shape of its grid need be the true one.
+
+    Their share of the torque is the same; what is beyond the model's Coulomb friction is compared.
+    """
+    speed = measure_spans(arm.robot, arm.motions[:2])["elbow"].rms_speed
+    for share in (0.1, 0.14, 0.2, 0.28):
+        hidden = {f"{family}@elbow:{share * speed}": 0.3}
+        search, verdict = arm.settled(arm.samples(hidden, noise=0.03, seed=1), SMOOTH)
+        assert arm.names(search, verdict) == [(family, "elbow")]
+        p, tried = search.problem, search.gains((), verdict.view)
+        own = [k for k, c in enumerate(p.candidates) if c.place == "elbow"]
+        best = {name: max((k for k in own if p.candidates[k].family.name == name),
+                          key=lambda k: tried[k]) for name in SMOOTH}  # fmt: skip
+        finer = search.extend([
+            replace(c, shape=s, effect=c.family.at(s, c.place))
+            for c in (p.candidates[k] for k in best.values())
+            for s in (c.shape * np.geomspace(0.8, 1.25, 41)).tolist()
+        ])  # fmt: skip
+        view = replace(verdict.view, sizes=p.widened(verdict.hypothesis.parts, verdict.view))
+        gains, level = search.gains((), view), max(tried[k] for k in best.values())
+        for name, k in best.items():
+            most = max(gains[o] for o in finer if p.candidates[o].family.name == name)
+            assert most < tried[k] + 0.5 or most < level - 2 * p.setting.rules.odds
