@@ -435,24 +435,60 @@ def _odds(stay: Stay, fit: ChangeFit) -> float:
     return of_few((stay.evidence + volume) / fit.scatter, fit.blocks) - volume - stay.price
 
 
-def change_beside(
-    search: Search, verdict: Verdict, effects: Collection[str] | None = None
-) -> Change | None:
-    """Return a change that is surely there beside what was named, or in its stead; or None."""
-    level, named = search.problem.setting.rules.odds, verdict.hypothesis
-    families = [f for f in CHANGING if effects is None or f in effects]
-    if not families:
-        return None
-    found = find_change(search, named.parts, verdict.view, families)
-    if found is not None and found.odds >= level:
-        return found
-    if not named.parts:
-        return None
+def change_first(search: Search, effects: Collection[str] | None) -> tuple[Change | None, bool]:
+    """Return the likeliest change beside the model alone, and whether it goes before any name.
+
+    It does where it is surely there and explains more than any one name: what it leaves would else
+    be named piece by piece.
+    """
+    families = _changing(effects)
     view = search.problem.settled(())
-    found = find_change(search, (), view, families)
-    if found is not None and found.odds - max(search.score(named, view), 0.0) >= level:
-        return found
-    return None
+    found = find_change(search, (), view, families) if families else None
+    if found is None:
+        return None, False
+    names = search.options((), view, functions=False).values()
+    most = max((value for value, *_ in names), default=0.0)
+    return found, found.odds >= max(search.problem.setting.rules.odds, most)
+
+
+def change_beside(
+    search: Search,
+    verdict: Verdict,
+    alone: Change | None = None,
+    effects: Collection[str] | None = None,
+) -> Change | None:
+    """Return a change that is surely there beside what was named, or in its stead; or None.
+
+    Parameters
+    ----------
+    search : Search
+    verdict : Verdict
+    alone : Change, optional
+        The likeliest one beside the model alone.
+    effects : collection of str, optional
+        Families that may be named; all by default.
+    """
+    level, named = search.problem.setting.rules.odds, verdict.hypothesis
+    families = _changing(effects)
+    if named.parts and families:
+        found = find_change(search, named.parts, verdict.view, families)
+        if found is not None and found.odds >= level:
+            return found
+    score = search.score(named, search.problem.settled(())) if named.parts else 0.0
+    return alone if alone is not None and alone.odds - max(score, 0.0) >= level else None
+
+
+def stays_beside(
+    search: Search, named: Sequence[Candidate], effects: Collection[str] | None
+) -> bool:
+    """Whether something surely changes beside what was named without what was logged meanwhile."""
+    parts = tuple(search.extend(named))
+    found = find_change(search, parts, search.problem.settled(parts), _changing(effects))
+    return found is not None and found.odds >= search.problem.setting.rules.odds
+
+
+def _changing(effects: Collection[str] | None) -> list[str]:
+    return [f for f in CHANGING if effects is None or f in effects]
 
 
 def leave_out(setting: Setting, change: Change) -> Setting | None:

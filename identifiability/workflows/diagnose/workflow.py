@@ -47,7 +47,12 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.kinematics import shortest_turn
 from identifiability.workflows.analyze.fit import say_band
-from identifiability.workflows.diagnose.changes import change_beside, leave_out
+from identifiability.workflows.diagnose.changes import (
+    change_beside,
+    change_first,
+    leave_out,
+    stays_beside,
+)
 from identifiability.workflows.diagnose.conclude import conclude, null_odds
 from identifiability.workflows.diagnose.earlier import Before, Earlier, read_earlier
 from identifiability.workflows.diagnose.findings import NamedEffect, Placement, Shown
@@ -73,7 +78,7 @@ from identifiability.workflows.diagnose.problem import Problem, Setting
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
 from identifiability.workflows.diagnose.rules import Rules
 from identifiability.workflows.diagnose.search import Search
-from identifiability.workflows.diagnose.verdict import refute_worse, settle
+from identifiability.workflows.diagnose.verdict import Verdict, refute_worse, settle
 from identifiability.workflows.gravity import Leaning, find_leaning, settle_tilt
 from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.opening import (
@@ -303,23 +308,37 @@ class _Asked:
 
     def run(self, setting: Setting) -> Diagnosis:
         """Name what is missing, add it, verify."""
-        told = () if self.earlier is None else self.earlier.families
-        effects = None if self.effects is None else dict.fromkeys((*self.effects, *told))
-        search = Search(Problem(setting, effects), self.say)
-        self.say("naming effects", 0.3)
-        start = Hypothesis() if self.earlier is None else self.earlier.start(search)
-        null = null_odds(search, self.draws, self.streams[0])
-        verdict = refute_worse(search, settle(search, start), self.streams[4])
-        change = change_beside(search, verdict, effects)
-        without = None if change is None else leave_out(setting, change)
-        if without is not None:
-            return self.run(without)
+        search, verdict = self._settle(setting)
         self.say("verifying", 0.9)
+        null = null_odds(search, self.draws, self.streams[0])
         found = conclude(search, verdict, null, self.streams[2])
         if self.earlier is None:
             return found
         turns, error = self.earlier.turns(found), self.earlier.error
         return replace(found, earlier=self.earlier.source, earlier_error=error, turns=turns)
+
+    def _settle(self, setting: Setting) -> tuple[Search, Verdict]:
+        """Return what stands, and the search for it, in logs without what changed in their midst.
+
+        A change that explains more than any name is left out before names are looked for; it must
+        be there beside these all the same.
+        """
+        told = () if self.earlier is None else self.earlier.families
+        effects = None if self.effects is None else dict.fromkeys((*self.effects, *told))
+        search = Search(Problem(setting, effects), self.say)
+        self.say("naming effects", 0.3)
+        change, goes_first = change_first(search, effects)
+        without = leave_out(setting, change) if change is not None and goes_first else None
+        if without is not None:
+            later, verdict = self._settle(without)
+            named = [later.problem.candidates[k] for k in verdict.hypothesis.parts]
+            if stays_beside(search, named, effects):
+                return later, verdict
+        start = Hypothesis() if self.earlier is None else self.earlier.start(search)
+        verdict = refute_worse(search, settle(search, start), self.streams[4])
+        change = change_beside(search, verdict, change, effects)
+        without = None if change is None else leave_out(setting, change)
+        return (search, verdict) if without is None else self._settle(without)
 
     def run_doubted(self, setting: Setting, odd: OddLog) -> tuple[Diagnosis, str]:
         """Name effects without a log that disagrees, unless what is named with it explains it.
