@@ -88,6 +88,8 @@ def _sketch(d: Diagnosis) -> Sketch | None:
     for e in d.effects:
         for p in e.placements:
             missing.setdefault(p.place, []).append(e.title)
+    for c in d.changes:
+        missing.setdefault(c.place, []).append(f"{title_of(c.family)} {c.when}")
     parts = {joint: Part("grey", "nothing was found to be missing") for joint in d.robot.joints}
     parts |= {place: Part("vermilion", f"misses {join(t)}") for place, t in missing.items()}
     robot = d.completed.robot

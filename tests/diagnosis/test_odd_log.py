@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability import Robot, diagnose
+from identifiability.effects import title_of
 from identifiability.estimation.estimate import estimate
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
+from identifiability.report.diagnosis_report import answer_missing
 from identifiability.workflows.diagnose import BASE_EFFECTS, workflow
 from identifiability.workflows.diagnose.motion import (
     OddLog,
@@ -17,6 +19,7 @@ from identifiability.workflows.diagnose.motion import (
     locate_error,
     prepare_rows,
 )
+from identifiability.workflows.diagnose.words import state_change
 
 FEW = {"effects": ["joint_stiffness", "torque_offset", "position_ripple"], "quick": True}
 FEW |= {"replicates": 99, "forward": False}
@@ -133,7 +136,11 @@ def test_a_mass_gripped_in_the_middle_of_a_log_is_told_with_its_instant_and_left
     assert not d.effects
     assert not d.left_out
     assert d.samples[1].motion.t.max() < logs[1].t[0] + since + 0.3
-    assert f"of {logs[1].name} on another robot was logged: a mass of" in d.statement
+    said = state_change(change)
+    assert said in d.statement
+    assert f"of {logs[1].name} on another robot was logged. The difference: a mass of" in said
+    assert max(len(x.split()) for x in said.split(". ")) <= 25
+    assert f"{title_of('payload')} {change.when}" in answer_missing(d).sketch.markup
     assert d.to_dict()["changes"][0]["from95"][0] == change.began[0]
 
 

@@ -52,7 +52,7 @@ def headline(d: Findings) -> str:
 
 
 def state_change(c: Change) -> str:
-    """Return what changed in the middle of a log, in a sentence."""
+    """Return what changed in the middle of a log: when, what, and what became of it."""
     names = [f"{title_of(f)} in {place}" for f, place in ((c.family, c.place), *c.others)]
     more = len(names) - LISTED
     what = " or ".join(names if more < 2 else [*names[:LISTED], f"{more} others"])
@@ -64,8 +64,8 @@ def state_change(c: Change) -> str:
         what, size = f"a mass of {size} on {c.place}" + what.removeprefix(names[0]), ""
     sure = ", ".join(filter(None, (size, f"weight {weight_text(c.weight)}")))
     return (
-        f"{_capital(c.when)} another robot was logged: {what} ({sure}). What was logged meanwhile "
-        "was left out."
+        f"{_capital(c.when)} another robot was logged. The difference: {what} ({sure}). What was "
+        "logged meanwhile was left out."
     )
 
 
