@@ -61,7 +61,7 @@ def test_the_time_is_told_where_only_a_part_of_the_log_errs(logs_of):
     regression, information = about([*logs[:2], changed(logs[2], 0.5, 1.0)])
     others = estimate(information.take(information.log != 2))
     scale = np.sqrt(others.variance)
-    text = locate_error(regression, 2, others.value, scale, Robot.load("two-link").joints)
+    text = locate_error(regression, 2, others.value, scale)
     begin, end = text.partition("most from ")[2].removesuffix(" s").split(" to ")
     half = logs[2].t[0] + 0.5 * np.ptp(logs[2].t)
     assert "in elbow" in text

@@ -41,15 +41,12 @@ from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.words import differences
+from identifiability.workflows.diagnose.rules import RULES, Rules
 
 #: What follows the name of a log in that of a part of it.
 PART = ", part "
-#: Share of a log that verifies where there is no other.
-LAST = 0.25
 #: Share of a stretch that is left out at each of its inner ends.
 PAUSE = 0.05
-#: Samples that a stretch must have.
-LEAST = 100
 #: Samples after decimation that a diagnosis looks at in one log, and in all that are fitted; more
 #: are thinned to stretches.
 MOST_SAMPLES, MOST_IN_ALL = 6000, 8000
@@ -57,9 +54,8 @@ STRETCH = 300
 #: Samples of a long log that are read for each of these: of one that is logged far faster than the
 #: robot moves fewer are looked at, so that neither time nor memory grow without end.
 READ = 40
-#: Stretches of an odd log that are looked at, how much more than the typical one is "when", and
-#: logs of which one can be odd.
-STRETCHES, STANDS_OUT, FEWEST = 8, 1.5, 3
+#: Stretches of an odd log that are looked at, and logs of which one can be odd.
+STRETCHES, FEWEST = 8, 3
 
 #: What refutes the value of an effect, not its name.
 OTHER = "unseen motion has it with another value"
@@ -84,7 +80,9 @@ class Roles:
     verified_on: str
 
 
-def assign_roles(logs: Sequence[Recording], validate: Sequence[Recording]) -> Roles:
+def assign_roles(
+    logs: Sequence[Recording], validate: Sequence[Recording], rules: Rules = RULES
+) -> Roles:
     """Return the roles of fitted and held-out logs.
 
     Every held-out log verifies. Without any the last log is set aside, or the last part of the
@@ -94,6 +92,7 @@ def assign_roles(logs: Sequence[Recording], validate: Sequence[Recording]) -> Ro
     ----------
     logs : sequence of Log
     validate : sequence of Log
+    rules : Rules, optional
 
     Raises
     ------
@@ -103,7 +102,7 @@ def assign_roles(logs: Sequence[Recording], validate: Sequence[Recording]) -> Ro
     logs, validate = list(logs), list(validate)
     aside = ""
     if not validate and len(logs) == 1:
-        return _one_log(logs[0])
+        return _one_log(logs[0], rules)
     if not validate:
         *logs, last = logs
         validate, aside = [last], ", which was set aside"
@@ -111,14 +110,15 @@ def assign_roles(logs: Sequence[Recording], validate: Sequence[Recording]) -> Ro
     return Roles(tuple(logs), tuple(validate), verified_on)
 
 
-def _one_log(log: Recording) -> Roles:
-    if len(log) < LEAST / LAST:
+def _one_log(log: Recording, rules: Rules) -> Roles:
+    last, fewest = rules.last, rules.shortest / rules.last
+    if len(log) < fewest:
         raise LogError(
             f"{log.name} has {len(log)} samples, too few to name effects from one part and verify "
-            f"them on another; give a log of at least {LEAST / LAST:.0f} samples, or a second one."
+            f"them on another; give a log of at least {fewest:.0f} samples, or a second one."
         )
-    fit, verify = divide(log, [0, 1 - LAST, 1])
-    verified_on = f"the last {100 * LAST:.0f} % of {log.name}, set aside"
+    fit, verify = divide(log, [0, 1 - last, 1])
+    verified_on = f"the last {100 * last:.0f} % of {log.name}, set aside"
     return Roles((fit,), (verify,), verified_on)
 
 
@@ -382,7 +382,7 @@ class Change:
 
 
 def describe_odd_log(
-    regression: Regression, information: Information, fit: Estimate
+    regression: Regression, information: Information, fit: Estimate, rules: Rules = RULES
 ) -> OddLog | None:
     """Return the log that disagrees with the others, or None."""
     found = find_odd_log(information, fit)
@@ -392,7 +392,7 @@ def describe_odd_log(
     log = int(motions.which[odd])
     others = fit.estimator.fit(information.take(information.log != log))
     scale = np.sqrt(np.maximum(others.variance, 1e-300))
-    where = locate_error(regression, log, others.value, scale, regression.robot.joints)
+    where = locate_error(regression, log, others.value, scale, rules.stands_out)
     difference = f"{differences(motions, information.columns, odd)}; {where}"
     return OddLog(log, regression.samples[log].name, difference)
 
@@ -405,7 +405,11 @@ def still_odd(structure: Structure, samples: Sequence[Prepared], number: int) ->
 
 
 def locate_error(
-    regression: Regression, log: int, value: Array, scale: Array, joints: Sequence[str]
+    regression: Regression,
+    log: int,
+    value: Array,
+    scale: Array,
+    stands_out: float = RULES.stands_out,
 ) -> str:
     """Return the joint and the time at which what the other logs say errs most, in words.
 
@@ -417,7 +421,8 @@ def locate_error(
         From the other logs.
     scale : (n,) [N·m or N]
         What is usual of each joint.
-    joints : sequence of str
+    stands_out : float
+        See `Rules`.
     """
     only = Regression(
         regression.robot, regression.model, (regression.samples[log],), regression.columns
@@ -435,6 +440,6 @@ def locate_error(
     k = int(np.argmax(np.mean(rms**2, axis=0)))
     at, typical = int(np.argmax(rms[:, k])), float(np.median(rms[:, k]))
     when = "all the time"
-    if rms[at, k] > STANDS_OUT * typical:
+    if rms[at, k] > stands_out * typical:
         when = f"most from {t[edges[at]]:.3g} to {t[edges[at + 1] - 1]:.3g} s"
-    return f"what the others say errs there most in {joints[k]}, {when}"
+    return f"what the others say errs there most in {regression.robot.joints[k]}, {when}"

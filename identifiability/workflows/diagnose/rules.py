@@ -62,6 +62,12 @@ class Rules(RuleTable):
         Parts of a hypothesis at most.
     instants : int, by hand
         Instants of a log at most at which something may change, `block` apart at least.
+    last : float, by hand
+        Share of the only log that verifies.
+    shortest : int, by hand
+        Samples that this part must have.
+    stands_out : float, by hand
+        How much more than the typical one the error of a stretch is that is told of an odd log.
     """
 
     level: Share = 0.05
@@ -82,6 +88,9 @@ class Rules(RuleTable):
     hidden: Annotated[int, at_least(0)] = 3
     most: Annotated[int, at_least(1)] = 24
     instants: Annotated[int, at_least(2)] = 40
+    last: Share = 0.25
+    shortest: Annotated[int, at_least(1)] = 100
+    stands_out: float = 1.5
 
     @property
     def odds(self) -> float:

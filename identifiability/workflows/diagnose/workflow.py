@@ -76,7 +76,7 @@ from identifiability.workflows.diagnose.motion import (
 )
 from identifiability.workflows.diagnose.problem import Problem, Setting
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
-from identifiability.workflows.diagnose.rules import Rules
+from identifiability.workflows.diagnose.rules import RULES, Rules
 from identifiability.workflows.diagnose.search import Search
 from identifiability.workflows.diagnose.verdict import Verdict, refute_worse, settle
 from identifiability.workflows.gravity import Leaning, find_leaning, settle_tilt
@@ -176,6 +176,7 @@ def diagnose(
     """
     say, draws = progress or quiet, settle_count(replicates, DRAWS, DRAWS // 2, quick=quick)
     streams = tuple(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6))
+    rules = rules or RULES
     find_families(effects)  # what is misspelt is told before logs are read
     with one_thread():
         robot = Robot.of(robot)
@@ -196,12 +197,11 @@ def diagnose(
         session = Session(structure, given, preparation, say, engine or Serial())
         weight = share_weight(near) if near else None
         given = session.follow_fitted(np.random.default_rng(seed), cad_weight=weight).recordings
-        setting, opening, leaning = _open(session, given, fixed=fixed is not False)
+        setting, opening, leaning = _open(session, given, rules, fixed=fixed is not False)
         setting = replace(
             setting,
             known=known,
             near=near_file(near, setting.structure) if near else None,
-            rules=rules or Rules(),
             seed=seed,
             commanded=commanded,
         )
@@ -241,13 +241,13 @@ def diagnose(
 
 
 def _open(
-    session: Session, given: Recordings, *, fixed: bool
+    session: Session, given: Recordings, rules: Rules, *, fixed: bool
 ) -> tuple[Setting, Opening, Leaning | None]:
     """Return what is diagnosed, from what, and where gravity points if not where the file says.
 
     Values that are fixed are those of the file, and its direction of gravity is one of them.
     """
-    roles, robot = assign_roles(given.fitted, given.held_out), session.structure.robot
+    roles, robot = assign_roles(given.fitted, given.held_out, rules), session.structure.robot
     parts = Recordings(roles.fit, roles.verify, given.hints)
     session = replace(session, recordings=parts)
     how = session.preparation if session.how.cutoff is None else session.how
@@ -268,6 +268,7 @@ def _open(
         fixed=fixed,
         chosen_by="by the evidence of the fitted logs",
         verified_on=roles.verified_on,
+        rules=rules,
         preparation=how or Preparation(),
     )
     return setting, opening, leaning
@@ -277,7 +278,7 @@ def _name(asked: _Asked, setting: Setting, opening: Opening) -> tuple[Diagnosis,
     """Name effects, and say which logs and stretches of them are doubted."""
     if setting.fixed:
         return asked.run(setting), []
-    odd, decided = _doubt_logs(opening)
+    odd, decided = _doubt_logs(opening, setting.rules)
     if odd is None:
         return asked.run(setting), [decided] * bool(decided)
     found, said = asked.run_doubted(setting, odd)
@@ -368,7 +369,7 @@ class _Asked:
         return found, odd.left_out
 
 
-def _doubt_logs(opening: Opening) -> tuple[OddLog | None, str]:
+def _doubt_logs(opening: Opening, rules: Rules) -> tuple[OddLog | None, str]:
     """Return the log that disagrees, if one does, and a sentence on outlying stretches.
 
     A log that is not fitted is asked for only where the fitted ones agree.
@@ -379,9 +380,9 @@ def _doubt_logs(opening: Opening) -> tuple[OddLog | None, str]:
     every = gather_information(regression)
     information, estimator = every.take(every.log < fitted), find_estimator("wls")
     fit = estimator.fit(information)
-    odd = describe_odd_log(opening.regression, information, fit)
+    odd = describe_odd_log(opening.regression, information, fit, rules)
     if odd is None:
-        odd = describe_odd_log(regression, every, estimator.fit(every))
+        odd = describe_odd_log(regression, every, estimator.fit(every), rules)
         odd = None if odd is None or odd.number < fitted else odd
     return odd, weigh_rows(opening.robot.joints, opening.samples, information, estimator)[1]
 
