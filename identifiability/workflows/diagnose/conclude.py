@@ -453,10 +453,7 @@ def smallest_sizes(search: Search, h: Hypothesis, view: View, rms: Array) -> dic
     taken = {p.candidates[k].group for k in h.parts}
     out: dict[str, float] = {}
     odds = p.setting.rules.odds
-    width = [np.sqrt(np.mean(p.rows.D.block(j).values ** 2, axis=0)) for j in range(p.rows.joints)]
-    size = np.zeros((p.rows.joints, p.rows.D.width))
-    for j, own in enumerate(width):
-        size[j, p.fitted.ids[j]] = own
+    size = p.rows.D.rms()
     for number, c in enumerate(p.candidates[: p.given]):
         if c.group in taken or c.family.unnamed:
             continue

@@ -19,6 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from identifiability.effects import title_of
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
@@ -366,6 +367,11 @@ class Change:
     odds: float
     weight: float
     others: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def names(self) -> list[str]:
+        """What it was, and what it cannot be told from, in words."""
+        return [f"{title_of(f)} in {at}" for f, at in ((self.family, self.place), *self.others)]
 
     @property
     def when(self) -> str:

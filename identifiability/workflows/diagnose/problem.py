@@ -148,6 +148,8 @@ class Problem:
         self.aliases = tuple(find_aliases(rows, listed, s.base.names, setting.rules.alias))
         hidden = {(a.family, a.place) for a in self.aliases if a.structural}
         self.candidates = number([c for c in listed if c.group not in hidden])
+        self._curves: dict[tuple[str, str], list[int]] = defaultdict(list)
+        self._take_curves(self.candidates)
         self.refusals: tuple[Refusal, ...] = tuple(refused)
         self.given = len(self.candidates)
         rows, *others = (t.rows(self.candidates) for t in self.tables)
@@ -214,26 +216,23 @@ class Problem:
         competes for the same curve is as large: a name must not win for having been there first.
         """
         sizes, (value, _) = self.sizes.copy(), self.solve(parts, view)
-        value, curves = value[self.rows.X.shape[2] :], self._curves
+        value = value[self.rows.X.shape[2] :]
         for k in parts:
             at, c = list(self.candidates[k].columns), self.candidates[k]
             own, value = np.abs(value[: len(at)]), value[len(at) :]
             ratio = own / np.where(self.sizes[at] > 0, self.sizes[at], np.inf)
             ratio = np.maximum(np.sqrt(np.mean(ratio**2)) if c.family.flexible else ratio, 1.0)
             if not c.family.flexible:
-                alike = curves[c.place, c.family.against]
+                alike = self._curves[c.place, c.family.against]
                 sizes[alike] = np.maximum(sizes[alike], self.sizes[alike] * ratio.max())
             sizes[at] = self.sizes[at] * ratio
         return sizes
 
-    @property
-    def _curves(self) -> dict[tuple[str, str], list[int]]:
-        """Columns of all names by place and what they are a curve over."""
-        out: dict[tuple[str, str], list[int]] = defaultdict(list)
-        for c in self.candidates:
+    def _take_curves(self, more: Iterable[Candidate]) -> None:
+        """Note the columns of names by place and what they are a curve over."""
+        for c in more:
             if not c.family.flexible:
-                out[c.place, c.family.against] += c.columns
-        return out
+                self._curves[c.place, c.family.against] += c.columns
 
     def settled(self, parts: Sequence[int], before: View | None = None) -> View:
         """Return the rows weighed as some candidates leave them, whatever they were before."""
@@ -335,6 +334,7 @@ class Problem:
         first, start = len(self.candidates), self.rows.D.width
         new = [replace(c, columns=tuple(k + start for k in c.columns)) for c in number(more)]
         self.candidates = [*self.candidates, *new]
+        self._take_curves(new)
         for table, own in zip(self.tables, (self.fitted, self.unseen), strict=False):
             own.extend(table.extend(own.rows, new))
         self.fitted.sizes = np.concatenate([self.sizes, self.typical(new, self.rows)])

@@ -354,8 +354,7 @@ def _call(e: NamedEffect) -> str:
 
 def _call_change(c: Change) -> str:
     """Return a change with what the log cannot tell from it, as `_call`."""
-    names = [f"{title_of(family)} in {place}" for family, place in ((c.family, c.place), *c.others)]
-    others = len(c.others)
+    names, others = c.names, len(c.others)
     return " or ".join(names) if others < 2 else f"{names[0]} or one of {others} that look like it"
 
 
@@ -435,7 +434,7 @@ def _table_changes(d: Diagnosis) -> Table:
     rows = []
     for c in d.changes:
         weight = Cell(weight_text(c.weight), c.weight)
-        others = join([f"{title_of(f)} in {place}" for f, place in c.others]) or "nothing"
+        others = join(c.names[1:]) or "nothing"
         values = zip(c.parameters, c.values, c.errors, c.units, strict=True)
         rows += [(c.when, title_of(c.family), c.place, *row, weight, others) for row in values]
     return Table.of("What changed in the middle of a log, and was left out", CHANGES, rows)

@@ -53,15 +53,13 @@ def headline(d: Findings) -> str:
 
 def state_change(c: Change) -> str:
     """Return what changed in the middle of a log: when, what, and what became of it."""
-    names = [f"{title_of(f)} in {place}" for f, place in ((c.family, c.place), *c.others)]
-    more = len(names) - LISTED
-    what = " or ".join(names if more < 2 else [*names[:LISTED], f"{more} others"])
+    what = _first_of(c.names)
     value, error, unit = c.values[0], c.errors[0], c.units[0]
     size = f"{value:.3g} ± {REACH * error:.2g} {unit}".replace("-", "−")
     if c.parameters[0] in c.open:
         size = "of a size that this motion leaves open"
     elif c.family == "payload":
-        what, size = f"a mass of {size} on {c.place}" + what.removeprefix(names[0]), ""
+        what, size = f"a mass of {size} on {c.place}" + what.removeprefix(c.names[0]), ""
     sure = ", ".join(filter(None, (size, f"weight {weight_text(c.weight)}")))
     return (
         f"{_capital(c.when)} another robot was logged. The difference: {what} ({sure}). What was "
@@ -186,7 +184,10 @@ def weight_text(weight: float) -> str:
 
 def _either(e: NamedEffect) -> str:
     """Return the name with its alternatives, the first ones of many."""
-    names = [e.title, *map(title_of, e.alternatives)]
+    return _first_of([e.title, *map(title_of, e.alternatives)])
+
+
+def _first_of(names: list[str]) -> str:
     more = len(names) - LISTED
     return " or ".join(names if more < 2 else [*names[:LISTED], f"{more} others"])
 
