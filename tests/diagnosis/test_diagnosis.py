@@ -279,7 +279,7 @@ def test_false_names_are_counted_on_the_users_own_motion(logs_of):
 @pytest.fixture
 def app():
     app = typer.Typer()
-    app.command()(command)
+    app.command()(command.make(command.function))
     return app
 
 

@@ -14,7 +14,7 @@ from identifiability.logs import Log
 from identifiability.simulation.motion import find_motion, read_trajectories
 
 app = typer.Typer(pretty_exceptions_enable=False)
-app.command()(command)
+app.command()(command.make(command.function))
 
 
 def test_the_trajectory_file_is_read_back_digit_by_digit(paper, tmp_path):

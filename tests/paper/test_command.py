@@ -21,7 +21,7 @@ module = import_module("identifiability.cli.paper")
 @pytest.fixture
 def run():
     app = typer.Typer(rich_markup_mode="markdown")
-    app.command()(module.paper)
+    app.command()(module.paper.make(module.paper.function))
     runner = CliRunner()
     return lambda *words: runner.invoke(app, list(map(str, words)))
 
