@@ -498,9 +498,12 @@ class RestrictedLikelihood:
         least = self.deviance(theta)
         for order in range(1, HIGHEST_ORDER + 1):
             start, bounds = np.append(theta, 0.3 if order == 1 else 0.0), [(-BOUND, BOUND)] * order
-            found = scipy.optimize.minimize(
-                self.slope, start, method="L-BFGS-B", jac=True, bounds=bounds, options=STOP
-            )
+            try:
+                found = scipy.optimize.minimize(
+                    self.slope, start, method="L-BFGS-B", jac=True, bounds=bounds, options=STOP
+                )
+            except np.linalg.LinAlgError:  # noise that a higher order foretells is rounding
+                break
             theta = found.x
             value = found.fun + order * np.log(self.dof)
             if value < least - ROUNDOFF:
