@@ -3,11 +3,13 @@
 import json
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from identifiability import IdentifiabilityError, Robot, analyze
 from identifiability.foundation.output import plain
+from identifiability.workflows.analyze.words import state_physics
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "studies"))
 
@@ -44,6 +46,12 @@ def test_odd_robots_have_an_answer_and_intervals_that_hold(robots, joints, most,
     assert answered > robots / 2
     assert called > robots / 2
     assert wrong <= 0.07 * called + 2 * (0.07 * called) ** 0.5
+
+
+def test_an_error_that_was_not_measured_is_no_number():
+    chosen = SimpleNamespace(feasible=False, error_ra_physical=float("nan"))
+    chosen.physical = SimpleNamespace(nearest="some")
+    assert "too short to say how much" in state_physics(chosen)
 
 
 @pytest.mark.parametrize(

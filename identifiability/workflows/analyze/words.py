@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -264,6 +265,8 @@ def state_physics(chosen: ModelResult) -> str:
         return "A real robot can have its values."
     if chosen.physical.nearest is None:
         return chosen.physical.sentence
+    if math.isnan(chosen.error_ra_physical):  # folds of few samples
+        return "It is no real robot; these logs are too short to say how much the nearest one errs."
     near = f"The nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %."
     if chosen.physical_used:
         near = (
