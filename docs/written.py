@@ -23,6 +23,7 @@ from pydantic_core import PydanticUndefined
 from identifiability.effects import FAMILIES
 from identifiability.effects.effect import AlongAxes, Family, measure_spans
 from identifiability.foundation.documents import toml_text
+from identifiability.logs.aliases import RULES
 from identifiability.regression.reduction import LadderEntry
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.sidecar import Sidecar
@@ -218,6 +219,41 @@ def write_messages() -> str:
     return "\n".join(out)
 
 
+#: What the channels of the table of words are.
+CHANNELS = {
+    "t": "time",
+    "q": "position",
+    "dq": "velocity",
+    "ddq": "acceleration",
+    "tau": "torque or force",
+    "current": "motor current, a torque by `[torque]` of the sidecar",
+    "tau_ff": "torque that is fed forward",
+    "wanted": "of what was commanded, beside a word for the channel",
+    "name": "text that says which joint a row is about",
+    "silent": "says nothing",
+    "silent of commands": "says nothing of commands and currents",
+}
+
+
+def write_words() -> str:
+    """Return the page of the words and units by which columns of logs are found."""
+    words: dict[str, list[str]] = {}
+    for rule in RULES:
+        if rule.channel:
+            words.setdefault(rule.channel, []).extend(rule.words)
+    out = ["| words | what the column is |", "|---|---|"]
+    for channel, said in words.items():
+        told = CHANNELS.get(channel) or f"`{channel}` of a base that moves"
+        out.append(f"| {' '.join(f'`{w}`' for w in said)} | {_cell(told)} |")
+    out += ["", "## Units", "", "| written | of | one is, in SI |", "|---|---|---|"]
+    out += [
+        f"| {' '.join(f'`{w}`' for w in rule.words)} | {rule.unit} | {rule.gain:.9g} |"
+        for rule in RULES
+        if rule.unit
+    ]
+    return "\n".join(out)
+
+
 #: What stands at the head of each page; it is in lines as docstrings are.
 NOTE = "<!-- Written by docs/written.py from the code: change that, not this page. -->\n"
 SIDECAR = """# The sidecar
@@ -243,6 +279,14 @@ or physics. Each sentence names its columns; … is what changes from log to log
 the first in this order is given. A message says what was seen, not what is certain: the first
 column is the evidence, the second its usual cause. A check is one function under `@check`.
 """
+LOG_WORDS = """# Words of logs
+
+A column is `<joint>.<channel>`, or has the joint's name or number, one word for the channel, and
+else only words that say nothing: `/joint_states/elbow/position`, `A1.Iststrom [A]`, `q_3`. Two
+words may be written as one. What is called otherwise, `--map` or `[columns]` of the sidecar say. Units
+stand in brackets behind a name, or in a row under the header; angles and lengths also by the
+second (`deg/s`, `mm/s²`).
+"""
 
 
 def pages() -> dict[Path, str]:
@@ -257,6 +301,7 @@ def pages() -> dict[Path, str]:
         ),
         "effects": (EFFECTS, effects),
         "messages": (MESSAGES, write_messages()),
+        "log-words": (LOG_WORDS, write_words()),
     }
     return {
         **{
