@@ -19,7 +19,7 @@ from identifiability.estimation.least_squares import (
     noise_scale,
 )
 from identifiability.estimation.rules import RULES
-from identifiability.foundation.linalg import few_at_once, solve_each, triangular_factor
+from identifiability.foundation.linalg import ROUNDING, few_at_once, solve_each, triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -84,7 +84,7 @@ class Combined:
     def root(self, scale: float) -> Array:
         """Return D (k, k), ``scale (DᵀD)⁻¹`` being the covariance of the values with their bias."""
         wider = self.bias(scale) / scale if scale > 0 else 0.0
-        inverse: Array = np.linalg.inv(self.B * np.sqrt(self.length**2 + wider))
+        inverse = _undo(self.B * np.sqrt(self.length**2 + wider))
         return inverse
 
     def moments(self, information: Information, weights: Array) -> tuple[Array, Array]:
@@ -133,11 +133,11 @@ def _combine(
     )
     weak = strength < least
     good = np.flatnonzero(~weak)
-    B = solve_triangular(root, Yt.T)
+    B = _solve(root, Yt.T)
     T = np.zeros((2 * k, k))
     T[:k, good] = to_U @ left[:, good] / strength[good]
     T[k:, weak] = B[:, weak]
-    x = solve_triangular(root, Q.T @ R[:, 2 * k]) if plain is None else plain
+    x = _solve(root, Q.T @ R[:, 2 * k]) if plain is None else plain
     e = R[:, 2 * k] - R[:, k : 2 * k] @ x  # what least squares leaves has digits of its own
     x = x + B[:, good] @ ((U @ left[:, good]).T @ e / strength[good])
     length = np.where(weak, 1.0, 1.0 / np.where(weak, 1.0, strength))
@@ -443,6 +443,23 @@ def _noise_map(V: Array, W: Array, F: Array) -> tuple[Array, Array, np.ndarray]:
     weak = s < RULES.instrument_left
     B = np.eye(k) + back @ ((U * np.where(weak, 1.0, s)) @ Yt - np.eye(k)) @ root
     return B, back @ U, weak
+
+
+def _solve(root: Array, right: Array) -> Array:
+    """Return what a triangular factor (k, k) makes a right side of, as far as it determines it."""
+    if (np.abs(np.diag(root)) > ROUNDING * np.linalg.norm(root, axis=0)).all():
+        return np.asarray(solve_triangular(root, right))
+    return np.asarray(_inverse(root) @ right)
+
+
+def _undo(A: Array) -> Array:
+    """Return the inverse of a map (k, k); zero where it leads nowhere."""
+    scale = np.linalg.norm(A, axis=1)[:, None]
+    scale = np.where(scale > 0, scale, 1.0)
+    s = np.linalg.svd(A / scale, compute_uv=False)
+    if len(s) and not s[-1] > ROUNDING * s[0]:
+        return np.asarray(np.linalg.pinv(A / scale, rcond=ROUNDING) / scale.T)
+    return np.asarray(np.linalg.inv(A))
 
 
 def _inverse(root: Array) -> Array:

@@ -218,3 +218,15 @@ def test_the_mean_of_many_estimates_is_the_truth_and_intervals_hold_it():
     assert abs(share - 0.95) < 4 * np.sqrt(0.95 * 0.05 / trials)
     for one in np.mean(means, 0):  # by formula, by scores, by resampling
         np.testing.assert_allclose(one, error, rtol=4 / np.sqrt(2 * trials))
+
+
+def test_a_fold_that_does_not_determine_all_says_what_it_does():
+    """A column that says nothing there has no weight, and ends in no traceback."""
+    rng = np.random.default_rng(8)
+    V = rng.standard_normal((300, 1, 3))
+    W, tau = V + 0.1 * rng.standard_normal(V.shape), V @ np.array([1.0, 2.0, 3.0])
+    fit = IV.fit(compress(V, W, tau))
+    still = np.array([1.0, 1.0, 0.0])
+    F = fit.estimator.loss(compress(V * still, W * still, tau), fit)
+    assert np.isfinite(F).all()
+    assert np.abs(F[:, 2]).max() < 1e-9 * np.abs(F[:, :2]).max()
