@@ -283,8 +283,8 @@ LOG_WORDS = """# Words of logs
 
 A column is `<joint>.<channel>`, or has the joint's name or number, one word for the channel, and
 else only words that say nothing: `/joint_states/elbow/position`, `A1.Iststrom [A]`, `q_3`. Two
-words may be written as one. What is called otherwise, `--map` or `[columns]` of the sidecar say. Units
-stand in brackets behind a name, or in a row under the header; angles and lengths also by the
+words may be written as one. What is called otherwise, `--map` or `[columns]` of the sidecar say.
+Units stand in brackets behind a name, or in a row under the header; angles and lengths also by the
 second (`deg/s`, `mm/s²`).
 """
 
