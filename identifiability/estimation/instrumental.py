@@ -84,8 +84,7 @@ class Combined:
     def root(self, scale: float) -> Array:
         """Return D (k, k), ``scale (DᵀD)⁻¹`` being the covariance of the values with their bias."""
         wider = self.bias(scale) / scale if scale > 0 else 0.0
-        inverse = _undo(self.B * np.sqrt(self.length**2 + wider))
-        return inverse
+        return _undo(self.B * np.sqrt(self.length**2 + wider))
 
     def moments(self, information: Information, weights: Array) -> tuple[Array, Array]:
         """Return each block's ``Ẑᵀ W B`` (B, k, k) and ``Ẑᵀ e`` (B, k)."""
