@@ -26,7 +26,7 @@ from scipy.signal import lfilter
 from threadpoolctl import threadpool_limits
 
 from identifiability.estimation.estimate import estimate, find_estimator, settle_noise, weigh_logs
-from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import (
     Motions,
     Uncertainty,
@@ -350,7 +350,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         planted = pd.DataFrame(planted_rows(options.trials, options.replicates))
         result: dict[str, Any] = {
             "planted": planted.to_dict("records"),
-            "level": ESTIMATION_RULES.motions_level,
+            "level": Thresholds.sign_level,
         }
         result |= {"within": within, "noisy": noisy}
         sections = [

@@ -22,6 +22,7 @@ from identifiability.effects.effect import (
 )
 from identifiability.effects.registry import declare
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Axis, Robot
 
 # Viscous friction at every actuated joint and coupled motor.
@@ -66,7 +67,7 @@ class CoulombFriction(AlongAxes):
 
 
 #: Levels of both directions that differ by less, as a share, are one: a solver rounded them.
-ROUNDING = 1e-9
+ROUNDING: Tolerance = 1e-9
 
 
 @declare(
@@ -149,9 +150,9 @@ class QuadraticFriction(AlongAxes):
 
 
 #: Stribeck velocity where none is given, as a share of the joint's speed limit.
-TYPICAL_SHARE = 0.1
+TYPICAL_SHARE: Tolerance = 0.1
 #: Speed of joints without a limit [rad/s, m/s].
-TYPICAL_SPEED = (2.0, 0.3)
+TYPICAL_SPEED: tuple[Tolerance, Tolerance] = (2.0, 0.3)
 
 #: Stribeck velocities that are tried, as shares of the joint's rms speed: neighbours are so close
 #: that what falls between them leaves less than 1 % of the curve.

@@ -18,6 +18,7 @@ from identifiability.effects.nominal import needs_masses, rigid_torque
 from identifiability.effects.registry import declare
 from identifiability.effects.transmission import carried_load
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Axis, Motion, Robot
 
 # Torque along a joint of which nothing is known but what it depends on: smooth functions.
@@ -28,7 +29,7 @@ from identifiability.robot import Axis, Motion, Robot
 #: Degree of the pieces, and how many there are: alone, and of what goes with the velocity.
 DEGREE, PIECES, PIECES_OF_TWO = 2, 4, 3
 #: Speed that motions are taken to reach where no limit is stated [rad/s, m/s].
-TYPICAL_SPEED = (2.0, 0.3)
+TYPICAL_SPEED: tuple[Tolerance, Tolerance] = (2.0, 0.3)
 #: What every function contains: its splines add up to one.
 CONTAINED = ("torque_offset",)
 
@@ -240,7 +241,7 @@ class FunctionOfLoad(OfLoad):
 
 
 #: Duration where none is given [s].
-TYPICAL = 30.0
+TYPICAL: Tolerance = 30.0
 
 
 def duration(span: Span) -> tuple[float, ...]:
@@ -278,7 +279,7 @@ SESSION_PIECES = 2
 #: Logs of which one may be left out.
 FEWEST = 3
 #: Duration where none is given [s].
-TYPICAL_SESSION = 600.0
+TYPICAL_SESSION: Tolerance = 600.0
 
 
 def time_of_session(motion: Motion) -> Array:

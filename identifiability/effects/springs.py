@@ -19,6 +19,7 @@ from identifiability.effects.effect import (
 from identifiability.effects.registry import declare
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Axis, Robot
 from identifiability.robot.along import rest_along
 
@@ -170,7 +171,7 @@ PIECES = (2, 3, 4, 6, 8, 12)
 #: Pieces over a joint's whole range where nothing else is said, and at most.
 TYPICAL, MOST = 8, 300
 #: Range about home of joints without limits [rad, m].
-UNLIMITED = (np.pi, 1.0)
+UNLIMITED: tuple[Tolerance, Tolerance] = (np.pi, 1.0)
 
 
 def _spacings(span: Span) -> tuple[float, ...]:

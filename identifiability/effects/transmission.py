@@ -12,6 +12,7 @@ from identifiability.effects.nominal import needs_masses, rigid_torque
 from identifiability.effects.registry import declare
 from identifiability.foundation.linalg import without_rounding
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Axis, Motion, Robot
 
 # What a joint remembers of its way since it turned: play and stop [Brokate & Sprekels 1996].
@@ -73,9 +74,9 @@ def stretch_of_springs(motion: Motion, position: Array, speed: Array, width: flo
 
 
 #: Ways that are tried, as shares of the joint's range.
-SHARES = (0.003, 0.01, 0.03, 0.1)
+SHARES: tuple[Tolerance, Tolerance, Tolerance, Tolerance] = (0.003, 0.01, 0.03, 0.1)
 #: Ways of the elements over the shape.
-ELEMENTS = (1.0, 2.0, 4.0)
+ELEMENTS: tuple[Tolerance, Tolerance, Tolerance] = (1.0, 2.0, 4.0)
 
 
 def _ways(span: Span) -> tuple[float, ...]:
@@ -116,7 +117,7 @@ class Hysteresis(Shaped):
 
 
 #: A row that is shorter than the root of this has no load of its own.
-SMALLEST = 1e-30
+SMALLEST: Tolerance = 1e-30
 
 
 def carried_load(load: Array, at: Along) -> Array:
@@ -165,9 +166,9 @@ class LoadDependentFriction(AlongAxes):
 
 
 #: Widths that are tried, as shares of the joint's range.
-PLAY_SHARES = (0.003, 0.01, 0.03)
+PLAY_SHARES: tuple[Tolerance, Tolerance, Tolerance] = (0.003, 0.01, 0.03)
 #: Teeth touch again within one part in so many of the play: encoders tremble where they do.
-EDGE = 10.0
+EDGE: Tolerance = 10.0
 
 
 def _widths(span: Span) -> tuple[float, ...]:

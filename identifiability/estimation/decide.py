@@ -20,6 +20,7 @@ from identifiability.estimation.verdict import Class, Verdict, digits, percent_o
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.numbers import REACH, holm
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
@@ -41,6 +42,9 @@ from identifiability.regression.structure import Structure
 # The unpruned model knows: where its own interval for a label does not reach that of the model, σ
 # grows until it does, and the verdict says so.
 
+
+#: Least share of σ that makes a sentence name a member of what a number stands for.
+LEAST: Tolerance = 0.1
 
 #: Members of what a number stands for that a sentence names.
 NAMED = 3
@@ -202,7 +206,7 @@ def _combination(name: str, members: Sequence[str], coefficients: Array, size: A
     """Return a parameter with the left-out ones that it stands for, the largest first."""
     share = np.abs(coefficients) * size
     order = np.argsort(-share, kind="stable")
-    shown = [j for j in order[:NAMED] if share[j] > RULES.sigma_named * np.linalg.norm(share)]
+    shown = [j for j in order[:NAMED] if share[j] > LEAST * np.linalg.norm(share)]
     if not shown:
         return ""
     text = name

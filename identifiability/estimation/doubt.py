@@ -642,7 +642,7 @@ class Search:
         found = [(*find_size(*self.products.given(self.S, own_columns(i))), i) for i in left]
         rise, size, best = max(found, default=(0.0, 0.0, 0))
         p = 0.5 * float(erfc(np.sqrt(rise / 2.0))) * len(left)
-        if not p < RULES.doubt_level or not left:
+        if not p < RULES.unasked_level or not left:
             return None
         taken, at = (*self.taken, best), best // len(KINDS)
         # What it explains counted as noise until now.

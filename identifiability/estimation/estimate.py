@@ -20,7 +20,7 @@ from identifiability.estimation.least_squares import (
     WeightedLeastSquares,
     taken_of_blocks,
 )
-from identifiability.estimation.rules import RULES
+from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
@@ -221,7 +221,11 @@ def fit_whole(estimator: Estimator, whole: Information) -> Estimate | None:
     """Return the fit of all columns; None where too few outputs are independent for them."""
     fit = estimator.fit(whole)
     independent = float(np.sum(whole.rows_each / fit.times))
-    return fit if fit.kept and independent >= RULES.outputs_enough * len(fit.kept) else None
+    return (
+        fit
+        if fit.kept and independent >= Thresholds.outputs_per_parameter * len(fit.kept)
+        else None
+    )
 
 
 @checked

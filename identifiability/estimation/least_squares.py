@@ -15,7 +15,7 @@ from scipy.special import chdtri, polygamma
 
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.noise import RESIDUAL_ROUNDING
-from identifiability.estimation.rules import RULES
+from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import (
     NEARLY,
     RANK_TOLERANCE,
@@ -33,6 +33,13 @@ from identifiability.regression.information import Information
 # What a block of time does to a fit, as if it had not pulled the fit towards itself.
 
 
+#: At least this share of the samples is taken to be left by the columns.
+LEFT: Tolerance = 0.25
+
+#: What a block leaves of a direction that it determines almost alone is raised to this.
+ALONE: Tolerance = 0.05
+
+
 def correct_leverage(scores: Array, shares: Array) -> Array:
     """Return scores as if each block had not pulled the fit towards itself, (B, k).
 
@@ -46,7 +53,7 @@ def correct_leverage(scores: Array, shares: Array) -> Array:
     for at in few_at_once(len(scores), shares[:1].nbytes):
         own = 0.5 * (shares[at] + shares[at].swapaxes(1, 2))
         values, vectors = np.linalg.eigh(np.eye(scores.shape[1]) - own)
-        lever = 1.0 / np.sqrt(np.maximum(values, RULES.block_alone))
+        lever = 1.0 / np.sqrt(np.maximum(values, ALONE))
         corrected[at] = np.einsum(
             "bij,bj,bkj,bk->bi", vectors, lever, vectors, scores[at], optimize=True
         )
@@ -153,7 +160,7 @@ def measure_memory(information: Information, fit: Estimate) -> tuple[Array, Arra
         sums = own.sums @ turned
         scatter = _sum_lags(sums[:, k:], information.log)
         left = own_rows[a] - fit.weights[a] * _sum_lags(sums[:, :k], information.log)
-        ratio = scatter / np.maximum(left, RULES.columns_left * own_rows[a])
+        ratio = scatter / np.maximum(left, LEFT * own_rows[a])
         # Blocks at a lag hold pairs of samples that are half a block farther apart on average.
         apart = (np.arange(B) + 0.5) * N / B
         enough = apart >= RULES.sokal_window * scatter / rss
@@ -199,7 +206,7 @@ def _share(times: Array, known: Array, blocks: int, block: float) -> Array:
     lags = np.ceil(max(RULES.sokal_window * same / block - 0.5, 0.0))
     spread = polygamma(1, 0.5 * blocks / (2.0 * lags + 1.0))
     apart = float(np.log(times[open_]).var(ddof=0) * open_.sum() / spread)
-    different = apart > chdtri(open_.sum() - 1, 1.0 - RULES.times_different)
+    different = apart > chdtri(open_.sum() - 1, Thresholds.sign_level)
     return times if different else np.where(open_, same, times)
 
 

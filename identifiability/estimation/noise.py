@@ -25,6 +25,11 @@ from identifiability.logs.prepare import Samples
 # What residuals say about the noise: autocorrelation and what it does to σ.
 
 
+#: White noise that is taken to be there beside the residual, as a share of its variance: logs
+#: that were filtered before they were stored have empty bands, which whitening would blow up.
+FLOOR: Tolerance = 0.05
+
+
 def autocorrelation(residual: Array) -> Array:
     """Return the autocorrelation of each column of residuals (N, n) by FFT, (N, n); 1 at lag 0."""
     n = len(residual)
@@ -413,7 +418,7 @@ class RestrictedLikelihood:
     """
 
     def __init__(
-        self, lagged: LaggedProducts, left: float, scale: float, floor: float = RULES.noise_floor
+        self, lagged: LaggedProducts, left: float, scale: float, floor: float = FLOOR
     ) -> None:
         self.lagged, self.scale, self.k = lagged, scale, lagged.products.shape[1] - 1
         self.rows = lagged.rows
@@ -422,9 +427,7 @@ class RestrictedLikelihood:
         self.left = left * scale**2 / self.dof
 
     @staticmethod
-    def of(
-        y: Array, basis: Array, runs: Runs, floor: float = RULES.noise_floor
-    ) -> RestrictedLikelihood:
+    def of(y: Array, basis: Array, runs: Runs, floor: float = FLOOR) -> RestrictedLikelihood:
         """Return that of a series y (N,) beside an orthonormal basis (N, k)."""
         scale = float(np.linalg.norm(y)) or 1.0
         left = y / scale

@@ -17,7 +17,6 @@ from scipy.special import stdtrit
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.least_squares import dependence
 from identifiability.estimation.noise import autocorrelation_time
-from identifiability.estimation.rules import RULES
 from identifiability.estimation.torque_errors import (
     ErrorSums,
     Layout,
@@ -35,6 +34,7 @@ from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.linalg import few_at_once
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import ENDS, REACH
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.samples import find_signal
 from identifiability.logs.signals import is_constant
@@ -47,6 +47,14 @@ from identifiability.regression.regression import LogPart, Regression, map_parts
 # parameters do not know. That of a *new sample* adds what a measured torque scatters about it,
 # which no longer log makes smaller. Residuals remember: with an autocorrelation time κ, N samples
 # count as N/κ for both, so that the fit swallows κ times more of the noise than of white noise.
+
+
+#: A column which never acted counts for this share of the largest one.
+NEVER: Tolerance = 1e-3
+
+#: A direction that the fitted motion never showed acts if it makes this share of what its columns
+#: made there;
+ACTS: Tolerance = 1e-5
 
 
 @frozen(kw_only=True)
@@ -88,7 +96,7 @@ class TorqueUncertainty:
 
     def finds_new(self, W: Array) -> np.ndarray:
         """Return where the motion acts on what the fitted motion never showed, (N, n) bool."""
-        found: np.ndarray = (np.abs(W @ self.unknown) > RULES.direction_acts).any(2)
+        found: np.ndarray = (np.abs(W @ self.unknown) > ACTS).any(2)
         return found
 
 
@@ -170,7 +178,7 @@ def _never_shown(information: Information, fit: Estimate) -> Array:
         leans = dependence(information, kept, fit.weights)
         directions[kept] = -leans * length[dropped] / length[kept][:, None]
     size = np.linalg.norm(information.factor()[:, :-1], axis=0) / np.sqrt(information.samples)
-    least = RULES.column_never * size.max(initial=0.0)
+    least = NEVER * size.max(initial=0.0)
     scaled: Array = directions / np.maximum(size @ np.abs(directions), least or 1.0)
     return scaled
 

@@ -29,6 +29,12 @@ from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 from identifiability.simulation.rollout import STEP, CommandedRobot, forgotten
 
+#: Length of blocks of time whose errors are taken to be independent [s].
+TOGETHER: Tolerance = 1.0
+
+#: No delay that is looked for is longer [s].
+LATEST: Tolerance = 0.06
+
 #: What is found of each joint: rotor, viscous and dry friction, offset.
 KINDS = ("Ia", "Fv", "Fc", "off")
 
@@ -279,7 +285,7 @@ def _unexplained(log: Log) -> Array:
     moved = log.q.var(0)
     if log.q_ref is None:
         return np.asarray(moved)
-    most = min(round(RULES.delay_latest / signals.sampling_step(log.t)), len(log) // 2)
+    most = min(round(LATEST / signals.sampling_step(log.t)), len(log) // 2)
     target, q = log.q_ref, log.q[most:]
     apart = [(q - target[most - k : len(log) - k]).var(0) for k in range(most + 1)]
     noise = RULES.rollout_noises * np.maximum(noise_level(log.q, log.t), resolution(log.q))
@@ -353,7 +359,7 @@ def find_delay(machine: CommandedRobot, logs: Sequence[Log]) -> float:
         return total
 
     # A command was given at any time since the row before.
-    grid = np.linspace(-step, RULES.delay_latest, 12)
+    grid = np.linspace(-step, LATEST, 12)
     best = int(np.argmin(costs(grid, COARSE)))
     wide = float(grid[1] - grid[0])
     near = np.linspace(max(grid[best] - wide, -step), grid[best] + wide, 7)
@@ -469,7 +475,7 @@ class Problem:
             return np.zeros(len(self.logs))
         a = np.linalg.pinv(J)[self.at[1] :]
         scores = (a * r).reshape(len(a), -1, self.n).sum(2)
-        rows = max(1, round(RULES.rollout_block / self.dt))
+        rows = max(1, round(TOGETHER / self.dt))
         starts = np.arange(0, scores.shape[1], rows)
         out: Array = np.sqrt((np.add.reduceat(scores, starts, axis=1) ** 2).sum(1))
         return out

@@ -58,8 +58,6 @@ class Rules(RuleTable):
         How far a body's mass, first and second moments are taken to lie from the robot
         file's, relative to m, m·r and m·r² with r the rms distance of its mass from its
         frame.
-    sigma_named : float, by hand
-        Least share of σ that makes a sentence name a member of what a number stands for.
     blocks_fewest : int, by hand
         Fewer blocks than this say nothing about the spread between blocks.
     memories : float, literature
@@ -69,21 +67,16 @@ class Rules(RuleTable):
         Fewest such stretches of scores,
     errors_fewest : int, by hand
         and of errors.
-    memories_least : float, by hand
-        Blocks may be so many autocorrelation times short where longer ones would be too
-        few.
     sokal_window : float, literature
         Window of the integrated autocorrelation time, in units of itself [Sokal 1997].
-    doubt_level : float, level
-        Chance by which some function is taken where none is missing.
+    unasked_level : float, level
+        Level of a test that nobody asked for: whether a function is missing, the halves of a log
+        differ, a suggested move is denied, ranks are uneven.
     columns_most : float, by hand
         Columns that explain the noise-free part may take at most this share of a joint's
         rows.
     column_short : float, by hand
         Directions of unit columns below this length are left to the noise.
-    outputs_enough : float, by hand
-        So many independent outputs for each of its parameters leave a model a residual that
-        is noise.
     outputs_fewest : float, by hand
         Fewest outputs of a motion for each parameter, below which it is not fitted by
         itself.
@@ -95,25 +88,6 @@ class Rules(RuleTable):
     instrument_left : float, by hand
         Directions of which noise leaves less than this share stay with least squares: what
         is known of the noise is not enough to multiply them by more.
-    block_alone : float, by hand
-        What a block leaves of a direction that it determines almost alone is raised to
-        this.
-    columns_left : float, by hand
-        At least this share of the samples is taken to be left by the columns.
-    times_different : float, level
-        Times are told apart from this share of the distribution on that equal ones would
-        have.
-    noise_floor : float, reasoned
-        White noise that is taken to be there beside the residual, as a share of its
-        variance: logs that were filtered before they were stored have empty bands, which
-        whitening would blow up.
-    direction_acts : float, by hand
-        A direction that the fitted motion never showed acts if it makes this share of what
-        its columns made there;
-    column_never : float, by hand
-        and a column which never acted counts for this share of the largest one.
-    delay_latest : float [s], by hand
-        No delay that is looked for is longer.
     rollout_contradicted : float, calibrated
         Share of what there is to explain by which the best rollout errs, of half of the joints,
         where gains contradict it (simulated servos only),
@@ -123,13 +97,6 @@ class Rules(RuleTable):
         A servo that makes so many times the torque that the file's bodies need has other gains,
     servo_told : float, by hand
         where these bodies explain this share of it beside rotors, friction and offsets.
-    rollout_block : float [s], by hand
-        Length of blocks of time whose errors are taken to be independent.
-    motions_level : float, level
-        Level of each of the two tests: of all parameters together, and of those that move
-        by themselves.
-    halves_level : float, level
-        Level of each where the halves of one log are compared: every log is asked.
     sigma_other : float, by hand
         Share of σ by noise beyond which what else moves a value is spoken of.
     """
@@ -137,35 +104,22 @@ class Rules(RuleTable):
     paper_factor: float = 10.0
     direction_touched: float = 0.1
     body_share: float = 0.3
-    sigma_named: float = 0.1
     blocks_fewest: int = 8
     memories: float = 5.0
     stretches_fewest: int = 12
     errors_fewest: int = 4
-    memories_least: float = 2.0
     sokal_window: float = 5.0
-    doubt_level: float = 0.01
+    unasked_level: float = 0.01
     columns_most: float = 0.45
     column_short: float = 1e-3
-    outputs_enough: float = 3.0
     outputs_fewest: float = 1.0
     instrument_strong: float = 0.9
     instrument_f: float = 104.7
     instrument_left: float = 0.5
-    block_alone: float = 0.05
-    columns_left: float = 0.25
-    times_different: float = 0.95
-    noise_floor: float = 0.05
-    direction_acts: float = 1e-5
-    column_never: float = 1e-3
-    delay_latest: float = 0.06
     rollout_contradicted: float = 0.5
     rollout_noises: float = 5.0
     servo_many: float = 5.0
     servo_told: float = 0.1
-    rollout_block: float = 1.0
-    motions_level: float = 0.05
-    halves_level: float = 0.01
     sigma_other: float = 0.5
 
 

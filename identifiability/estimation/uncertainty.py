@@ -26,6 +26,7 @@ from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.linalg import ROUNDOFF, sandwich
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import ENDS, REACH, holm
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 
@@ -44,6 +45,9 @@ from identifiability.regression.information import Information
 # themselves they are compared in the same way. Stretches that are shorter scatter by less than
 # they know, because a slow noise seems to be a part of what each of them shows.
 
+
+#: Blocks may be so many autocorrelation times short where longer ones would be too few.
+LEAST_MEMORIES: Tolerance = 2.0
 
 #: Stretches over which the scores of one motion scatter, at most: more say little and cost.
 MOST_STRETCHES = 24
@@ -90,7 +94,7 @@ class Motions:
     ratio: float
     ratio_dof: float
     between: Array
-    level: float = RULES.motions_level
+    level: float = Thresholds.sign_level
 
     @property
     def moved(self) -> np.ndarray:
@@ -138,7 +142,7 @@ def compare_motions(
     fit: Estimate,
     time: float,
     groups: np.ndarray | None = None,
-    level: float = RULES.motions_level,
+    level: float = Thresholds.sign_level,
 ) -> Motions | None:
     """Return what motions say of each other; None where fewer than two can be fitted.
 
@@ -232,10 +236,10 @@ def compare_halves(information: Information, fit: Estimate) -> Motions | None:
         times = forget_noise(fit.estimator).fit(half).times
         independent = half.samples * float(np.sum(1.0 / times))
         least = RULES.stretches_fewest * RULES.memories * float(times.max())
-        if half.samples < least or independent < RULES.outputs_enough * len(fit.kept):
+        if half.samples < least or independent < Thresholds.outputs_per_parameter * len(fit.kept):
             return None
         time = max(time, float(times.max()))
-    return compare_motions(information, fit, time, later.astype(int), RULES.halves_level)
+    return compare_motions(information, fit, time, later.astype(int), RULES.unasked_level)
 
 
 def _welch(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
@@ -273,7 +277,7 @@ def _correlate(own: Sequence[Estimate], sd: Array) -> Array:
 
 
 def _pool(
-    p: Array, d: Array, correlation: Array, level: float = RULES.motions_level
+    p: Array, d: Array, correlation: Array, level: float = Thresholds.sign_level
 ) -> tuple[float, float, float]:
     """Return p-value, ratio and degrees of freedom of the sum over correlated parameters.
 
@@ -452,7 +456,7 @@ def resample(
     length = min(length, max(RULES.memories * memory, short))
     # Blocks of two memories still tell by how much longer ones would scatter more.
     shortened = information.samples < RULES.blocks_fewest * length
-    length = max(RULES.memories_least * memory, short) if shortened else length
+    length = max(LEAST_MEMORIES * memory, short) if shortened else length
     drawn, note = None, ""
     if not replicates:
         note = "No logs were resampled: ask for some replicates."

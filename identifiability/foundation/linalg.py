@@ -25,6 +25,9 @@ MOST_BYTES = 2**26
 #: Share of the largest torque below which that of a joint is rounding: it has no load.
 ROUNDING = 1e-11
 
+#: Share below which what is left of one sum of products is rounding.
+TINY = 1e-12
+
 #: Share below which what is left of a chain of products, differences and solves is rounding.
 ROUNDOFF = 1e-9
 

@@ -17,11 +17,15 @@ import scipy
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array, Renames
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.aliases import words_for
 from identifiability.logs.rules import RULES
 from identifiability.robot.floating import Base
+
+#: So long a gyroscope is trusted, after which gravity corrects it [s].
+TRUSTED: Tolerance = 10.0
 
 #: What comes first in the name of a column about the base.
 OWNERS = ("base", "imu", "odom", "odometry", "pose", "twist", "trunk", "floating_base", "torso")
@@ -311,7 +315,7 @@ def _level(acc: Array, omega: Array, t: Array) -> Array:
     turn = scipy.spatial.transform.Rotation.from_quat(quat)
     still = turn.apply(acc)
     spans = np.polynomial.chebyshev.chebvander(
-        np.linspace(-1, 1, len(t)), int(step * len(t) / RULES.gyro_trusted)
+        np.linspace(-1, 1, len(t)), int(step * len(t) / TRUSTED)
     )
     slow = spans @ np.linalg.lstsq(spans, still, rcond=None)[0]
     size = np.linalg.norm(slow, axis=1, keepdims=True)

@@ -103,7 +103,7 @@ def _fresh(x: Array) -> np.ndarray:
     if len(lengths) < RULES.fewest:
         return every
     usual = int(np.median(lengths))
-    if usual < LEAST or np.mean(np.abs(lengths - usual) <= 1) < RULES.runs_alike:
+    if usual < LEAST or np.mean(np.abs(lengths - usual) <= 1) < RULES.nearly_all:
         return every
     since = np.arange(len(x)) - np.maximum.accumulate(np.where(new, np.arange(len(x)), 0))
     fresh: np.ndarray = since % usual == 0

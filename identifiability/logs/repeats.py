@@ -116,7 +116,7 @@ def _keep(log: Recording, copied: np.ndarray) -> list[Recording]:
     if not copied.any():
         return [log]
     if isinstance(log, LogFile):
-        return [] if copied.mean() >= RULES.copy_share else [log]
+        return [] if copied.mean() >= RULES.nearly_all else [log]
     edges = np.flatnonzero(np.diff(np.concatenate([[1], copied.astype(int), [1]])))
     stretches = [(a, b) for a, b in edges.reshape(-1, 2).tolist() if b - a >= RULES.fewest]
     if len(stretches) == 1:
@@ -180,7 +180,7 @@ def _comes_again(log: LogFile, period: int, near: Array, kinds: Sequence[str]) -
             now, then = pair
             same = np.asarray((np.abs(now - then) <= near).all(1))
             told = _noise_changes(now, near, len(log.joints))
-            if min(same.mean(), same[told].mean() if told.any() else 1.0) < RULES.copy_share:
+            if min(same.mean(), same[told].mean() if told.any() else 1.0) < RULES.nearly_all:
                 return False
     return True
 
@@ -262,7 +262,7 @@ def _match(rows: Array, starts: np.ndarray, joints: int) -> np.ndarray:
             moved, again = (np.asarray(part.all(1)) for part in np.hsplit(same, [joints]))
             chance = again[moved].mean() if moved.any() else 0.0
             copied[a:b] = (
-                chance >= RULES.copy_share or len(rows) * chance**count < RULES.copy_chance
+                chance >= RULES.nearly_all or len(rows) * chance**count < RULES.copy_chance
             )
     return copied
 

@@ -91,9 +91,10 @@ class Rules(RuleTable):
     rows_lacking : float, by hand
         A column that lacks less than this share of the rows has broken rows, not another
         rate.
-    runs_alike : float, by hand
-        Values repeat in runs of about equal length, so that a column has a rate of its own,
-        where this share of the runs has the usual length up to one sample.
+    nearly_all : float, by hand
+        Share that counts as nearly all: of the runs of a column that have the usual length up to
+        one sample, so that it has a rate of its own; of the windows of a long log that another one
+        has too; of the samples that are there again where a motion was repeated.
     rate_far : float, by hand
         Nothing is put between samples of a column that lie farther apart than so many of
         its steps.
@@ -110,9 +111,6 @@ class Rules(RuleTable):
         Values agree within this share of their standard deviation.
     copy_chance : float, level
         A run that chance explains comes less often than this in all the rows.
-    copy_share : float, by hand
-        A log that is too long to be compared row by row is a copy if this share of some
-        windows is.
     spike_steps : float, by hand
         A spike is wrong if it is so many times higher than any step,
     spike_around : float, by hand
@@ -122,15 +120,11 @@ class Rules(RuleTable):
     spike_ends : float, reasoned
         At an end of the column, where it is not seen to come back, it must be so many times
         higher than the range of the column: differences are wrong there by halves.
-    spike_widest : int [samples], by hand
-        A wrong value, and the same repeated, lasts at most so many samples.
     quaternion_norm : float, by hand
         A quaternion whose norm is further from one than this is none.
     reading_better : float, by hand
         Of two readings the one that errs by less than this share of the other's error is
         meant.
-    gyro_trusted : float [s], by hand
-        So long a gyroscope is trusted, after which gravity corrects it.
     cutoff_lowest : float [Hz], reasoned
         No computed derivatives are low-passed below this for the motion's sake: however
         slow the program, friction and flexibility make joints move at some hertz, and
@@ -151,19 +145,10 @@ class Rules(RuleTable):
     noise_still : float, by hand
         Joints with less than this share of the acceleration of the one that accelerates
         most (rms) do not lower the cut-off of the others.
-    noise_above : tuple[float, float], reasoned
-        The noise at a frequency is the median over these multiples of it: a motion falls
-        there by orders of magnitude, and white noise does not; neither does the rounding of
-        coarse encoders, whose spectrum is flat up to the rate of its steps only.
     motion_seen : float, reasoned
         Where the smoothed spectrum is not so many times the noise, there is no motion to be
         seen: the steps of a coarse encoder fall with the square of the frequency, which is
         25 times over `noise_above`, positions with the sixth power or faster.
-    coarse_longest : float [s], by hand
-        Samples of encoders so coarse that they change more slowly are averaged until they
-        change every time, but no longer than this.
-    window_half : float, by hand
-        Windows that are shorter than this share of the longest show no slow motion.
     noise_negligible : float, by hand
         Noise below this share of a signal moves no value by what could be seen.
     noise_resolved : float, by hand
@@ -180,8 +165,6 @@ class Rules(RuleTable):
     creep : float, by hand
         Speed that says nothing, as a share of a joint's largest: nothing but friction at
         rest is learnt of such motion, and joints creep there where friction is regularised.
-    dwell_band : float, level
-        The errors of a record as a multiple of its noise's standard deviation.
     reversal_blur : float, calibrated
         Periods of the cut-off on each side that the low-pass mixes with a dwell or with a
         reversal: its main lobe. With half as many, values of robots that stick left their
@@ -196,18 +179,9 @@ class Rules(RuleTable):
     again_near : float, by hand
         Positions of a repetition differ by no more than this share of how much they vary
         (rms), and noise;
-    again_far : float, by hand
-        while its lag is looked for, they may differ by so much.
-    again_overlap : float, by hand
-        A repetition overlaps with at least this share of the motion.
-    again_covered : float, by hand
-        Share of the samples at which there must be a repetition; along the others the
-        motion itself stands for it.
     noise_shared : float, by hand
         Correlation of two records' differences from which on they are said to share their
         noise: rounding is the same where an encoder passes the same places.
-    noise_louder : float, by hand
-        Noise may have so many times the power that differences see.
     instrument_followed : float, by hand
         A command that serves as an instrument differs from the motion by no more than this
         share of how much it varies (rms),
@@ -215,13 +189,6 @@ class Rules(RuleTable):
         and comes no earlier or later than this.
     series_explained : float, by hand
         A series explains a motion if what is left is at most so many times the noise.
-    smooth_highest : float, by hand
-        A smoothed motion may reach up to this share of the sampling rate: it shares the
-        noise of its band.
-    thrown : float, reasoned
-        Passive joints of two records are far apart at a sample if they are so many times as
-        far as usual: noise makes them so where it brings a mechanism near a singular
-        configuration.
     """
 
     fewest: int = 20
@@ -257,7 +224,7 @@ class Rules(RuleTable):
     command_degrees: tuple[float, float] = (30.0, 120.0)
     command_still: float = 1e-3
     rows_lacking: float = 0.2
-    runs_alike: float = 0.9
+    nearly_all: float = 0.9
     rate_far: float = 2.5
     rate_slower: float = 2.0
     rate_other: float = 0.1
@@ -265,15 +232,12 @@ class Rules(RuleTable):
     locked_share: float = 0.5
     copy_agrees: float = 1e-4
     copy_chance: float = 0.01
-    copy_share: float = 0.9
     spike_steps: float = 1.5
     spike_around: float = 4.0
     spike_tail: float = 3.0
     spike_ends: float = 1.0
-    spike_widest: int = 3
     quaternion_norm: float = 0.01
     reading_better: float = 0.5
-    gyro_trusted: float = 10.0
     cutoff_lowest: float = 5.0
     cutoff_least: float = 2.5
     cutoff_wide: float = 10.0
@@ -281,31 +245,21 @@ class Rules(RuleTable):
     cutoff_highest: float = 0.2
     noise_share: float = 0.01
     noise_still: float = 0.1
-    noise_above: tuple[float, float] = (2.0, 8.0)
     motion_seen: float = 40.0
-    coarse_longest: float = 0.02
-    window_half: float = 0.5
     noise_negligible: float = 1e-3
     noise_resolved: float = 0.3
     dwell: float = 0.2
     dwell_creep: float = 0.32
     creep: float = 0.02
-    dwell_band: float = 3.0
     reversal_blur: float = 0.5
     echo_nothing: float = 0.01
     echo_explained: float = 1.03
     loops_open: float = 0.02
     again_near: float = 0.05
-    again_far: float = 0.2
-    again_overlap: float = 0.05
-    again_covered: float = 0.9
     noise_shared: float = 0.3
-    noise_louder: float = 1.5
     instrument_followed: float = 0.3
     instrument_late: float = 0.2
     series_explained: float = 1.15
-    smooth_highest: float = 0.15
-    thrown: float = 30.0
 
 
 RULES = Rules()

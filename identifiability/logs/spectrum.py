@@ -16,8 +16,21 @@ from functools import cached_property
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.rules import RULES
+
+#: Windows that are shorter than this share of the longest show no slow motion.
+HALF: Tolerance = 0.5
+
+#: Samples of encoders so coarse that they change more slowly are averaged until they change every
+#: time, but no longer than this.
+COARSE: Tolerance = 0.02
+
+#: The noise at a frequency is the median over these multiples of it: a motion falls there by
+#: orders of magnitude, and white noise does not; neither does the rounding of coarse encoders,
+#: whose spectrum is flat up to the rate of its steps only.
+ABOVE: tuple[Tolerance, Tolerance] = (2.0, 8.0)
 
 #: Samples that are left at least where those of a coarse encoder are averaged.
 LEFT = 256
@@ -81,10 +94,8 @@ class Spectrum:
 
     def _level(self, k: int) -> Array:
         last = len(self.f) - 1
-        first = min(int(RULES.noise_above[0] * k), int(0.9 * last))
-        level: Array = np.median(
-            self.smooth[first : max(int(RULES.noise_above[1] * k), first + 2)], axis=0
-        )
+        first = min(int(ABOVE[0] * k), int(0.9 * last))
+        level: Array = np.median(self.smooth[first : max(int(ABOVE[1] * k), first + 2)], axis=0)
         return level
 
     @cached_property
@@ -127,7 +138,7 @@ def _average_steps(windows: Sequence[Array], dt: float) -> tuple[Sequence[Array]
     changes = [np.flatnonzero(x) for w in windows for x in np.diff(w, axis=0).T]
     # The median does not see rests.
     lengths = [float(np.median(np.diff(at))) for at in changes if len(at) > 1]
-    block = int(min(max(lengths, default=1.0), RULES.coarse_longest / dt, len(windows[0]) / LEFT))
+    block = int(min(max(lengths, default=1.0), COARSE / dt, len(windows[0]) / LEFT))
     if block < 2:
         return windows, dt
     rows = len(windows[0]) // block
@@ -140,7 +151,7 @@ def spectra_of(windows: Sequence[Array], dt: float, order: int = 2) -> list[Spec
     Those that are less than half as long as the longest are left out: they show no slow motion.
     """
     lengths = sorted({len(x) for x in windows}, reverse=True)
-    used = [n for n in lengths if n > RULES.window_half * lengths[0]]
+    used = [n for n in lengths if n > HALF * lengths[0]]
     return [Spectrum.of([x for x in windows if len(x) == n], dt, order) for n in used]
 
 

@@ -26,6 +26,9 @@ from identifiability.logs.rules import RULES
 # - far beyond the tail of the column's other spikes.
 
 
+#: A wrong value, and the same repeated, lasts at most so many samples.
+WIDEST = 3
+
 #: Samples on each side that show how high spikes are here; the highest `ALLOWED` of both sides
 #: may be wrong themselves.
 NEAR, ALLOWED = 20, 3
@@ -37,7 +40,7 @@ TAIL_SHARE, TAIL_LEAST, TAIL_MOST = 2000, 20, 200
 PIECE = 16_384
 
 #: Samples on each side that a judgement draws on, and the filters.
-REACH, FILTERS = NEAR + 3 * RULES.spike_widest, 2 * RULES.spike_widest
+REACH, FILTERS = NEAR + 3 * WIDEST, 2 * WIDEST
 
 
 @frozen
@@ -200,10 +203,8 @@ def _close(x: Array) -> Array:
 def _spread(x: Array, extreme: np.ufunc, *, back: bool = False) -> Array:
     """Return the extreme of each sample and the `spike_widest` after it, or before it."""
     seen = 1
-    while (
-        seen <= RULES.spike_widest
-    ):  # the extreme of two such extremes is that of up to twice as many
-        k = min(seen, RULES.spike_widest + 1 - seen)
+    while seen <= WIDEST:  # the extreme of two such extremes is that of up to twice as many
+        k = min(seen, WIDEST + 1 - seen)
         out, inner = np.empty_like(x), slice(k, None) if back else slice(-k)
         extreme(x[k:], x[:-k], out=out[inner])
         ends = slice(k) if back else slice(-k, None)
@@ -216,7 +217,7 @@ def _usual(height: Array, k: int) -> float:
     """Return how high spikes are around a sample, without its own and the highest few."""
     low = max(0, min(k - NEAR, len(height) - 2 * NEAR - 1))
     around = np.arange(low, min(low + 2 * NEAR + 1, len(height)))
-    others = np.sort(height[around[np.abs(around - k) > RULES.spike_widest]])
+    others = np.sort(height[around[np.abs(around - k) > WIDEST]])
     return float(others[-1 - ALLOWED]) if len(others) > ALLOWED else np.inf
 
 

@@ -17,7 +17,9 @@ from identifiability.effects.gravity import settle_gravity
 from identifiability.effects.vocabulary import file_kinds, held_by_file
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import listing
+from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.physical.feasible_set import PhysicalSet, adjoint_inverse, square
@@ -28,6 +30,7 @@ from identifiability.physical.pseudo_inertia import (
     natural_scale,
     to_matrix,
 )
+from identifiability.physical.rules import RULES
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -41,13 +44,10 @@ from identifiability.robot import Robot
 WEIGHTS = tuple(10.0**k for k in range(5, -3, -1))
 
 #: The one where nothing chooses.
-WEAK = 1.0
-
-#: Singular values below this share of the largest are none.
-RANK = 1e-9
+WEAK: Tolerance = 1.0
 
 #: Least mean square of a nominal body's thickness, as a share of that of its size.
-THIN = 1e-3
+THIN: Tolerance = 1e-3
 
 
 @frozen
@@ -163,13 +163,6 @@ def thick_inertia(theta: Array, name: str) -> Array:
 # little wider beside it.
 
 
-#: Bodies of the file are within this share where a log has no torque and nobody says otherwise.
-SHARE = 0.2
-
-#: Level at which a log contradicts that share.
-CONTRADICTED = 1e-3
-
-
 def share_weight(share: float) -> float:
     """Return the weight of the divergence that keeps bodies within a share of the file's [σ²]."""
     return 1.0 / (2.0 * share**2)
@@ -207,9 +200,9 @@ class WithFile:
     @property
     def hint(self) -> str:
         """That the log contradicts the share; nothing if it does not."""
-        if self.p_value >= CONTRADICTED:
+        if self.p_value >= RULES.body_contradicted:
             return ""
-        chance = "< 1e-6" if self.p_value < 1e-6 else f"= {self.p_value:.1g}"
+        chance = "< 1e-6" if self.p_value < NEARLY else f"= {self.p_value:.1g}"
         return (
             f"The log contradicts {self.words} "
             f"(p {chance}; farthest is {self.farthest}): they differ by more, or the model "
@@ -279,20 +272,20 @@ def combine_with_file(
     B, prior, of = state_rows(structure, share)
     size = np.maximum(np.linalg.norm(np.vstack([A, B]), axis=0), 1e-300)
     U, s, Vt = np.linalg.svd(np.vstack([A, B]) / size, full_matrices=False)
-    known = s > RANK * s[0]
+    known = s > ROUNDOFF * s[0]
     root = (Vt[known].T / s[known]) / size[:, None]
     phi = root @ (U[:, known].T @ np.concatenate([aim, prior]))
     sd = np.linalg.norm(to_x @ root, axis=1)
     unknown = to_x * size @ (np.eye(len(size)) - Vt[known].T @ Vt[known])
-    lost = np.linalg.norm(unknown, axis=1) > np.sqrt(RANK) * np.linalg.norm(to_x * size, axis=1)
+    lost = np.linalg.norm(unknown, axis=1) > np.sqrt(ROUNDOFF) * np.linalg.norm(to_x * size, axis=1)
     off = B @ phi - prior
     squares = float(off @ off + np.sum((A @ phi - aim) ** 2))
     free = np.ones(A.shape[1], bool)
     free[structure.inertial.ravel()] = False
     Q = np.linalg.svd(A[:, free] / size[free], full_matrices=False)
-    Q0 = Q[0][:, Q[1] > RANK * max(Q[1].max(initial=0.0), 1e-300)]
+    Q0 = Q[0][:, Q[1] > ROUNDOFF * max(Q[1].max(initial=0.0), 1e-300)]
     of_bodies = (A - Q0 @ (Q0.T @ A))[:, ~free] / size[~free]
-    dims = int(np.linalg.matrix_rank(of_bodies, tol=RANK))
+    dims = int(np.linalg.matrix_rank(of_bodies, tol=ROUNDOFF))
     each = np.bincount(of, off**2)
     names = [*structure.bodies.values(), *structure.robot.prior]
     return WithFile(
@@ -308,7 +301,8 @@ def combine_with_file(
 
 
 #: Mass [kg] and radius of gyration [m] of a body where the robot file states no body at all.
-MASS, LENGTH = 1.0, 0.1
+MASS: Tolerance = 1.0
+LENGTH: Tolerance = 0.1
 
 
 @frozen
@@ -389,13 +383,9 @@ def _ball(theta: Array, mass: float, length: float) -> Array:
 # Whether the bodies of a real robot weigh what bodies like those of the robot file can.
 
 
-#: Factor between a mass and that of the robot file, either way, beyond which it is spoken of.
-FAR = 3.0
-
-
 def is_far(mass: float, stated: float) -> bool:
-    """Whether a mass is beyond a factor `FAR` of that of the robot file, either way."""
-    return not stated / FAR <= mass <= FAR * stated
+    """Whether a mass is beyond a factor `mass_far` of that of the robot file, either way."""
+    return not stated / RULES.mass_far <= mass <= RULES.mass_far * stated
 
 
 def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float = 0.0) -> str:
@@ -471,7 +461,7 @@ def state_masses(robot: Robot, parameters: Mapping[str, float]) -> str:
         return f"{text}, where {listing(robot.guessed, 4)} are guesses."
     far = [r for r in rows if is_far(r["mass"], r["mass_file"])]
     if not far:
-        return f"{text}; every body is within a factor {FAR:g} of the file's."
+        return f"{text}; every body is within a factor {RULES.mass_far:g} of the file's."
     each = [f"{r['body']} {r['mass']:.3g} for {r['mass_file']:.3g} kg" for r in far]
     return f"{text}; far from the file's are {listing(each, 4)}."
 

@@ -13,28 +13,24 @@ from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Level
 from identifiability.estimation.uncertainty import remembering_covariance
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import WEAK, WEIGHTS, CadPrior, draw_bodies, state_rows
 from identifiability.physical.feasible_set import ADVICE, PhysicalSet, Program, above, adjoint
 from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
 from identifiability.physical.project import FeasibleEstimate, Projection
 from identifiability.physical.pseudo_inertia import BOUNDARY, BodyCheck, check_body
+from identifiability.physical.rules import RULES
 from identifiability.regression.reduction import Submodel, leave_to_terms
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.robot import Robot
 
-#: Share of the torque from which on what a model leaves out, and bodies need, is spoken of.
-LEFT_OUT = 1e-3
-
-#: Times the error of all that was fitted beyond which what a file alone holds is another robot, if
-#: it is an error that is spoken of.
-ANOTHER = 3.0
-
 
 def is_another(whole: float, alone: float) -> bool:
     """Return whether what errs so much alone is another robot than what errs so as a whole."""
-    return alone > max(ANOTHER * whole, LEFT_OUT)
+    return alone > max(RULES.another_robot * whole, RULES.left_out)
 
 
 @frozen
@@ -351,7 +347,7 @@ def _say_left_out(model: FittedModel, phi: Array) -> str:
     rows, aim = model.left_out
     torque = np.linalg.norm(model.whole.factor(model.estimate.weights)[:, -1])
     share = float(np.linalg.norm(rows @ phi - aim) / max(torque, np.finfo(float).tiny))
-    if share < LEFT_OUT:
+    if share < RULES.left_out:
         return ""
     return (
         " Real bodies cannot keep to all that the model leaves out or holds: in the nearest real "
@@ -368,7 +364,7 @@ def _say_left_out(model: FittedModel, phi: Array) -> str:
 
 
 #: Margins beyond one body scale are not pursued: the question is whether there is any.
-ROOM = 1.0
+ROOM: Tolerance = 1.0
 
 
 @frozen
@@ -413,7 +409,7 @@ class Certificate:
         if self.feasible:
             return f"A real robot has these base parameters (margin {self.margin:.2g})."
         size = np.abs(self.combination)
-        terms = [i for i in np.argsort(-size) if size[i] > 1e-3 * size.max()]
+        terms = [i for i in np.argsort(-size) if size[i] > RULES.left_out * size.max()]
         text = " ".join(f"{self.combination[i]:+.3g}·[{names[i]}]" for i in terms)
         return (
             f"No real robot has these base parameters: {text} is at least {self.level:.3g} for any "
@@ -478,9 +474,9 @@ def _solutions(G: Array, beta: Array) -> tuple[Array, Array]:
     heights = np.linalg.norm(G, axis=1)
     heights = np.where(heights > 0, heights, 1.0)
     U, s, Vt = np.linalg.svd(G / heights[:, None])
-    rank = int(np.sum(s > 1e-9 * s[0])) if s.size else 0
+    rank = int(np.sum(s > ROUNDOFF * s[0])) if s.size else 0
     x: Array = Vt[:rank].T @ ((U.T @ (beta / heights))[:rank] / s[:rank])
-    missed = np.abs(G @ x - beta) > 1e-6 * (np.abs(G) @ np.abs(x) + np.abs(beta))
+    missed = np.abs(G @ x - beta) > NEARLY * (np.abs(G) @ np.abs(x) + np.abs(beta))
     if missed.any():
         raise ValueError(
             f"certificate: no parameter vector has the base parameters {np.flatnonzero(missed)} "

@@ -15,6 +15,7 @@ from scipy.linalg.lapack import dposv
 
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import CadPrior, divergence, nominal_cones, prior_gap
 from identifiability.physical.feasible_set import (
@@ -45,16 +46,17 @@ STEPS = (40, 100)
 
 #: Newton decrement and complementarity [σ²] at which the optimum is reached, of a weight up to one;
 #: of heavier ones [weights].
-ENOUGH = 1e-8
+ENOUGH: Tolerance = 1e-8
 
 #: Share of the way to the edge that one step goes, of cones and of signs.
-IN_CONES, IN_SIGNS = 0.9, 0.995
+IN_CONES: Tolerance = 0.9
+IN_SIGNS: Tolerance = 0.995
 
 #: Each step asks for this share of what the products of slack and multiplier are.
-LESS = 0.03
+LESS: Tolerance = 0.03
 
 #: The same of the weight, which begins at the size of the cost and ends at the prior's.
-LIGHTER = 0.2
+LIGHTER: Tolerance = 0.2
 
 #: Rows and columns of the lower triangle of a body, and what makes its squares those of the whole.
 ROW, COLUMN = np.tril_indices(4)
@@ -62,7 +64,7 @@ TWICE = np.where(ROW == COLUMN, 1.0, np.sqrt(2.0))
 
 #: Newton decrement up to which the weight goes on falling, in weights. Nearly always it may fall at
 #: once. Where that leads along the edge of a thin body in ever smaller steps, it waits.
-PATIENCE = (np.inf, 1.0)
+PATIENCE: tuple[Tolerance, Tolerance] = (np.inf, 1.0)
 
 
 @frozen
@@ -221,19 +223,19 @@ def _room(value: Array, change: Array, share: float) -> float:
 
 
 #: Smallest dimensionless eigenvalue of a body in the answer: simulators refuse singular inertia.
-MARGIN = 1e-6
+MARGIN: Tolerance = 1e-6
 
 #: Pull [σ²] to the reference per squared column scale: it decides where the data say nothing.
-RIDGE = 1e-8
+RIDGE: Tolerance = 1e-8
 
 #: Largest accepted distance to the optimum [σ²], relative to ``1 + excess``.
-GAP = 1e-3
+GAP: Tolerance = 1e-3
 
 #: Distance to the optimum [σ²] that predictions do not notice.
-ENOUGH_TO_PREDICT = 1e-2
+ENOUGH_TO_PREDICT: Tolerance = 1e-2
 
 #: The same relative to ``‖z‖²``, for data with next to no noise.
-ROUNDING = 1e-12
+ROUNDING: Tolerance = 1e-12
 
 
 @frozen

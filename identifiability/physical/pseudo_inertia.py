@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 
 #: A body whose margin is above ``-BOUNDARY`` is on or inside the cone: a thin disc has margin 0.
-BOUNDARY = 1e-7
+BOUNDARY: Tolerance = 1e-7
 
 
 def _basis() -> Array:

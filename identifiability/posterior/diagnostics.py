@@ -14,11 +14,14 @@ import numpy as np
 from scipy import stats
 
 from identifiability.foundation.engines.mapping import one_thread
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.posterior.ensemble import ENSEMBLES, Posterior
 from identifiability.posterior.exact import ExactSampler, build_sampler, interior
+from identifiability.posterior.rules import RULES, Thresholds
 from identifiability.posterior.target import Diagonal, Target
 
 # Does the likelihood decide, or the density that the prior happens to have at the edge?
@@ -32,19 +35,7 @@ from identifiability.posterior.target import Diagonal, Target
 # So a posterior is asked what it would be under priors that differ by powers of the distances to
 # the edges. To first order a mean moves by its covariance with the logarithm of what the prior is
 # multiplied by [Gustafson 1996; Kallioinen 2024]: the draws at hand answer, and none is weighed
-# anew. Intervals get room for that much; where it is more than `PRIOR_SENSITIVITY` none is stated.
-
-
-#: By how much the powers differ, as the root of their sum of squares: one half is the step from
-#: flat to flat in the square root, at one edge or shared among several.
-POWER = 0.5
-
-#: A mean that moves by more than this share of its standard deviation is the prior's. A value with
-#: an edge of its own, and no other, is so where it is less than 2.5 standard deviations away.
-PRIOR_SENSITIVITY = 0.2
-
-#: Distances below this share of their mean are rounding.
-TINY = 1e-9
+# anew. Intervals get room for that much; where it is more than `prior_sensitivity` none is stated.
 
 
 def log_distances(region: PhysicalSet, phi: Array) -> Array:
@@ -67,14 +58,14 @@ def log_distances(region: PhysicalSet, phi: Array) -> Array:
     inside = np.linalg.det(square.reshape(*square.shape[:-1], len(matrices), 4, 4))
     distance = np.concatenate([rows, inside], axis=-1)
     mean = distance.mean(axis=tuple(range(distance.ndim - 1)))
-    return np.asarray(np.log(np.maximum(distance, np.maximum(TINY * mean, 1e-300))))
+    return np.asarray(np.log(np.maximum(distance, np.maximum(ROUNDOFF * mean, 1e-300))))
 
 
 def measure_prior_sensitivity(draws: Array, logs: Array) -> Array:
     """Return how far means may move under other priors, in standard deviations of the draws.
 
-    The worst of all priors that differ by `POWER`. Ensembles are independent, so that products of
-    two of them carry no square of their Monte-Carlo error.
+    The worst of all priors that differ by `prior_power`. Ensembles are independent, so that
+    products of two of them carry no square of their Monte-Carlo error.
 
     Parameters
     ----------
@@ -92,7 +83,7 @@ def measure_prior_sensitivity(draws: Array, logs: Array) -> Array:
     c = np.swapaxes(x, 1, 2) @ g / x.shape[1]
     square = (c.sum(0) ** 2 - (c**2).sum(0)).sum(-1) / (E * (E - 1))
     sd = draws.reshape(-1, m).std(0)
-    moved = POWER * np.sqrt(np.maximum(square, 0.0))
+    moved = RULES.prior_power * np.sqrt(np.maximum(square, 0.0))
     share: Array = np.divide(moved, sd, out=np.zeros(m), where=sd > 0)
     return share
 
@@ -102,30 +93,6 @@ def measure_prior_sensitivity(draws: Array, logs: Array) -> Array:
 # The walkers of one ensemble may depend on each other, so the plain R-hat over walkers proves
 # nothing. Nested R-hat compares ensembles that started apart [Margossian 2024]; effective sample
 # sizes [Vehtari 2021] and the autocorrelation time say whether there are enough draws.
-
-
-@frozen
-class Thresholds:
-    """What a posterior must satisfy to be shown.
-
-    Attributes
-    ----------
-    rhat : float
-        Largest nested R-hat [Vehtari 2021; Margossian 2024].
-    ess : float
-        Fewest effective draws, in the bulk and in the 5 % tails [Vehtari 2021].
-    lengths : float
-        Fewest draws a walker in autocorrelation times: twice the window over which the time is
-        summed. Fifty are asked of walkers that depend on each other [Foreman-Mackey 2013]; these
-        are independent and share one time, which 64 of them know to a sixth.
-    acceptance : float
-        Smallest accepted share of proposals.
-    """
-
-    rhat: float = 1.01
-    ess: float = 400.0
-    lengths: float = 10.0
-    acceptance: float = 0.1
 
 
 @frozen
@@ -284,7 +251,7 @@ def _reasons(
 
 
 #: Degrees of freedom of the inverse gamma from which replicates draw their noise variance.
-NOISE_DOF = 10.0
+NOISE_DOF: Tolerance = 10.0
 
 #: Transitions from the starting point to a draw of the prior on the physical set.
 PRIOR_STEPS = 60

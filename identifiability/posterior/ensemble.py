@@ -15,6 +15,7 @@ import numpy as np
 
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.posterior.exact import ExactSampler, Progress, build_sampler, interior
 from identifiability.posterior.target import Target
@@ -23,7 +24,7 @@ from identifiability.posterior.target import Target
 ENSEMBLES = 4
 
 #: Weight of the exact move in the mix; the rest is Crank–Nicolson.
-EXACT = 0.9
+EXACT: Tolerance = 0.9
 
 #: Draws a walker after which it is asked whether they are enough.
 ROUND = 4

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.posterior.target import Diagonal, Target
 
@@ -207,7 +208,7 @@ def positive(J: Array) -> np.ndarray:
 
 
 #: Range of the time of one transition; in a quarter turn, 1.6, a Gaussian forgets where it was.
-TURN = (1.5, 2.5)
+TURN: tuple[Tolerance, Tolerance] = (1.5, 2.5)
 
 #: Kicks of one transition: nine of ten are accepted with a hundred parameters.
 KICKS = 7
@@ -324,7 +325,11 @@ class Flight:
 
 #: Newton's method stops when it may still gain this much of the logarithm of the density, and
 #: after so many steps; it needs ten to thirty.
-GAIN, STEPS = 1e-3, 200
+GAIN: Tolerance = 1e-3
+STEPS = 200
+
+#: Share of the promised gain that a step must bring [Armijo 1966].
+ARMIJO: Tolerance = 0.1
 
 #: Rounds of noise variance and parameters in turn.
 ROUNDS = 3
@@ -368,7 +373,7 @@ def _climb(mean: Array, sd: Array, region: Cone, eta: Array) -> tuple[Array, Arr
         share, safe = 1.0, 1 / (1 + np.sqrt(gain))
         while True:
             new = _cost(eta - share * step, mean, sd, region)
-            if share <= safe or new[0] < value - 0.1 * share * gain:
+            if share <= safe or new[0] < value - ARMIJO * share * gain:
                 break
             share = max(share / 2, safe)
         eta = eta - share * step
@@ -392,10 +397,10 @@ def _cost(eta: Array, mean: Array, sd: Array, region: Cone) -> tuple[float, Arra
 
 
 #: Distance of starting points from an inner one, in posterior standard deviations.
-SPREAD = 1.5
+SPREAD: Tolerance = 1.5
 
 #: How far outside is inside, as a share of what a prior standard deviation changes.
-ROUNDING = 1e-11
+ROUNDING: Tolerance = 1e-11
 
 #: Called with the number of steps done and to do.
 Progress = Callable[[int, int], None]

@@ -9,10 +9,11 @@ import emcee
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.posterior.exact import ExactSampler
 
 #: Size of a Crank–Nicolson step, as a share of the Gaussian.
-STEP = 0.1
+STEP: Tolerance = 0.1
 
 
 class Exact(emcee.moves.MHMove):  # type: ignore[misc]

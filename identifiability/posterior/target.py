@@ -10,7 +10,9 @@ from typing import Self
 
 import numpy as np
 
+from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import Fixed, LeastSquares, Plane
@@ -19,7 +21,7 @@ from identifiability.physical.fitted_model import Fixed, LeastSquares, Plane
 
 
 #: A body is at least this thick, as a share of its second moment, where a scale is taken from it.
-THIN = 1e-3
+THIN: Tolerance = 1e-3
 
 
 @frozen
@@ -117,11 +119,8 @@ def _bad(mean: Array, sd: Array) -> str:
 # At κ = 1 this is the textbook posterior under the prior 1/σ² [Gelman 2013, §14.2].
 
 
-#: Singular values of the column-scaled R below this share of the largest are null.
-RANK = 1e-9
-
 #: A flat prior is a normal this many times wider than what data and other priors leave.
-FLAT = 1e4
+FLAT: Tolerance = 1e4
 
 
 @frozen
@@ -342,9 +341,9 @@ def _make_proper(data: LeastSquares, prior: Prior) -> Prior:
     norms = np.linalg.norm(stacked, axis=0)
     norms = np.where(norms > 0, norms, 1.0)
     U, s, Vt = np.linalg.svd(stacked / norms, full_matrices=False)
-    null = s <= RANK * s[0]
+    null = s <= ROUNDOFF * s[0]
     if null.any():
-        free = np.flatnonzero(flat & (np.abs(Vt[null]).max(axis=0) > 1e-6)).tolist()
+        free = np.flatnonzero(flat & (np.abs(Vt[null]).max(axis=0) > NEARLY)).tolist()
         raise ValueError(
             f"posterior: neither the data nor the prior determine the parameters {free}, so it "
             "does not exist; expected a finite prior sd for what the motion does not excite; state "
@@ -359,4 +358,4 @@ def _numerical_rank(R: Array) -> int:
     """Rank of the column-scaled matrix ``(r, p)``."""
     norms = np.linalg.norm(R, axis=0)
     s = np.linalg.svd(R[:, norms > 0] / norms[norms > 0], compute_uv=False)
-    return int(np.sum(s > RANK * s[0])) if s.size else 0
+    return int(np.sum(s > ROUNDOFF * s[0])) if s.size else 0

@@ -17,6 +17,7 @@ from scipy.linalg import block_diag, solve_triangular
 
 from identifiability.foundation.linalg import few_at_once, triangular_factor
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen, remember
 
 # `ActuatorBlocks`: what the rows of one actuator say, over the columns that it can see.
@@ -36,7 +37,7 @@ MOST_BYTES, SOONER = 2**28, 8
 LARGE = 2**22
 
 #: Directions that a basis' rows do not excite get this share of their column's length.
-FLOOR = 1e-6
+FLOOR: Tolerance = 1e-6
 
 
 @frozen

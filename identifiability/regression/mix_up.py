@@ -18,18 +18,13 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.regression import CHUNK, Regression
+from identifiability.regression.rules import RULES
 
 #: Samples that are looked at, spread over all logs.
 ENOUGH = 2000
 
-#: The sum of squared errors must fall below this share of that of the log as it is.
-FAR = 0.4
-
 #: Joints beyond which signs are flipped one at a time only.
 MOST_SIGNS = 8
-
-#: A sign is certain at this many white-noise standard deviations, generous for autocorrelation.
-CERTAIN = 10.0
 
 
 @frozen
@@ -83,7 +78,7 @@ def find_mix_up(regression: Regression, nonnegative: np.ndarray) -> str:
         whole = float(weight @ square[list(order)])
         left = max(float(whole - g @ x), 1e-12 * whole)  # a perfect fit is one to rounding
         sigma = np.sqrt(np.diag(inverse) * left / (tau.size - len(x)))
-        sure = own & (np.abs(x) > CERTAIN * sigma) & (sigma > 0)
+        sure = own & (np.abs(x) > RULES.sign_certain * sigma) & (sigma > 0)
         wrong, right = (sure & (x < 0)).sum(1), (sure & (x > 0)).sum(1)
         negative = (wrong >= 2) & (right == 0)
         if wrong.sum() >= 2 and not right.any():
@@ -93,10 +88,10 @@ def find_mix_up(regression: Regression, nonnegative: np.ndarray) -> str:
 
     given = fit(tuple(range(n)), (1,) * n)
     least = _least_left(gram, cross, square) / spread
-    most = FAR * given.error**2 * n
+    most = RULES.mixed_error * given.error**2 * n
     possible = (c for c in _candidates(n) if least[range(n), c[0]].sum() < most)
     best = min((fit(*c) for c in possible), key=lambda f: f.error, default=given)
-    if best.error**2 >= FAR * given.error**2:
+    if best.error**2 >= RULES.mixed_error * given.error**2:
         best = given
     return _describe(joints, given, best)
 

@@ -22,6 +22,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from identifiability.effects import FAMILIES, default_effects
 from identifiability.foundation.documents import described, read_document
 from identifiability.foundation.errors import ModelError, listing, near_match
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array, find_named, is_pattern
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
@@ -488,10 +489,6 @@ def model_entry(submodel: Submodel, base: BaseParameters, effects: Sequence[str]
 # holds terms and no functions, holds as much as it can.
 
 
-#: Share of a column that may lie outside the span of others where it is contained in them.
-CONTAINED = 1e-9
-
-
 def list_functions(structure: Structure) -> list[np.ndarray]:
     """Return the columns of every function of a model, (k,) int each."""
     groups: dict[tuple[str, str], list[int]] = {}
@@ -573,7 +570,7 @@ def _contained(structure: Structure, R: Array) -> Iterator[tuple[np.ndarray, np.
         terms, acts = np.flatnonzero(here & ~flexible & (length > 0)), length[own] > 0
         P = np.zeros((len(own), len(terms)))
         P[acts] = np.linalg.lstsq(unit[:, own[acts]], unit[:, terms], rcond=1e-12)[0]
-        inside = np.linalg.norm(unit[:, own] @ P - unit[:, terms], axis=0) < CONTAINED
+        inside = np.linalg.norm(unit[:, own] @ P - unit[:, terms], axis=0) < ROUNDOFF
         P[acts] *= length[terms] / length[own[acts], None]
         yield own, terms[inside], P[:, inside]
 

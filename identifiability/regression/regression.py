@@ -20,6 +20,7 @@ from identifiability.foundation.engines.mapping import Engine, Result, Steps
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.options import Expected, checked
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import LongSamples, Prepared, Stretch
@@ -204,7 +205,7 @@ EXCERPT, WINDOWS, WINDOW = 100_000, 20, 2_500
 
 #: Each window lies this share of what is left of its part later than the one before, or as much
 #: earlier as it would leave the part: no period of a motion is met at the same phase each time.
-LATER = (5**0.5 - 1) / 2
+LATER: Tolerance = (5**0.5 - 1) / 2
 
 
 def choose_windows(
@@ -511,10 +512,10 @@ def most_rows(shape: tuple[int, int]) -> int:
 
 
 #: Rows that are looked at one by one are kept up to this size, not computed again [bytes].
-KEEP_BYTES = 150e6
+KEEP_BYTES: Tolerance = 150e6
 
 #: Up to this size they are so for later regressions of the same logs, too [bytes].
-MEMORY_BYTES = 32e6
+MEMORY_BYTES: Tolerance = 32e6
 
 
 @frozen

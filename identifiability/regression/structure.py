@@ -13,6 +13,7 @@ from identifiability.effects import FAMILIES
 from identifiability.foundation.linalg import (
     RANK_TOLERANCE,
     SPAN_TOLERANCE,
+    TINY,
     scan_columns,
     triangular_factor,
 )
@@ -162,7 +163,7 @@ def group_columns(
     if W.shape[0] > W.shape[1]:
         W = triangular_factor(W)
     length = np.linalg.norm(W, axis=0)
-    used = length > 1e-12 * max(length.max(initial=0.0), 1e-300)
+    used = length > TINY * max(length.max(initial=0.0), 1e-300)
     scaled = np.where(used, W / np.where(used, length, 1.0), 0.0)
     s = np.linalg.svd(scaled[:, used], compute_uv=False) if used.any() else np.empty(0)
     rank = int((s > RANK_TOLERANCE * s[0]).sum()) if len(s) else 0

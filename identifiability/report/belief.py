@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+from identifiability.estimation.rules import Thresholds as Verdicts
 from identifiability.foundation.answers import Cell, Column, Note, Table, badge_cell, measured_cells
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.numbers import REACH
@@ -27,7 +28,8 @@ from identifiability.foundation.rounding import (
     stated_text,
     whole_percent,
 )
-from identifiability.posterior.diagnostics import PRIOR_SENSITIVITY, Thresholds
+from identifiability.posterior.rules import RULES as POSTERIOR_RULES
+from identifiability.posterior.rules import Thresholds
 from identifiability.report.blocks import (
     Fold,
     Gallery,
@@ -62,7 +64,7 @@ from identifiability.report.drawing import (
     top_label,
 )
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.belief import LEARNED, Source, StandardBelief, Summary
+from identifiability.workflows.analyze.belief import Source, StandardBelief, Summary
 from identifiability.workflows.analyze.result import model_title, stated_values
 from identifiability.workflows.answers import note, sentence, with_hints, words
 
@@ -446,7 +448,7 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
                     name=name,
                     share=share,
                     names=join(names, ROWS),
-                    limit=100 * PRIOR_SENSITIVITY,
+                    limit=100 * POSTERIOR_RULES.prior_sensitivity,
                 )
             )
     return tuple(notes)
@@ -629,7 +631,7 @@ def _contraction_gallery(known: StandardBelief, rows: np.ndarray) -> Gallery:
     pictures = []
     for part in np.array_split(rows, max(1, -(-len(rows) // ROWS_STANDARD))):
         names, sources = [known.names[k] for k in part], [known.source[k].value for k in part]
-        figure = draw_contraction(names, known.contraction[part], sources, LEARNED)
+        figure = draw_contraction(names, known.contraction[part], sources, Verdicts.contraction)
         pictures.append(picture("contraction", figure))
     return gallery("contraction", pictures)
 

@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.errors import ClosureError, RobotError, listing, near_match
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import (
     BASE,
     INERTIAL_KINDS,
@@ -23,9 +24,10 @@ from identifiability.foundation.names import (
     find_named,
     is_pattern,
 )
+from identifiability.foundation.rules import Tolerance
 from identifiability.robot import closure
 from identifiability.robot.cables import stretch_home
-from identifiability.robot.closure import ACCEPTED, LEAP, find_assemblies, loop_jacobian, newton
+from identifiability.robot.closure import ACCEPTED, find_assemblies, loop_jacobian, newton
 from identifiability.robot.description import Bound, Description, Ellipsoid
 from identifiability.robot.floating import BASE_JOINTS, Base, Contact, Imu, Wrench
 from identifiability.robot.kinematics import Point, body_names
@@ -39,6 +41,7 @@ from identifiability.robot.parts import (
     Transmission,
     name_numbers,
 )
+from identifiability.robot.rules import RULES
 from identifiability.robot.servo import read_servo
 from identifiability.robot.sidecar import (
     AxisEntry,
@@ -188,19 +191,8 @@ def _of_body(body: str, entry: BodyBoundsEntry, stated: Stated) -> Bound:
 # other one is about as near.
 
 
-#: A home position further than this from closing the loops is no rounded one [m or rad].
-OPEN = 1e-2
-
-#: Another assembly less than so many times as far from the file's configuration is near, too, and
-#: any is where the nearest is farther than `LEAP`. Of 990 drawings of five mechanisms, off by up to
-#: 0.6 rad in every joint, and of 240 of two, off by up to 1 rad, none then gave a wrong assembly.
-NEAR = 2.0
-
-#: A base whose motion changes the loop equations by less than this is in none [m/m or m/rad].
-FREE = 1e-9
-
 #: No joint is further from zero than this [m or rad].
-FAR = 1e6
+FAR: Tolerance = 1e6
 
 
 def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Description:
@@ -336,7 +328,7 @@ def _refuse_loose(robot: Description, count: int) -> NoReturn:
     floating = [
         j
         for j in wide
-        if j.kind == "free" and np.abs(A[:, j.iv : j.iv + j.nv]).max(initial=0) < FREE
+        if j.kind == "free" and np.abs(A[:, j.iv : j.iv + j.nv]).max(initial=0) < ROUNDOFF
     ]
     if floating:
         name = floating[0].dofs[0].rpartition(".")[0]
@@ -401,7 +393,7 @@ def _assemble_nearest(robot: Description, extra: Sidecar) -> Description:
     """
     if robot.equations < max(len(robot.dependent), 1):
         return robot
-    if not OPEN < closure.loop_error(robot, robot.home[None])[0] < FAR:
+    if not RULES.home_open < closure.loop_error(robot, robot.home[None])[0] < FAR:
         return robot
     limits = np.tile([[-np.inf], [np.inf]], len(robot.home))
     for name, joint in robot.tree.single.items():
@@ -410,7 +402,7 @@ def _assemble_nearest(robot: Description, extra: Sidecar) -> Description:
     q, distance = find_assemblies(robot, *limits, held=bool(extra.home))
     if not len(q):
         return robot
-    near = q[(distance < NEAR * distance[0]) | (distance[0] > LEAP)]
+    near = q[(distance < RULES.assembly_near * distance[0]) | (distance[0] > RULES.leap)]
     if len(near) > 1:
         _check_closed_home(robot, near)
     return replace(robot, home=q[0], assembled=True)
@@ -419,7 +411,7 @@ def _assemble_nearest(robot: Description, extra: Sidecar) -> Description:
 def _check_closed_home(robot: Description, near: Array | None = None) -> None:
     """Refuse a home position that is far from closing the loops; a rounded one is near."""
     gap = float(closure.loop_error(robot, robot.home[None])[0])
-    if not gap <= OPEN:
+    if not gap <= RULES.home_open:
         several = "" if near is None else f" ({len(near)} that close them were found)"
         if near is None and robot.equations >= len(robot.dependent):
             closed = newton(robot, robot.home[None])
@@ -769,7 +761,7 @@ def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:
     m = len(entry.motors)
     whole = len(entry.coupling) == m and all(len(row) == n for row in entry.coupling)
     coupling = np.array(entry.coupling, float) if whole else np.zeros((m, n))
-    if m < n or not np.linalg.cond(coupling) < 1e9 or not coupling.any(axis=1).all():
+    if m < n or not np.linalg.cond(coupling) * ROUNDOFF < 1 or not coupling.any(axis=1).all():
         raise RobotError(
             f"The sidecar of {robot.path}: [transmission] needs at least {n} motors that move all "
             f"the actuated joints {listing(robot.motor_joints)}: a row of {n} numbers in "

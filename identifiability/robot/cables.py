@@ -15,13 +15,11 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.errors import RobotError
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.robot.description import Description
 from identifiability.robot.kinematics import WORLD, Frames, Joint, Point, Tree
 from identifiability.robot.parts import Cable, Segment
-
-#: Ends of a tendon that are nearer than this coincide [m].
-NEAR = 1e-9
 
 #: How a compiled model (mjtWrap, mjtTrn) numbers what a tendon runs through and what motors drive.
 _PULLEY, _SITE, _ON_TENDON = 2, 3, 3
@@ -125,7 +123,7 @@ def stretch_home(robot: Description) -> Description:
     frames = robot.tree.frames(home[None], cable_joints(robot))
     for cable in robot.cables:
         apart = [_distance(robot.tree, frames, segment)[1][0] for segment in cable.segments]
-        if min(apart) < NEAR:
+        if min(apart) < ROUNDOFF:
             raise RobotError(
                 f"{robot.path}: two neighbouring points of the tendon '{cable.name}' coincide at "
                 f"the home position ({robot.describe_home()}), so it pulls in no direction there; "

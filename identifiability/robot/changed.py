@@ -21,6 +21,7 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.options import Expected
 from identifiability.foundation.output import temporary_folder
+from identifiability.foundation.rules import Tolerance
 from identifiability.robot.description import Description
 from identifiability.robot.locking import least_eigenvalue
 
@@ -34,7 +35,7 @@ Moments = Annotated[
 ]
 
 #: By how much of its largest number a body may fail to be possible; what rounding does.
-ROUNDING = 1e-12
+ROUNDING: Tolerance = 1e-12
 
 
 def ten_parameters(mass: float, centre: Point, inertia: Moments) -> Array:

@@ -13,13 +13,16 @@ import numpy as np
 import scipy
 
 from identifiability.foundation.errors import ClosureError, listing
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot.cables import cable_bias, cable_equation, cable_joints, cable_points
 from identifiability.robot.description import Description
 from identifiability.robot.floating import eliminate
 from identifiability.robot.kinematics import WORLD, Frames, Point, Tree, cross
 from identifiability.robot.parts import Coupling, Loop, LoopFrame, Term
+from identifiability.robot.rules import RULES
 
 # Solve the loop equations of each sample for the dependent joints.
 #
@@ -33,7 +36,7 @@ from identifiability.robot.parts import Coupling, Loop, LoopFrame, Term
 
 #: Two samples whose equations span directions that overlap less than this (a determinant of
 #: cosines) are too far apart to say whether a singular pose lies between them.
-OVERLAP = 0.5
+OVERLAP: Tolerance = 0.5
 
 
 def solve(A: Array, b: Array) -> Array:
@@ -262,14 +265,11 @@ def _source(term: Term, q: Array, robot: Description) -> Array:
 
 
 #: Newton stops below this loop error [m or rad]; it is far below any encoder and above rounding.
-TOLERANCE = 1e-12
+TOLERANCE: Tolerance = 1e-12
 #: A sample whose loop error stays above this is dropped.
-ACCEPTED = 1e-9
+ACCEPTED: Tolerance = 1e-9
 #: Condition number of A_e above which no digit of its inverse is left.
-HOPELESS = 1e12
-#: A dependent coordinate that ends this far from its prediction may have changed assembly [rad].
-LEAP = 0.7
-
+HOPELESS: Tolerance = 1e12
 _MAX_STEPS = 12
 _HOMOTOPY_STEPS = 10
 
@@ -279,7 +279,7 @@ MOST_TRIED = 2000
 #: Starts from which assemblies are searched, and the most steps from each.
 STARTS, FAR_STEPS = 256, 40
 #: Closed configurations in which no joint differs by more are one [rad, or sizes of the robot].
-SAME = 1e-4
+SAME: Tolerance = 1e-4
 
 #: Samples a batch: its frames and Jacobians stay in the processor's cache.
 BATCH = 2048
@@ -325,7 +325,7 @@ def close_loops(robot: Description, q: Array) -> Closed:
     guess = _predict(robot, q, q[chosen[good]], seeds.q[good], seeds.A[good])
     closed = newton(robot, guess)
     moved = np.abs(closed.q - guess).max(1)
-    doubtful = np.flatnonzero((closed.error > ACCEPTED) | (moved > LEAP))
+    doubtful = np.flatnonzero((closed.error > ACCEPTED) | (moved > RULES.leap))
     if len(doubtful):
         again = follow_from_home(robot, q[doubtful], 2 * _HOMOTOPY_STEPS)
         q_full, error, A = closed.q.copy(), closed.error.copy(), closed.A.copy()
@@ -507,11 +507,6 @@ def _ways(tree: Tree, start: Array, q: Array, size: float, *, whole_turns: bool 
 # Which of its assemblies a closed chain has, and how its loops are closed, is in `newton`.
 
 
-#: Condition number of A_e above which a configuration is called near-singular; within their
-#: limits the shipped robots stay below 130.
-SINGULAR = 1e3
-
-
 @frozen
 class Motion:
     """The motion of every joint at N samples.
@@ -532,7 +527,7 @@ class Motion:
     condition : float
         Largest condition number of A_e (1 for an open chain).
     near_singular : (S,) int
-        Samples of the log with a condition number above `SINGULAR`, and those before which the
+        Samples of the log with a condition number above `singular`, and those before which the
         determinant of A_e changed its sign: a singular configuration was passed.
     start : float or None [s]
         What its times count from on the clock of a session; None where logs do not share one.
@@ -672,7 +667,7 @@ def complete_motion(
     v[:, robot.dependent] = -np.einsum("nij,nj->ni", X, dq)
     b = -loop_bias(robot, full, v)
     a[:, robot.dependent] = np.einsum("nij,nj->ni", inverse, b) - np.einsum("nij,nj->ni", X, ddq)
-    near = condition > SINGULAR
+    near = condition > RULES.singular
     near[1:] |= passes_singular(A[:, :, robot.dependent])
     motion = Motion(
         t=t[rows],
@@ -726,7 +721,7 @@ def count_independent(robot: Description) -> int:
     A = loop_jacobian(robot, home)[0]
     scale = np.abs(A).max() or 1.0
     r, _ = scipy.linalg.qr(A.T / scale, mode="r", pivoting=True)
-    return int((np.abs(np.diag(r)) > 1e-9).sum())
+    return int((np.abs(np.diag(r)) > ROUNDOFF).sum())
 
 
 def check_home(robot: Description) -> None:

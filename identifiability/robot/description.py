@@ -17,6 +17,7 @@ import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import INERTIAL, Array, Renames
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot.floating import SIX, Base
 from identifiability.robot.kinematics import Tree, shortest_turn
@@ -514,7 +515,7 @@ class Description:
 
 
 #: A speed from which on a file means that there is no limit [rad/s or m/s].
-ENDLESS = 1e6
+ENDLESS: Tolerance = 1e6
 
 
 def stated_speeds(robot: Description) -> Array:

@@ -21,6 +21,7 @@ from identifiability.foundation.output import (
     temporary_folder,
     write_together,
 )
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot.closure import ACCEPTED, newton
 from identifiability.robot.description import Description
@@ -39,13 +40,13 @@ from identifiability.robot.files import read_robot
 
 
 #: A link of which nothing is known is a ball of this mass [kg] and inertia [kg·m²].
-BALL = (1.0, 0.01)
+BALL: tuple[Tolerance, Tolerance] = (1.0, 0.01)
 
 #: MuJoCo wants something of bodies that move and weigh nothing [kg, kg·m²].
-NOTHING = (1e-12, 1e-14)
+NOTHING: tuple[Tolerance, Tolerance] = (1e-12, 1e-14)
 
 #: Thickness of the links in drawings, of the length of the longest.
-THICKNESS = 0.04
+THICKNESS: Tolerance = 0.04
 
 
 def numbers(values: Iterable[float]) -> str:

@@ -15,6 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot.sidecar import Length, Sidecar, Span, Triple
 
@@ -164,7 +165,7 @@ def read_pi(text: str) -> float:
 
 Angle = Annotated[float | str, BeforeValidator(_angle)]
 #: No link is longer than this [m].
-FAR = 1e6
+FAR: Tolerance = 1e6
 
 Distance = Annotated[float, Field(ge=-FAR, le=FAR)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -239,7 +240,8 @@ class DhTable(_Strict):
 
 
 #: An angle that is this near to a multiple of 45°, and not it, may have been rounded [rad].
-ROUNDED, EXACT = 1e-3, 1e-12
+ROUNDED: Tolerance = 1e-3
+EXACT: Tolerance = 1e-12
 
 
 @frozen(kw_only=True)
@@ -298,7 +300,7 @@ def transform(
 
 def _clean(value: float) -> float:
     """Return a sine or cosine without the rounding that is left at right angles."""
-    return round(value) if abs(value - round(value)) < 1e-15 else value
+    return round(value) if abs(value - round(value)) < np.finfo(float).eps else value
 
 
 def read_links(path: str, table: DhTable) -> tuple[Link, ...]:

@@ -22,6 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError, listing, near_match
+from identifiability.foundation.rules import Tolerance
 from identifiability.robot.assembly import assemble
 from identifiability.robot.description import Description
 from identifiability.robot.floating import BASE_JOINTS
@@ -42,7 +43,7 @@ from identifiability.robot.sidecar import Sidecar, read_sidecar
 
 
 #: Simulators refuse links without any mass: this one is none [kg].
-PLACEHOLDER = 1e-12
+PLACEHOLDER: Tolerance = 1e-12
 
 
 def merge_axes(

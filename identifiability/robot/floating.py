@@ -16,22 +16,18 @@ from typing import Literal
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot.kinematics import Frames, Point, Tree
+from identifiability.robot.rules import RULES
 from identifiability.robot.servo import Servo
 
 #: The joints of a base that floats, slides first: rows of its force and of its moment about its
 #: origin, along its own axes.
 BASE_JOINTS = ("base.x", "base.y", "base.z", "base.rx", "base.ry", "base.rz")
 SIX = len(BASE_JOINTS)
-
-#: Singular values of a contact's Jacobian below this share of the largest are none: there a leg is
-#: stretched so far that forces of its joints tell nothing of the force at its foot.
-STRETCHED = 1e-2
-
-#: What is left of a row below this share is nothing.
-NOTHING = 1e-6
 
 
 @frozen
@@ -264,22 +260,26 @@ def _null_space(J: Array) -> tuple[Array, np.ndarray]:
     Jb, Jj = J[:, :, :SIX], J[:, :, SIX:]
     inverse, weak = _pinv(Jj)
     held = Jb - Jj @ (inverse @ Jb)  # motions of the base to which the legs cannot yield
-    large = np.abs(held).max(initial=0.0) > NOTHING
+    large = np.abs(held).max(initial=0.0) > NEARLY
     P = np.broadcast_to(np.eye(SIX), (len(J), SIX, SIX))
     if large:
-        P = P - _pinv(held, NOTHING)[0] @ held
+        P = P - _pinv(held, NEARLY)[0] @ held
     N = np.zeros((len(J), n, n))
     N[:, :SIX, :SIX] = P
     N[:, SIX:, :SIX] = -inverse @ Jb @ P
     N[:, SIX:, SIX:] = np.eye(n - SIX) - inverse @ Jj
     left = np.sqrt((N**2).sum(1))
-    N *= (left > NOTHING)[:, None, :]
-    silent = left <= NOTHING
+    N *= (left > NEARLY)[:, None, :]
+    silent = left <= NEARLY
     silent[:, :SIX] |= weak[:, None]
     return N, silent
 
 
-def _pinv(A: Array, smallest: float = STRETCHED) -> tuple[Array, np.ndarray]:
+#: Singular values are compared with this at least [m or m/rad]: a leg without joints has none.
+FORCELESS: Tolerance = 1e-3
+
+
+def _pinv(A: Array, smallest: float = RULES.leg_stretched) -> tuple[Array, np.ndarray]:
     """Return pseudo-inverses of matrices (N, m, n), and where a singular value is near none.
 
     A singular value that is none at all is no direction; one between it and `smallest` of the
@@ -287,7 +287,7 @@ def _pinv(A: Array, smallest: float = STRETCHED) -> tuple[Array, np.ndarray]:
     """
     U, s, V = np.linalg.svd(A, full_matrices=False)
     top = s.max(1, keepdims=True, initial=0.0)
-    real = s > NOTHING * np.maximum(top, 1e-3)
+    real = s > NEARLY * np.maximum(top, FORCELESS)
     weak = (real & (s < smallest * top)).any(1)
     inverse = np.where(real, 1.0 / np.where(real, s, 1.0), 0.0)
     return (V.swapaxes(1, 2) * inverse[:, None, :]) @ U.swapaxes(1, 2), weak

@@ -16,6 +16,7 @@ import pinocchio as pin
 import scipy
 
 from identifiability.foundation.errors import RobotError
+from identifiability.foundation.linalg import NEARLY, TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
@@ -50,7 +51,7 @@ def shortest_turn(start: Array, end: Array) -> Array:
     start, end = start / np.linalg.norm(start), end / np.linalg.norm(end)
     axis, cosine = np.cross(start, end), float(start @ end)
     sine = float(np.linalg.norm(axis))
-    if sine < 1e-12:
+    if sine < TINY:
         return np.zeros(3) if cosine > 0 else np.pi * basis_along(start)[:, 0]
     found: Array = axis * (np.arctan2(sine, cosine) / sine)
     return found
@@ -431,7 +432,7 @@ def _read_joint(
             f"{path}: joint '{name}' is of a type ({kind}) that is not supported; use revolute, "
             "continuous, prismatic or fixed joints."
         )
-    if part.nv == 1 and not abs(np.linalg.norm(axis) - 1) < 1e-6:
+    if part.nv == 1 and not abs(np.linalg.norm(axis) - 1) < NEARLY:
         raise RobotError(f"{path}: joint '{name}' has no axis; give one that is not all zero.")
     dofs = {
         "ball": tuple(f"{name}.{k}" for k in ("rx", "ry", "rz")),

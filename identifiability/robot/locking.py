@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError, listing, near_match
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected
 from identifiability.robot.description import Description
@@ -28,9 +29,6 @@ LockOption = Annotated[
     Sequence[str] | Mapping[str, Any],
     Expected("a list of joints, each 'NAME' or 'NAME=POSITION', or a table of positions by joint"),
 ]
-
-#: A joint that two statements hold further apart than this is held at two places [rad or m].
-APART = 1e-6
 
 
 def read_locks(given: LockOption | None) -> dict[str, float | None]:
@@ -145,7 +143,7 @@ def _source(path: Path, coupling: Coupling, value: float, home: Mapping[str, flo
     """Return where a joint must stand for the one that follows it to be at a position."""
     shifted = np.polynomial.Polynomial(coupling.polynomial) - value
     roots = shifted.trim().roots() if shifted.trim().degree() else np.empty(0)
-    real = roots[np.abs(np.imag(roots)) < APART].real
+    real = roots[np.abs(np.imag(roots)) < NEARLY].real
     if not len(real):
         raise RobotError(
             f"{path}: the joint '{coupling.joint}' cannot be locked at {value:g}, which its "
@@ -155,7 +153,7 @@ def _source(path: Path, coupling: Coupling, value: float, home: Mapping[str, flo
 
 
 def _hold(path: Path, locked: dict[str, float], name: str, value: float) -> None:
-    if abs(locked.setdefault(name, value) - value) > APART * (1 + abs(value)):
+    if abs(locked.setdefault(name, value) - value) > NEARLY * (1 + abs(value)):
         raise RobotError(
             f"{path}: the joint '{name}' is locked at {locked[name]:g}, but a coupling to another "
             f"locked joint puts it at {value:g}; lock one of them, the other follows."

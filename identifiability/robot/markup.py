@@ -17,6 +17,7 @@ import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.robot.servo import Servo
 
 # Refuse robots whose numbers no arithmetic holds, or of more joints than can be worked on.
@@ -29,7 +30,8 @@ MOST_JOINTS = 100
 LONGEST_NAME = 500
 
 #: No mass, moment, length or gravity in SI units is larger, and no mass smaller unless it is zero.
-LARGEST, SMALLEST = 1e15, 1e-30
+LARGEST: Tolerance = 1e15
+SMALLEST: Tolerance = 1e-30
 
 
 def check_magnitudes(path: Path, model: Any) -> None:
@@ -470,7 +472,7 @@ def drop_repeated(root: ET.Element) -> None:
 
 
 #: Rounding of a flat body's moments of inertia, relative to the largest.
-FLAT = 1e-13
+FLAT: Tolerance = 1e-13
 
 #: What would change the written values in compiling, or add to them: elements and attributes. The
 #: compiler changes masses; what tendons and actuators add to joints is part of the joints' values.

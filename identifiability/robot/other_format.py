@@ -15,6 +15,7 @@ from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_text
+from identifiability.foundation.rules import Tolerance
 from identifiability.robot.description import Bound, Description
 from identifiability.robot.files import PLACEHOLDER
 from identifiability.robot.kinematics import WORLD, Joint, Point
@@ -25,7 +26,7 @@ from identifiability.robot.parts import Coupling
 
 
 #: Positions beyond which a limit is none [rad or m].
-ENDLESS = 1e8
+ENDLESS: Tolerance = 1e8
 
 
 def body_joints(robot: Description) -> Iterator[tuple[str, list[Joint]]]:
@@ -133,7 +134,7 @@ def _add_closures(top: ET.Element, bodies: dict[str, ET.Element], robot: Descrip
 
 
 #: Limits of a slide that has none [m].
-FAR = 1e9
+FAR: Tolerance = 1e9
 
 #: Coefficients of a coupling that a mimic joint holds.
 MOST_URDF = 2

@@ -17,6 +17,7 @@ import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array, find_named, is_pattern
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 
 #: What states gains that a robot file does not.
@@ -29,7 +30,7 @@ FOUND = "the logs"
 FIT = "fit"
 
 #: At which servos measure where nobody says it [Hz].
-RATE = 1000.0
+RATE: Tolerance = 1000.0
 
 
 @frozen

@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.errors import OutputError, RobotError, listing
+from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_together
 from identifiability.robot.along import rest_along
@@ -96,7 +97,7 @@ def axis_weights(robot: Description, axis: Axis) -> dict[str, float]:
 
 
 #: Where gravity points in a URDF, and by how little it may be off [rad].
-DOWN, LEVEL = np.array([0.0, 0.0, -1.0]), 1e-12
+DOWN = np.array([0.0, 0.0, -1.0])
 
 
 def write_robot(
@@ -273,7 +274,7 @@ def _turn_base(top: ET.Element, robot: Description) -> None:
         If loops are closed along some axes of the world, which would not turn.
     """
     step = shortest_turn(robot.gravity, DOWN) if robot.gravity.any() else np.zeros(3)
-    if np.linalg.norm(step) < LEVEL:
+    if np.linalg.norm(step) < TINY:
         return
     if any(len(loop.axes) < 3 and loop.frame is None for loop in robot.loops):
         raise RobotError(

@@ -12,6 +12,7 @@ import numpy as np
 from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
 from identifiability.foundation.linalg import without_rounding
 from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.simulation.motion import PrescribedMotion
@@ -279,11 +280,11 @@ HIDDEN_WHOLE = (
 )
 
 #: Root mean square of a hidden effect relative to that of the torque of its joint.
-DEFAULT_SHARE = 0.05
+DEFAULT_SHARE: Tolerance = 0.05
 
 #: Angle [rad] and mass [kg] of effects of the whole robot before they are scaled.
-SMALL_ANGLE = 1e-3
-SMALL_MASS = 0.1
+SMALL_ANGLE: Tolerance = 1e-3
+SMALL_MASS: Tolerance = 0.1
 
 
 @frozen

@@ -20,6 +20,7 @@ from numpy.polynomial import Polynomial
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.output import temporary_folder
+from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Robot
 from identifiability.robot.closure import count_independent
 from identifiability.robot.kinematics import Point
@@ -29,6 +30,7 @@ from identifiability.robot.servo import Servo
 from identifiability.robot.write import write_robot
 from identifiability.simulation.forces import JointTerms, both_directions
 from identifiability.simulation.mujoco_robot import MujocoRobot, bare_urdf, reason_of
+from identifiability.simulation.rules import RULES
 
 # The MuJoCo model that is simulated forward: the robot file with other values, and its sidecar.
 #
@@ -350,17 +352,13 @@ class Drives:
 
 
 #: Longest step of the integrator [s]; loops stay closed to about 1e-6 m with it.
-STEP = 5e-4
+STEP: Tolerance = 5e-4
 
 #: Impedance of dry friction: how little a joint that sticks creeps.
-HARD = (0.9999, 0.9999)
-
-#: Positions farther than this many times the range of the motion, and a metre or radian, have
-#: diverged.
-DIVERGED = 10.0
+HARD: tuple[Tolerance, Tolerance] = (0.9999, 0.9999)
 
 #: Rotor inertia that holds a locked joint where it is [kg·m² or kg].
-IMMOVABLE = 1e9
+IMMOVABLE: Tolerance = 1e9
 
 #: What a model has beyond bodies, viscous and Coulomb friction and rotors, at each step of some of
 #: the stretches: from their indices (K,), the time since they began [s], and position, velocity and
@@ -500,7 +498,7 @@ class ForwardRobot:
         drives = self._drives
         coulomb = drives.dry
         alive = np.ones(count, bool)
-        limit = DIVERGED * (np.abs(q).max(0) + np.abs(dq).max(0) * dt * steps + 1.0)
+        limit = RULES.diverged * (np.abs(q).max(0) + np.abs(dq).max(0) * dt * steps + 1.0)
         at = drives.positions(states)
         try:
             for step in range(steps):

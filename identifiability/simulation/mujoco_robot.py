@@ -12,7 +12,9 @@ import mujoco
 import numpy as np
 
 from identifiability.foundation.errors import ClosureError, RobotError
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.files import release_root
@@ -301,7 +303,7 @@ def find_couplings(model: Any, robot: Robot) -> list[JointCoupling]:
 # test.
 
 
-TOLERANCE = 1e-12
+TOLERANCE: Tolerance = 1e-12
 _MAX_STEPS = 30
 
 
@@ -482,7 +484,7 @@ class MujocoRobot:
             mujoco.mj_integratePos(self.model, q, step[: self.model.nv], 1.0)
             full[: self.model.nq] = q
             full[self.model.nq :] += step[self.model.nv :]
-        return bool(np.abs(self._apart(full)[0]).max() < 1e-9)
+        return bool(np.abs(self._apart(full)[0]).max() < ROUNDOFF)
 
     def _apart(self, full: Array) -> tuple[Array, Array]:
         """Return the loop errors (k,) and their Jacobian (k, size)."""

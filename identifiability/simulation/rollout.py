@@ -23,25 +23,29 @@ from mujoco import rollout
 
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import acting
 from identifiability.robot import Robot
 from identifiability.robot.mjcf import quiet
 from identifiability.robot.servo import Servo
-from identifiability.simulation.forward import DIVERGED, HARD, ForwardRobot
+from identifiability.simulation.forward import HARD, ForwardRobot
+from identifiability.simulation.rules import RULES
 
 #: Longest step of the integrator [s].
-STEP = 1e-3
+STEP: Tolerance = 1e-3
 
 #: Share of the time in which damping stops a joint that is a step, and no step is shorter [s]: a
 #: joint that stops within a fraction of a servo's period is one without inertia to it.
-LITTLE, LEAST = 0.4, 2e-4
+LITTLE: Tolerance = 0.4
+LEAST: Tolerance = 2e-4
 
 #: Share of the inertia of a joint that is taken off for time steps, at most.
-MOST_TAKEN = 0.5
+MOST_TAKEN: Tolerance = 0.5
 
 #: Time in which the speed of a start is seen [s], and after which it is forgotten by most servos.
-AROUND, FORGOTTEN = 0.05, 0.25
+AROUND: Tolerance = 0.05
+FORGOTTEN: Tolerance = 0.25
 
 
 class CommandedRobot:
@@ -197,7 +201,7 @@ class CommandedRobot:
         )
         out = np.full((len(models), len(log), len(self.at)), np.nan)
         places = 1 + self.at
-        limit = DIVERGED * (np.abs(log.q).max() + 1.0)
+        limit = RULES.diverged * (np.abs(log.q).max() + 1.0)
         for r, (k, (a, b)) in enumerate(runs):
             path = np.concatenate([log.q[None, a], states[r][:, places]])
             sampled = _sample(path, (log.t[a:b] - log.t[a]) / h)

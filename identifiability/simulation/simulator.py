@@ -12,6 +12,7 @@ import scipy
 from identifiability.foundation.errors import IdentifiabilityError, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, Names, Rng, Seed, check_fields, checked
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
@@ -25,12 +26,9 @@ from identifiability.simulation.forces import (
 )
 from identifiability.simulation.motion import PrescribedMotion, Trajectory
 from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
+from identifiability.simulation.rules import RULES
 
 # Noise on simulated logs.
-
-
-#: A hundred times the signal is no measurement any more.
-LOUDEST = 100.0
 
 
 def _below(most: float) -> Expected:
@@ -38,7 +36,7 @@ def _below(most: float) -> Expected:
     return Expected(words, lambda value: 0 <= value < most)
 
 
-Level = Annotated[float, _below(LOUDEST)]
+Level = Annotated[float, _below(RULES.noise_loudest)]
 
 
 @frozen
@@ -142,7 +140,7 @@ MOTION = "a PrescribedMotion or a Trajectory, such as shipped_trajectory gives"
 NOISE = "a Noise, 'paper', 'none' or levels such as 'motion=0.04,torque=0.05'"
 
 #: Pause between two motions [s]: no effect reaches from one to the next.
-PAUSE = 10.0
+PAUSE: Tolerance = 10.0
 
 
 @checked

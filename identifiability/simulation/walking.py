@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, signals
 from identifiability.logs.base import AFTER, GYRO, UP
 from identifiability.logs.commands import acting
@@ -33,10 +34,12 @@ from identifiability.simulation.rollout import starting_speeds
 
 #: Longest step of the integrator [s], and what the ground is: how soon it gives way no more [s],
 #: and its friction.
-STEP, GROUND, FRICTION = 1e-3, 0.01, 0.8
+STEP: Tolerance = 1e-3
+GROUND: Tolerance = 0.01
+FRICTION: Tolerance = 0.8
 
 #: Radius of a foot of which none is stated [m].
-SMALL = 2e-3
+SMALL: Tolerance = 2e-3
 
 
 class WalkingRobot:

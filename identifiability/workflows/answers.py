@@ -28,6 +28,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import NONE, error_text, format_count
 from identifiability.foundation.rules import RuleTable
 from identifiability.robot import Robot
+from identifiability.workflows.rules import RULES
 
 WORDS: dict[str, Any] = tomllib.loads(
     Path(__file__).with_name("words.toml").read_text(encoding="utf-8")
@@ -64,16 +65,13 @@ def count_joints(robot: Robot) -> str:
 
 
 #: Error on unseen motion, of how much torque varies, up to which it is called so; a rule of thumb.
-GRADES = ((0.03, "very-good"), (0.08, "good"), (0.15, "fair"), (0.5, "poor"), (math.inf, "useless"))
+WORDS_OF = ("very-good", "good", "fair", "poor", "useless")
+GRADES = tuple(zip((*RULES.grades, math.inf), WORDS_OF, strict=True))
 
 
 def grade_of(error: float) -> str:
     """Return the name of the grade of an error on unseen motion."""
     return next(name for limit, name in GRADES if error <= limit)
-
-
-#: Errors of joints differ where the largest is more than so many times the least.
-DIFFERENT = 2.0
 
 
 #: Joints whose errors a sentence states one by one.
@@ -103,7 +101,7 @@ def hides_joints(each: Array, together: float) -> bool:
     """Return whether the error of all joints hides those of each, (n,); see `state_joints`."""
     if len(each) < 2 or not np.isfinite(each).all():
         return False
-    return bool(np.max(each) > DIFFERENT * min(np.min(each), together))
+    return bool(np.max(each) > RULES.differs * min(np.min(each), together))
 
 
 def list_worst(joints: Sequence[str], each: Array, unit: str) -> str:
@@ -139,14 +137,6 @@ UNIT = Column("unit", get="unit")
 
 
 VERDICT = Column("verdict", "badge", lambda v: badge_cell(v.verdict.value, v.reason), quiet=True)
-
-
-#: Error from which on a joint by itself is no longer good where all together are.
-FEW = 0.15
-
-
-#: Share of the smallest error of a joint below which that of all joints says little of any.
-MUCH = 0.8
 
 
 def tone_of(error: float) -> str:
@@ -215,9 +205,9 @@ def state_error(error: float, joints: Sequence[str], each: Array) -> tuple[float
         return error, sentence("decision.grades", grade_of(error), error=error_text(error)), ""
     low, high = int(np.argmin(each)), int(np.argmax(each))
     ends = [f"{error_text(float(each[k]))} ({joints[k]})" for k in (low, high)]
-    if error >= MUCH * each[low]:
+    if error >= RULES.joint_hidden * each[low]:
         short = sentence("decision.grades", grade_of(error), error=error_text(error))
-        if tone_of(error) == "green" and each[high] > FEW:
+        if tone_of(error) == "green" and each[high] > RULES.joint_bad:
             short = short.replace(":", f", but not in {joints[high]}:", 1)
         told = state_joints(joints, each, error)
         return error, short, f"{told or f'From {ends[0]} to {ends[1]}, each joint by itself.'} "

@@ -26,9 +26,7 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-
-#: Bands differ if cut-offs do by this factor: that of the refits that values must stay within.
-APART = 2.0
+from identifiability.workflows.rules import RULES
 
 #: Samples of all logs together that are asked, and rows of all joints where these are many.
 ENOUGH, ROWS = 16_384, 98_304
@@ -62,7 +60,7 @@ def settle_band(
     given = how is not None and how.cutoff is not None
     for fastest in np.unique(first.band.joints)[-2::-1].tolist():
         other = settle_cutoff(structure.robot, logs, how, fastest)
-        if APART * _least(other) <= _least(found[-1]):
+        if RULES.differs * _least(other) <= _least(found[-1]):
             found.append(other)
     asked = [replace(x, cutoff=_least(x), outputs=_least(x)) for x in found] if given else found
     if len({(x.cutoff, x.outputs) for x in asked}) == 1:

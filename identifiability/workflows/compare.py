@@ -25,6 +25,7 @@ from identifiability.estimation.estimate import (
 )
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import (
     MOST_STRETCHES,
     compare_motions,
@@ -38,6 +39,7 @@ from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import digits, join, rough_percent
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.regression.gather import BLOCKS, gather_information
@@ -56,6 +58,7 @@ from identifiability.workflows.commands import file_names, name_logs, quote, sou
 from identifiability.workflows.opening import Logs
 from identifiability.workflows.pairs import Pair, find_pairs
 from identifiability.workflows.predict import Fit, Predicts, find_fit
+from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
 
 # What changed between two fits of one model.
@@ -273,7 +276,7 @@ def _onto(information: Information, kept: Sequence[int], fit: Estimate) -> Array
 
 
 #: Directions of a cause that make less than this share of its largest are the same.
-SAME = 1e-6
+SAME: Tolerance = 1e-6
 
 #: A load is tested by what its weight does; it may change all ten parameters of its body.
 WEIGHT = ("m", "mx", "my", "mz")
@@ -393,20 +396,6 @@ def _of_bodies(structure: Structure) -> Iterator[tuple[str, str, str, _Columns]]
 # rose by itself is then not also a load.
 
 
-#: Family-wise level of all tests.
-LEVEL = 0.05
-
-#: Torque is compared with what it was where that was so many times what chance makes, and nothing
-#: of it had a sign that friction and rotors cannot have.
-SEEN = 3.0
-
-#: What each further number of a cause must explain [σ²].
-PRICE = 4.0
-
-#: Standard deviations above the limit at which nine of ten changes are found.
-POWER = 1.28
-
-
 @frozen(kw_only=True)
 class Change:
     """A cause that surely changed something.
@@ -444,7 +433,9 @@ def find_changes(causes: Sequence[Cause], difference: Difference) -> tuple[Chang
         pairs = zip(causes, designs, strict=True)
         tests = [_test(y, _basis(X[:, : c.tested], base), moves, difference.dof) for c, X in pairs]
         family = [p * len(causes) for p, *_ in tests]
-        gains = [t[1] if p < LEVEL else 0.0 for t, p in zip(tests, family, strict=True)]
+        gains = [
+            t[1] if p < Thresholds.sign_level else 0.0 for t, p in zip(tests, family, strict=True)
+        ]
         best = int(np.argmax(gains))
         if gains[best] <= 0:
             break
@@ -493,8 +484,8 @@ def find_from(cause: Cause, difference: Difference, count: int) -> float:
         return float("nan")
     information = float(own @ np.linalg.solve(difference.covariance, own))
     q = cause.design.shape[1]
-    limit = np.sqrt(q * f.isf(LEVEL / count, q, difference.dof))
-    return float((limit + POWER) / np.sqrt(information))
+    limit = np.sqrt(q * f.isf(Thresholds.sign_level / count, q, difference.dof))
+    return float((limit + RULES.compare_power) / np.sqrt(information))
 
 
 def _basis(X: Array, base: Array) -> Array:
@@ -526,7 +517,7 @@ def _test(y: Array, own: Array, moves: Array, dof: float) -> tuple[float, float,
         return 1.0, 0.0, 1.0
     wider = max(float(((moves @ own) ** 2).sum()) / q, 1.0)
     square = float(((own.T @ y) ** 2).sum()) / wider
-    return float(f.sf(square / q, q, dof)), square - PRICE * (q - 1), wider
+    return float(f.sf(square / q, q, dof)), square - RULES.compare_price * (q - 1), wider
 
 
 def _invert(X: Array) -> tuple[Array, np.ndarray]:
@@ -559,7 +550,10 @@ def _share(
 
     usual = size(np.zeros_like(sizes))
     noise = np.sqrt(len(at))  # what values of nothing would have by chance
-    if usual < SEEN * noise or (own < -REACH * np.sqrt(np.diag(difference.known)[at])).any():
+    if (
+        usual < RULES.compare_seen * noise
+        or (own < -REACH * np.sqrt(np.diag(difference.known)[at])).any()
+    ):
         return float("nan"), float("nan")
     now = own + design @ sizes
     slope = design.T @ metric @ now / (size(sizes) * usual)
@@ -580,8 +574,6 @@ NO_PASSIVE = (
     "which this model does not have: give --ladder a model with passive_joint_friction to tell"
 )
 
-#: Where friction must change by more than this share everywhere, an unchanged robot is no news.
-BLIND = 0.5
 BUT_BLIND = (
     "but only large changes could be: compare logs of the same motion, or several on each side."
 )
@@ -651,7 +643,7 @@ class Comparison(OfStructure, Result):
     def blindness(self) -> str:
         """That only large changes could have been told, after a comma; empty if it is not so."""
         known = [share for share in self.found_from.values() if np.isfinite(share)]
-        return BUT_BLIND if known and min(known) > BLIND else ""
+        return BUT_BLIND if known and min(known) > RULES.compare_blind else ""
 
     @property
     def doubt(self) -> str:
@@ -685,7 +677,7 @@ class Comparison(OfStructure, Result):
         sides = f"{listing(self.before, 3)} and {listing(self.after, 3)}"
         tested = (
             f"Between {sides} {len(self.causes)} causes were tested at a family-wise level of "
-            f"{100 * LEVEL:g} %."
+            f"{100 * Thresholds.sign_level:g} %."
         )
         return " ".join(t for t in (self.answer, tested, self.how, self._limit(), *self.hints) if t)
 
@@ -803,7 +795,7 @@ class Comparison(OfStructure, Result):
             "after": list(self.after),
             "kind": self.difference.kind,
             "pairs": [list(p) for p in self.pairs],
-            "level": LEVEL,
+            "level": Thresholds.sign_level,
             "tested": len(self.causes),
             "changed": bool(self.changes),
             "found_from": self.found_from,
@@ -1025,7 +1017,8 @@ def _least(result: Comparison) -> Answer:
 
 def _trust(result: Comparison) -> Answer:
     short, tone = TRUST[result.difference.kind]
-    chance = f"With nothing changed, one comparison in {round(1 / LEVEL)} would name something."
+    seldom = round(1 / Thresholds.sign_level)
+    chance = f"With nothing changed, one comparison in {seldom} would name something."
     return Answer("May I trust it?", short, f"{result.how} {chance}", tone)
 
 

@@ -15,8 +15,10 @@ from threadpoolctl import threadpool_limits
 from identifiability.effects.inertia import Payload
 from identifiability.estimation.noise import autocorrelation_time, autocovariance
 from identifiability.estimation.noise import fit_joint as fit_noise
+from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Column, Note, Table
 from identifiability.foundation.errors import LogError, listing, near_match
+from identifiability.foundation.linalg import RANK_TOLERANCE
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.numbers import holm
 from identifiability.foundation.options import OptionError, Positive, checked
@@ -33,6 +35,7 @@ from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.changed import Point, ten_parameters
 from identifiability.workflows.opening import Logs, in_memory, read_recordings
+from identifiability.workflows.rules import RULES
 
 # `Gain` and `Gains`: what `identify_gains` returns.
 
@@ -196,13 +199,6 @@ GAINS = (
 #: Effects that are the same with and without a load.
 SAME = ("rigid_body", "actuator_inertia")
 
-#: Directions below this share of the strongest are none, and a load's torque of which less than
-#: the second share is left beside the model cannot be told from it.
-RANK, LEFT = 1e-8, 1e-4
-
-#: A gain is identifiable up to this relative standard deviation, as parameters are.
-RELATIVE, LEVEL = 0.2, 0.05
-
 
 def gather(
     every: Regression, first: int, place: str, load: Array
@@ -249,11 +245,11 @@ def fit_joint(
     """
     length = np.linalg.norm(columns, axis=0)
     U, s, _ = np.linalg.svd(columns[:, length > 0] / length[length > 0], full_matrices=False)
-    basis = U[:, s > RANK * s.max(initial=0.0)]
+    basis = U[:, s > RANK_TOLERANCE * s.max(initial=0.0)]
     left, y = (x - basis @ (basis.T @ x) for x in (load, measured))
     square = float(left @ left)
     size = float(np.sqrt(square / len(load)))
-    if not square > LEFT**2 * float(load @ load):
+    if not square > RULES.gain_left**2 * float(load @ load):
         return np.nan, np.inf, 1.0, size
     x = float(left @ y) / square
     residual = y - x * left
@@ -304,8 +300,8 @@ def judge(
             ends = sorted(1.0 / e for e in (x - reach, x + reach))
         relative = sd / abs(x) if x else np.inf
         verdict = "not identifiable"
-        if adjusted < LEVEL:
-            verdict = "identifiable" if relative <= RELATIVE else "weak"
+        if adjusted < Thresholds.sign_level:
+            verdict = "identifiable" if relative <= (Thresholds.sigma_percent / 100) else "weak"
         value = 1.0 / x if x else np.nan
         out.append(Gain(joint, value, (ends[0], ends[1]), 100 * relative, verdict, size))
     return tuple(out)

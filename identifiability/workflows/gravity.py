@@ -18,7 +18,10 @@ from identifiability.effects.nominal import gravity_torque
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.uncertainty import remembering_covariance
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import BASE, Array
+from identifiability.foundation.numbers import REACH
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.gather import gather_information
@@ -28,17 +31,16 @@ from identifiability.regression.structure import Structure
 from identifiability.robot.description import Tilt
 from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.oddities.measured_logs import without
-
-#: Angle beyond which a tilt is looked for before all else [°]: small angles about the file's
-#: direction, by which a diagnosis names a tilt, leave 1 − cos 15° = 3 % of the weight unexplained.
-LARGE = 15.0
+from identifiability.workflows.rules import RULES
 
 #: A base that leans has all of gravity: of less than this share of it torque that was compensated
 #: for gravity, which has none, is the likelier cause.
-HALF = 0.5
+HALF: Tolerance = 0.5
 
 #: Gauss–Newton steps, the longest of them [rad], and the change that ends them, in standard errors.
-STEPS, LONGEST, SETTLED = 12, 0.5, 1e-3
+STEPS = 12
+LONGEST: Tolerance = 0.5
+SETTLED: Tolerance = 1e-3
 
 
 @frozen(kw_only=True)
@@ -75,7 +77,7 @@ class Leaning:
     def text(self) -> str:
         """Where gravity points and how surely, after "gravity"."""
         part = "" if self.axes == len(TILTS) else ", seen about one axis alone"
-        return self.tilt.text.replace("°", f" ± {1.96 * self.sd:.2g}°", 1) + part
+        return self.tilt.text.replace("°", f" ± {REACH * self.sd:.2g}°", 1) + part
 
     def to_dict(self) -> dict[str, object]:
         """Return it as plain values."""
@@ -111,7 +113,7 @@ def settle_direction(
             float(np.linalg.norm(step)),
             float(np.sqrt(variance[at].mean())) if at else 0.0,
         )
-        if size <= max(SETTLED * error, 1e-9):
+        if size <= max(SETTLED * error, ROUNDOFF):
             break
         direction = turn_gravity(about.robot, step * min(1.0, LONGEST / size)).gravity
     sd, seen = float(np.degrees(error)), int(np.sum(fit.determined[at]))
@@ -131,7 +133,7 @@ def settle_tilt(structure: Structure, samples: Sequence[Prepared]) -> Leaning | 
         return None
     found = settle_direction(structure, samples, structure.robot.gravity)
     tilt = found.structure.robot.tilt
-    sure = tilt is not None and 0 < 1.96 * found.sd < tilt.degrees
+    sure = tilt is not None and 0 < REACH * found.sd < tilt.degrees
     return found if sure else None
 
 
@@ -161,10 +163,10 @@ def find_leaning(logs: MeasuredLogs) -> Leaning | None:
     start = _gravity_by_file(logs)
     if np.linalg.norm(start) < HALF * np.linalg.norm(robot.gravity):
         return None
-    if Tilt.of(robot.gravity, start).degrees < LARGE:
+    if Tilt.of(robot.gravity, start).degrees < RULES.tilt_large:
         return None
     found = settle_direction(structure, logs.samples, start)
-    if found.tilt.degrees - 1.96 * found.sd < LARGE:
+    if found.tilt.degrees - REACH * found.sd < RULES.tilt_large:
         return None
     upright = gather_information(structure.regression(logs.samples))
     weights = found.fit.weights

@@ -34,6 +34,7 @@ from identifiability.foundation.rounding import (
     percent,
     whole_percent,
 )
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.gaps import Gaps, StaleRule
@@ -1020,7 +1021,7 @@ def _next_commands(result: Inspection) -> list[tuple[str, str]]:
 
 
 #: Shares below this are none: rounding of times leaves as much.
-UNSEEN = 1e-5
+UNSEEN: Tolerance = 1e-5
 
 
 def _rows(result: Inspection) -> list[tuple[Record, Any]]:

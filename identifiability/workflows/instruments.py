@@ -21,9 +21,6 @@ from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.robot import Robot
 from identifiability.workflows.opening import Opening
 
-#: Noise with this share of an acceleration (rms) is said where nothing can be done about it.
-LOUD = 0.1
-
 #: Second records, each less to be trusted than the one before.
 RECORDS: tuple[Record, ...] = ("measured", "command", "smoothed")
 
@@ -132,7 +129,11 @@ def _try_noise(
     if isinstance(plain, OrdinaryLeastSquares) and None not in tried:
         whole = tuple(s for s in tried if s is not None)
         return replace(opening, samples=whole), RenoisedLeastSquares(plain)
-    loud = [s.name for (_, s), share in zip(pairs, shares, strict=True) if share > LOUD]
+    loud = [
+        s.name
+        for (_, s), share in zip(pairs, shares, strict=True)
+        if share > LOG_RULES.noise_share**0.5
+    ]
     if not loud:
         return opening, plain
     hint = (

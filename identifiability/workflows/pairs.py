@@ -26,9 +26,6 @@ from identifiability.robot import Robot
 #: What gives the columns along logs.
 Columns = Callable[[Sequence[Samples]], Regression]
 
-#: Times closer than this share of a step are the same.
-SAME = 1e-3
-
 
 @frozen
 class Pair:
@@ -62,7 +59,7 @@ class Pair:
         """
         t, *own = _gather(first or structure.regression, self.first)
         other, *second = _gather(structure.regression, self.second)
-        at, there = _match(t, other, SAME * float(np.median(np.diff(t))))
+        at, there = _match(t, other, LOG_RULES.even * float(np.median(np.diff(t))))
         one, two = [x[at] for x in own], [x[there] for x in second]
         data = one[2] & two[2]
         for x in (*one[:2], *two[:2]):
@@ -109,7 +106,7 @@ def _on_one_clock(
     assert isinstance(other, Log)
     at = log.t + later
     inside = np.flatnonzero((at >= other.t[0]) & (at <= other.t[-1]))
-    if len(inside) < max(LOG_RULES.fewest, LOG_RULES.again_covered * len(log)):
+    if len(inside) < max(LOG_RULES.fewest, LOG_RULES.nearly_all * len(log)):
         return None
     log = log.rows(int(inside[0]), int(inside[-1]) + 1)
     same = other.each(lambda x: CubicSpline(other.t, x)(log.t + later), t=log.t)

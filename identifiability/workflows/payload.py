@@ -20,6 +20,7 @@ from identifiability.estimation.bootstrap import scatter_scores
 from identifiability.estimation.estimate import estimate, find_estimator, weigh_logs
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.least_squares import Noise
+from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import Motions, compare_motions, remembering_covariance
 from identifiability.foundation.answers import Answer, Cell, Column, Table, measured_cells
 from identifiability.foundation.engines.mapping import Engine, one_thread
@@ -36,12 +37,14 @@ from identifiability.foundation.rounding import (
     join,
     percent,
 )
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.echo import noise_share
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.repeats import Recording
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.cad_prior import draw_bodies
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares
@@ -56,10 +59,10 @@ from identifiability.robot.changed import last_bodies
 from identifiability.robot.kinematics import WORLD
 from identifiability.workflows.answers import answer_next, with_hints
 from identifiability.workflows.commands import name_logs, quote, source_name
-from identifiability.workflows.instruments import LOUD
 from identifiability.workflows.opening import Logs
 from identifiability.workflows.pairs import Pair, find_pairs
 from identifiability.workflows.predict import Fit, FitLike, find_fit, state_missing
+from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
 
 # The parameters of a load: as the logs say them, and as a real body can have them.
@@ -82,20 +85,23 @@ from identifiability.workflows.session import Session
 
 
 #: A column of the load that makes less than this share of the largest never acts.
-LEAST = 1e-7
+LEAST: Tolerance = 1e-7
+
+#: Nor does a direction whose square is less than this share of the largest.
+SMALLEST: Tolerance = 1e-14
 
 #: A direction whose torque is less than this share of what its columns would make if the robot were
 #: known for certain is not told.
-RANK = 1e-6
+RANK: Tolerance = 1e-6
 
 #: A parameter is not told if so much of it lies along directions that are not.
-TOUCHED = 1e-3
+TOUCHED: Tolerance = 1e-3
 
 #: Rounds in which noise is measured beside the load and the load beside noise.
 ROUNDS = 3
 
 #: Sizes of the ten parameters of a body of 1 kg, by which their columns are compared.
-TYPICAL = entry_scale(np.ones(1), np.full(1, 0.1))[0]
+TYPICAL: Array = entry_scale(np.ones(1), np.full(1, 0.1))[0]
 
 
 @frozen(kw_only=True)
@@ -142,7 +148,7 @@ class _Nuisance:
     @staticmethod
     def of(fit: Fit) -> _Nuisance:
         size, turn = np.linalg.eigh(fit.covariance)
-        good = size > 1e-14 * size.max(initial=0.0)
+        good = size > SMALLEST * size.max(initial=0.0)
         known = turn[:, good] * np.sqrt(size[good])
         directions = np.column_stack([fit.submodel.M @ known, fit.submodel.M @ fit.spread.unknown])
         precision = np.repeat([1.0, 0.0], [known.shape[1], fit.spread.unknown.shape[1]])
@@ -401,13 +407,13 @@ _ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 _BOUNDS = {"Ixy": "Izz", "Ixz": "Iyy", "Iyz": "Ixx"}
 
 #: Radius of gyration of a load of which nothing is known [m].
-LENGTH = 0.1
+LENGTH: Tolerance = 0.1
 
 #: Least mass beside which moments are small or large [kg].
-LIGHTEST = 1e-3
+LIGHTEST: Tolerance = 1e-3
 
 #: Steps by which derivatives are taken, as a share of a body's own numbers.
-STEP = 1e-4
+STEP: Tolerance = 1e-4
 
 
 @frozen(kw_only=True)
@@ -522,17 +528,11 @@ def _judge(
 # `Load`: mass, centre and inertia of what hangs on a body, in numbers and words.
 
 
-#: Level at which friction is said to be another one than without the load [family-wise].
-LEVEL = 0.05
-
 #: What masses are stated by.
 GAINS = (
     "Mass and moments are proportional to the torque constants and gear ratios by which the torque "
     "was read: as many percent as these are off, so is every number."
 )
-
-#: Torque that the load leaves is spoken of where it is so many times what the result left.
-LARGER = 1.5
 
 
 @frozen(kw_only=True)
@@ -646,7 +646,7 @@ class Load(Result):
     @property
     def rubbing(self) -> tuple[str, ...]:
         """Joints whose friction is surely another one than without the load."""
-        level = LEVEL / max(len(self.estimate.rubbing), 1)
+        level = Thresholds.sign_level / max(len(self.estimate.rubbing), 1)
         return tuple(joint for joint, p in self.estimate.rubbing.items() if p < level)
 
     @property
@@ -664,7 +664,7 @@ class Load(Result):
     def caveats(self) -> tuple[str, ...]:
         """What makes the answer doubtful, and what to do."""
         ratio = self.estimate.rms / np.maximum(self.usual, 1e-300)
-        if len(self.pairs) == len(self.logs) or ratio.max() < LARGER:
+        if len(self.pairs) == len(self.logs) or ratio.max() < RULES.grows:
             return ()
         k = int(np.argmax(ratio))
         return (
@@ -825,7 +825,8 @@ def _tell_noise(robot: Robot, logs: Sequence[Recording], how: Preparation) -> li
     loud = {
         log.name: share
         for log in logs
-        if isinstance(log, Log) and (share := noise_share(robot, log, _cutoff(log, how))) > LOUD
+        if isinstance(log, Log)
+        and (share := noise_share(robot, log, _cutoff(log, how))) > LOG_RULES.noise_share**0.5
     }
     if not loud:
         return []

@@ -18,6 +18,7 @@ from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import Result, shown
@@ -40,6 +41,7 @@ from identifiability.robot.sidecar import Value
 from identifiability.workflows.answers import answer_next, answer_quality, state_joints, with_hints
 from identifiability.workflows.commands import name_export, name_logs, quote, source_name
 from identifiability.workflows.opening import Logs
+from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
 
 if TYPE_CHECKING:
@@ -86,10 +88,6 @@ class Covaries(ABC):
 
 
 # `TorquePrediction`: the torque of a fitted model along logs, beside the measured one.
-
-
-#: Share of samples inside their 95 % interval below which something must have changed.
-FEW_INSIDE = 0.8
 
 
 @frozen(kw_only=True)
@@ -224,7 +222,9 @@ class TorquePrediction(Result):
         if self.errors is not None:
             each = self.errors[0].joint_error()[:, 0]
             text += f" {state_joints(self.robot.joints, each, self.error_ra)}".rstrip()
-        few = [j for j, s in zip(self.robot.joints, self.inside, strict=True) if s < FEW_INSIDE]
+        few = [
+            j for j, s in zip(self.robot.joints, self.inside, strict=True) if s < RULES.inside_few
+        ]
         if few:
             text += (
                 f" Of {listing(few, 6)} too few do: a load, a temperature or the robot changed "
@@ -765,9 +765,6 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
 #: Parts of the torque in the order in which they are shown, and the whole.
 PARTS = ("gravity and springs", "inertia", "friction", "residual")
 
-#: A part below this share of the largest is a rounding error.
-ROUNDING = 1e-9
-
 #: Samples of all logs that it is worked out at.
 ENOUGH = 2000
 
@@ -795,7 +792,7 @@ def torque_budget(fit: Fit, samples: Sequence[Prepared]) -> pd.DataFrame:
         squares += [(part**2 * data).sum(0) for part in (thinned.tau, *parts, left)]
         count += data.sum(0)
     rms = np.sqrt(squares / np.maximum(count, 1))
-    rms[rms < ROUNDING * rms.max(axis=0)] = 0.0
+    rms[rms < ROUNDOFF * rms.max(axis=0)] = 0.0
     named = dict(zip(("measured", *PARTS), rms, strict=True))
     robot = fit.robot
     return pd.DataFrame({"joint": robot.joints, "unit": robot.torque_units, **named})
@@ -837,7 +834,7 @@ def _what(result: TorquePrediction) -> Answer:
 def _few(result: TorquePrediction) -> list[str]:
     """Return the joints of whose samples too few lie in their intervals."""
     pairs = zip(result.robot.joints, result.inside, strict=True)
-    return [joint for joint, share in pairs if share < FEW_INSIDE]
+    return [joint for joint, share in pairs if share < RULES.inside_few]
 
 
 def _trust(result: TorquePrediction) -> Answer:

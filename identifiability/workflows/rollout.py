@@ -24,6 +24,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, checked
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import digits
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.conventions import Conventions
@@ -42,10 +43,12 @@ from identifiability.workflows.servo_gains import learn_gains, read_commanded
 
 #: Length of a window [s], and of one of a robot that floats which logged torque moves, as nothing
 #: brings it back to where it was.
-WINDOW, FREE = 1.0, 0.1
+WINDOW: Tolerance = 1.0
+FREE: Tolerance = 0.1
 
 #: How many delays are tried where no file states that of a robot that floats, and the longest [s].
-DELAYS, LATEST = 13, 0.04
+DELAYS = 13
+LATEST: Tolerance = 0.04
 
 Other = Annotated[
     Robot | Result | str | Path,

@@ -19,25 +19,25 @@ from identifiability.estimation.rollouts import Gains, fit_gains, share_missed
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import check_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.mend import check_units
-from identifiability.physical.cad_prior import SHARE, thick_inertia
+from identifiability.physical.cad_prior import thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
+from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.robot import Robot
 from identifiability.robot.servo import FOUND
 from identifiability.workflows.opening import Logs, in_memory, list_logs, read_recordings
+from identifiability.workflows.rules import RULES
 
 #: Length of logs that gains are found from, all together [s]: more says little more of them.
-LONG = 60.0
-
-#: Share of the scale that bodies fix where nothing else does, and of one that is named for it.
-FIXED, NAMED = 0.5, 0.2
+LONG: Tolerance = 60.0
 
 #: Doubt of a gain that is none.
-SURE = 1e-4
+SURE: Tolerance = 1e-4
 
 _UPPER = np.triu_indices(4)
 
@@ -54,7 +54,7 @@ class Bodies:
     """
 
     robot: Robot
-    share: float = SHARE
+    share: float = PHYSICAL_RULES.body_within
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -219,13 +219,17 @@ def state_gains(robot: Robot, names: Sequence[str], found: Gains, believed: Bodi
     unit = np.tile(0.5 * np.eye(4)[_UPPER], len(believed.names)).reshape(-1, 10)
     by = found.by_belief[: unit.size].reshape(-1, 10)
     fixed = (by * unit).sum(1) / believed.shares
-    if fixed.sum() > FIXED:
+    if fixed.sum() > RULES.scale_fixed:
         named = [
             f"{believed.names[k]} ({100 * fixed[k]:.0f} %; within {100 * believed.shares[k]:.3g} %)"
             for k in np.argsort(-fixed)
-            if fixed[k] > NAMED
+            if fixed[k] > RULES.scale_named
         ]
-        body = listing(named, 4) if named else f"all bodies, each within {100 * SHARE:g} %"
+        body = (
+            listing(named, 4)
+            if named
+            else f"all bodies, each within {100 * PHYSICAL_RULES.body_within:g} %"
+        )
         text += (
             "Commands and positions tell ratios alone; what fixes the scale of all numbers is the "
             f"file's {body}: weigh one, and say so ([prior_share])."

@@ -33,14 +33,16 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import OptionError
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.longsamples import Prepared, prepare_log
 from identifiability.logs.repeats import Recording
-from identifiability.physical.cad_prior import SHARE, WEAK, share_weight
+from identifiability.physical.cad_prior import WEAK, share_weight
 from identifiability.physical.feasibility import find_nearest
 from identifiability.physical.fitted_model import FittedModel
+from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import full_model
@@ -62,11 +64,11 @@ from identifiability.workflows.opening import (
     state_reading,
 )
 
+#: Share of the squared error of rollouts that is worth another one.
+GAINED: Tolerance = 0.1
+
 #: A robot is fitted to what commands make of torque, and this is calibrated on it, so often.
 ROUNDS = 5
-
-#: Share of the squared error of rollouts that is worth another one.
-GAINED = 0.1
 
 #: Stretches that are listed.
 LISTED = 3
@@ -199,7 +201,7 @@ class Session:
         rng: np.random.Generator,
         method: Method = "wls",
         kind: Kind = "auto",
-        cad_weight: float | None = share_weight(SHARE),
+        cad_weight: float | None = share_weight(PHYSICAL_RULES.body_within),
     ) -> Session:
         """Return logs with torque of commands, calibrated on rollouts of a robot fitted to it.
 
@@ -413,5 +415,5 @@ def settle_prior(
             f"{share_weight(0.2):g}; give one."
         )
     if share is None:
-        share = SHARE if commanded and cad_weight is None else 0.0
+        share = PHYSICAL_RULES.body_within if commanded and cad_weight is None else 0.0
     return share, share_weight(share) if share else cad_weight

@@ -22,13 +22,9 @@ from identifiability.simulation.mujoco_robot import MujocoRobot
 from identifiability.workflows.analyze.result import next_commands
 from identifiability.workflows.export import export
 from identifiability.workflows.export.workflow import write_parameters
-from identifiability.workflows.gravity import (
-    LARGE,
-    find_leaning,
-    settle_direction,
-    state_leaning,
-)
+from identifiability.workflows.gravity import find_leaning, settle_direction, state_leaning
 from identifiability.workflows.oddities import MeasuredLogs
+from identifiability.workflows.rules import RULES as WORKFLOWS_RULES
 
 ANGLES = (1.0, 30.0, 90.0, 180.0)
 
@@ -185,7 +181,7 @@ def test_only_a_large_tilt_is_taken_before_all_else(degrees):
     move = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
     log = simulate(robot.turned(gravity), move, noise=Noise(additive=0.02))
     found = find_leaning(logs(robot, log))
-    assert (found is not None) == (degrees > LARGE)
+    assert (found is not None) == (degrees > WORKFLOWS_RULES.tilt_large)
     if found is not None:
         off = Tilt.of(gravity, found.tilt.direction).degrees
         assert off < 4 * found.sd < 2.0

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.rounding import (
     format_count,
     format_measured,
@@ -19,7 +20,7 @@ from identifiability.physical.fitted_model import LeastSquares
 from identifiability.posterior.diagnostics import Calibration, calibrate_posterior
 from identifiability.posterior.exact import ExactSampler
 from identifiability.posterior.target import Prior, Target
-from identifiability.workflows.calibrate.outcome import UNIFORM_LEVEL, RankCheck
+from identifiability.workflows.calibrate.outcome import RankCheck
 
 
 @pytest.mark.parametrize(
@@ -98,7 +99,7 @@ def check(*p):
 
 def test_one_bad_parameter_of_many_must_be_worse_by_their_number():
     """Holm: the smallest p of k counts k times."""
-    assert UNIFORM_LEVEL == 0.01
+    assert RULES.unasked_level == 0.01
     assert check(0.02, 0.5).uniform
     assert not check(0.004, 0.5).uniform
     assert check(0.004, *[0.5] * 4).uniform

@@ -2,12 +2,9 @@ import numpy as np
 import pytest
 
 from identifiability.posterior import ensemble
-from identifiability.posterior.diagnostics import (
-    Thresholds,
-    autocorrelation_time,
-    diagnose_convergence,
-)
+from identifiability.posterior.diagnostics import autocorrelation_time, diagnose_convergence
 from identifiability.posterior.ensemble import Posterior, sample_posterior
+from identifiability.posterior.rules import Thresholds
 
 
 def test_independent_draws_may_be_shown(rng):

@@ -5,12 +5,8 @@ import pytest
 from scipy import integrate, stats
 
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.posterior.diagnostics import (
-    POWER,
-    PRIOR_SENSITIVITY,
-    log_distances,
-    measure_prior_sensitivity,
-)
+from identifiability.posterior.diagnostics import log_distances, measure_prior_sensitivity
+from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 
 SIGNS = PhysicalSet(np.empty((0, 10), int), np.array([True, False]))
 
@@ -25,10 +21,16 @@ def test_an_exponential_moves_by_half_of_its_sd():
     """Times the distance to a power ε it is a gamma law of mean 1 + ε."""
     rng = np.random.default_rng(0)
     x, other = rng.exponential(size=160_000), rng.standard_normal(160_000)
-    np.testing.assert_allclose(sway(np.column_stack([x, other])), [POWER, 0.0], atol=0.015)
+    np.testing.assert_allclose(
+        sway(np.column_stack([x, other])), [POSTERIOR_RULES.prior_power, 0.0], atol=0.015
+    )
     # What goes with it moves with it, and half as far where half of its variance is its own.
     both = np.column_stack([x, x + other])
-    np.testing.assert_allclose(sway(both), [POWER, POWER / np.sqrt(2)], atol=0.015)
+    np.testing.assert_allclose(
+        sway(both),
+        [POSTERIOR_RULES.prior_power, POSTERIOR_RULES.prior_power / np.sqrt(2)],
+        atol=0.015,
+    )
 
 
 @pytest.mark.parametrize("mean", [0.0, 1.0, 2.0, 5.0])
@@ -42,11 +44,11 @@ def test_a_truncated_normal_moves_as_its_mean_under_another_power(mean):
         )
         return top / bottom
 
-    moved = POWER * (under(eps) - under(-eps)) / (2 * eps) / law.std()
+    moved = POSTERIOR_RULES.prior_power * (under(eps) - under(-eps)) / (2 * eps) / law.std()
     draws = law.ppf(np.random.default_rng(1).uniform(size=(160_000, 2)))
     found = sway(draws)[0]
     assert found == pytest.approx(moved, abs=0.015)
-    assert (found > PRIOR_SENSITIVITY) == (mean < 2.5)
+    assert (found > POSTERIOR_RULES.prior_sensitivity) == (mean < 2.5)
 
 
 def test_few_draws_do_not_accuse_what_has_nothing_to_do_with_an_edge():
@@ -59,7 +61,7 @@ def test_few_draws_do_not_accuse_what_has_nothing_to_do_with_an_edge():
     found = measure_prior_sensitivity(chains, logs)
     assert np.mean(found**2 > 0) < 0.7
     assert np.mean(found) < 0.09
-    assert np.mean(found > PRIOR_SENSITIVITY) < 0.01
+    assert np.mean(found > POSTERIOR_RULES.prior_sensitivity) < 0.01
 
 
 def test_what_never_moves_is_not_moved_by_a_prior():

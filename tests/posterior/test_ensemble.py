@@ -9,9 +9,10 @@ from arviz_stats.base import array_stats
 
 import identifiability.posterior
 from identifiability.posterior import ensemble
-from identifiability.posterior.diagnostics import Thresholds, diagnose_convergence
+from identifiability.posterior.diagnostics import diagnose_convergence
 from identifiability.posterior.ensemble import ROUND, Posterior, sample_posterior
 from identifiability.posterior.exact import build_sampler
+from identifiability.posterior.rules import Thresholds
 
 from .exactly import sample_exact
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identifiability.estimation.rules import Thresholds
 from identifiability.report import analysis_report, build_analysis_page, render_page
 from identifiability.report.belief import (
     contraction_order,
@@ -13,7 +14,7 @@ from identifiability.report.belief import (
     forest_layers,
     strongest_pairs,
 )
-from identifiability.workflows.analyze.belief import LEARNED, Source
+from identifiability.workflows.analyze.belief import Source
 from identifiability.workflows.analyze.result import parameter_table
 
 REASON = "The ensembles disagree: nested R-hat of platform.mx is 1.300 (at most 1.01)."
@@ -161,7 +162,11 @@ def test_every_standard_parameter_is_shown_once_and_listed(believed_analysis):
     assert dict(table.words) == {
         s.value: known.source.count(s) for s in Source if s in known.source
     }
-    assert all(known.contraction[k] > LEARNED for k in range(85) if known.source[k] is Source.DATA)
+    assert all(
+        known.contraction[k] > Thresholds.contraction
+        for k in range(85)
+        if known.source[k] is Source.DATA
+    )
 
 
 @pytest.mark.parametrize("names", [("physical",), ("signs",), ("signs", "physical")])

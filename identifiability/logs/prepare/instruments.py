@@ -36,6 +36,25 @@ from identifiability.robot import Motion, Robot, complete_motion
 # Another motion of the actuated joints at the samples of a measured one, with all loops closed.
 
 
+#: Passive joints of two records are far apart at a sample if they are so many times as far as
+#: usual: noise makes them so where it brings a mechanism near a singular configuration.
+THROWN: Tolerance = 30.0
+
+#: While the lag of a repetition is looked for, positions may differ by this share of how much
+#: they vary (rms).
+FAR: Tolerance = 0.2
+
+#: A repetition overlaps with at least this share of the motion.
+OVERLAP: Tolerance = 0.05
+
+#: Noise may have so many times the power that differences see.
+LOUDER: Tolerance = 1.5
+
+#: A smoothed motion may reach up to this share of the sampling rate: it shares the noise of its
+#: band.
+SHARED: Tolerance = 0.15
+
+
 def complete_along(
     robot: Robot, measured: Motion, other: Sequence[Array], instead: Motion | None = None
 ) -> Motion | None:
@@ -135,16 +154,12 @@ def find_repetition(samples: Samples, others: Sequence[Samples] = ()) -> Repetit
             used.append(later)
             record, good = _follow(own.t + later, curves)
             x, y = own.actuated_q[good][:, moves], record[0, good][:, moves]
-            if (
-                good.sum() < RULES.again_overlap * len(good)
-                or not agrees(x, y)
-                or shares_noise(x, y)
-            ):
+            if good.sum() < OVERLAP * len(good) or not agrees(x, y) or shares_noise(x, y):
                 continue
             total[:, good] += record[:, good]
             count += good
     there = count > 0
-    if there.mean() < RULES.again_covered:
+    if there.mean() < RULES.nearly_all:
         return None
     measured = np.stack([own.actuated_q, own.actuated_v, own.actuated_a])
     mean = total / np.maximum(count, 1)[:, None]
@@ -152,7 +167,7 @@ def find_repetition(samples: Samples, others: Sequence[Samples] = ()) -> Repetit
     return Repetition((q, dq, ddq), float(count.mean()))
 
 
-def find_lag(own: Motion, other: Motion, covered: float = RULES.again_covered) -> float | None:
+def find_lag(own: Motion, other: Motion, covered: float = RULES.nearly_all) -> float | None:
     """Return how much later another log makes the motion of `own` [s]; None where it does not.
 
     Parameters
@@ -178,7 +193,7 @@ def find_lag(own: Motion, other: Motion, covered: float = RULES.again_covered) -
 
 def agrees(x: Array, y: Array, share: float = RULES.again_near) -> bool:
     """Return whether positions (K, n) differ by little beside how much they vary, and noise."""
-    allowed = (share * x.std(0)) ** 2 + RULES.noise_louder * (_noise(x) + _noise(y))
+    allowed = (share * x.std(0)) ** 2 + LOUDER * (_noise(x) + _noise(y))
     return bool(np.all(np.mean((x - y) ** 2, axis=0) <= allowed))
 
 
@@ -233,16 +248,14 @@ def _find_lags(near: Array, far: Array) -> list[int]:
 
     varies = sums(a, 0, 2) - sums(a, 0, 1) ** 2
     apart = sums(a, 0, 2) + sums(b, lags, 2) - 2 * cross / count
-    apart = apart - RULES.noise_louder * (_noise(near) + _noise(far))
+    apart = apart - LOUDER * (_noise(near) + _noise(far))
     share = (apart / np.maximum(varies, 1e-9 * a.var(0))).max(1)
-    share[count[:, 0] < RULES.again_overlap * len(a)] = np.inf
-    edges = np.flatnonzero(
-        np.diff(np.concatenate([[0], share < WIDER_GAP * RULES.again_far**2, [0]]))
-    )
+    share[count[:, 0] < OVERLAP * len(a)] = np.inf
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], share < WIDER_GAP * FAR**2, [0]])))
     found = []
     for first, last in edges.reshape(-1, 2).tolist():
         best = first + int(np.argmin(share[first:last]))
-        if share[best] < RULES.again_far**2:
+        if share[best] < FAR**2:
             found.append((-int(count[best, 0]), int(lags[best]) * stride))
     return [lag for _, lag in sorted(found)]
 
@@ -522,7 +535,7 @@ def _smooth(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> Seco
         return None
     dt = signals.sampling_step(log.t)
     cutoffs = tuple(_smoothing(x, level, dt) for x, level in zip(channels, noise, strict=True))
-    if any(f * dt > RULES.smooth_highest for f in cutoffs if np.isfinite(f)):
+    if any(f * dt > SHARED for f in cutoffs if np.isfinite(f)):
         return None
     used = ", ".join(f"{f:.3g} Hz" if np.isfinite(f) else "not at all" for f in cutoffs)
     note = (
@@ -553,7 +566,7 @@ def _smoothing(x: Array, noise: Array, dt: float) -> float:
     def is_noise(cutoff: float) -> bool:
         return _explained(x - signals.lowpass(x, dt, cutoff), x, noise)
 
-    high = RULES.smooth_highest / dt
+    high = SHARED / dt
     if not is_noise(high):
         return 2.0 * high
     return lowest_cutoff(is_noise, 1.0 / (dt * len(x)), high, WIDER)
@@ -629,7 +642,7 @@ def _thrown(robot: Robot, measured: Motion, other: Motion) -> np.ndarray:
     far = np.zeros((2, len(measured)), bool)
     for x, y in ((measured.v, other.v), (measured.a, other.a)):
         apart = np.abs(x - y)
-        beyond = apart > RULES.thrown * np.median(apart, axis=0)
+        beyond = apart > THROWN * np.median(apart, axis=0)
         far |= beyond[:, ~passive].any(1), beyond[:, passive].any(1)
     far = far[1] & ~far[0]  # where actuated joints are far too, one of the records is wrong
     return np.flatnonzero(far) if far.mean() < RULES.loops_open else np.empty(0, int)

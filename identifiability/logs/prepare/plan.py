@@ -33,6 +33,9 @@ from identifiability.robot.floating import BASE_JOINTS, SIX, base_acceleration
 # is what such noise leaves of velocities: signs of speed are taken of it.
 
 
+#: The errors of a record as a multiple of its noise's standard deviation.
+BAND: Tolerance = 3.0
+
 #: Order of the differences that leave noise alone.
 ORDER = 8
 
@@ -297,7 +300,7 @@ def choose_dwell_rule(plan: Plan, windows: Sequence[Log], origins: Sequence[int]
     levels = [noise_level(x, w.t) ** 2 for x, w in zip(records, windows, strict=True)]
     noise = np.sqrt(np.mean(levels, axis=0))
     step = np.min([resolution(x) for x in records], axis=0)
-    width = np.maximum((1 if speeds else 2) * RULES.dwell_band * noise, step)
+    width = np.maximum((1 if speeds else 2) * BAND * noise, step)
     parts = [plan.derive(w, k) for w, k in zip(windows, origins, strict=True)]
     q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
     creep = RULES.creep * np.abs(dq).max(0) / 2.0 ** np.arange(HALVED + 1)[:, None]

@@ -23,13 +23,13 @@ from identifiability.foundation.errors import (
     near_match,
 )
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import check_nominal
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares
 from identifiability.physical.project import project
 from identifiability.posterior.diagnostics import (
-    PRIOR_SENSITIVITY,
     Convergence,
     diagnose_convergence,
     log_distances,
@@ -38,6 +38,7 @@ from identifiability.posterior.diagnostics import (
 )
 from identifiability.posterior.ensemble import Posterior, sample_posterior
 from identifiability.posterior.exact import Progress
+from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.target import Prior, Target
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
@@ -57,19 +58,17 @@ if TYPE_CHECKING:
 
 
 #: Margin of the point inside the cone that the samplers start from.
-START_MARGIN = 1e-3
+START_MARGIN: Tolerance = 1e-3
 
 #: Distance of that point from the edge of a sign, in prior standard deviations.
-OFF_EDGE = 1e-4
+OFF_EDGE: Tolerance = 1e-4
 
 #: A parameter without a nominal value gets a prior sd that makes this many times the torque.
-WIDE = 10.0
-
-#: A posterior that keeps more than this share of the prior's sd has learned nothing.
-LEARNED = 0.5
+WIDE: Tolerance = 10.0
 
 #: Share of the draws in an interval, and how many ways to leave the rest at its two ends.
-BELIEVED, TAILS = 0.95, 11
+BELIEVED: Tolerance = 0.95
+TAILS = 11
 
 #: Draws kept for pictures.
 SHOWN = 800
@@ -133,7 +132,7 @@ class Summary:
     @property
     def stated(self) -> np.ndarray:
         """Which intervals may be stated, (m,) bool; the others are the prior's."""
-        return np.asarray(self.prior_sensitivity <= PRIOR_SENSITIVITY)
+        return np.asarray(self.prior_sensitivity <= POSTERIOR_RULES.prior_sensitivity)
 
     @property
     def trustworthy(self) -> bool:
@@ -610,7 +609,7 @@ def _look_at_standard(structure: Structure, target: Target, posterior: Posterior
     flat = posterior.flat()
     sd = flat.std(0, ddof=1)
     idle = ~np.any(structure.G, axis=0)
-    enough = LEARNED * proper.sd
+    enough = (1 - Thresholds.contraction) * proper.sd
     sources = np.select(
         [idle, alone, data_sd < enough, sd < enough],
         [Source.STRUCTURE, Source.MODEL, Source.DATA, Source.CONSTRAINT],
@@ -641,7 +640,7 @@ def _summarise(
     interval = believed_interval(draws, submodel.nonnegative)
     interval = widen_interval(interval, submodel.nonnegative, prior_sensitivity * sd)
     width = interval[:, 1] - interval[:, 0]
-    edge = np.where(submodel.nonnegative, (draws < 0.01 * width).mean(0), 0.0)
+    edge = np.where(submodel.nonnegative, (draws < width / 100).mean(0), 0.0)
     shown = draws[rng.permutation(len(draws))[:SHOWN]]
     return Summary(
         mean=draws.mean(0),

@@ -18,6 +18,7 @@ from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation, Samples, prepare_samples
 from identifiability.logs.prepare.preparation import SettledPreparation
@@ -39,6 +40,7 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
 from identifiability.workflows.analyze.assessment import ModelResult
+from identifiability.workflows.analyze.rules import RULES
 from identifiability.workflows.band import enough_samples, settle_band
 from identifiability.workflows.instruments import follow
 from identifiability.workflows.opening import Opening, Recordings
@@ -301,20 +303,10 @@ def settle_robot(
 
 
 #: Multiples of the cut-off that are tried.
-FACTORS = (0.5, 2.0)
+FACTORS: tuple[Tolerance, Tolerance] = (0.5, 2.0)
 
 #: Windows in which samples lie that are fitted again, where logs are longer.
 WINDOWS = 4
-
-#: A move must also be this many times its own standard deviation: there are many parameters.
-SURE = 4.0
-
-#: A cut-off below so many times the band of the motion cuts into it.
-INSIDE = 2.0
-
-#: Noise with a larger share of an acceleration's power is said. On one period of a motion
-#: intervals hold up to three tenths (`studies/cutoff.py`).
-LOUD = 0.2
 
 #: Parameters that a hint names.
 NAMED = 3
@@ -354,7 +346,7 @@ def say_band(how: Preparation | None) -> tuple[str, ...]:
 
 def _say_cut(band: Band, whose: str) -> str:
     """Return one sentence on a cut-off in the band of the motion, or nothing."""
-    if band.cutoff >= INSIDE * band.bandwidth:
+    if band.cutoff >= RULES.cutoff_inside * band.bandwidth:
         return ""
     return (
         f"The cut-off of {band.cutoff:.3g} Hz cuts into the motion of {whose}, which reaches "
@@ -365,10 +357,10 @@ def _say_cut(band: Band, whose: str) -> str:
 
 def _say_noise(band: Band) -> str:
     """Return one sentence on noise below the cut-off, or nothing."""
-    if band.noise <= LOUD:
+    if band.noise <= RULES.cutoff_loud:
         return ""
     remedy = "measure velocities, or let the robot accelerate more"
-    if band.limit < 0.9 * band.cutoff:
+    if band.limit < RULES.cutoff_lower * band.cutoff:
         remedy = f"set it to {band.limit:.2g} Hz (--cutoff), {remedy}"
     return (
         f"Noise of what is differentiated has {100 * min(band.noise, 1.0):.0f} % of the power of "
@@ -449,7 +441,7 @@ def _moves(result: ModelResult, base: Estimate, other: Estimate) -> Array:
         fewer = np.maximum(base.sigma / result.estimate.sigma, 1.0)
         chance = wider * np.sqrt(np.abs(other.sigma**2 - base.sigma**2))
         move = np.abs(other.value - base.value)
-        beyond = (move > REACH * fewer * robust) & (move > SURE * chance)
+        beyond = (move > REACH * fewer * robust) & (move > RULES.cutoff_sure * chance)
         sizes: Array = np.where(beyond & base.determined & other.determined, move / robust, 0.0)
     if other.correction is not None:  # there noise was not mended, which says nothing of the band
         sizes[[c in other.correction.touched for c in other.columns]] = 0.0

@@ -32,6 +32,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.repeats import Recording
 from identifiability.workflows.analyze.assessment import JudgedModel, Laddered, ModelResult
 from identifiability.workflows.analyze.belief import Belief, Which, belief_dict, build_datatree
+from identifiability.workflows.analyze.rules import RULES
 from identifiability.workflows.analyze.words import SeveralLogs, state_answer, state_physics
 from identifiability.workflows.answers import (
     SIGMA,
@@ -57,6 +58,7 @@ from identifiability.workflows.commands import (
 )
 from identifiability.workflows.gravity import Leaning
 from identifiability.workflows.opening import is_reading
+from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -311,10 +313,6 @@ def found_cell(model: JudgedModel) -> Cell:
     return Cell("not judged" if model.unjudged else str(found), found)
 
 
-#: σ may grow by this factor before the report warns of autocorrelation.
-MILD_INFLATION = 1.2
-
-
 #: Names of a verdict that the answer lists.
 MOST_NAMES = 24
 
@@ -406,8 +404,8 @@ def _noise_notes(analysis: Analysis) -> Iterator[Note]:
     times = np.asarray(analysis.chosen.autocorrelation_time, float)
     factor = sigma_inflation(analysis.chosen)
     longest = f"{time_text(times.max())} samples in {analysis.robot.joints[int(np.argmax(times))]}"
-    name = "uneven" if factor > MILD_INFLATION else "independent"
-    if np.sqrt(times.max()) > MILD_INFLATION:
+    name = "uneven" if factor > RULES.inflation_mild else "independent"
+    if np.sqrt(times.max()) > RULES.inflation_mild:
         name = "memory"
     yield note(name, longest=longest, grown=f"{format_number(factor, 3)} × that of white noise")
 
@@ -424,7 +422,7 @@ def _fit_notes(analysis: Analysis) -> Iterator[Note]:
         title = f"The unpruned {model_title(full)} is not judged."
         yield Note("warning" if chosen.unjudged else "note", title, full.unjudged)
     unseen, fitted = chosen.error_ra_validation, chosen.error_ra
-    if not analysis.nothing and unseen > 1.5 * fitted:
+    if not analysis.nothing and unseen > WORKFLOW_RULES.grows * fitted:
         yield note("grows", unseen=error_text(unseen), fitted=error_text(fitted))
     if not analysis.validation:
         yield note("inside", kind=analysis.validation_kind)

@@ -12,7 +12,7 @@ from identifiability.effects.imu import move_mounting
 from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.instrumental import InstrumentalVariables, RenoisedLeastSquares
 from identifiability.estimation.prediction import Prediction
-from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import Motions, compare_halves
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.errors import listing
@@ -22,6 +22,8 @@ from identifiability.regression.information import Information
 from identifiability.regression.structure import BaseParameters
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.assessment import ModelResult
+from identifiability.workflows.analyze.rules import RULES
+from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 
 # What logs say of each other, in words; of one long log, what its halves say.
 
@@ -31,9 +33,6 @@ NAMED = 3
 
 #: What of one log is compared.
 HALVES = ("the first half", "the second half")
-
-#: The error of a joint is spoken of where it is so many times as large, and the noise of a log.
-LARGER, LOUDER = 1.3, 2.0
 
 CAUSE = "a payload, a temperature or another robot does that"
 LEFT_OUT = "or the model leaves out what differs between them (diagnose looks for it)"
@@ -141,7 +140,7 @@ def _blame(
         )
     odd = motions.odd()
     found = f"{differences(motions, columns, odd)}{_worse(motions, joints, odd)}"
-    if motions.without(odd) < ESTIMATION_RULES.motions_level or not motions.moved.any():
+    if motions.without(odd) < Thresholds.sign_level or not motions.moved.any():
         return (
             f"The logs disagree with each other, {names[odd]} most: {found}. {CAUSE.capitalize()}, "
             f"{LEFT_OUT}; intervals are widened to hold all of them."
@@ -174,7 +173,7 @@ def _worse(motions: Motions, joints: Sequence[str], odd: int) -> str:
     k = int(np.argmax(ratio))
     return (
         f"; the error of {joints[k]} is {ratio[k]:.2g} × as large there"
-        if ratio[k] > LARGER
+        if ratio[k] > RULES.joint_larger
         else ""
     )
 
@@ -186,7 +185,7 @@ def _weighed(information: Information, names: Sequence[str]) -> str:
     first = np.unique(information.log, return_index=True)[1]
     size = np.exp(-0.5 * np.log(np.maximum(information.weights[:, first], 1e-12)).mean(0))
     loud, still = int(size.argmax()), int(size.argmin())
-    if size[loud] < LOUDER * size[still]:
+    if size[loud] < WORKFLOW_RULES.differs * size[still]:
         return ""
     return (
         f" Logs count by their noise: that of {names[loud]} is {size[loud] / size[still]:.2g} × "

@@ -51,6 +51,7 @@ from identifiability.workflows.calibrate.outcome import (
     count_outcomes,
     spawn_seeds,
 )
+from identifiability.workflows.calibrate.rules import RULES
 from identifiability.workflows.calibrate.world import (
     EVERYTHING,
     Cause,
@@ -72,18 +73,6 @@ from identifiability.workflows.opening import Progress, in_memory, quiet, requir
 
 # `Trust`: may the intervals and verdicts of the model to use be trusted? In three lines.
 
-
-#: Least coverage of 95 % intervals, of all parameters together and of a single one.
-LEAST, LEAST_SINGLE = 0.90, 0.85
-
-#: Most of the parameters called identifiable that may be off by more than half.
-MOST_WRONG = 0.02
-
-#: Most repetitions in which nothing is judged.
-MOST_SILENT = 0.5
-
-#: A cause does harm if the gain without it is more than this many of its standard errors.
-CLEAR = 2.0
 
 Word = Literal["yes", "no", "not enough trials"]
 
@@ -146,7 +135,7 @@ class Effect:
     @property
     def harmful(self) -> bool:
         """Whether the cause does harm beyond Monte-Carlo error."""
-        return self.gain > CLEAR * self.gain_se and self.gain > 0
+        return self.gain > RULES.harm_clear * self.gain_se and self.gain > 0
 
 
 @frozen
@@ -256,10 +245,10 @@ class Trust:
 def fails(cell: Cell) -> str:
     """Return what surely is not as it should be: nothing, or one of the four that follow."""
     faults = {
-        "silent": cell.not_judged > MOST_SILENT,
-        "coverage": cell.coverage_robust + REACH * cell.coverage_se < LEAST,
-        "verdicts": cell.wrong_low > MOST_WRONG,
-        "single": min(s.high for s in cell.each) < LEAST_SINGLE,
+        "silent": cell.not_judged > RULES.silent_most,
+        "coverage": cell.coverage_robust + REACH * cell.coverage_se < RULES.coverage,
+        "verdicts": cell.wrong_low > RULES.wrong_most,
+        "single": min(s.high for s in cell.each) < RULES.coverage_single,
     }
     return next((name for name, holds in faults.items() if holds), "")
 
@@ -268,15 +257,15 @@ def decide(cell: Cell) -> Word:
     """Return whether intervals and verdicts can be trusted, if the trials say so."""
     if fails(cell):
         return "no"
-    covered = cell.coverage_robust - REACH * cell.coverage_se >= LEAST
-    return "yes" if covered and not cell.wrong_high > MOST_WRONG else "not enough trials"
+    covered = cell.coverage_robust - REACH * cell.coverage_se >= RULES.coverage
+    return "yes" if covered and not cell.wrong_high > RULES.wrong_most else "not enough trials"
 
 
 def _enough(cell: Cell) -> int:
     """Return how many trials (a quarter of the first cell's) would probably tell."""
-    room = max(abs(cell.coverage_robust - LEAST), 0.01)
+    room = max(abs(cell.coverage_robust - RULES.coverage), 0.01)
     by_coverage = (2 * REACH * cell.coverage_se / room) ** 2
-    by_wrong = 2 * cell.wrong_high / MOST_WRONG if cell.wrong_high > MOST_WRONG else 0.0
+    by_wrong = 2 * cell.wrong_high / RULES.wrong_most if cell.wrong_high > RULES.wrong_most else 0.0
     more = float(np.nanmax([2.0, by_coverage, by_wrong]))
     return int(np.ceil(cell.trials / 4 * min(more, 40.0) / 10) * 10)
 
@@ -738,11 +727,11 @@ def _wrong(calibration: Calibration) -> Answer:
         return Answer(question, "Never: nothing is called identifiable.", tone="grey")
     share = rough_percent(cell.wrong) if cell.wrong else "None"
     short = f"{share} of what is called identifiable is off by more than half."
-    tone = "green" if cell.wrong_high <= MOST_WRONG else "amber"
+    tone = "green" if cell.wrong_high <= RULES.wrong_most else "amber"
     text = f"At most {rough_percent(cell.wrong_high)} by these trials."
     if cell.not_judged:
         text += f" In {whole_percent(cell.not_judged)} of the repetitions nothing is judged."
-    return Answer(question, short, text, "vermilion" if cell.wrong_low > MOST_WRONG else tone)
+    return Answer(question, short, text, "vermilion" if cell.wrong_low > RULES.wrong_most else tone)
 
 
 def _weakest(calibration: Calibration) -> Answer:

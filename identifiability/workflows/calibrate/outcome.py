@@ -15,6 +15,7 @@ from scipy.stats import binom
 
 from identifiability.estimation.decide import decide_submodel, find_left_out
 from identifiability.estimation.estimate import Method, find_estimator, fit_whole, settle_noise
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.estimation.verdict import Class
@@ -29,6 +30,7 @@ from identifiability.foundation.numbers import (
     each_share,
     holm,
 )
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares
@@ -39,6 +41,7 @@ from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.workflows.analyze.assessment import ModelResult
+from identifiability.workflows.calibrate.rules import RULES
 
 # Simulated experiments with known truth, fitted and judged; and what many of them come to.
 #
@@ -46,9 +49,6 @@ from identifiability.workflows.analyze.assessment import ModelResult
 # measured on the motion itself, the user's own regressor, with planted parameters and noise that
 # we made.
 
-
-#: A parameter is wrong if it is off by more than this share of its true value.
-WRONG = 0.5
 
 #: Blocks of the information about an experiment.
 BLOCKS = 256
@@ -78,7 +78,7 @@ class Outcome:
 
     def wrong(self, truth: Array) -> np.ndarray:
         """Return which values are off by more than half of the truth (k,), (k,) bool."""
-        off: np.ndarray = np.abs(self.value - truth) > WRONG * np.abs(truth)
+        off: np.ndarray = np.abs(self.value - truth) > RULES.wrong * np.abs(truth)
         return off
 
 
@@ -291,7 +291,7 @@ def count_outcomes(
     off = np.abs(value - truth)
     white = off <= REACH * np.array([t.white for t in trials])
     robust = off <= REACH * np.array([t.robust for t in trials])
-    wrong = off > WRONG * np.abs(truth)
+    wrong = off > RULES.wrong * np.abs(truth)
     called = np.array([t.identifiable for t in trials])
     paper = np.array([t.paper for t in trials])
     share = clustered_share(wrong, called, ~robust)
@@ -334,16 +334,13 @@ def _share(wrong: np.ndarray, called: np.ndarray) -> float:
 
 
 #: Width of the prior in robust σ: data and prior both matter, and so do signs near zero.
-PRIOR_WIDTH = 3.0
+PRIOR_WIDTH: Tolerance = 3.0
 
 #: Draws of each posterior, and bins of the histogram of ranks; the bins divide the ranks.
 DRAWS, BINS = 31, 8
 
 #: Most experiments that are simulated together; the parts are the same on every engine.
 PART = 250
-
-#: Ranks count as uniform if the smallest adjusted p-value is above this.
-UNIFORM_LEVEL = 0.01
 
 
 @frozen
@@ -378,7 +375,7 @@ class RankCheck:
     @property
     def uniform(self) -> bool:
         """Whether no parameter's ranks are other than uniform."""
-        return bool(self.adjusted.min(initial=1.0) > UNIFORM_LEVEL)
+        return bool(self.adjusted.min(initial=1.0) > ESTIMATION_RULES.unasked_level)
 
     @property
     def band(self) -> tuple[float, float]:

@@ -25,6 +25,7 @@ from identifiability.estimation.noise import (
 )
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier, signals
 from identifiability.logs.prepare import Preparation, Samples
@@ -204,11 +205,11 @@ def _moved(robot: Robot, samples: Samples, errors: list[Array]) -> Samples:
 
 
 #: Residual variances below this share of the torque's are rounding.
-ROUNDING = 1e-12
+ROUNDING: Tolerance = 1e-12
 
 #: What a model leaves out, and no body has, is in a true robot if the unpruned model finds it this
 #: many robust standard deviations from zero: less is noise, which must not be planted as truth.
-SURE = 3.0
+SURE: Tolerance = 3.0
 
 _TO_THETA = np.linalg.pinv(BASIS.reshape(10, 16))
 
@@ -336,11 +337,12 @@ def make_possible(theta: Array, like: Array) -> Array:
 DRAWS = 8
 
 #: Share of the residual's variance that noise of the torque keeps at least.
-LEAST = 0.01
+LEAST: Tolerance = 0.01
 
 #: Worlds of white noise in which the likelihood is asked for a memory, and how many times theirs
 #: that of the log must be to be one.
-PRETENCES, DOUBT = 4, 3.0
+PRETENCES = 4
+DOUBT: Tolerance = 3.0
 
 
 class Cause(Flag):
@@ -529,7 +531,7 @@ def _less(total: Array, part: Array) -> tuple[Array, float]:
     for share in np.linspace(1.0, 0.0, 21):
         left = total - share * part
         least = eigvalsh(toeplitz(left))[0]
-        if left[0] >= LEAST * total[0] and least > 1e-4 * left[0]:
+        if left[0] >= LEAST * total[0] and least > LEAST**2 * left[0]:
             return durbin(left)
     return durbin(total)
 

@@ -19,7 +19,9 @@ from scipy.special import logsumexp
 from identifiability.effects import find_families
 from identifiability.effects.effect import Placed
 from identifiability.estimation.noise import fit_noise
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.workflows.diagnose.evidence import (
@@ -42,7 +44,7 @@ CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
 #: Changes with whose noise the search for the likeliest begins, and rounds that settle it.
 STARTS, SETTLED = 3, 3
 #: What drifts is linear in time, or decays with these time constants, in shares of all the time.
-DECAYS = (1 / 3, 1 / 10)
+DECAYS: tuple[Tolerance, Tolerance] = (1 / 3, 1 / 10)
 #: Of each joint the block of its rows, torque and model, and candidates, whitened.
 Blocks = list[tuple[np.ndarray, Array, Array]]
 
@@ -392,7 +394,7 @@ def find_change(
     size = np.sqrt(np.maximum(np.diag(fit.P), 1e-300))
     unit = fit.P / np.outer(size, size)
     known = factor_of(unit)
-    alone = np.abs(np.diag(known.T @ (known @ unit)) - 1.0) < 1e-6
+    alone = np.abs(np.diag(known.T @ (known @ unit)) - 1.0) < NEARLY
     count, at = int(scan.count[n]), best.ends(fit.scatter)
     began, ended = (tuple(begin + width * np.clip(x, 0, count)) for x in np.array(at))
     return Change(

@@ -12,7 +12,9 @@ from scipy.special import logsumexp
 
 from identifiability.effects import Part, Placed
 from identifiability.estimation.noise import ARNoise, runs_of, take_data, whiten
+from identifiability.foundation.linalg import NEARLY, RANK_TOLERANCE
 from identifiability.foundation.names import INERTIAL, INERTIAL_KINDS, Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares, physical_set
 from identifiability.physical.project import Projection
@@ -37,9 +39,9 @@ from identifiability.workflows.diagnose.search import Search, SearchStep
 from identifiability.workflows.diagnose.verdict import Judged, Verdict
 
 #: Quantile of the normal distribution for a power of 80 %.
-POWER = 0.8416
+POWER: Tolerance = 0.8416
 #: Canonical correlation from which on a direction of one is one of the other.
-SAME = 1.0 - 1e-6
+SAME: Tolerance = 1.0 - 1e-6
 #: Names that are said beside a function.
 NEAREST = 3
 
@@ -267,7 +269,7 @@ def _determined(G: Array) -> np.ndarray:
     size = np.sqrt(np.maximum(np.diag(G), 1e-300))
     unit = G / np.outer(size, size)
     F = factor_of(unit)
-    found: np.ndarray = np.abs(np.diag(F.T @ (F @ unit)) - 1.0) < 1e-6
+    found: np.ndarray = np.abs(np.diag(F.T @ (F @ unit)) - 1.0) < NEARLY
     return found
 
 
@@ -459,7 +461,7 @@ def smallest_sizes(search: Search, h: Hypothesis, view: View, rms: Array) -> dic
             continue
         for k in c.columns:
             information, j = float(evidence.left[k]), int(np.argmax(size[:, k]))
-            if not (information > 1e-8 * evidence.own[k] > 0) or not rms[j] > 0:
+            if not (information > RANK_TOLERANCE * evidence.own[k] > 0) or not rms[j] > 0:
                 continue
             needed = odds + search.catalogue.price([number]) + 0.5 * np.log1p(information)
             reach = np.sqrt(2 * needed * (1 + 1 / information)) + POWER

@@ -18,18 +18,21 @@ from scipy.special import log_ndtr
 
 from identifiability.estimation.noise import ARNoise, runs_of, take_data, whiten
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 from identifiability.workflows.diagnose.rules import Rules
 
 #: Directions below this share of the largest are rounding, in products of unit columns.
-ROUNDING = 1e-10
+ROUNDING: Tolerance = 1e-10
 #: Misfits are taken in steps of this factor, so that products are used again; and those below a
 #: quarter of the noise are none.
-STEP, LEAST = 2.0**0.5, 0.25
+STEP: Tolerance = 2.0**0.5
+LEAST: Tolerance = 0.25
 
 #: Rounds in which the width of a function's prior is found, and bounds of it.
-WIDTHS, WIDEST = 8, (0.1, 100.0)
+WIDTHS = 8
+WIDEST: tuple[Tolerance, Tolerance] = (0.1, 100.0)
 
 
 class Products:

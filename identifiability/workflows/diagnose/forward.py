@@ -18,6 +18,7 @@ from identifiability.effects.effect import Effect, Family
 from identifiability.estimation.torque_errors import DRAWN_STRETCHES, change_interval
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare import Samples
@@ -28,7 +29,7 @@ from identifiability.robot import Motion, Robot, complete_motion
 from identifiability.simulation.forward import ForwardRobot
 
 #: Length of a simulated stretch [s].
-HORIZON = 0.25
+HORIZON: Tolerance = 0.25
 #: Simulated stretches, at most: each is drawn by itself for intervals.
 STRETCHES = DRAWN_STRETCHES
 
@@ -204,7 +205,7 @@ def _starts(
     found = []
     for samples in unseen:
         kept, start = samples.motion.kept, 0
-        if abs(signals.sampling_step(samples.motion.t) / dt - 1) > 0.01:
+        if abs(signals.sampling_step(samples.motion.t) / dt - 1) > LOG_RULES.clock_rounded:
             continue  # one step size for all
         while start + steps < len(kept):
             lasts = np.diff(samples.motion.t[start : start + steps + 1]).max()

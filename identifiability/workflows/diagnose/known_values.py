@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import state_rows
 from identifiability.regression.structure import Structure
@@ -23,9 +25,9 @@ from identifiability.workflows.predict import Fit, Predicts, read_fit
 Given = bool | float | str | Path | Fit | Predicts
 
 #: Shares of the largest variance below which a direction counts as known that well.
-LEAST = 1e-10
+LEAST: Tolerance = 1e-10
 #: Standard deviation of what the fitted motion never showed, of the largest value there is.
-UNSEEN = 100.0
+UNSEEN: Tolerance = 100.0
 #: What the ten inertial parameters are numbers of.
 VECTORS = (("m",), ("mx", "my", "mz"), INERTIAL_KINDS[4:])
 
@@ -114,7 +116,7 @@ def near_file(share: float, structure: Structure) -> NearFile:
     free = (structure.G / size) @ Vt[rank:].T
     unit = np.maximum(np.linalg.norm(spread, axis=1), 1e-300)
     U, own, _ = np.linalg.svd(free / unit[:, None])
-    across = U[:, int(np.sum(own > 1e-9 * own.max(initial=0.0))) :].T / unit
+    across = U[:, int(np.sum(own > ROUNDOFF * own.max(initial=0.0))) :].T / unit
     values, axes = np.linalg.eigh(across @ spread @ spread.T @ across.T)
     values = np.maximum(values, LEAST * values.max(initial=0.0))
     root = (axes / np.sqrt(np.maximum(values, 1e-300))).T @ across

@@ -22,10 +22,11 @@ import numpy as np
 from identifiability.effects import title_of
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import Motions, compare_motions
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Preparation, Samples
@@ -47,7 +48,7 @@ from identifiability.workflows.diagnose.rules import RULES, Rules
 #: What follows the name of a log in that of a part of it.
 PART = ", part "
 #: Share of a stretch that is left out at each of its inner ends.
-PAUSE = 0.05
+PAUSE: Tolerance = 0.05
 #: Samples after decimation that a diagnosis looks at in one log, and in all that are fitted; more
 #: are thinned to stretches.
 MOST_SAMPLES, MOST_IN_ALL = 6000, 8000
@@ -167,7 +168,7 @@ def prepare_rows(
     """
     windows = [log.rows(a, b) for a, b in signals.spread_windows(len(log))]
     step = float(np.median(np.concatenate([np.diff(w.t) for w in windows])))
-    even = log.clock.longest.length < 1.5 * step  # no filter reaches across a gap
+    even = log.clock.longest.length < LOG_RULES.gap * step  # no filter reaches across a gap
     if how is None and even and {"dq", "ddq"} <= set(log.channels):
         band = LOG_RULES.cutoff_wide * bandwidth_of_windows([w.q for w in windows], step)
         factor = int(
@@ -272,7 +273,7 @@ def find_odd_log(information: Information, fit: Estimate) -> tuple[Motions, int]
     odd = motions.odd()
     return (
         (motions, odd)
-        if motions.without(odd) >= ESTIMATION_RULES.motions_level and motions.moved.any()
+        if motions.without(odd) >= Thresholds.sign_level and motions.moved.any()
         else None
     )
 

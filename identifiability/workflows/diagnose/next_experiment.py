@@ -25,6 +25,7 @@ from identifiability.foundation.errors import ClosureError, IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, Samples
@@ -57,12 +58,13 @@ PERIODS = 32
 #: smoothed counts.
 LONGER, SLOWER = 4, 2
 #: Looks of each search, and samples a second.
-EVALUATIONS, RATE = 4000, 100.0
+EVALUATIONS = 4000
+RATE: Tolerance = 100.0
 #: Names that a sentence lists.
 LISTED = 4
 #: Similarity from which on two effects are the same torque, and another motion changes nothing; and
 #: of a direction of one that is one of the other.
-SAME = 1.0 - 1e-6
+SAME: Tolerance = 1.0 - 1e-6
 #: Random motions that are asked whether any motion tells effects apart, and samples of each.
 LOOKS, SAMPLES = 12, 150
 #: Periods of a motion that are prepared to know what one of many says.
@@ -273,7 +275,7 @@ def _time(seconds: float) -> str:
 
 
 def _percent(share: float) -> str:
-    return "more than 99 %" if share > 0.99 else f"{100 * share:.0f} %"
+    return "more than 99 %" if share > 99 / 100 else f"{100 * share:.0f} %"
 
 
 @frozen

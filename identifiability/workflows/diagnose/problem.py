@@ -10,8 +10,9 @@ import numpy as np
 
 from identifiability.effects import find_families
 from identifiability.estimation.noise import autocorrelation_time, fit_noise
-from identifiability.foundation.linalg import ROUNDING, triangular_factor
+from identifiability.foundation.linalg import RANK_TOLERANCE, ROUNDING, ROUNDOFF, triangular_factor
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.regression.structure import Structure
@@ -42,7 +43,8 @@ DECIMALS = 9
 #: Rounds in which joints are weighed by what is left of them.
 REWEIGHED = 4
 #: Parameters that an alias is said to be hidden behind, of this share of the largest at least.
-BEHIND, SHARE = 3, 0.1
+BEHIND = 3
+SHARE: Tolerance = 0.1
 
 
 @frozen
@@ -418,8 +420,8 @@ def find_aliases(
     for c in candidates:
         at = np.array(c.columns)
         values, vectors = np.linalg.eigh(G[np.ix_(b + at, b + at)])
-        seen = values > 1e-8 * max(float(values[-1]), 1e-300)
-        if not seen.any() or not values[-1] > 1e-9:
+        seen = values > RANK_TOLERANCE * max(float(values[-1]), 1e-300)
+        if not seen.any() or not values[-1] > ROUNDOFF:
             continue
         V = vectors[:, seen] / np.sqrt(values[seen])
         inside = C[:, at] @ V

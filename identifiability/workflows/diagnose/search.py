@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.workflows.diagnose.evidence import Beside, View
 from identifiability.workflows.diagnose.hypothesis import Catalogue, Group, Hypothesis
 from identifiability.workflows.diagnose.problem import Problem
@@ -22,7 +23,8 @@ from identifiability.workflows.diagnose.rows import Candidate
 
 #: Shapes that are tried on each side of one, as shares of the way to its neighbours, and rounds: a
 #: sixteenth of a step of the grid is left.
-BETWEEN, ROUNDS = (0.25, 0.5, 0.75), 2
+BETWEEN: tuple[Tolerance, Tolerance, Tolerance] = (0.25, 0.5, 0.75)
+ROUNDS = 2
 
 Say = Callable[[str, float], None]
 #: Neighbours of a hypothesis in a view that may have a score at least.
@@ -336,7 +338,7 @@ class Search:
             best = max(range(len(own)), key=lambda n: gains[own[n]])
             most = gains[own[best]]
             beside = [gains[own[n]] for n in (best - 1, best + 1) if 0 <= n < len(own)]
-            if np.isfinite(most) and most + sum(most - x for x in beside) / 8.0 >= least:
+            if np.isfinite(most) and most + sum(most - x for x in beside) / 8 >= least:
                 near.add(own[best])
         return near
 
@@ -354,7 +356,7 @@ class Search:
         ends = [tried[o] for o in (at - 1, at + 1) if 0 <= o < len(tried)]
         grid = np.log(sorted({p.candidates[o].shape for o in alike if o < p.given}))
         finest = float(np.diff(grid).min(initial=np.inf)) * BETWEEN[0] ** ROUNDS
-        ends = [end for end in ends if abs(np.log(end / own.shape)) > 1.5 * finest]
+        ends = [end for end in ends if abs(np.log(end / own.shape)) > 3 * finest / 2]
         shapes = [float(own.shape * (end / own.shape) ** x) for end in ends for x in BETWEEN]
         return [
             replace(own, shape=s, effect=own.family.at(s, own.place))

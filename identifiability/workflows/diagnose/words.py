@@ -6,6 +6,7 @@ import numpy as np
 
 from identifiability.effects import find_family, title_of
 from identifiability.foundation.numbers import REACH, holm, percent
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.workflows.answers import state_joints
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
@@ -15,7 +16,7 @@ from identifiability.workflows.diagnose.verdict import REFUTED, WORSE
 #: Effects that the headline states in full, and names and places that it lists of each.
 FULL, LISTED = 2, 3
 #: An error below this share of the torque is rounding.
-ROUNDING = 1e-9
+ROUNDING: Tolerance = 1e-9
 #: What a residual looks like that depends on one of these; a function of any other.
 LOOKS = {
     "time": "a drift over time",
@@ -24,9 +25,12 @@ LOOKS = {
     "load": "something that goes with the load",
 }
 #: Similarity from which on two digits after the point would say that it is one, and that it is.
-NEAR_ONE, ONE = 0.995, 1.0 - 1e-6
+NEAR_ONE: Tolerance = 0.995
+ONE: Tolerance = 1.0 - 1e-6
+#: From which on three digits would.
+NEARER_ONE: Tolerance = 0.9995
 #: Weight above which none is said.
-MOST = 0.99
+MOST: Tolerance = 0.99
 
 
 @frozen
@@ -304,7 +308,7 @@ def _state_resembling(e: NamedEffect, name: str, similarity: float) -> str:
 
 def _similarity(x: float) -> str:
     """Return a similarity with two digits after the point, more where these would say one."""
-    return f"{x:.2f}" if not NEAR_ONE <= x <= ONE else f"{min(x, 0.9999):.{3 + (x >= 0.9995)}f}"
+    return f"{x:.2f}" if not NEAR_ONE <= x <= ONE else f"{min(x, 0.9999):.{3 + (x >= NEARER_ONE)}f}"
 
 
 def advice(e: NamedEffect) -> str:

@@ -20,22 +20,27 @@ from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked, within
 from identifiability.foundation.output import check_ending, csv_text, write_bytes, write_text
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import acting
 from identifiability.robot import Robot, RobotLike
 from identifiability.simulation.motion import write_command_bag
 from identifiability.simulation.rollout import NO_SERVO, CommandedRobot
-from identifiability.workflows.excite.limits import MARGIN, Clearance, Limits, find_limits
+from identifiability.workflows.excite.limits import Clearance, Limits, find_limits
+from identifiability.workflows.excite.rules import RULES
 
 #: Share of its range that a joint swings at most, and of the limits that are used.
-SWING, USED = 0.3, 0.9
+SWING: Tolerance = 0.3
+USED: Tolerance = 0.9
 
 #: Sines of each joint, and their band [Hz]; the chirp goes through the same.
-SINES, BAND = 6, (0.1, 3.0)
+SINES = 6
+BAND: tuple[Tolerance, Tolerance] = (0.1, 3.0)
 
 #: Between steps [s], and over which signals begin and end [s].
-HELD, EASED = (0.4, 1.2), 0.5
+HELD: tuple[Tolerance, Tolerance] = (0.4, 1.2)
+EASED: Tolerance = 0.5
 
 #: How often signals are made smaller, and poses at which collisions are looked for.
 TRIED, POSES = 30, 300
@@ -257,4 +262,4 @@ def _gap(robot: Robot, watched: Clearance, q: Array) -> float:
     rows = np.unique(np.linspace(0, len(q) - 1, POSES).astype(int))
     poses = np.tile(robot.home, (len(rows), 1))
     poses[:, [robot.tree.single[joint].iq for joint in robot.joints]] = np.nan_to_num(q[rows])
-    return float(watched.gaps(poses).min()) - MARGIN
+    return float(watched.gaps(poses).min()) - RULES.clearance

@@ -15,6 +15,7 @@ from identifiability.estimation.estimate import estimate
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.names import Array, find_named
 from identifiability.foundation.options import check_choice
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.gather import gather_information
@@ -22,6 +23,7 @@ from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choos
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import BaseParameters, Structure
 from identifiability.robot import Robot
+from identifiability.workflows.excite.rules import RULES
 
 # What an exciting motion is good for: the criteria, on Gram matrices ``WᵀW``.
 #
@@ -33,17 +35,16 @@ from identifiability.robot import Robot
 # figure that a reader knows it by.
 
 
+#: Standard deviations beyond which an effect is seen well enough.
+PLAIN: Tolerance = 15.0
+
 #: Scaled eigenvalues of a Gram matrix below this are rounding.
-FLOOR = 1e-14
+FLOOR: Tolerance = 1e-14
 #: Columns shorter than this share of the longest never act.
-IDLE = 1e-12
-#: Share of an effect beside the model below which no motion is said to show it.
-VISIBLE = 0.03
+IDLE: Tolerance = 1e-12
 #: What is added to the scaled Gram matrix of what remains of an effect: directions of which less
 #: than a ten-thousandth remains have no angle.
-RIDGE = 1e-8
-#: Standard deviations beyond which an effect is seen well enough.
-PLAIN = 15.0
+RIDGE: Tolerance = 1e-8
 
 
 class Criterion(ABC):
@@ -139,7 +140,7 @@ class Separation(Criterion):
         """Return ``−log sin θ`` of the smallest angle, more where an effect is hardly visible."""
         similarity, remaining = self.angles(G)
         sine2 = np.maximum(1 - similarity**2, 1e-12)
-        hidden = np.maximum(np.log(2 * VISIBLE / np.maximum(remaining, 1e-9)), 0.0)
+        hidden = np.maximum(np.log(2 * RULES.visible / np.maximum(remaining, 1e-9)), 0.0)
         cost: Array = -0.5 * np.log(sine2) + hidden.sum(1)
         return cost
 
@@ -246,7 +247,7 @@ class Reveal(Criterion):
     """How much of effects of known size is seen beside the model.
 
     Gram matrices are in units of the noise. The mean logarithm over effects counts; beyond
-    `PLAIN` standard deviations an effect is no better seen, and below one no worse hidden.
+    `plain` standard deviations an effect is no better seen, and below one no worse hidden.
     `effects` are columns (p,) of each, `values` (p,) their sizes.
     """
 

@@ -22,60 +22,73 @@ from scipy.spatial.transform import Rotation
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_count
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot, complete_motion
 from identifiability.robot.floating import (
     SIX,
-    STRETCHED,
     Contact,
     base_acceleration,
     contact_jacobian,
 )
 from identifiability.robot.kinematics import Point
+from identifiability.robot.rules import RULES as ROBOT_RULES
 from identifiability.simulation.motion import Trajectory
 from identifiability.workflows.excite.limits import Drive, Limits, Workspace
 
 #: How far the base may go, as a share of the height at which it stands, and turn [rad]; how high a
 #: foot is lifted, and how far it goes there, as shares of that height.
-REACH, TURN, LIFT, SWING = 0.15, 0.3, 0.15, 0.2
+REACH: Tolerance = 0.15
+TURN: Tolerance = 0.3
+LIFT: Tolerance = 0.15
+SWING: Tolerance = 0.2
 
 #: Harmonics of a foot in the air.
 AIR = 3
 
 #: Distance of the zero-moment point from the edge of the feet that stand, as a share of the root of
 #: the area that all feet span.
-STABLE = 0.05
+STABLE: Tolerance = 0.05
 
 #: Force along the ground as a share of that which presses on it, at most.
-GRIP = 0.4
+GRIP: Tolerance = 0.4
 
 #: When, in its part of the motion, the base leans over the other feet and a foot is in the air.
-LEANS, LIFTS = (0.3, 0.25), (0.3, 0.75, 0.2)
+LEANS: tuple[Tolerance, Tolerance] = (0.3, 0.25)
+LIFTS: tuple[Tolerance, Tolerance, Tolerance] = (0.3, 0.75, 0.2)
 
 #: How much the base sways while it leans.
-CALM = 0.25
+CALM: Tolerance = 0.25
 
 #: Step of differences along a plan [s]; steps of Newton's, how far one goes [rad or m], and what is
 #: left of a distance that is none [m].
-STEP, NEWTON, FAR, REACHED = 1e-3, 14, 0.3, 1e-10
+STEP: Tolerance = 1e-3
+NEWTON = 14
+FAR: Tolerance = 0.3
+REACHED: Tolerance = 1e-10
 
 #: What is left of a position beyond which harmonics of a series are dropped [rad or m].
-SERIES = 1e-5
+SERIES: Tolerance = 1e-5
 
 #: Leans that are tried for a foot, each by this share of what is left to the middle of the others,
 #: and samples of a trial.
-LEANING, LEAN, LOOKED = 10, 0.15, 100
+LEANING = 10
+LEAN: Tolerance = 0.15
+LOOKED = 100
 
 #: By what candidates are made smaller, again and again, while they leave limits; at last swings
 #: alone are left, which keep them.
-SHRINKING = (0.97, 0.93, 0.85, 0.7, 0.6, 0.6, 0.5, 0.0)
+SHRINKING: tuple[
+    Tolerance, Tolerance, Tolerance, Tolerance, Tolerance, Tolerance, Tolerance, Tolerance
+] = (0.97, 0.93, 0.85, 0.7, 0.6, 0.6, 0.5, 0.0)
 
 #: Samples at which the search looks, for each part of a motion.
 LOOKS = 40
 
 #: Seconds that each part of a motion takes where nobody says how long it shall be: the first with
 #: which swings alone leave this much of the limits of joints.
-PARTS, SPARE = (2.5, 3.5, 5.0, 7.0, 10.0), 0.6
+PARTS: tuple[Tolerance, Tolerance, Tolerance, Tolerance, Tolerance] = (2.5, 3.5, 5.0, 7.0, 10.0)
+SPARE: Tolerance = 0.6
 
 
 def smooth(x: Array) -> Array:
@@ -200,7 +213,7 @@ class InPlace:
         parts = [contact_jacobian(self.robot.tree, frames, f.middle, None, 1) for f in self.feet]
         size = np.linalg.svd(np.concatenate(parts)[:, own, 0], compute_uv=False)
         rows = sum(len(part) for part in parts)
-        return len(own) >= rows and bool(size[rows - 1] > STRETCHED * size[0])
+        return len(own) >= rows and bool(size[rows - 1] > ROBOT_RULES.leg_stretched * size[0])
 
     # Candidates.
 
@@ -389,7 +402,7 @@ class InPlace:
                     errors.append(0.5 * sum(turned, np.zeros(3)))
             error = np.concatenate(errors, 1)
             left = np.abs(error).max(1)
-            if not np.nanmax(left, initial=0.0) > 0.01 * REACHED:
+            if not np.nanmax(left, initial=0.0) > REACHED / 100:
                 break
             J = np.concatenate(parts).transpose(2, 0, 1)[:, :, rows[legs]]
             square = J @ J.swapaxes(1, 2)

@@ -20,16 +20,19 @@ from identifiability.effects import default_effects
 from identifiability.foundation.documents import first_problem, read_document
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import USUAL_EFFECTS
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
-from identifiability.robot.closure import LEAP, invert, loop_jacobian, passes_singular
+from identifiability.robot.closure import invert, loop_jacobian, passes_singular
 from identifiability.robot.description import stated_speeds
 from identifiability.robot.files import body_of, read_geometry
 from identifiability.robot.kinematics import Point
+from identifiability.robot.rules import RULES as ROBOT_RULES
 from identifiability.robot.sidecar import LimitEntry, Span
+from identifiability.workflows.excite.rules import RULES
 
 # `Limits`: how far, how fast and how hard the joints may move, and where bodies may be.
 #
@@ -41,10 +44,6 @@ from identifiability.robot.sidecar import LimitEntry, Span
 # [workspace.platform] # body: where one of its points may be [m] point = [0.2, 0.1, 0.0] # in the
 # body's frame (default: its origin) z = [0.5, 0.9] # world coordinates; x, y and z
 
-
-#: Condition number (1-norm) of the closure that an exciting motion stays below. Within their
-#: limits the shipped robots stay below 130; above 1000 a configuration is called near-singular.
-CLOSURE_BOUND = 300.0
 
 #: Reach, speed and acceleration of joints without limits: (rotary [rad], sliding [m]), as those
 #: of random trajectories.
@@ -120,7 +119,7 @@ class Limits:
     torque: Array = field(default_factory=_endless)
     power: Array = field(default_factory=_endless)
     boxes: tuple[Box, ...] = ()
-    closure_bound: float = CLOSURE_BOUND
+    closure_bound: float = RULES.closure_bound
     assumed: tuple[str, ...] = ()
 
     @property
@@ -269,11 +268,6 @@ def _box(robot: Robot, body: str, entry: BoxEntry) -> Box:
 # How near bodies of a robot that are not joined come to each other along a motion.
 
 
-#: The search keeps bodies twice as far apart [m], and half of it is what a motion must keep at
-#: every sample, so that nothing touches between samples either.
-MARGIN = 0.01
-
-
 @dataclass(frozen=True)
 class Clearance:
     """The shapes of a robot's file, and the pairs of them that may not touch.
@@ -308,7 +302,7 @@ class Clearance:
         home = whole._distances(robot.home)
         objects = shapes.geometryObjects
         pairs = [(p.first, p.second) for p in shapes.collisionPairs]
-        bad = [pair for pair, d in zip(pairs, home, strict=True) if d < MARGIN]
+        bad = [pair for pair, d in zip(pairs, home, strict=True) if d < RULES.clearance]
         for first, second in bad:
             shapes.removeCollisionPair(pin.CollisionPair(first, second))
         names = [" and ".join(sorted(body_of(objects[k]) for k in pair)) for pair in bad]
@@ -327,8 +321,8 @@ class Clearance:
         if not self.touching:
             return ""
         return (
-            f"At home {listing(self.touching, 4)} are nearer than {1000 * MARGIN:g} mm already (as "
-            "drawn), so collisions of these are not watched."
+            f"At home {listing(self.touching, 4)} are nearer than {1000 * RULES.clearance:g} mm "
+            "already (as drawn), so collisions of these are not watched."
         )
 
     def gaps(self, q: Array) -> Array:
@@ -350,7 +344,7 @@ class Clearance:
 
 def nearness(gaps: Array) -> Array:
     """Return what each sample costs: nothing from twice the margin on, 1 at contact."""
-    near: Array = np.maximum(1.0 - np.asarray(gaps) / (2 * MARGIN), 0.0) ** 2
+    near: Array = np.maximum(1.0 - np.asarray(gaps) / (2 * RULES.clearance), 0.0) ** 2
     return near
 
 
@@ -399,7 +393,7 @@ class Drive:
 
 
 #: Share of a bound from which on the search keeps away from it.
-INNER = 0.9
+INNER: Tolerance = 0.9
 
 
 @frozen
@@ -505,7 +499,7 @@ def _jumps(robot: Robot, motion: Motion, step: float) -> np.ndarray:
         if j.kind in ("ball", "free"):  # a quaternion and its negative are one rotation
             a, b = a[:, -4:], b[:, -4:]
             b = b * np.where(np.sum(a * b, 1, keepdims=True) < 0, -1.0, 1.0)
-        far |= np.abs(a - b).max(1) > LEAP
+        far |= np.abs(a - b).max(1) > ROBOT_RULES.leap
     return far
 
 

@@ -20,6 +20,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.output import csv_text, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import digits, format_count, format_number, whole_percent
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.robot import Robot, complete_motion
@@ -31,9 +32,10 @@ from identifiability.simulation.motion import (
 )
 from identifiability.workflows.answers import answer_next, note, sentence
 from identifiability.workflows.commands import name_logs, on_file, source_name
-from identifiability.workflows.excite.criteria import VISIBLE, Criterion
+from identifiability.workflows.excite.criteria import Criterion
 from identifiability.workflows.excite.in_place import InPlace
-from identifiability.workflows.excite.limits import MARGIN, Clearance, Drive, Limits
+from identifiability.workflows.excite.limits import Clearance, Drive, Limits
+from identifiability.workflows.excite.rules import RULES
 from identifiability.workflows.excite.search import End, Iteration
 
 # From a periodic motion to what a controller plays: from rest, into the periods, back to rest.
@@ -46,10 +48,10 @@ from identifiability.workflows.excite.search import End, Iteration
 
 
 #: Lengths of the rise that are tried, in periods.
-RISES = (0.25, 0.5, 1.0, 2.0, 4.0)
+RISES: tuple[Tolerance, Tolerance, Tolerance, Tolerance, Tolerance] = (0.25, 0.5, 1.0, 2.0, 4.0)
 
 #: What rounding and the harmonics between samples may add to a limit.
-SLACK = 1.01
+SLACK: Tolerance = 1.01
 
 
 def play(
@@ -136,14 +138,14 @@ def _keeps(
             return False
     if drive is not None and float(drive.load(whole).max()) > SLACK:
         return False
-    return watched is None or float(watched.gaps(whole.q).min()) >= MARGIN / 2
+    return watched is None or float(watched.gaps(whole.q).min()) >= RULES.clearance / 2
 
 
 # `Excitation`: a motion to measure, what it is good for, and what it keeps.
 
 
 #: Similarity above which a diagnosis gives both names.
-CONFUSABLE = 0.9
+CONFUSABLE: Tolerance = 0.9
 
 
 @frozen
@@ -432,7 +434,7 @@ class Excitation(Result):
         rise = self.after.figure - self.before.figure
         count = len(self.chosen) or len(self.names)
         share = float(np.exp(-rise / (2 * count)))
-        if share > 0.995:
+        if 200 * share > 199:
             return (
                 f"No motion was found that says more about {about} than {self.beside}. The best "
                 f"has a log-det of {self.after.figure:.4g} against {self.before.figure:.4g}."
@@ -448,7 +450,7 @@ class Excitation(Result):
         hidden = [
             f"{name} leaves only {100 * share:.2g} % outside the model"
             for name, share in zip(self.chosen, self.after.visible, strict=True)
-            if share < VISIBLE
+            if share < RULES.visible
         ]
         if hidden:
             why = " and ".join(hidden)
@@ -483,10 +485,6 @@ def _ceil(x: float) -> str:
     return f"{np.ceil(x / power) * power:g}"
 
 
-#: σ of a parameter relative to before, up to which it is known better.
-BETTER = 0.95
-
-
 def _motion(result: Excitation) -> Answer:
     joints = format_count(len(result.limits.joints), "joint")
     seconds = format_number(result.trajectory.period, 3)
@@ -496,7 +494,7 @@ def _motion(result: Excitation) -> Answer:
 
 def _worth(result: Excitation) -> Answer:
     gain = result.gain[np.isfinite(result.gain)]
-    better = int((gain < BETTER).sum())
+    better = int((gain < RULES.better).sum())
     short = (
         f"{better} of {format_count(len(result.gain), 'parameter')} are known better than from "
         f"{result.beside}."

@@ -16,13 +16,13 @@ from scipy.optimize import minimize
 
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot, complete_motion
 from identifiability.simulation.motion import Trajectory
 from identifiability.workflows.excite.criteria import Known, Question
 from identifiability.workflows.excite.in_place import InPlace
 from identifiability.workflows.excite.limits import (
-    MARGIN,
     Clearance,
     Drive,
     Limits,
@@ -30,6 +30,7 @@ from identifiability.workflows.excite.limits import (
     nearness,
     survey,
 )
+from identifiability.workflows.excite.rules import RULES
 
 # Candidate motions: what a series keeps by construction, what it does, and what it costs.
 #
@@ -55,9 +56,10 @@ LOOKS = 12
 BATCH = 2400
 #: Cost of each sample at which bodies touch that are not joined, and the step of its gradient, over
 #: which distances change by more than their rounding.
-TOUCHING, NUDGE = 4.0, 1e-3
+TOUCHING: Tolerance = 4.0
+NUDGE: Tolerance = 1e-3
 #: Cost of a candidate whose loops do not close everywhere; more for each sample.
-OPEN = 50.0
+OPEN: Tolerance = 50.0
 
 
 @frozen
@@ -229,7 +231,9 @@ class Objective:
         if self.watched[0] is None:
             return float(cost[0]), slope
         gaps = self.gaps(x[None], self.samples)
-        near = gaps[0] < 3 * MARGIN  # a neighbour is not far: the others stay where they are
+        near = (
+            gaps[0] < 3 * RULES.clearance
+        )  # a neighbour is not far: the others stay where they are
         total = TOUCHING * float(nearness(gaps).sum())
         if near.any():
             moved = self.gaps(x + NUDGE * np.eye(len(x)), self.samples, near)
@@ -300,9 +304,9 @@ End = Literal["converged", "evaluations", "time"]
 DRAWS = 128
 STARTS = 3
 #: Share of the iterations that each start gets before the best is chosen.
-FIRST = 0.25
+FIRST: Tolerance = 0.25
 #: Fall of the cost of a whole round below which the search has converged.
-SETTLED = 2e-3
+SETTLED: Tolerance = 2e-3
 #: Rounds of BFGS on the best start, or the next one where that has converged.
 ROUNDS = 4
 

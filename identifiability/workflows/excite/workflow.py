@@ -24,6 +24,7 @@ from identifiability.foundation.options import (
     counted,
     within,
 )
+from identifiability.foundation.rules import Tolerance
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.reduction import ModelLike, free_again, unused_ladder
@@ -39,20 +40,20 @@ from identifiability.workflows.excite.criteria import (
 )
 from identifiability.workflows.excite.in_place import InPlace, find_in_place
 from identifiability.workflows.excite.limits import (
-    MARGIN,
     Limits,
     Workspace,
     doubt_assumed,
     find_limits,
 )
 from identifiability.workflows.excite.result import Excitation, Merit
+from identifiability.workflows.excite.rules import RULES
 from identifiability.workflows.excite.search import OPEN, Objective, Search, Series, search
 from identifiability.workflows.opening import Logs, Progress, list_logs, quiet
 from identifiability.workflows.provenance import state_provenance
 from identifiability.workflows.session import Session
 
 #: Length of a period [s], by default.
-PERIOD = 7.5
+PERIOD: Tolerance = 7.5
 
 #: Motions that a search looks at; each of a robot that stands on its feet takes longer.
 EVALUATIONS, IN_PLACE = 15_000, 2_500
@@ -297,7 +298,7 @@ def _best(
         x = objective.series.shrink(tried[None], samples)[0]
         G, space = objective.look(x, samples)
         gap = float(objective.gaps(x, samples).min())
-        if space.kept(objective.limits.closure_bound)[0] and gap >= MARGIN / 2:
+        if space.kept(objective.limits.closure_bound)[0] and gap >= RULES.clearance / 2:
             kept.append((float(objective.question.criterion.cost(G)[0]), x, G[0], space, gap))
             if isinstance(objective.series, Series):  # others are made smaller than they were found
                 break
@@ -316,7 +317,7 @@ def _best(
             f"{1e3 * objective.series.margin:.3g} mm inside of the feet that stand"
         )
     if objective.watched[0] is not None:
-        demands.append(f"bodies that keep {500 * MARGIN:g} mm from each other")
+        demands.append(f"bodies that keep {500 * RULES.clearance:g} mm from each other")
     raise ClosureError(
         f"No motion of {robot.name} was found that stays within the workspace "
         f"({' and '.join(demands)}); give narrower limits of the joints about its home position "

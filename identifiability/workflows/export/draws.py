@@ -20,6 +20,7 @@ from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, FilePath, checked
 from identifiability.foundation.output import check_ending
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.tables import PARQUET, write_table
 from identifiability.physical.fitted_model import LeastSquares, physical_set
@@ -33,19 +34,19 @@ from identifiability.workflows.export.workflow import save_robot
 from identifiability.workflows.predict import Fit, read_fit
 
 #: Share of their size by which bodies differ from the file's, where logs hold no torque.
-SHARE = 0.2
+SHARE: Tolerance = 0.2
 
 #: Joints' numbers are as free as torque of so many times its size makes them.
-WIDE = 10.0
+WIDE: Tolerance = 10.0
 
 #: A direction with less than this share of the largest variance is known.
-KNOWN = 1e-14
+KNOWN: Tolerance = 1e-14
 
 #: Steps of the sampler: before the first draw, and from one that is kept to the next.
 WARMUP, APART, WALKERS = 12, 3, 16
 
 #: Margin inside the physical set at which it begins.
-MARGIN = 1e-3
+MARGIN: Tolerance = 1e-3
 
 
 @frozen(kw_only=True)

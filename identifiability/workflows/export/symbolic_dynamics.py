@@ -21,6 +21,7 @@ from identifiability.effects.transmission import SMALLEST, LoadDependentFriction
 from identifiability.effects.vocabulary import every_parameter
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Robot
 from identifiability.robot.kinematics import WORLD, Joint, Point, Tree
@@ -171,7 +172,7 @@ def forces_along(
 
 
 #: Entries of constant frames below this are rounding.
-ROUNDING = 1e-15
+ROUNDING: Tolerance = 1e-15
 
 
 def tree_torque(

@@ -35,12 +35,14 @@ from identifiability.foundation.output import (
     write_text,
 )
 from identifiability.foundation.result import shown
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.mend import REPLACED
 from identifiability.logs.prepare.instruments import STANDS
 from identifiability.physical.cad_prior import state_mass
-from identifiability.physical.feasibility import ANOTHER, is_another
+from identifiability.physical.feasibility import is_another
 from identifiability.physical.pseudo_inertia import check_body
+from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.other_format import write_converted
 from identifiability.robot.servo import FOUND, Servo, state_delay
@@ -52,7 +54,7 @@ from identifiability.workflows.predict import Entry, MissingEntry, RobotEntry, s
 
 
 #: A body with less than this share of the robot's mass weighs nothing: some formats want a number.
-NOTHING = 1e-9
+NOTHING: Tolerance = 1e-9
 
 
 class GravityEntry(Entry):
@@ -704,6 +706,7 @@ def _refuse_another(
     lost = [n for n, x in held_by_file(robot, given, kind).items() if x != given[n]]
     raise IdentifiabilityError(
         f"On the fitted logs {out.name} alone would err by {100 * alone:.3g} %, more than "
-        f"{ANOTHER:g} times the {100 * whole:.3g} % of all that was fitted, because it cannot hold "
-        f"{listing(lost, 4)}: export to .json{better}, or write it all the same with --force."
+        f"{PHYSICAL_RULES.another_robot:g} times the {100 * whole:.3g} % of all that was fitted, "
+        f"because it cannot hold {listing(lost, 4)}: export to .json{better}, or write it all the "
+        "same with --force."
     )

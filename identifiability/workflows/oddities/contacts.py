@@ -6,16 +6,27 @@ import numpy as np
 
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.logs.base import ACC
 from identifiability.logs.prepare import Samples
 from identifiability.logs.signals import sampling_step
 from identifiability.robot.floating import slip_shares
 from identifiability.workflows.oddities.check import Does, check
 from identifiability.workflows.oddities.measured_logs import MeasuredLogs
+from identifiability.workflows.oddities.rules import RULES
 
-#: A closed contact that moves at this share of how fast it does while open does not stand, and at
-#: how many samples that is looked at.
-SLIPS, LOOKED = 1 / 3, 5000
+#: and what has so many times the mean of such noise is none.
+NOISE: Tolerance = 2.0
+
+#: this share of its mean;
+SHARE: Tolerance = 0.45
+
+#: Where windows are sorted by their power, noise that never rests has in this share of them, the
+#: quietest,
+QUIET: Tolerance = 0.2
+
+#: Samples at which it is looked at whether a closed contact stands.
+LOOKED = 5000
 
 
 @check(
@@ -40,7 +51,9 @@ def find_slips(logs: MeasuredLogs) -> tuple[str, ...]:
             assert some.touch is not None
             found = slip_shares(robot.tree, robot.base, some.q, some.v, some.touch)
             shares = np.fmax(shares, found)
-    moving = [c.name for c, x in zip(robot.base.contacts, shares, strict=True) if x > SLIPS]
+    moving = [
+        c.name for c, x in zip(robot.base.contacts, shares, strict=True) if x > RULES.contact_slips
+    ]
     if not moving:
         return ()
     return (
@@ -53,14 +66,6 @@ def find_slips(logs: MeasuredLogs) -> tuple[str, ...]:
 #: Samples of the windows that spectra are made of, and the highest of their frequencies that are
 #: asked, next to half the sampling rate.
 WINDOW, HIGHEST = 32, 4
-
-#: Where windows are sorted by their power, noise that never rests has in the quietest fifth of
-#: them this share of its mean; what has twice the mean of such noise is none.
-QUIET, SHARE, NOISE = 0.2, 0.45, 2.0
-
-#: Intervals of a quadruped's trot held (.98) where .02 to .04 of the acceleration was folded, and
-#: did not (.61 and .69) from .07 on.
-FOLDED = 0.06
 
 
 @check(
@@ -86,7 +91,7 @@ def find_aliases(logs: MeasuredLogs) -> tuple[str, ...]:
             cutoff = bands.get(log.name) or 0.5 / dt
             share = folded_share(log.base[:, ACC], dt, cutoff)
             found[log.name] = max(found.get(log.name, 0.0), share)
-    names = [name for name, share in found.items() if share > FOLDED]
+    names = [name for name, share in found.items() if share > RULES.impacts_folded]
     if not names:
         return ()
     return (
@@ -110,7 +115,10 @@ def folded_share(x: Array, dt: float, cutoff: float) -> float:
     parts = np.lib.stride_tricks.sliding_window_view(x, WINDOW, axis=0)[:: WINDOW // 2]
     Z = np.fft.rfft((parts - parts.mean(-1, keepdims=True)) * taper)[..., -HIGHEST - 1 : -1]
     power = (np.abs(Z) ** 2).mean(-1) * 2 / (WINDOW * (taper**2).sum())
-    mean, noise = power.mean(0), np.quantile(power, QUIET, axis=0) / SHARE
+    mean, noise = (
+        power.mean(0),
+        np.quantile(power, QUIET, axis=0) / SHARE,
+    )
     folded = np.where(mean > NOISE * noise, mean - noise, 0.0).sum()
     reached = cutoff * dt * WINDOW
     return float(np.sqrt(folded * reached / max(x.var(0).sum(), 1e-300)))

@@ -10,9 +10,7 @@ from identifiability.logs.prepare.samples import stands_still, torque_varies
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.workflows.oddities.check import Does, check
 from identifiability.workflows.oddities.measured_logs import MeasuredLogs
-
-#: Share of the samples at which noise turns the sign of a velocity that is said.
-TURNED = 0.01
+from identifiability.workflows.oddities.rules import RULES
 
 
 @check(
@@ -64,7 +62,7 @@ def find_turned_signs(logs: MeasuredLogs) -> tuple[str, ...]:
         if motion.smooth_v is not None:
             apart = np.sign(motion.actuated_v) != np.sign(motion.smooth_v[:, 0])
             turned = np.maximum(turned, apart.mean(0))
-    at = [f"'{j}.dq'" for j, x in zip(logs.joints, turned, strict=True) if x > TURNED]
+    at = [f"'{j}.dq'" for j, x in zip(logs.joints, turned, strict=True) if x > RULES.sign_turned]
     if not at:
         return ()
     return (

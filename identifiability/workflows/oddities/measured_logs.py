@@ -12,6 +12,7 @@ from identifiability.effects.nominal import (
     has_masses,
     rigid_torque,
 )
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -129,7 +130,7 @@ def without(x: Array, known: Array) -> Array:
     """Return what is left of x (N, …) when known columns (N, k) are projected out."""
     size = np.linalg.norm(known, axis=0)
     Q, R = np.linalg.qr(known / np.where(size > 0, size, 1.0))
-    kept = np.abs(np.diag(R)) > 1e-9
+    kept = np.abs(np.diag(R)) > ROUNDOFF
     Q = Q[:, kept]
     left: Array = x - Q @ (Q.T @ x)
     return left
@@ -145,7 +146,7 @@ def unexplained(W: Array, tau: Array) -> float:
     length = np.linalg.norm(A, axis=0)
     A = A[:, length > 0] / length[length > 0]
     square, V = np.linalg.eigh(A.T @ A)
-    kept = square > 1e-9 * square[-1]
+    kept = square > ROUNDOFF * square[-1]
     fit = (V[:, kept].T @ (A.T @ b)) / np.sqrt(square[kept])
     size, explained = float(b @ b), float(fit @ fit)
     return float(max(1.0 - explained / size, 0.0) ** 0.5)

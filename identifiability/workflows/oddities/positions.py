@@ -14,12 +14,10 @@ from identifiability.logs.mend import looks_like_degrees
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.workflows.oddities.check import Does, check
 from identifiability.workflows.oddities.measured_logs import MeasuredLogs
+from identifiability.workflows.oddities.rules import RULES
 
 # Positions beyond the limits of the robot file: another unit, zero, sign or joint.
 
-
-#: Share of the samples that must lie outside, by this share of the allowed range.
-OUTSIDE, MARGIN = 0.2, 0.05
 
 TURN = 2 * np.pi
 
@@ -62,8 +60,8 @@ def _outside(q: Array, low: float, high: float, *, turns: bool) -> bool:
     """Return whether positions (N,) lie outside of limits, whole turns aside."""
     if turns:
         q = q - TURN * round((float(np.median(q)) - 0.5 * (low + high)) / TURN)
-    margin = MARGIN * (high - low)
-    return bool(np.mean((q < low - margin) | (q > high + margin)) > OUTSIDE)
+    margin = RULES.outside_margin * (high - low)
+    return bool(np.mean((q < low - margin) | (q > high + margin)) > RULES.outside_share)
 
 
 # Stretches in which a column repeats one value although the joint goes on: a reading that hung.
@@ -71,12 +69,6 @@ def _outside(q: Array, low: float, high: float, *, turns: bool) -> bool:
 
 #: Shortest stretch that is said, in samples.
 SHORTEST = 4 * LOG_RULES.repeats_longest
-
-#: Over as many samples the column usually changes by so many times its resolution …
-CHANGES = 12.0
-
-#: … and when it goes on, it jumps so many times as far as it usually changes in one sample.
-JUMPS = 6.0
 
 
 @check(
@@ -131,7 +123,7 @@ def _jumps(x: Array, a: int, b: int, step: float) -> bool:
     far = np.abs(x[length:] - x[:-length])
     near = np.abs(np.diff(x))
     usual = float(np.quantile(near, 0.9))
-    if np.median(far) < CHANGES * step:
+    if np.median(far) < RULES.stuck_changes * step:
         return False
     leap = abs(x[b] - x[b - 1]) if b < len(x) else 0.0
-    return bool(leap > JUMPS * max(usual, step))
+    return bool(leap > RULES.stuck_jumps * max(usual, step))

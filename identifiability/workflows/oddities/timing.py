@@ -10,16 +10,20 @@ from itertools import pairwise
 import numpy as np
 import scipy
 
+from identifiability.foundation.linalg import RANK_TOLERANCE, ROUNDOFF
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.prepare.plan import joint_log
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.regression.structure import Structure
 from identifiability.workflows.oddities.check import Does, check
 from identifiability.workflows.oddities.measured_logs import MeasuredLogs, without
+from identifiability.workflows.oddities.rules import RULES
 
 # Torque that is late, or early, beside its motion, and positions beside their velocities.
 #
@@ -30,29 +34,22 @@ from identifiability.workflows.oddities.measured_logs import MeasuredLogs, witho
 
 
 #: Longest delay that is looked for [s], and how many on each side.
-LONGEST, SIDES = 0.3, 40
+LONGEST: Tolerance = 0.3
+SIDES = 40
 
 #: Samples of a log that are looked at, and of which the regressor is made at a time.
 ENOUGH, CHUNK = 1000, 256
 
-#: The sum of squared errors must fall below this share of that of the columns where they are.
-FAR = 0.5
-
-#: Relative error of the log, unmoved, below which nothing is looked for; and the largest that may
-#: be left of it, moved: a fit that explains little says nothing on time.
-SMALL, LEFT = 0.03, 0.5
-
-#: A shift of a part of a sample is said where chance makes one so seldom, from this size on
-#: [samples], and up to where its slope tells it.
-CHANCE, LEAST, MOST = 1e-3, 0.25, 4.0
-
 #: Samples of a log by which it is measured, stretches of time between which it scatters, bytes that
 #: the columns may take, and outputs a column.
-LONG, STRETCHES, BYTES, EACH = 4096, 24, 3e7, 2
+LONG = 4096
+STRETCHES = 24
+BYTES: Tolerance = 3e7
+EACH = 2
 
 #: Speeds at which friction may change, as shares of the largest: what a model of friction lacks is
 #: told from a shift.
-SLOW = (0.05, 0.2)
+SLOW: tuple[Tolerance, Tolerance] = (0.05, 0.2)
 
 
 @check(
@@ -124,8 +121,8 @@ class Delay:
     @property
     def certain(self) -> bool:
         """Whether there is no other way to see it."""
-        far = self.moved < min(FAR**0.5 * self.error, LEFT)
-        return self.delay != 0 and far and self.error > SMALL
+        far = self.moved < min(RULES.delay_left**0.5 * self.error, RULES.delay_left)
+        return self.delay != 0 and far and self.error > RULES.delay_small
 
 
 def measure_delay(logs: MeasuredLogs, prepared: Prepared) -> Delay | None:
@@ -151,7 +148,7 @@ def measure_delay(logs: MeasuredLogs, prepared: Prepared) -> Delay | None:
         moved = range(n) if joint < 0 else (joint,)
         left = fit.errors(moved, coarse)
         k = int(coarse[np.argmin(left)])
-        if stride > 1 and left.min() < FAR * now:
+        if stride > 1 and left.min() < RULES.delay_left * now:
             near = np.arange(max(k - stride, -reach), min(k + stride, reach) + 1)
             left = fit.errors(moved, near)
             k = int(near[np.argmin(left)])
@@ -179,7 +176,10 @@ class Shift:
     def certain(self) -> bool:
         """Whether it is no chance, and large enough to say."""
         chance = 2 * scipy.special.stdtr(STRETCHES - 1, -abs(self.samples) / self.sigma)
-        return bool(LEAST <= abs(self.samples) <= MOST and chance < CHANCE)
+        return bool(
+            RULES.shift_least <= abs(self.samples) <= RULES.shift_most
+            and chance < RULES.shift_chance
+        )
 
     @property
     def text(self) -> str:
@@ -281,9 +281,9 @@ def _test_shift(slopes: Array, y: Array, known: Array, dt: float) -> Shift | Non
     size = np.linalg.norm(known, axis=0)
     Q, R = np.linalg.qr(known[:, size > 0] / size[size > 0])
     U, s, _ = np.linalg.svd(R)
-    Q = Q @ U[:, s > 1e-8 * s.max(initial=0.0)]
+    Q = Q @ U[:, s > RANK_TOLERANCE * s.max(initial=0.0)]
     d, rest = slopes - Q @ (Q.T @ slopes), y - Q @ (Q.T @ y)
-    used = (d**2).sum(0) > 1e-8 * (slopes**2).sum(0)
+    used = (d**2).sum(0) > RANK_TOLERANCE * (slopes**2).sum(0)
     d, count = d[:, used], slopes.shape[1]
     if not used.any() or not (rest**2).sum() > 0:
         return None
@@ -333,7 +333,7 @@ class _Fit:
         length = np.sqrt(np.diag(gram))
         unit = np.divide(1.0, length, out=np.zeros(p), where=length > 0)
         square, V = np.linalg.eigh(unit[:, None] * gram * unit)
-        kept = square > 1e-9 * square[-1]
+        kept = square > ROUNDOFF * square[-1]
         self._turn = unit[:, None] * V[:, kept] / np.sqrt(square[kept])
         here = self._tau[rows]
         self.size = float(((here - here.mean(0)) ** 2).sum())
@@ -405,19 +405,6 @@ def _gapless(kept: np.ndarray, reach: int) -> np.ndarray:
 # Time in another unit: speeds and accelerations that contradict the file's limits and masses.
 
 
-#: Speeds beyond so many times the limit at every joint that has one, or below the inverse square.
-BEYOND = 10.0
-
-#: Torque follows acceleration by another factor than weight if their ratio is beyond this.
-RATIO = 400.0
-
-#: The measured torque must follow both with this correlation.
-FOLLOWS = 0.6
-
-#: A robot's log has at most this step [s].
-SLOW_CLOCK = 0.5
-
-
 @check(
     "time in another unit",
     Does.MISREADS,
@@ -441,11 +428,11 @@ def _by_limits(logs: MeasuredLogs) -> str:
     if not known.any():
         return ""
     speed = np.abs(logs.motion.actuated_v).max(0)
-    if (speed[known] > BEYOND * limits[known]).all():
+    if (speed[known] > RULES.speed_beyond * limits[known]).all():
         k = int(np.flatnonzero(known)[np.argmax(speed[known] / limits[known])])
         return (
-            f"every joint moves faster than {BEYOND:g} times its speed limit ({logs.joints[k]} "
-            f"{speed[k]:.3g}, limit {limits[k]:.3g})"
+            f"every joint moves faster than {RULES.speed_beyond:g} times its speed limit "
+            f"({logs.joints[k]} {speed[k]:.3g}, limit {limits[k]:.3g})"
         )
     return ""
 
@@ -466,7 +453,7 @@ def _by_inertia(logs: MeasuredLogs) -> str:
     if not ratios:
         return ""
     ratio = float(np.median(ratios))
-    if 1 / RATIO < ratio < RATIO or ratio <= 0:
+    if 1 / RULES.time_ratio < ratio < RULES.time_ratio or ratio <= 0:
         return ""
     return (
         f"against the masses of the robot file, inertia shows {ratio:.2g} times as strongly as "
@@ -479,16 +466,18 @@ def _slope(x: Array, tau: Array, drive: Array, other: Array) -> float:
     known = np.column_stack([drive, other])
     left, torque = without(x, known), without(tau, known)
     lengths = np.linalg.norm(left), np.linalg.norm(torque)
-    if not lengths[0] > 0.2 * np.linalg.norm(x - x.mean()) or not min(lengths) > 0:
+    if not lengths[0] > RULES.time_varies * np.linalg.norm(x - x.mean()) or not min(lengths) > 0:
         return 0.0
     fit = float(left @ torque)
-    return fit / float(lengths[0] ** 2) if fit > FOLLOWS * lengths[0] * lengths[1] else 0.0
+    return (
+        fit / float(lengths[0] ** 2) if fit > RULES.time_follows * lengths[0] * lengths[1] else 0.0
+    )
 
 
 def _by_rate(logs: MeasuredLogs) -> str:
     for log in logs.recordings:
         step = (log.clock.last - log.clock.first) / max(len(log) - 1, 1)
-        if step > SLOW_CLOCK:
+        if step > LOG_RULES.slowest_step:
             return f"{log.name} has one sample in {step:.3g} s, too few for a robot in motion"
     return ""
 

@@ -7,24 +7,22 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
+from scipy.special import stdtrit
 
 from identifiability.foundation.errors import ClosureError, listing
+from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import ENDS
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.gaps import smallest_change
 from identifiability.regression.mix_up import find_mix_up
 from identifiability.robot import complete_motion
 from identifiability.workflows.oddities.check import Does, check
 from identifiability.workflows.oddities.measured_logs import MeasuredLogs, unexplained, without
+from identifiability.workflows.oddities.rules import RULES
 
 # An "effort" that is no force: it does not carry the weight that the robot file puts on it.
-
-
-#: Measured torque is too small if its size is this share of the weight that it has to hold.
-CARRIED = 0.1
-
-#: Weight must be this share of the largest one among like joints.
-FELT = 0.05
 
 
 @check(
@@ -44,8 +42,8 @@ def find_weightless(logs: MeasuredLogs) -> tuple[str, ...]:
     measured = np.sqrt(np.mean(logs.torque**2, 0))
     units = np.array(logs.robot.torque_units)
     most = np.array([weight[units == u].max() for u in units])
-    felt = (weight > FELT * most) & (weight > 0) & logs.measured
-    light = (measured < CARRIED * weight) & felt
+    felt = (weight > RULES.weight_felt * most) & (weight > 0) & logs.measured
+    light = (measured < RULES.weight_carried * weight) & felt
     if not light.any():
         return ()
     said = [
@@ -69,15 +67,14 @@ def find_weightless(logs: MeasuredLogs) -> tuple[str, ...]:
 
 #: The factor is the nearest of these, if its interval lies nearer to it than to any other and is
 #: no wider than they lie apart.
-FACTORS = (-1.0, 0.0, 0.5, 1.0)
-WIDEST = 0.25
+FACTORS: tuple[Tolerance, Tolerance, Tolerance, Tolerance] = (-1.0, 0.0, 0.5, 1.0)
 
-
-#: Samples on which models are compared, and how much worse one may fit that is as good.
-ENOUGH, WORSE = 300, 1.1
+#: Samples on which models are compared.
+ENOUGH = 300
 
 #: Stretches by whose scatter an interval is found, and Student's quantile of as many.
-STRETCHES, QUANTILE = 20, 2.09
+STRETCHES = 20
+QUANTILE = float(stdtrit(STRETCHES - 1, ENDS[1]))
 
 
 @frozen
@@ -106,7 +103,7 @@ class Carried:
         What moves the file's masses says whether they are there at all: a tool that the file does
         not state, or a spring, carries weight of its own.
         """
-        others = abs(self.moving) - self.moving_half > FACTOR
+        others = abs(self.moving) - self.moving_half > RULES.unit_factor
         return np.nan if others else _nearest(self.factor, self.half)
 
     @property
@@ -117,12 +114,12 @@ class Carried:
     @property
     def is_half(self) -> bool:
         """Whether all of it is half of what the masses ask for, as far as it shows."""
-        near = abs(self.factor - 0.5) <= self.half + 0.1 * 0.5
+        near = abs(self.factor - 0.5) - self.half <= RULES.factor_near
         return near and self.nearest == 0.5 and (np.isnan(self.moves) or self.moves == 0.5)
 
 
 def _nearest(value: float, half: float) -> float:
-    if not half < WIDEST:
+    if not half < RULES.factor_widest:
         return np.nan
     own = {min(FACTORS, key=lambda f: abs(f - x)) for x in (value - half, value + half)}
     return own.pop() if len(own) == 1 else np.nan
@@ -135,12 +132,12 @@ def measure_carried(logs: MeasuredLogs) -> list[Carried]:
     units = np.array(logs.robot.torque_units)
     most = np.array([size[units == u].max() for u in units])
     found = []
-    for k in np.flatnonzero((size > FELT * most) & (size > 0) & logs.measured):
+    for k in np.flatnonzero((size > RULES.weight_felt * most) & (size > 0) & logs.measured):
         moving = logs.predicted[:, k] - weight[:, k]
         own = np.column_stack([weight[:, k], moving, logs.ordinary(int(k))])
         own, torque = own[logs.data[:, k]], logs.torque[logs.data[:, k], k]
         value, half = regress(own, torque)
-        if not half[0] < WIDEST:  # weight that hardly varies is told from no offset
+        if not half[0] < RULES.factor_widest:  # weight that hardly varies is told from no offset
             value, half = regress(own[:, [0, 1, 3, 4, 5]], torque)
         if np.isfinite(half[0]):
             found.append(Carried(int(k), value[0], half[0], value[1], half[1]))
@@ -157,13 +154,13 @@ def regress(X: Array, y: Array) -> tuple[Array, Array]:
     used = length > 0
     A = X[:, used] / length[used]
     square, V = np.linalg.eigh(A.T @ A)
-    good = square > 1e-9 * square[-1]
+    good = square > ROUNDOFF * square[-1]
     inverse = (V[:, good] / square[good]) @ V[:, good].T
     value = inverse @ (A.T @ y)
     scores = A * (y - A @ value)[:, None]
     sums = np.stack([s.sum(0) for s in np.array_split(scores, STRETCHES)])
     spread = inverse @ (sums.T @ sums) @ inverse * STRETCHES / (STRETCHES - 1)
-    lost = (V[:, ~good] ** 2).sum(1) > 1e-6
+    lost = (V[:, ~good] ** 2).sum(1) > NEARLY
     half = np.where(lost, np.nan, QUANTILE * np.sqrt(np.diag(spread)))
     out, halves = np.full((2, len(length)), np.nan)
     out[used], halves[used] = value / length[used], half / length[used]
@@ -236,7 +233,7 @@ def _lacks_weight(logs: MeasuredLogs, joints: list[int]) -> bool:
     bare[at] = model.regressor(light, motion)[:, joints]
     W, bare = W[:, :, kept], bare[:, :, kept]
     given, lighter = (unexplained(x / spread[:, None], tau / spread) for x in (W, bare))
-    return lighter <= WORSE * given
+    return lighter <= RULES.factor_worse * given
 
 
 def _tell_compensated(logs: MeasuredLogs, none: list[Carried], every: bool) -> str:
@@ -270,37 +267,17 @@ def _tell_gears(logs: MeasuredLogs, half: list[Carried]) -> str:
 #
 # At each joint the measured torque is regressed on what the file's masses predict, beside what any
 # drive adds (friction, rotor inertia, offset); or on all that the file predicts, where it states
-# the drive too. A file can be wrong, but hardly by a factor of `FACTOR`.
+# the drive too. A file can be wrong, but hardly by a factor of `unit_factor`.
 
-
-#: A file's masses are hardly wrong by such a factor.
-FACTOR = 5.0
-
-#: Nor do factors of two joints differ by more than this.
-APART = 8.0
 
 #: What is to be done about gains.
 REMEDY = (
     "state the gain of each joint in the sidecar ([torque]), or correct the masses of the file."
 )
 
-#: Share of the predicted torque that must not look like friction, rotor inertia and offset.
-DISTINCT = 0.3
-
-#: The measured torque must follow the predicted one with this correlation, at that joint.
-FOLLOWS = 0.7
-
-#: … and all that the file predicts with this one, where masses alone do not show.
-AGREES = 0.9
-
-#: Predicted torque of a joint must be this share of the largest one among like joints.
-FELT_BY_SCALE = 0.02
-
-#: Factors of all joints are one unit if they lie within this factor of their middle.
-ALIKE = 1.5
-
 #: Rounds of the regression in which the worst twentieth of the samples is left out.
 ROUNDS = 3
+WORST: Tolerance = 0.95
 
 #: Units of torque that people give, and how many of them make one N·m or N.
 UNITS = {"mN·m (or mN)": 1e3, "N·cm": 1e2, "N·mm": 1e3, "kN·m (or kN)": 1e-3}
@@ -326,14 +303,14 @@ def find_torque_scale(logs: MeasuredLogs) -> tuple[str, ...]:
         return ()
     factors = measure_factors(logs)
     known = np.isfinite(factors)
-    odd = known & ((factors > FACTOR) | (factors < 1 / FACTOR))
+    odd = known & ((factors > RULES.unit_factor) | (factors < 1 / RULES.unit_factor))
     if odd.any() and odd.sum() < known.sum() and not _gain_explains(logs, odd, factors):
         return ()
     if not odd.any():
         return _tell_apart(logs, factors[known])
     joints, share = logs.joints, factors[odd]
     middle = float(np.exp(np.median(np.log(share))))
-    alike = bool((np.abs(np.log(share / middle)) < np.log(ALIKE)).all())
+    alike = bool((np.abs(np.log(share / middle)) < np.log(RULES.unit_alike)).all())
     sizes = _multiple(share)
     if odd.sum() == known.sum() and known.sum() > 1:
         what = _name_unit(middle) if alike else ""
@@ -372,7 +349,7 @@ def find_other_masses(logs: MeasuredLogs) -> tuple[str, ...]:
         return ()
     factors = measure_factors(logs)
     known = np.isfinite(factors)
-    odd = known & ((factors > FACTOR) | (factors < 1 / FACTOR))
+    odd = known & ((factors > RULES.unit_factor) | (factors < 1 / RULES.unit_factor))
     if not odd.any() or odd.sum() == known.sum() or _gain_explains(logs, odd, factors):
         return ()
     which = listing([logs.joints[k] for k in np.flatnonzero(odd)], 6)
@@ -401,7 +378,7 @@ def _gain_explains(logs: MeasuredLogs, odd: np.ndarray, factors: Array) -> bool:
 
 def _tell_apart(logs: MeasuredLogs, factors: Array) -> tuple[str, ...]:
     """Return one sentence on factors that are possible each, but not beside each other."""
-    if len(factors) < 2 or factors.max() < APART * factors.min():
+    if len(factors) < 2 or factors.max() < RULES.unit_apart * factors.min():
         return ()
     return (
         f"The measured torque is {_multiple(factors)} what the masses of the robot file ask for, "
@@ -415,7 +392,7 @@ def measure_factors(logs: MeasuredLogs) -> Array:
     size = np.sqrt(np.mean(logs.predicted**2, 0))
     units = np.array(logs.robot.torque_units)
     for k in range(len(factors)):
-        if size[k] < FELT_BY_SCALE * size[units == units[k]].max() or size[k] == 0:
+        if size[k] < RULES.scale_felt * size[units == units[k]].max() or size[k] == 0:
             continue
         factors[k] = _factor(logs.predicted[:, k], logs.torque[:, k], logs.ordinary(k))
         if np.isnan(factors[k]) and np.isfinite(logs.stated[:, k]).all():
@@ -427,7 +404,7 @@ def _plain_factor(predicted: Array, measured: Array) -> float:
     """Return the slope of measured on predicted torque, (N,) each, beside an offset; or NaN."""
     p, m = predicted - predicted.mean(), measured - measured.mean()
     lengths = float(np.linalg.norm(p)), float(np.linalg.norm(m))
-    if not min(lengths) > 0 or float(p @ m) < AGREES * lengths[0] * lengths[1]:
+    if not min(lengths) > 0 or float(p @ m) < RULES.scale_agrees * lengths[0] * lengths[1]:
         return np.nan
     return float(p @ m) / lengths[0] ** 2
 
@@ -441,14 +418,14 @@ def _factor(predicted: Array, measured: Array, ordinary: Array) -> float:
         m = without(measured[kept], ordinary[kept])
         varies = np.linalg.norm(predicted[kept] - predicted[kept].mean())
         length = np.linalg.norm(p)
-        if not length > DISTINCT * varies or not np.linalg.norm(m) > 0:
+        if not length > RULES.scale_distinct * varies or not np.linalg.norm(m) > 0:
             return np.nan
         slope = float(p @ m) / float(length**2)
-        if float(p @ m) / float(length * np.linalg.norm(m)) < FOLLOWS:
+        if float(p @ m) / float(length * np.linalg.norm(m)) < RULES.scale_follows:
             return np.nan
         left = np.zeros(len(predicted))
         left[kept] = np.abs(m - slope * p)
-        kept &= left <= np.quantile(left[kept], 0.95)
+        kept &= left <= np.quantile(left[kept], WORST)
     return slope if slope > 0 else np.nan
 
 
@@ -465,14 +442,11 @@ def _name_unit(factor: float) -> str:
 # Torque that stops at an extreme value: what a drive was asked for beyond it is not in the log.
 
 
-#: An extreme value is a flat top if the column stays there this often in all, and this long once.
-SHARE, RUN = 0.005, 4
-
-#: … and is met so many times as often as the next band of the same width.
-CROWDED = 6.0
+#: An extreme value is a flat top if the column stays there so long once [samples].
+RUN = 4
 
 #: Width of the bands, of the column's range.
-BAND = 0.01
+BAND: Tolerance = 0.01
 
 
 @check(
@@ -522,7 +496,7 @@ def flat_share(x: Array) -> float:
     below = np.count_nonzero((x >= top - band) & ~at) / len(x)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(int), [0]])))
     longest = int((edges[1::2] - edges[::2]).max())
-    flat = share >= SHARE and longest >= RUN and share > CROWDED * below
+    flat = share >= RULES.clipped_share and longest >= RUN and share > RULES.clipped_crowded * below
     return share if flat else 0.0
 
 
@@ -532,12 +506,6 @@ def flat_share(x: Array) -> float:
 # had exchanged their positions, or positions and torque, or one were given with the other sign or
 # in degrees. What `regression.mix_up` finds in the torque columns alone is left to it.
 
-
-#: Relative error of the unpruned model up to which nothing is looked for.
-BAD = 0.1
-
-#: The sum of squared errors must fall below this share of that of the log as it is.
-FAR = 0.2
 
 #: Samples that are looked at, and joints beyond which only neighbours are tried.
 ENOUGH_ROWS, MOST = 300, 8
@@ -577,11 +545,11 @@ def find_exchanged(logs: MeasuredLogs) -> tuple[str, ...]:
         return ()
     plain = _Change(tuple(range(n)), (1.0,) * n, tuple(range(n)), (1.0,) * n)
     given = _error(logs, plain)
-    if not given > BAD:
+    if not given > RULES.mixed_bad:
         return ()
     tried = [(_error(logs, c), c) for c in _candidates(logs, plain)]
     least, best = min(tried, key=lambda pair: pair[0])
-    if least**2 >= FAR * given**2 or not best.says:
+    if least**2 >= RULES.mixed_error * given**2 or not best.says:
         return ()
     return (
         f"{best.says}: read so, the unpruned model would err by {100 * least:.2g} % instead of "

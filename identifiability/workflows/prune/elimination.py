@@ -17,6 +17,8 @@ from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import Evidence, Gain, Score, near_best
 from identifiability.estimation.least_squares import dependence
 from identifiability.estimation.refits import UpdatedRefits
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
@@ -29,15 +31,12 @@ from identifiability.workflows.prune.folds import (
     whiten_regression,
 )
 from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
+from identifiability.workflows.prune.rules import RULES
 
 # Which move is the cheapest, and the order in which all that is left goes.
 #
 # Only the fit to everything says what is cheapest. So the order is found with that fit alone, and
 # those without each fold follow for all models at once (`UpdatedRefits.along`): they are nested.
-
-
-#: Estimates correlated beyond this are one quantity to these logs: "either".
-EITHER = 0.95
 
 
 @frozen
@@ -169,7 +168,7 @@ def find_either(fit: FoldFits, move: Move, spread: Array | None = None) -> str:
     size = np.sqrt(np.maximum(square, 1e-300))
     rho = np.abs(X[others] @ (fit.refits.C @ X[gone[0]])) / (size[gone[0]] * size[others])
     best = int(np.argmax(rho))
-    return partition.columns[others[best]] if rho[best] > EITHER else ""
+    return partition.columns[others[best]] if rho[best] > RULES.either else ""
 
 
 # The path down: from every column to few, one physically meaningful move at a time.
@@ -182,10 +181,6 @@ def find_either(fit: FoldFits, move: Move, spread: Array | None = None) -> str:
 #    Coulomb levels are merged or dropped together, never torn apart.
 #
 # The path ends where nothing is left; which model of it to use is `selection`'s to say.
-
-
-#: A suggested move is refused only if the data deny it at this level.
-LEVEL = 0.01
 
 
 @frozen
@@ -289,7 +284,9 @@ def explain(step: Step) -> str:
         return f"{move.why}; {change}."
     if move.kind is Kind.DROP:
         text = (
-            "Not significant" if evidence.p_value > 0.05 else "The least costly of what is left"
+            "Not significant"
+            if evidence.p_value > Thresholds.sign_level
+            else "The least costly of what is left"
         ) + f" (p = {evidence.p_value:.2g}); {change}."
         if evidence.either:
             text += (
@@ -297,7 +294,7 @@ def explain(step: Step) -> str:
                 "for both."
             )
         return text
-    if evidence.p_value > 0.05:
+    if evidence.p_value > Thresholds.sign_level:
         verdict = "the data do not contradict it"
     elif evidence.gain >= -evidence.gain_se:
         verdict = "the difference is significant but does not help on unseen motion"
@@ -388,7 +385,7 @@ class _Walker:
 
     def _try(self, move: Move) -> None:
         after, contradicted, forbidden = self.fit.after(move), False, False
-        if self._significance(move)[0] < LEVEL:
+        if self._significance(move)[0] < ESTIMATION_RULES.unasked_level:
             gain = self._gain(after)
             contradicted = gain.value < -gain.se
             forbidden = after.violations() > self.fit.violations()

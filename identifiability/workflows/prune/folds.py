@@ -20,12 +20,13 @@ from identifiability.estimation.instrumental import InstrumentalVariables, combi
 from identifiability.estimation.least_squares import noise_scale
 from identifiability.estimation.refits import Asked, Equations, Refits, UpdatedRefits
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import ActuatorBlocks, Information
 from identifiability.workflows.prune.moves import Move, Partition
 
 #: A constraint whose share of its first variance is below this holds already.
-HELD = 1e-10
+HELD: Tolerance = 1e-10
 
 
 @frozen(kw_only=True)

@@ -42,6 +42,7 @@ from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel
@@ -229,7 +230,12 @@ class Stability:
         if not self.replicates:
             return "No log was resampled, so nothing is known of the stability of the choice."
         low, high = np.round(np.quantile(self.sizes, [0.05, 0.95]))
-        torn = int(((self.survives > 0.1) & (self.survives < 0.9)).sum())
+        torn = int(
+            (
+                (self.survives > 1 - Thresholds.recurrence)
+                & (self.survives < Thresholds.recurrence)
+            ).sum()
+        )
         most = "90 %" if high > low else "at least 90 %"
         span = f"{low:.0f} to {high:.0f}" if high > low else f"{low:.0f}"
         shaky = (
@@ -340,10 +346,10 @@ def _set(partition: Partition) -> tuple[str, ...]:
 
 
 #: Models of less weight than this share of the heaviest's are no part of a mixture.
-LEAST_WEIGHT = 1e-3
+LEAST_WEIGHT: Tolerance = 1e-3
 
 #: Coefficients of a label below this are rounding.
-ROUNDING = 1e-9
+ROUNDING: Tolerance = 1e-9
 
 
 @frozen(kw_only=True)

@@ -18,6 +18,7 @@ from scipy.linalg import null_space
 
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.regression.reduction import Submodel
@@ -216,7 +217,7 @@ def _beginning(texts: Sequence[str]) -> str:
 
 
 #: Lengths [m] and directions that agree to this are equal; robot files have six digits or more.
-CLOSE = 1e-5
+CLOSE: Tolerance = 1e-5
 
 
 @frozen
@@ -420,7 +421,7 @@ def body_shapes(mirrors: list[Mirror]) -> Array:
 
 
 #: Entries of ``G N`` below this share of their row's terms are zero.
-TINY = 1e-8
+TINY: Tolerance = 1e-8
 
 
 def propose_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.workflows.compare import LEVEL, Cause, Difference, find_changes
+from identifiability.estimation.rules import Thresholds
+from identifiability.workflows.compare import Cause, Difference, find_changes
 
 K = 5
 
@@ -60,7 +61,7 @@ def test_a_change_is_told_with_its_size_and_at_the_level_of_all_causes():
     assert found.cause is causes[0]
     np.testing.assert_allclose([found.sizes[0], found.sd[0]], [6.0, 1.0])
     # 2.3 σ is a chance of .021: below the level by itself, above it as one of three.
-    assert find_changes(causes[:1], difference([2.3, 0, 0, 0, 0]))[0].p < LEVEL
+    assert find_changes(causes[:1], difference([2.3, 0, 0, 0, 0]))[0].p < Thresholds.sign_level
     assert find_changes(causes, difference([2.3, 0, 0, 0, 0])) == ()
 
 

@@ -7,6 +7,7 @@ from scipy.stats import binom, norm, ttest_ind_from_stats
 from identifiability.estimation.bootstrap import ScoreScatter
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import (
     MOST_STRETCHES,
     Uncertainty,
@@ -56,7 +57,7 @@ def test_logs_of_one_robot_are_seldom_said_to_differ_and_then_add_nothing(logs):
     trials = 40
     found = [compare(np.tile(VALUES, (logs, 1)), [logs, seed])[0] for seed in range(trials)]
     fired = sum(not m.agree for m in found)
-    assert fired <= binom.ppf(0.999, trials, 2 * ESTIMATION_RULES.motions_level)  # two tests
+    assert fired <= binom.ppf(0.999, trials, 2 * Thresholds.sign_level)  # two tests
     for m in found:
         assert (m.between.max() > 0) == (not m.agree)
     assert fired < trials / 2
@@ -67,9 +68,7 @@ def test_the_log_that_differs_is_named_with_the_parameter():
     for seed in range(30):
         odd = seed % 3
         m, _ = compare(shifted(3, odd, [0, 0, 0.4, 0]), [5, seed])
-        named.append(
-            m.odd() == odd and m.moved[2] and m.without(odd) >= ESTIMATION_RULES.motions_level
-        )
+        named.append(m.odd() == odd and m.moved[2] and m.without(odd) >= Thresholds.sign_level)
         mean, z = m.away(odd)
         others = [k for k in range(3) if k != odd]
         assert m.values[others, 2].min() <= mean[2] <= m.values[others, 2].max()
@@ -209,7 +208,7 @@ def test_a_log_that_does_not_change_is_seldom_said_to():
     fired = sum(
         not m.agree for rho in (0.0, 0.5) for m in (halved(k, rho=rho) for k in range(trials))
     )
-    assert fired <= binom.ppf(0.999, 2 * trials, ESTIMATION_RULES.halves_level)
+    assert fired <= binom.ppf(0.999, 2 * trials, ESTIMATION_RULES.unasked_level)
 
 
 def test_what_scatters_between_logs_is_in_the_robust_deviation():

@@ -1,0 +1,26 @@
+"""`Rules`: limits by which it is judged what logs can tell apart."""
+
+from __future__ import annotations
+
+from identifiability.foundation.rules import RuleTable
+from identifiability.foundation.values import frozen
+
+
+@frozen
+class Rules(RuleTable):
+    """Limits by which it is judged what logs can tell apart.
+
+    Attributes
+    ----------
+    mixed_error : float, by hand
+        The sum of squared errors must fall below this share of that of the log as it is.
+    sign_certain : float, reasoned
+        A sign is certain at this many white-noise standard deviations, generous for
+        autocorrelation.
+    """
+
+    mixed_error: float = 0.4
+    sign_certain: float = 10.0
+
+
+RULES = Rules()

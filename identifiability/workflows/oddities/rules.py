@@ -1,0 +1,127 @@
+"""`Rules`: limits by which recordings are doubted."""
+
+from __future__ import annotations
+
+from identifiability.foundation.rules import RuleTable
+from identifiability.foundation.values import frozen
+
+
+@frozen
+class Rules(RuleTable):
+    """Limits by which recordings are doubted.
+
+    Attributes
+    ----------
+    contact_slips : float, by hand
+        A closed contact that moves at this share of how fast it does while open does not
+        stand.
+    impacts_folded : float, calibrated
+        Intervals of a quadruped's trot held (.98) where .02 to .04 of the acceleration was
+        folded, and did not (.61 and .69) from .07 on.
+    sign_turned : float, by hand
+        Share of the samples at which noise turns the sign of a velocity that is said.
+    outside_share : float, by hand
+        Share of the samples that must lie outside the limits of a joint,
+    outside_margin : float, by hand
+        by this share of the allowed range.
+    stuck_changes : float, by hand
+        A column is stuck where over as many samples it usually changes by so many times its
+        resolution
+    stuck_jumps : float, by hand
+        and, when it goes on, jumps so many times as far as it usually changes in one
+        sample.
+    delay_small : float, by hand
+        Relative error of the log, unmoved, below which no delay is looked for;
+    delay_left : float, by hand
+        and the largest that may be left of it, moved: a fit that explains little says
+        nothing on time.
+    shift_chance : float, level
+        A shift of a part of a sample is said where chance makes one so seldom,
+    shift_least : float [samples], by hand
+        from this size on
+    shift_most : float [samples], by hand
+        and up to where its slope tells it.
+    speed_beyond : float, by hand
+        Speeds beyond so many times the limit at every joint that has one, or below the
+        inverse square.
+    time_ratio : float, by hand
+        Torque follows acceleration by another factor than weight if their ratio is beyond
+        this.
+    time_varies : float, by hand
+        Torque follows the acceleration where what else the file predicts leaves this share of it.
+    time_follows : float, by hand
+        The measured torque must follow both with this correlation.
+    weight_carried : float, by hand
+        Measured torque is too small if its size is this share of the weight that it has to
+        hold.
+    weight_felt : float, by hand
+        Weight must be this share of the largest one among like joints.
+    factor_widest : float, by hand
+        Half of the widest interval with which the factor of a torque's gravity (−1, 0, ½,
+        1) is named.
+    factor_near : float, by hand
+        Nor is it named as one half where its interval ends farther from it than this.
+    factor_worse : float, by hand
+        How much worse one of two models may fit that is as good.
+    unit_factor : float, by hand
+        A file's masses are hardly wrong by such a factor.
+    unit_apart : float, by hand
+        Nor do factors of two joints differ by more than this.
+    scale_distinct : float, by hand
+        Share of the predicted torque that must not look like friction, rotor inertia and
+        offset.
+    scale_follows : float, by hand
+        The measured torque must follow the predicted one with this correlation, at that
+        joint.
+    scale_agrees : float, by hand
+        All that the file predicts agrees with the measured torque from this correlation on,
+        where masses alone do not show.
+    scale_felt : float, by hand
+        Predicted torque of a joint must be this share of the largest one among like joints.
+    unit_alike : float, by hand
+        Factors of all joints are one unit if they lie within this factor of their middle.
+    clipped_share : float, by hand
+        An extreme value is a flat top if the column stays there this often in all
+    clipped_crowded : float, by hand
+        and it is met so many times as often as the next band of the same width.
+    mixed_bad : float, by hand
+        Relative error of the unpruned model up to which nothing is looked for.
+    mixed_error : float, by hand
+        The sum of squared errors must fall below this share of that of the log as it is.
+    """
+
+    contact_slips: float = 1 / 3
+    impacts_folded: float = 0.06
+    sign_turned: float = 0.01
+    outside_share: float = 0.2
+    outside_margin: float = 0.05
+    stuck_changes: float = 12.0
+    stuck_jumps: float = 6.0
+    delay_small: float = 0.03
+    delay_left: float = 0.5
+    shift_chance: float = 1e-3
+    shift_least: float = 0.25
+    shift_most: float = 4.0
+    speed_beyond: float = 10.0
+    time_ratio: float = 400.0
+    time_varies: float = 0.2
+    time_follows: float = 0.6
+    weight_carried: float = 0.1
+    weight_felt: float = 0.05
+    factor_widest: float = 0.25
+    factor_near: float = 0.05
+    factor_worse: float = 1.1
+    unit_factor: float = 5.0
+    unit_apart: float = 8.0
+    scale_distinct: float = 0.3
+    scale_follows: float = 0.7
+    scale_agrees: float = 0.9
+    scale_felt: float = 0.02
+    unit_alike: float = 1.5
+    clipped_share: float = 0.005
+    clipped_crowded: float = 6.0
+    mixed_bad: float = 0.1
+    mixed_error: float = 0.2
+
+
+RULES = Rules()

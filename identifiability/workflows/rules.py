@@ -1,0 +1,69 @@
+"""`Rules`: limits of the verbs that are a file each."""
+
+from __future__ import annotations
+
+from identifiability.foundation.rules import RuleTable
+from identifiability.foundation.values import frozen
+
+
+@frozen
+class Rules(RuleTable):
+    """Limits of the verbs that are a file each.
+
+    Attributes
+    ----------
+    grades : tuple[float, float, float, float], by hand
+        Errors on unseen motion, of how much torque varies, up to which they are called very good,
+        good, fair and poor; a rule of thumb.
+    differs : float, by hand
+        What is so many times as large differs: errors of joints, noise of logs, bands of motion.
+    joint_bad : float, by hand
+        Error from which on a joint by itself is no longer good where all together are.
+    joint_hidden : float, by hand
+        Share of the smallest error of a joint below which that of all joints says little of
+        any.
+    compare_seen : float, by hand
+        Torque is compared with what it was where that was so many times what chance makes,
+        and nothing of it had a sign that friction and rotors cannot have.
+    compare_price : float [σ²], by hand
+        What each further number of a cause must explain.
+    compare_power : float, level
+        Standard deviations above the limit at which nine of ten changes are found.
+    compare_blind : float, by hand
+        Where friction must change by more than this share everywhere, an unchanged robot is
+        no news.
+    gain_left : float, by hand
+        A load's torque of which less than this share is left beside the model cannot be
+        told from it.
+    tilt_large : float [°], derived
+        Angle beyond which a tilt is looked for before all else: small angles about the
+        file's direction, by which a diagnosis names a tilt, leave 1 − cos 15° = 3 % of the
+        weight unexplained.
+    grows : float, by hand
+        Torque that the load leaves is spoken of where it is so many times what the result
+        left.
+    inside_few : float, by hand
+        Share of samples inside their 95 % interval below which something must have changed.
+    scale_fixed : float, by hand
+        Share of the scale that bodies fix where nothing else does,
+    scale_named : float, by hand
+        and of one that is named for it.
+    """
+
+    grades: tuple[float, float, float, float] = (0.03, 0.08, 0.15, 0.5)
+    differs: float = 2.0
+    joint_bad: float = 0.15
+    joint_hidden: float = 0.8
+    compare_seen: float = 3.0
+    compare_price: float = 4.0
+    compare_power: float = 1.28
+    compare_blind: float = 0.5
+    gain_left: float = 1e-4
+    tilt_large: float = 15.0
+    grows: float = 1.5
+    inside_few: float = 0.8
+    scale_fixed: float = 0.5
+    scale_named: float = 0.2
+
+
+RULES = Rules()
