@@ -130,7 +130,7 @@ SERVO = "\n[servo]\nkp = 120\nkv = 2.5\nrate = 1000\n"
 
 @pytest.fixture(scope="module")
 def shaken(quadruped, tmp_path_factory):
-    """A quadruped with servos, and a log in which it crouches and sways on its feet."""
+    """A quadruped with servos, and a log in which it crouches and shifts over its feet."""
     path = tmp_path_factory.mktemp("shaken") / "robot.xml"
     path.write_text(quadruped.path.read_text())
     path.with_suffix(".toml").write_text(quadruped.path.with_suffix(".toml").read_text() + SERVO)

@@ -1,4 +1,4 @@
-"""Motion in place of a robot that floats: its base sways over its feet, and each swings in turn.
+"""Motion in place of a robot that floats: its base shifts over its feet, and each swings in turn.
 
 Candidates say how the base moves, what each foot does while it is in the air, and what joints do
 that carry no foot; joints of the legs follow, as planted feet stay where they are. The robot stands
@@ -57,7 +57,7 @@ GRIP: Tolerance = 0.4
 LEANS: tuple[Tolerance, Tolerance] = (0.3, 0.25)
 LIFTS: tuple[Tolerance, Tolerance, Tolerance] = (0.3, 0.75, 0.2)
 
-#: How much the base sways while it leans.
+#: How much the base shifts while it leans.
 CALM: Tolerance = 0.25
 
 #: Step of differences along a plan [s]; steps of Newton's, how far one goes [rad or m], and what is
@@ -473,10 +473,10 @@ class InPlace:
         """When which foot is in the air, in words."""
         count = format_count(len(self.feet), "foot", "feet")
         if not self.swings:
-            return f"The robot stands on its {count} all the time while its base sways."
+            return f"The robot stands on its {count} all the time while its base shifts."
         air = [f"{name} {low:.3g} … {high:.3g} s" for name, low, high in self.times]
         return (
-            f"The robot stands in place on its {count}, its base sways, and in turn a foot is in "
+            f"The robot stands in place on its {count}, its base shifts, and in turn a foot is in "
             f"the air: {listing(air, 8)}."
         )
 
