@@ -1,6 +1,7 @@
 """Write the reference pages that the code itself holds: `python docs/written.py [check]`.
 
-Sidecars and ladders from the models that read them, effects and messages from their registries.
+Sidecars and ladders from the models that read them, effects and messages from their registries,
+numbers from the tables of the rooms.
 `make docs` writes them; a test says when a page is no longer what the code says.
 """
 
@@ -11,6 +12,7 @@ import io
 import sys
 import textwrap
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Union, get_args, get_origin
 
@@ -23,6 +25,7 @@ from pydantic_core import PydanticUndefined
 from identifiability.effects import FAMILIES
 from identifiability.effects.effect import AlongAxes, Family, measure_spans
 from identifiability.foundation.documents import toml_text
+from identifiability.foundation.rules import RuleTable
 from identifiability.logs.aliases import RULES
 from identifiability.regression.reduction import LadderEntry
 from identifiability.robot import Robot, complete_motion
@@ -254,6 +257,37 @@ def write_words() -> str:
     return "\n".join(out)
 
 
+def rooms() -> Iterator[RuleTable]:
+    """Yield the tables of numbers of every room."""
+    for path in sorted((DOCS.parent / "identifiability").rglob("rules.py")):
+        name = ".".join(path.relative_to(DOCS.parent).with_suffix("").parts)
+        for kind in vars(import_module(name)).values():
+            if isinstance(kind, type) and kind.__module__ == name and kind.__base__ is RuleTable:
+                yield kind()
+
+
+def write_rules() -> str:
+    """Return the page of every number by which something is decided, by its room."""
+    out = []
+    for rules in rooms():
+        out += [
+            f"## {rules.title}",
+            "",
+            "| number | value | basis | meaning |",
+            "|---|---|---|---|",
+        ]
+        out += [
+            f"| {' | '.join(map(_cell, (f'`{r.name}`', r.text, _basis(r.basis), r.meaning)))} |"
+            for r in rules.rows()
+        ]
+        out.append("")
+    return "\n".join(out)
+
+
+def _basis(basis: str) -> str:
+    return f"`{basis}`" if "/" in basis else basis
+
+
 #: What stands at the head of each page; it is in lines as docstrings are.
 NOTE = "<!-- Written by docs/written.py from the code: change that, not this page. -->\n"
 SIDECAR = """# The sidecar
@@ -287,6 +321,14 @@ words may be written as one. What is called otherwise, `--map` or `[columns]` of
 Units stand in brackets behind a name, or in a row under the header; angles and lengths also by the
 second (`deg/s`, `mm/s²`).
 """
+NUMBERS = """# Every number by which it decides
+
+Each room of the program has one frozen table, `rules.py`; pages print those by which their answer
+was decided. Where a number is from: *literature*, a publication; *level*, of a test; *derived*, by
+the derivation that its text gives; *calibrated*, on cases that were tried; *reasoned*, for the
+reason given; *by hand*, a developer's judgement and nothing more; or the study that shows it. A
+number whose meaning begins with "and" goes on with the one above it.
+"""
 
 
 def pages() -> dict[Path, str]:
@@ -302,6 +344,7 @@ def pages() -> dict[Path, str]:
         "effects": (EFFECTS, effects),
         "messages": (MESSAGES, write_messages()),
         "log-words": (LOG_WORDS, write_words()),
+        "rules": (NUMBERS, write_rules()),
     }
     return {
         **{

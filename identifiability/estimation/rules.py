@@ -9,7 +9,7 @@ from identifiability.foundation.values import frozen
 
 @frozen
 class Thresholds(RuleTable):
-    """Thresholds of the verdicts; reports print them.
+    """Thresholds of the verdicts.
 
     Attributes
     ----------

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from identifiability.foundation.answers import Answer, Note, Table
+    from identifiability.foundation.rules import RuleTable
 
 
 #: Letters of a `repr`: one screen.
@@ -61,6 +62,10 @@ class Result(ABC):
 
     def tables(self) -> tuple[Table, ...]:
         """Return the tables that page, terminal and notebook show alike."""
+        return ()
+
+    def decided_by(self) -> tuple[RuleTable, ...]:
+        """Return the numbers by which it was decided, the verb's own first."""
         return ()
 
     def next(self) -> tuple[tuple[str, str], ...]:

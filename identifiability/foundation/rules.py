@@ -57,6 +57,11 @@ class RuleTable:
     def __post_init__(self) -> None:
         check_fields(self)
 
+    @property
+    def title(self) -> str:
+        """What its numbers decide."""
+        return cleandoc(self.__doc__ or "").partition("\n")[0].rstrip(".")
+
     def rows(self) -> list[Rule]:
         """Return every number with its unit, its basis and its meaning."""
         _, _, text = cleandoc(self.__doc__ or "").partition("Attributes\n----------\n")

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.uncertainty import Motions
 from identifiability.foundation.answers import Cell, Column, Table
 from identifiability.foundation.rounding import (
@@ -54,7 +53,7 @@ from identifiability.workflows.analyze.result import (
     MOST_NAMES,
 )
 from identifiability.workflows.analyze.words import SeveralLogs
-from identifiability.workflows.answers import count_joints, level_table, rule_table
+from identifiability.workflows.answers import count_joints, level_table
 
 # The answer: what to use, who is who, and what to keep in mind.
 
@@ -158,10 +157,9 @@ MOTION = (
 
 
 def section_terms(analysis: Analysis) -> Section:
-    """Return the thresholds that were used and the words of the report."""
+    """Return what evidence is called and the words of the report."""
     glossary = Fold("Glossary", (Terms(GLOSSARY),))
-    limits = rule_table(analysis.thresholds, ESTIMATION_RULES)
-    return section("analysis.thresholds", limits, level_table(), glossary)
+    return section("analysis.thresholds", level_table(), glossary)
 
 
 def section_provenance(analysis: Analysis) -> Section:

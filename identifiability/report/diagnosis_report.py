@@ -45,7 +45,6 @@ from identifiability.report.torque import (
 )
 from identifiability.workflows.answers import (
     level_table,
-    rule_table,
     sentence,
 )
 from identifiability.workflows.diagnose.findings import Curve, NamedEffect
@@ -340,7 +339,6 @@ def _section_method(d: Diagnosis) -> Section:
     return section(
         "diagnosis.method",
         Terms(tuple(terms)),
-        rule_table(d.rules),
         level_table(),
         Prose((roles, *prepared)),
     )

@@ -17,8 +17,11 @@ from matplotlib.figure import Figure
 from identifiability.foundation.answers import Table, frame_table
 from identifiability.foundation.output import check_ending, write_text
 from identifiability.foundation.result import Result
-from identifiability.report.blocks import Answers, Fold, Notes, Picture, Prose, Section
+from identifiability.foundation.rounding import format_count
+from identifiability.foundation.rules import RuleTable
+from identifiability.report.blocks import Answers, Fold, Notes, Picture, Prose, Section, section
 from identifiability.report.page import Page, page_environment, render_page
+from identifiability.workflows.answers import rule_table
 
 #: Of each kind of result with drawings: module of this room with its page, the functions that build
 #: it and its first screen. The page of any other is what the result says of itself.
@@ -59,11 +62,25 @@ def answer_first(result: Result) -> Answers:
 
 
 def build_page(result: Result) -> Page:
-    """Return the page of a result: with its own drawings, or its answers, cautions and tables."""
+    """Return the page of a result, and by which numbers it was decided."""
     own = _of_page(result, 1)
-    if own is not None:
-        page: Page = own(result)
-        return page
+    page: Page = _plain_page(result) if own is None else own(result)
+    rules = result.decided_by()
+    return replace(page, sections=(*page.sections, section_rules(rules))) if rules else page
+
+
+def section_rules(tables: Sequence[RuleTable]) -> Section:
+    """Return every number of some tables with its basis and its meaning, folded."""
+    folds = []
+    for rules in tables:
+        table = rule_table(rules)
+        count = format_count(len(table.rows), "number")
+        folds.append(Fold(f"{table.caption}: {count}", (replace(table, caption=""),)))
+    return section("rules", *folds)
+
+
+def _plain_page(result: Result) -> Page:
+    """Return the answers, cautions and tables of a result that has no drawings of its own."""
     title, overline, subtitle = result.heading
     notes = result.cautions()
     return Page(

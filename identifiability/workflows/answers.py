@@ -253,16 +253,15 @@ def answer_trust(
     return Answer(question, "With care.", f"{held}. Read below: {seen}.", "amber")
 
 
-def rule_table(*tables: RuleTable) -> Table:
-    """Return the numbers of some rooms, as every page and the reference print them."""
+def rule_table(rules: RuleTable) -> Table:
+    """Return the numbers of a table, as every page and the reference print them."""
     columns = (
-        Column("rule", "code", "name"),
+        Column("number", "code", "name"),
         Column("value", get="text"),
         Column("basis", get="basis", detail=True),
         Column("meaning", get="meaning"),
     )
-    rules = [r for table in tables for r in table.rows()]
-    return Table.of("By which numbers it was decided", columns, rules, long=True)
+    return Table.of(rules.title, columns, rules.rows(), long=True)
 
 
 def level_table() -> Table:

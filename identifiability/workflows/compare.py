@@ -39,7 +39,7 @@ from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import digits, join, rough_percent
-from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.regression.gather import BLOCKS, gather_information
@@ -666,6 +666,10 @@ class Comparison(OfStructure, Result):
     def answers(self) -> tuple[Answer, ...]:
         """Return what changed, how small a change shows, whether to trust it, what next."""
         return _what(self), _least(self), _trust(self), answer_next(_next_commands(self))
+
+    def decided_by(self) -> tuple[RuleTable, ...]:
+        """Return the numbers by which it was decided, the verb's own first."""
+        return (RULES, Thresholds(), ESTIMATION_RULES)
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a change."""

@@ -24,6 +24,7 @@ from identifiability.foundation.numbers import holm
 from identifiability.foundation.options import OptionError, Positive, checked
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import digits, format_count
+from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
@@ -171,6 +172,10 @@ class Gains(Result):
             "statement": self.statement,
             "hints": list(self.hints),
         }
+
+    def decided_by(self) -> tuple[RuleTable, ...]:
+        """Return the numbers by which it was decided, the verb's own first."""
+        return (RULES, Thresholds())
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""

@@ -34,7 +34,7 @@ from identifiability.foundation.rounding import (
     percent,
     whole_percent,
 )
-from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.gaps import Gaps, StaleRule
@@ -43,6 +43,7 @@ from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared, prepare_log
 from identifiability.logs.prepare.plan import joint_log, noise_level, resolution
 from identifiability.logs.prepare.samples import explain_silence
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.regression.reduction import (
@@ -60,6 +61,7 @@ from identifiability.workflows.answers import answer_next, with_hints
 from identifiability.workflows.commands import name_logs, source_name
 from identifiability.workflows.oddities import MeasuredLogs, find_oddities
 from identifiability.workflows.oddities.positions import find_stretches
+from identifiability.workflows.oddities.rules import RULES as ODDITY_RULES
 from identifiability.workflows.oddities.torque import flat_share, measure_factors
 from identifiability.workflows.opening import (
     Logs,
@@ -649,6 +651,10 @@ class Inspection(OfStructure, Result):
         of_logs, of_robot = (_usable, _excited, _content), (_columns, _most, _open)
         answers = [build(self) for build in (of_logs if self.records else of_robot)]
         return (*answers, answer_next(_next_commands(self)))
+
+    def decided_by(self) -> tuple[RuleTable, ...]:
+        """Return the numbers by which it was decided, the verb's own first."""
+        return (ODDITY_RULES, LOG_RULES)
 
     def tables(self) -> tuple[Table, ...]:
         """Return clock, motion and torque of logs; without logs the joints of the robot file."""

@@ -37,7 +37,7 @@ from identifiability.foundation.rounding import (
     join,
     percent,
 )
-from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
@@ -606,6 +606,10 @@ class Load(Result):
     def answers(self) -> tuple[Answer, ...]:
         """Return how heavy and where, how well known, whether to trust it, what next."""
         return _what(self), _known(self), _trust(self), answer_next(_next_commands(self))
+
+    def decided_by(self) -> tuple[RuleTable, ...]:
+        """Return the numbers by which it was decided, the verb's own first."""
+        return (RULES, Thresholds())
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a quantity."""

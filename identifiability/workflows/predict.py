@@ -23,6 +23,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import Result, shown
 from identifiability.foundation.rounding import digits, error_text, format_count, join
+from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared
@@ -193,6 +194,10 @@ class TorquePrediction(Result):
         each = self.error_frame()["error"].to_numpy(float)
         quality = answer_quality(self.error_ra, self.robot.joints, each, join(known))
         return _what(self), quality, _trust(self), answer_next(_next_commands(self))
+
+    def decided_by(self) -> tuple[RuleTable, ...]:
+        """Return the numbers by which it was decided, the verb's own first."""
+        return (RULES,)
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""

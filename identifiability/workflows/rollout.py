@@ -24,7 +24,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, checked
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import digits
-from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.conventions import Conventions
@@ -36,6 +36,7 @@ from identifiability.robot.changed import new_place
 from identifiability.robot.floating import SIX
 from identifiability.robot.servo import state_delay
 from identifiability.simulation.rollout import NO_SERVO, CommandedRobot, forgotten
+from identifiability.simulation.rules import RULES as SIMULATION_RULES
 from identifiability.simulation.walking import BasePath, WalkingRobot
 from identifiability.workflows.answers import hides_joints, list_worst
 from identifiability.workflows.opening import Logs, in_memory, list_logs, read_recordings
@@ -192,6 +193,10 @@ class RolledOut(Result):
     def answers(self) -> tuple[Answer, ...]:
         """Return by how much positions err, and how late commands act."""
         return (_error(self),) if self.torque else (_error(self), _delay(self))
+
+    def decided_by(self) -> tuple[RuleTable, ...]:
+        """Return the numbers by which it was decided, the verb's own first."""
+        return (SIMULATION_RULES,)
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""

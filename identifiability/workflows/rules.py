@@ -1,4 +1,4 @@
-"""`Rules`: limits of the verbs that are a file each."""
+"""`Rules`: limits by which models are used: errors, comparisons, loads and gains."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from identifiability.foundation.values import frozen
 
 @frozen
 class Rules(RuleTable):
-    """Limits of the verbs that are a file each.
+    """Limits by which models are used: errors, comparisons, loads and gains.
 
     Attributes
     ----------

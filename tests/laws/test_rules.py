@@ -3,10 +3,12 @@
 import ast
 from importlib import import_module
 from pathlib import Path
+from pkgutil import walk_packages
 
 import pytest
 
 import identifiability
+from identifiability.foundation.result import Result
 from identifiability.foundation.rules import BASES
 
 PACKAGE = Path(identifiability.__file__).parent
@@ -44,6 +46,20 @@ def test_every_number_of_a_table_has_a_basis_and_a_meaning(rules):
 
 def test_there_are_not_many():
     assert sum(len(t.rows()) for room in ROOMS for t in tables(room)) <= 200
+
+
+def answers(kind=Result):
+    for own in kind.__subclasses__():
+        yield from [own] if "schema" in vars(own) else answers(own)
+
+
+def test_every_answer_names_the_tables_by_which_it_was_decided():
+    for _, workflow, *_ in walk_packages(
+        [str(PACKAGE / "workflows")], "identifiability.workflows."
+    ):
+        import_module(workflow)
+    named = {a for a in answers() if a.__module__.startswith("identifiability.")}
+    assert {a.__name__ for a in named if a.decided_by is Result.decided_by} == {"Batch"}
 
 
 def decimals(node):

@@ -11,10 +11,11 @@ from identifiability import analyze
 from identifiability.estimation.evidence import LEVELS
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.report import build_analysis_page, write_analysis_report
+from identifiability.report.results import build_page
 
 SECTIONS = (
     "parameters", "models", "prediction", "budget", "correlated", "motions", "residuals", "physics",
-    "structure", "full-model", "motion", "thresholds", "provenance",
+    "structure", "full-model", "motion", "thresholds", "provenance", "rules",
 )  # fmt: skip
 
 
@@ -108,8 +109,12 @@ def test_thresholds_and_hashes_are_printed(html, paper_analysis):
     for s in (*paper_analysis.samples, *paper_analysis.validation):
         assert s.sha256 in html
     other = replace(paper_analysis.thresholds, sigma_percent=12.5)
-    page = build_analysis_page(replace(paper_analysis, thresholds=other))
-    (table,) = (b for s in page.sections if s.name == "thresholds" for b in s.blocks[:1])
+    page = build_page(replace(paper_analysis, thresholds=other))
+    (folds,) = (s.blocks for s in page.sections if s.name == "rules")
+    assert [len(f.blocks[0].rows) for f in folds] == [
+        len(rules.rows()) for rules in paper_analysis.decided_by()
+    ]
+    (table,) = (f.blocks[0] for f in folds if f.summary.startswith("Thresholds of the verdicts"))
     assert table.rows[0][1].text == "12.5 %"
     for level, condition in LEVELS.rows():
         assert f">{level}<" in html

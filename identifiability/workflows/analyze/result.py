@@ -11,6 +11,7 @@ import pandas as pd
 
 from identifiability.estimation.evidence import Folds
 from identifiability.estimation.prediction import Prediction
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import loaded_joints
 from identifiability.estimation.verdict import Class, Verdict
@@ -28,8 +29,11 @@ from identifiability.foundation.rounding import (
     stated_text,
     time_text,
 )
+from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs.repeats import Recording
+from identifiability.posterior.rules import RULES as POSTERIOR_RULES
+from identifiability.posterior.rules import Thresholds as Believable
 from identifiability.workflows.analyze.assessment import JudgedModel, Laddered, ModelResult
 from identifiability.workflows.analyze.belief import Belief, Which, belief_dict, build_datatree
 from identifiability.workflows.analyze.rules import RULES
@@ -219,6 +223,11 @@ class Analysis(Laddered):
     def cautions(self) -> tuple[Note, ...]:
         """Return what is to be kept in mind, gravest first."""
         return _cautions(self)
+
+    def decided_by(self) -> tuple[RuleTable, ...]:
+        """Return the numbers by which it was decided, the verb's own first."""
+        believed = () if self.belief is None else (Believable(), POSTERIOR_RULES)
+        return (RULES, self.thresholds, ESTIMATION_RULES, *believed)
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models, the errors by joint and by log, the parameters of the model to use."""

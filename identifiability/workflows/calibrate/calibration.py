@@ -17,6 +17,8 @@ import pandas as pd
 
 from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.noise import ResidualNoise, find_runs
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.engines.mapping import Steps
@@ -35,6 +37,7 @@ from identifiability.foundation.options import (
 )
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import NONE, join, rough_percent, whole_percent
+from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, Samples
@@ -388,6 +391,10 @@ class Calibration(Result):
         answers = (_trust(self), _wrong(self), _weakest(self))
         commands = _next_commands(self)
         return (*answers, answer_next(commands)) if commands else answers
+
+    def decided_by(self) -> tuple[RuleTable, ...]:
+        """Return the numbers by which it was decided, the verb's own first."""
+        return (RULES, Thresholds(), ESTIMATION_RULES)
 
     def tables(self) -> tuple[Table, ...]:
         """Return how often verdicts are wrong, one row a simulated noise."""

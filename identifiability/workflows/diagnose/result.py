@@ -17,6 +17,7 @@ from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import digits, error_text, format_number, join, percent
+from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import LadderEntry, ModelEntry, ladder_text
 from identifiability.workflows.answers import (
@@ -96,6 +97,10 @@ class Diagnosis(Result, Findings, Predicts):
         """Return what is missing, what it explains, what is left, what to do next."""
         what = after_mass(_what(self), self.mass_warning)
         return what, _gap(self), _left(self), answer_next(next_commands(self))
+
+    def decided_by(self) -> tuple[RuleTable, ...]:
+        """Return the numbers by which it was decided, the verb's own first."""
+        return (self.rules,)
 
     def tables(self) -> tuple[Table, ...]:
         """Return what changed in mid-log, the effects that were named, and the errors of joints."""

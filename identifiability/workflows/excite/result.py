@@ -20,7 +20,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.output import csv_text, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import digits, format_count, format_number, whole_percent
-from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.robot import Robot, complete_motion
@@ -370,6 +370,10 @@ class Excitation(Result):
     def answers(self) -> tuple[Answer, ...]:
         """Return what the robot should do, what it tells, whether it may play it, what next."""
         return _motion(self), _worth(self), _safe(self), answer_next(_next_commands(self))
+
+    def decided_by(self) -> tuple[RuleTable, ...]:
+        """Return the numbers by which it was decided, the verb's own first."""
+        return (RULES,)
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""

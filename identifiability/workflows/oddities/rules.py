@@ -1,4 +1,4 @@
-"""`Rules`: limits by which recordings are doubted."""
+"""`Rules`: limits of the data-quality checks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from identifiability.foundation.values import frozen
 
 @frozen
 class Rules(RuleTable):
-    """Limits by which recordings are doubted.
+    """Limits of the data-quality checks.
 
     Attributes
     ----------

@@ -7,6 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import listing
@@ -21,6 +23,7 @@ from identifiability.foundation.rounding import (
     percent_text,
     whole_percent,
 )
+from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import (
     LadderEntry,
@@ -50,6 +53,7 @@ from identifiability.workflows.commands import (
 from identifiability.workflows.prune.elimination import Criterion, Refusal
 from identifiability.workflows.prune.models import Absorption, Measured, PrunedModel, Stability
 from identifiability.workflows.prune.moves import Partition
+from identifiability.workflows.prune.rules import RULES
 
 
 @frozen(kw_only=True)
@@ -125,6 +129,10 @@ class Ladder(Laddered, Measured):
     def cautions(self) -> tuple[Note, ...]:
         """Return what is to be kept in mind."""
         return tuple(_notes(self))
+
+    def decided_by(self) -> tuple[RuleTable, ...]:
+        """Return the numbers by which it was decided, the verb's own first."""
+        return (RULES, Thresholds(), ESTIMATION_RULES)
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models of the path, and the errors of the one to use by joint and by log."""
