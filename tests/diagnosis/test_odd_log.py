@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from identifiability import Robot, diagnose
 from identifiability.effects import title_of
@@ -144,18 +145,24 @@ def test_a_mass_gripped_in_the_middle_of_a_log_is_told_with_its_instant_and_left
     assert d.to_dict()["changes"][0]["from95"][0] == change.began[0]
 
 
-def test_a_brake_that_drags_for_seconds_is_told_and_a_log_without_says_nothing(logs_of):
+@pytest.mark.parametrize("size", [0.5, 5.0])
+def test_a_brake_that_drags_for_seconds_is_told_however_large(logs_of, size):
+    """What a large one leaves in whatever it is not fitted to is no noise."""
     logs = list(logs_of("two-link")[:4])
-    assert not diagnose("two-link", logs[:3], logs[3:], **CHANGES).changes
     t = logs[2].t - logs[2].t[0]
     begin, end = 0.3 * t[-1], 0.6 * t[-1]
-    more = 0.5 * np.tanh(20 * np.gradient(logs[2].q[:, 1], t)) * ((t > begin) & (t < end))
+    more = size * np.tanh(20 * np.gradient(logs[2].q[:, 1], t)) * ((t > begin) & (t < end))
     logs[2] = replace(logs[2], tau=logs[2].tau + np.outer(more, [0.0, 1.0]))
     (change,) = diagnose("two-link", logs[:3], logs[3:], **CHANGES).changes
     assert (change.log, change.place) == (logs[2].name, "elbow")
     assert ("coulomb_friction", "elbow") in ((change.family, change.place), *change.others)
     assert abs(change.start - logs[2].t[0] - begin) < 0.7
     assert abs(change.stop - logs[2].t[0] - end) < 0.7
+
+
+def test_logs_in_which_nothing_changes_say_nothing(logs_of):
+    logs = list(logs_of("two-link")[:4])
+    assert not diagnose("two-link", logs[:3], logs[3:], **CHANGES).changes
 
 
 def test_friction_that_warms_up_through_a_session_is_no_change_at_an_instant(logs_of):

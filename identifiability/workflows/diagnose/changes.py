@@ -18,7 +18,7 @@ from scipy.special import logsumexp
 
 from identifiability.effects import find_families
 from identifiability.effects.effect import Placed
-from identifiability.estimation.noise import fit_noise
+from identifiability.estimation.noise import JointRuns, fit_noise
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
@@ -269,23 +269,37 @@ class Scan:
         return [(block, A, C * ratio) for block, A, C in rows]
 
     def reweigh(self, stay: Stay, fit: ChangeFit, view: View) -> View:
-        """Return the rows weighed as a change leaves them, by the noise that is left beside it."""
-        p, c = self.problem, self.candidates[stay.candidate]
-        b, at = self.rows.X.shape[2], p.columns(self.parts)
-        changed = (self.rows.D.take(c.columns) @ fit.values) * stay.course[self.block, None]
-        known = [
-            np.concatenate([self.rows.X[:, j], p.rows.D.acting(j, at)], axis=1)
+        """Return the rows weighed as a change leaves them, by the noise that there is without it.
+
+        Noise is that of the blocks where it does not act, nor beside these: of a change that is not
+        fitted well yet the rest looks like slow noise, beside which it is none; and it begins and
+        ends where blocks do not. Of what acts nearly everywhere, as drifts do, it is that beside
+        its columns.
+        """
+        p, at = self.problem, list(self.candidates[stay.candidate].columns)
+        b, named = self.rows.X.shape[2], p.columns(self.parts)
+        course = stay.course[self.block, None]
+        columns = [
+            np.concatenate(
+                [self.rows.X[:, j], p.rows.D.acting(j, named), self.rows.D.acting(j, at) * course],
+                axis=1,
+            )
             for j in range(self.rows.joints)
         ]
-        noise = fit_noise(self.rows.tau - changed, lambda j: [known[j]], self.rows.moving)
+        near = np.convolve(stay.course > 0, np.ones(3), "same")[self.block] > 0
+        rest = self.rows.data & ~near[:, None]
+        most = 2 * rest.sum() > self.rows.data.sum()
+        runs = JointRuns.of(self.rows.runs, rest) if most else self.rows.moving
+        noise = fit_noise(self.rows.tau, lambda j: [columns[j]], runs)
         self.model, self.products = Products(p.rows, noise), Products(self.rows, noise)
-        left = self.rows.tau - changed + self.rows.X @ fit.whole[1 : 1 + b]
-        left += p.rows.D.take(at) @ fit.whole[1 + b : 1 + b + len(at)]
+        left = self.rows.tau + self.rows.X @ fit.whole[1 : 1 + b]
+        left += p.rows.D.take(named) @ fit.whole[1 + b : 1 + b + len(named)]
+        left -= (self.rows.D.take(at) @ fit.values) * course
         steps = np.array([
             step_of(x, n.left)
             for x, n in zip(noise.misfit(left, self.rows.counts), noise.joints, strict=True)
         ])  # fmt: skip
-        rules, share = p.setting.rules, (b + len(at)) / len(steps)
+        rules, share = p.setting.rules, (b + len(named)) / len(steps)
         errors = [self.model.whiten(left, j, step) for j, step in enumerate(steps.tolist())]
         return replace(
             view,
@@ -427,7 +441,7 @@ def _settle(
         rows = scan.whitened(scan.reweigh(best, scan.fit(best, rows), view))
         found, before = scan.likeliest(rows), best
         best = found[0]
-        if (best.candidate, best.log) == (before.candidate, before.log):
+        if np.array_equal(best.course, before.course) and best.candidate == before.candidate:
             break
     return found, scan.fit(best, rows), rows
 
