@@ -48,6 +48,7 @@ COARSE: Tolerance = 2.5 * STEP
 
 #: Where a third of a log is so long, the search begins on that: steps there cost a third [s].
 ENOUGH: Tolerance = 2.0
+THIRDS = 3
 
 #: Frequencies [rad/s] and damping ratios of a servo and what it moves, among which the search for
 #: gains begins; then factors about the best.
@@ -235,7 +236,7 @@ def fit_gains(robot: Robot, logs: Sequence[Log], believed: Believed) -> Gains:
 
 def _start(robot: Robot, servo: Servo, log: Log) -> tuple[Servo, dict[str, Array]]:
     """Return servos and joints' numbers from which the search for gains begins."""
-    if len(log) * signals.sampling_step(log.t) > 3 * ENOUGH:
+    if len(log) * signals.sampling_step(log.t) > THIRDS * ENOUGH:
         log = _middle(log)
     free = np.isnan(servo.kp)
     guess = replace(servo, kp=np.where(free, 1.0, servo.kp), kv=np.nan_to_num(servo.kv))

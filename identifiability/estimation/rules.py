@@ -42,6 +42,11 @@ class Thresholds(RuleTable):
     contraction: Share = 0.5
     outputs_per_parameter: Positive = 3.0
 
+    @property
+    def sigma_share(self) -> float:
+        """`sigma_percent` as a share of the value."""
+        return self.sigma_percent / 100
+
 
 @frozen
 class Rules(RuleTable):

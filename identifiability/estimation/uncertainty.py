@@ -504,6 +504,6 @@ def recurrence(
         return np.full(len(fit.columns), np.nan)
     values = uncertainty.bootstrap.values
     sigma = np.hypot(uncertainty.robust, omitted)
-    known = sigma <= rules.sigma_percent / 100 * np.abs(values)
+    known = sigma <= rules.sigma_share * np.abs(values)
     share: Array = (known & (np.sign(values) == np.sign(fit.value))).mean(0)
     return share

@@ -16,6 +16,7 @@ from typing import Literal
 
 from identifiability.foundation.values import frozen
 from identifiability.logs.aliases import find_unit, is_no_unit
+from identifiability.logs.rules import RULES
 
 # `Form`: how a table of text was written: separators, decimal commas, units, comments.
 #
@@ -106,6 +107,11 @@ PLAIN = Form()
 WESTERN = "cp1252"
 
 
+def _wide(others: bytes) -> bool:
+    """Return whether the second bytes of letters are those of a text of two bytes a letter."""
+    return sum(map(bool, others)) < RULES.wide_letters * len(others)
+
+
 def find_encoding(start: bytes) -> str:
     """Return how the first bytes of a text are encoded; text of one byte a letter is Western."""
     if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -113,7 +119,7 @@ def find_encoding(start: bytes) -> str:
     pairs = start[: 2 * (min(len(start), 200) // 2)]
     for encoding, letters, zeros in (("utf-16-le", 0, 1), ("utf-16-be", 1, 0)):
         # Letters beyond Latin-1, as in units, have a second byte that is not zero.
-        if pairs and all(pairs[letters::2]) and 4 * sum(map(bool, pairs[zeros::2])) < len(pairs):
+        if pairs and all(pairs[letters::2]) and _wide(pairs[zeros::2]):
             return encoding
     try:
         codecs.getincrementaldecoder("utf-8")().decode(start)  # the last letter may be cut

@@ -184,7 +184,7 @@ def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:
     even = np.abs(t - t[0] - step * np.arange(N)).max() < RULES.even * step
     power = 2.0 / N * (np.abs(np.fft.rfft(q - q.mean(0), axis=0)) ** 2).sum(1) if even else None
     for k in range(1, most + 1):
-        if 4 * harmonics * k > N:
+        if RULES.series_samples * harmonics * k > N:
             break
         if power is None:
             fitted = fit_fourier(t, q, duration / k, harmonics).motion(t)[0]

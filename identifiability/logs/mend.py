@@ -20,7 +20,7 @@ from identifiability.logs.log import Log, join_logs
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.rules import RULES
 from identifiability.logs.signals import spread_windows
-from identifiability.logs.spikes import Spike, WrapFinder, Wraps, find_spikes, mend_column
+from identifiability.logs.spikes import TURN, Spike, WrapFinder, Wraps, find_spikes, mend_column
 from identifiability.robot import Robot
 
 # Logs without their wrong samples: none that stands alone decides what is identified.
@@ -234,7 +234,7 @@ _SCALED = "[columns] {} = {{scale = …, offset = …}} in the sidecar (rad = sc
 
 def _beyond(q: Array, low: float, high: float) -> bool:
     """Return whether positions (N,) span more than limits and two turns do, wherever zero is."""
-    return float(np.ptp(q)) > max(2 * (high - low), 4 * np.pi)
+    return float(np.ptp(q)) > 2 * max(high - low, TURN)
 
 
 def _span(joint: str, q: Array) -> str:

@@ -16,6 +16,9 @@ class Rules(RuleTable):
         Fewer samples than this say nothing about any robot.
     largest : float, reasoned
         No time, position or torque in SI units is larger: time since 1970 is 1.7e9 s.
+    wide_letters : float, by hand
+        A text without a mark is of two bytes a letter where one of each pair is never zero,
+        and the other is not zero in less than this share of them.
     shortest_step : float [s], by hand
         No log is sampled faster than this.
     fastest_step : float [s], by hand
@@ -47,6 +50,9 @@ class Rules(RuleTable):
     gap_jitter : float, reasoned
         Nor is a step a gap that is longer than the usual one by less than so many times
         what 95 % of the steps nearer than that deviate by: four standard deviations.
+    gap_uneven : float, by hand
+        Nor is a log refused whose longest or shortest step is off by less than so many
+        times what 95 % of its steps are off by.
     gap_bridged : float, literature
         A gap is bridged up to this share of the period of the cut-off [Nyquist 1928].
     gap_most : float, by hand
@@ -120,6 +126,9 @@ class Rules(RuleTable):
     spike_ends : float, reasoned
         At an end of the column, where it is not seen to come back, it must be so many times
         higher than the range of the column: differences are wrong there by halves.
+    wrap_step : float, by hand
+        Positions are wrapped where they jump, and else change by at most this share of half
+        a turn from sample to sample.
     quaternion_norm : float, by hand
         A quaternion whose norm is further from one than this is none.
     reading_better : float, by hand
@@ -189,10 +198,13 @@ class Rules(RuleTable):
         and comes no earlier or later than this.
     series_explained : float, by hand
         A series explains a motion if what is left is at most so many times the noise.
+    series_samples : float, by hand
+        A series has no harmonic of which a period has fewer samples than this, on average.
     """
 
     fewest: int = 20
     largest: float = 1e12
+    wide_letters: float = 0.25
     shortest_step: float = 1e-7
     fastest_step: float = 5e-5
     slowest_step: float = 0.5
@@ -206,6 +218,7 @@ class Rules(RuleTable):
     even: float = 1e-3
     gap: float = 1.5
     gap_jitter: float = 2.0
+    gap_uneven: float = 5.0
     gap_bridged: float = 0.5
     gap_most: float = 0.25
     gap_whole: float = 0.125
@@ -236,6 +249,7 @@ class Rules(RuleTable):
     spike_around: float = 4.0
     spike_tail: float = 3.0
     spike_ends: float = 1.0
+    wrap_step: float = 0.25
     quaternion_norm: float = 0.01
     reading_better: float = 0.5
     cutoff_lowest: float = 5.0
@@ -260,6 +274,7 @@ class Rules(RuleTable):
     instrument_followed: float = 0.3
     instrument_late: float = 0.2
     series_explained: float = 1.15
+    series_samples: float = 4.0
 
 
 RULES = Rules()

@@ -302,7 +302,7 @@ class WrapFinder:
 
     def finish(self) -> Wraps | None:
         """Return the jumps, or None if there are none or they are no turns."""
-        if not 0 < self._jumps <= MOST or self._usual > np.pi / 4:
+        if not 0 < self._jumps <= MOST or self._usual > RULES.wrap_step * np.pi:
             return None
         if self._high - self._low > TURN + self._usual:
             return None

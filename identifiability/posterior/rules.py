@@ -43,10 +43,18 @@ class Rules(RuleTable):
         A mean that moves by more than this share of its standard deviation is the prior's.
         A value with an edge of its own, and no other, is so where it is less than 2.5
         standard deviations away.
+    prior_room : float, by hand
+        A stated prior of what cannot be negative is refused that lies this many of its
+        standard deviations below zero.
+    at_edge : float, by hand
+        Draws of what cannot be negative are at its edge below this share of the width of
+        its interval.
     """
 
     prior_power: float = 0.5
     prior_sensitivity: float = 0.2
+    prior_room: float = 4.0
+    at_edge: float = 0.01
 
 
 RULES = Rules()

@@ -47,6 +47,8 @@ NOTHING: tuple[Tolerance, Tolerance] = (1e-12, 1e-14)
 
 #: Thickness of the links in drawings, of the length of the longest.
 THICKNESS: Tolerance = 0.04
+#: Links shorter than this share of that are not drawn.
+POINT: Tolerance = 0.1
 
 
 def numbers(values: Iterable[float]) -> str:
@@ -127,7 +129,7 @@ def _draw(bodies: Mapping[str, ET.Element], link: Link, own: bool, radius: float
     ends = np.zeros(3), link.position
     if own:
         ends = -link.rotation.T @ link.position, np.zeros(3)
-    if np.linalg.norm(ends[1] - ends[0]) > radius / 10:
+    if np.linalg.norm(ends[1] - ends[0]) > POINT * radius:
         ET.SubElement(holder, "geom", fromto=numbers(np.concatenate(ends)), size=f"{radius:.4g}")
 
 

@@ -232,14 +232,18 @@ def _uneven(speed: Array, position: Array, _load: Array) -> Array:
     return force
 
 
+#: Play of a hidden backlash, as a share of the range of its joint.
+PLAY: Tolerance = 0.02
+
+
 def _play(speed: Array, position: Array, load: Array) -> Array:
-    """Return the load that is not carried within a fiftieth of the range after each reversal."""
+    """Return the load that is not carried within `PLAY` after each reversal."""
     since, way = np.zeros(len(position)), 0.0
     steps = np.abs(np.diff(position, prepend=position[0]))
     for k, (step, turned) in enumerate(zip(steps, np.diff(np.sign(speed), prepend=0), strict=True)):
         way = 0.0 if turned else way + step
         since[k] = way
-    lost: Array = -load * (since < np.ptp(position) / 50)
+    lost: Array = -load * (since < PLAY * np.ptp(position))
     return lost
 
 
@@ -390,10 +394,14 @@ def _chosen(names: Sequence[str], hidden: Hidden, robot: Robot) -> list[int]:
     return [k for k, name in enumerate(names) if not hidden.joints or name in hidden.joints]
 
 
+#: A recording goes on after a step of so many usual ones as if it were another.
+SEAM: Tolerance = 3.0
+
+
 def _record(move: PrescribedMotion, tau: Array, k: int, name: str) -> Array:
     """Return what a late, leaking or drifting record adds to joint k, (N,)."""
     step = np.median(np.diff(move.t))
-    seams = np.flatnonzero(np.diff(move.t) > 3 * step) + 1
+    seams = np.flatnonzero(np.diff(move.t) > SEAM * step) + 1
     if name in ("time_delay", "clock_error"):
         slope = np.concatenate([np.gradient(part) for part in np.split(tau[:, k], seams)])
         return slope if name == "clock_error" else -slope

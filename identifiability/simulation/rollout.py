@@ -266,7 +266,7 @@ def starting_speeds(log: Log) -> Array:
 def forgotten(log: Log) -> int:
     """Return the row of a log from which on its start is forgotten; 0 where it is short."""
     row = int(np.searchsorted(log.t, log.t[0] + FORGOTTEN))
-    return row if 4 * row < len(log) else 0
+    return row if row < RULES.start_most * len(log) else 0
 
 
 #: What a robot lacks that has no servo, after its path.

@@ -15,11 +15,15 @@ class Rules(RuleTable):
     diverged : float, by hand
         Positions farther than this many times the range of the motion, and a metre or
         radian, have diverged.
+    start_most : float, by hand
+        A rollout is judged from where its start is forgotten, if that is less than this
+        share of the log.
     noise_loudest : float, by hand
         A hundred times the signal is no measurement any more.
     """
 
     diverged: float = 10.0
+    start_most: float = 0.25
     noise_loudest: float = 100.0
 
 

@@ -306,7 +306,7 @@ def judge(
         relative = sd / abs(x) if x else np.inf
         verdict = "not identifiable"
         if adjusted < Thresholds.sign_level:
-            verdict = "identifiable" if relative <= (Thresholds.sigma_percent / 100) else "weak"
+            verdict = "identifiable" if relative <= Thresholds().sigma_share else "weak"
         value = 1.0 / x if x else np.nan
         out.append(Gain(joint, value, (ends[0], ends[1]), 100 * relative, verdict, size))
     return tuple(out)

@@ -111,9 +111,15 @@ EXCITE = {
         "'separate' or None, not 'conditon', did you",
     ),
     "harmonics": ({"harmonics": 0}, "harmonics must be a whole number between 1 and 50, not 0"),
-    "duration": ({"duration": -1}, "duration must be a number between 0.001 and 1e+06 or None, not -1"),
+    "duration": (
+        {"duration": -1},
+        "duration must be a number between 0.001 and 1e+06 or None, not -1",
+    ),
     "samples": ({"samples": "many"}, "samples must be a whole number"),
-    "evaluations": ({"evaluations": 0}, "evaluations must be a whole number of at least 1 or None, not 0"),
+    "evaluations": (
+        {"evaluations": 0},
+        "evaluations must be a whole number of at least 1 or None, not 0",
+    ),
     "time limit": ({"time_limit": 0}, "time_limit must be a number above 0 or None, not 0"),
     "seed": ({"seed": -1}, SEED),
     "parameters": ({"parameters": "link1.mx"}, "parameters must be a list of names or None"),

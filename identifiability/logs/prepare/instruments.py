@@ -511,10 +511,10 @@ def _fit_series(
     ]
     clearest = channels[int(np.argmin(shares))][::step]
     for harmonics in HARMONICS:
-        if 8 * harmonics > len(t):
+        if 2 * RULES.series_samples * harmonics > len(t):
             break
         period = fourier.find_period(t[::step], clearest, harmonics)
-        if 4 * harmonics * signals.sampling_step(t) > period:
+        if RULES.series_samples * harmonics * signals.sampling_step(t) > period:
             continue
         fit = fourier.fit_fourier_jointly(t, channels, noise, period, harmonics)
         left = [x - y for x, y in zip(channels, fit.motion(t), strict=False)]

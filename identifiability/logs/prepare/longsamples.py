@@ -41,6 +41,9 @@ PIECE, MARGINS = 8_192, 4
 #: Stretches that a log is divided into, at most, and the fewest samples of one.
 STRETCHES, SHORTEST = 64, 65_536
 
+#: Times a log that may be read to reach the rows of its stretches, before these become fewer.
+SKIPPED = 4
+
 #: Samples in the middle of each window whose loops are tried first.
 TRIED = 64
 
@@ -253,7 +256,7 @@ def divide(robot: Robot, file: LogFile, plan: Plan) -> tuple[Stretch, ...]:
     if is_parquet(file.table.path):
         # Rows inside a group are reached by reading all that come before them.
         groups = [row for row, _ in file.table.pieces]
-        if max(b - a for a, b in pairwise(groups)) * STRETCHES > 4 * rows:
+        if max(b - a for a, b in pairwise(groups)) * STRETCHES > SKIPPED * rows:
             most = max(8, min(STRETCHES, 2 * (len(groups) - 1)))
     count = min(most, max(1, rows // SHORTEST))
     edges = np.linspace(0, rows, count + 1).astype(int).tolist()

@@ -521,7 +521,7 @@ def add_stated(structure: Structure, prior: Prior) -> Prior:
                 f"not have{near_match(name, names)}"
             )
         k = names.index(name)
-        if structure.nonnegative[k] and m + 4 * s < 0:
+        if structure.nonnegative[k] and m + POSTERIOR_RULES.prior_room * s < 0:
             raise RobotError(
                 f"The sidecar of {robot.path} states the prior {m:g} ± {s:g} for '{name}', which "
                 "cannot be negative; give a prior with room above zero."
@@ -640,7 +640,7 @@ def _summarise(
     interval = believed_interval(draws, submodel.nonnegative)
     interval = widen_interval(interval, submodel.nonnegative, prior_sensitivity * sd)
     width = interval[:, 1] - interval[:, 0]
-    edge = np.where(submodel.nonnegative, (draws < width / 100).mean(0), 0.0)
+    edge = np.where(submodel.nonnegative, (draws < POSTERIOR_RULES.at_edge * width).mean(0), 0.0)
     shown = draws[rng.permutation(len(draws))[:SHOWN]]
     return Summary(
         mean=draws.mean(0),

@@ -274,8 +274,12 @@ def _time(seconds: float) -> str:
     return f"{seconds:g} s" if seconds < 120 else f"{seconds / 60:.3g} min"
 
 
+#: From which share on a percentage is not said.
+NEARLY_ALL: Tolerance = 0.99
+
+
 def _percent(share: float) -> str:
-    return "more than 99 %" if share > 99 / 100 else f"{100 * share:.0f} %"
+    return "more than 99 %" if share > NEARLY_ALL else f"{100 * share:.0f} %"
 
 
 @frozen

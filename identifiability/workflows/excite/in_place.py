@@ -60,12 +60,13 @@ LIFTS: tuple[Tolerance, Tolerance, Tolerance] = (0.3, 0.75, 0.2)
 #: How much the base shifts while it leans.
 CALM: Tolerance = 0.25
 
-#: Step of differences along a plan [s]; steps of Newton's, how far one goes [rad or m], and what is
-#: left of a distance that is none [m].
+#: Step of differences along a plan [s]; steps of Newton's, how far one goes [rad or m], what is
+#: left of a distance that is none [m], and of one that is solved for.
 STEP: Tolerance = 1e-3
 NEWTON = 14
 FAR: Tolerance = 0.3
 REACHED: Tolerance = 1e-10
+SOLVED: Tolerance = 1e-12
 
 #: What is left of a position beyond which harmonics of a series are dropped [rad or m].
 SERIES: Tolerance = 1e-5
@@ -402,7 +403,7 @@ class InPlace:
                     errors.append(0.5 * sum(turned, np.zeros(3)))
             error = np.concatenate(errors, 1)
             left = np.abs(error).max(1)
-            if not np.nanmax(left, initial=0.0) > REACHED / 100:
+            if not np.nanmax(left, initial=0.0) > SOLVED:
                 break
             J = np.concatenate(parts).transpose(2, 0, 1)[:, :, rows[legs]]
             square = J @ J.swapaxes(1, 2)

@@ -23,12 +23,16 @@ class Rules(RuleTable):
         keep at every sample, so that nothing touches between samples either.
     better : float, by hand
         σ of a parameter relative to before, up to which it is known better.
+    as_known : float, by hand
+        Geometric mean of σ of all parameters relative to before, beyond which they are said
+        to be known no better.
     """
 
     visible: float = 0.03
     closure_bound: float = 300.0
     clearance: float = 0.01
     better: float = 0.95
+    as_known: float = 0.995
 
 
 RULES = Rules()

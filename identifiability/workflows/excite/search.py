@@ -58,6 +58,8 @@ BATCH = 2400
 #: which distances change by more than their rounding.
 TOUCHING: Tolerance = 4.0
 NUDGE: Tolerance = 1e-3
+#: Bodies farther apart than so many clearances do not come near each other by that.
+SHIFTED: Tolerance = 3.0
 #: Cost of a candidate whose loops do not close everywhere; more for each sample.
 OPEN: Tolerance = 50.0
 
@@ -232,7 +234,7 @@ class Objective:
             return float(cost[0]), slope
         gaps = self.gaps(x[None], self.samples)
         near = (
-            gaps[0] < 3 * RULES.clearance
+            gaps[0] < SHIFTED * RULES.clearance
         )  # a neighbour is not far: the others stay where they are
         total = TOUCHING * float(nearness(gaps).sum())
         if near.any():

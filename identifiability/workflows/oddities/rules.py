@@ -35,6 +35,13 @@ class Rules(RuleTable):
     delay_left : float, by hand
         and the largest that may be left of it, moved: a fit that explains little says
         nothing on time.
+    delay_rows : float, by hand
+        Fewest rows for each column of the model, with which a delay is looked for.
+    shift_outputs : float, by hand
+        Fewest outputs for each column, and for each of the stretches between which they
+        scatter, with which a shift of a part of a sample is,
+    shift_samples : int, by hand
+        and fewest samples of such a stretch.
     shift_chance : float, level
         A shift of a part of a sample is said where chance makes one so seldom,
     shift_least : float [samples], by hand
@@ -99,6 +106,9 @@ class Rules(RuleTable):
     stuck_jumps: float = 6.0
     delay_small: float = 0.03
     delay_left: float = 0.5
+    delay_rows: float = 3.0
+    shift_outputs: float = 2.0
+    shift_samples: int = 8
     shift_chance: float = 1e-3
     shift_least: float = 0.25
     shift_most: float = 4.0

@@ -41,11 +41,11 @@ SIDES = 40
 ENOUGH, CHUNK = 1000, 256
 
 #: Samples of a log by which it is measured, stretches of time between which it scatters, bytes that
-#: the columns may take, and outputs a column.
+#: the columns may take, and columns beside the model's at each joint.
 LONG = 4096
 STRETCHES = 24
 BYTES: Tolerance = 3e7
-EACH = 2
+BESIDE = 5
 
 #: Speeds at which friction may change, as shares of the largest: what a model of friction lacks is
 #: told from a shift.
@@ -137,7 +137,10 @@ def measure_delay(logs: MeasuredLogs, prepared: Prepared) -> Delay | None:
     whole = np.flatnonzero(_gapless(kept, reach))
     rows = whole[:: max(1, len(whole) // ENOUGH)]
     structure = logs.structure
-    if len(rows) * samples.tau.shape[1] < 3 * len(structure.base.kept) or len(rows) < 100:
+    if (
+        len(rows) * samples.tau.shape[1] < RULES.delay_rows * len(structure.base.kept)
+        or len(rows) < 100
+    ):
         return None
     fit = _Fit(structure, samples, rows)
     n = samples.tau.shape[1]
@@ -205,7 +208,8 @@ def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
     ends = np.flatnonzero(np.diff(motion.kept[rows]) != 1) + 1
     runs = [r for r in np.split(rows, ends) if down.outputs(len(r)) > 0]
     outputs = sum(down.outputs(len(r)) for r in runs)
-    if outputs * n < EACH * (len(structure.base.kept) + 5 * n) or outputs < EACH * STRETCHES:
+    columns = len(structure.base.kept) + BESIDE * n
+    if outputs < RULES.shift_outputs * max(columns / n, STRETCHES):
         return None
     dt = float(np.median(np.diff(motion.t) / np.diff(motion.kept)))
 
@@ -250,7 +254,7 @@ def _beside(mask: np.ndarray, x: Array) -> np.ndarray:
 
 def measure_position(log: Log) -> Shift | None:
     """Return by how much positions are late beside measured velocities; None where none are."""
-    if log.dq is None or len(log) < STRETCHES * 8 or signals.has_gap(log.t).any():
+    if log.dq is None or len(log) < STRETCHES * RULES.shift_samples or signals.has_gap(log.t).any():
         return None
     dt = signals.sampling_step(log.t)
     cutoff = choose_band([Spectrum.of([log.q], dt)]).outputs

@@ -722,7 +722,7 @@ def contradicts(model: FittedModel, full: Estimate | None) -> bool:
     if scatter is None:
         return False
     left = find_left_out(model.structure, model.submodel, model.whole, model.estimate, full)
-    known = np.hypot(scatter.widened, left.sigma) * 100 <= (
-        Thresholds().sigma_percent * np.abs(model.estimate.value)
+    known = np.hypot(scatter.widened, left.sigma) <= (
+        Thresholds().sigma_share * np.abs(model.estimate.value)
     )
     return any(c in wrong for c, sure in zip(model.submodel.columns, known, strict=True) if sure)
