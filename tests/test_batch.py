@@ -267,7 +267,7 @@ def test_the_worst_is_named_first():
     rows = [Row(robot=f"r{k}", file="r.xml", error_unseen=k / 100, model="m") for k in (1, 3, 2)]
     rows.append(Row(robot="r4", file="r.xml", missing=("stribeck_friction@joint_1",)))
     told = Batch(name="fleet", verb="diagnose", folder=Path(), rows=tuple(rows)).statement
-    assert "an error of 1 % to 3 % (median 2 %); the largest: r3 (3 %), r2 (2 %), r1 (1 %)" in told
+    assert "an error of 3 % to 1 % (median 2 %); the largest: r3 (3 %), r2 (2 %), r1 (1 %)" in told
     assert told.endswith("Of 1 something is missing in the model: r4.")
 
 

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 from typer.main import get_command
 from typer.testing import CliRunner
 
+import identifiability
 from identifiability.cli import app
 from identifiability.effects.registry import FAMILIES
 from identifiability.simulation.forces import HIDDEN, HIDDEN_WHOLE
 
+ROOMS = [p.parent.name for p in Path(identifiability.__file__).parent.glob("*/__init__.py")]
 VERBS = dict(get_command(app).commands)
 
 
@@ -25,6 +30,7 @@ def test_every_help_shows_a_line_to_type_and_explains_each_option(verb):
     assert f"identifiability {verb}" in text
     for parameter in VERBS[verb].params:
         assert parameter.name == "help" or parameter.help, parameter.name
+    assert re.findall(rf"\b(?:{'|'.join(ROOMS)})\.[a-z_]+\.[a-z_]+", text) == []  # no module
 
 
 @pytest.mark.parametrize(

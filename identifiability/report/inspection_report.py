@@ -38,7 +38,7 @@ from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, actuated_pose, sketch_parts
 from identifiability.report.torque import plot_runs
 from identifiability.workflows.answers import count_joints, note, sentence
-from identifiability.workflows.inspect import JOINTS, Inspection, Record
+from identifiability.workflows.inspect import JOINTS, Inspection, Record, find_odd
 
 # What a log holds of a joint: position, velocity and torque over time.
 
@@ -106,6 +106,7 @@ ROLES = {
     "coupled": "purple",
     "locked": "amber",
     "left out": "grey",
+    "floats": "grey",
 }
 
 
@@ -155,8 +156,13 @@ def build_inspection_page(result: Inspection) -> Page:
 
 def _notes(result: Inspection) -> list[Note]:
     refused = {r.refused for r in result.refused}
+    odd = find_odd(result)
     notes = [note("refused", why=why) for why in refused]
-    notes += [note("hint", hint=hint) for hint in result.hints if hint not in refused]
+    notes += [
+        note("hint" if hint in odd else "read", hint=hint)
+        for hint in result.hints
+        if hint not in refused
+    ]
     return notes
 
 
@@ -171,7 +177,8 @@ def _pictures(result: Inspection, record: Record) -> list[Picture]:
     trace, robot = record.trace, result.robot
     t, motion_t = trace.t - record.start, trace.motion_t - record.start
     pictures = []
-    for k, joint in enumerate(record.joints[:DRAWN]):
+    moved = [j for j in enumerate(record.joints) if j[1].joint in robot.motor_joints]
+    for k, joint in moved[:DRAWN]:  # nobody measures position and force of a base that floats
         low, high = robot.limits[k]
         figure = draw_traces(
             (t, trace.q[:, k]),

@@ -10,7 +10,7 @@ from identifiability.report.drawing import peak_rows
 from identifiability.report.page import Page
 from identifiability.report.skeleton import move_skeletons
 from identifiability.report.torque import LINE_POINTS
-from identifiability.workflows.rollout import RolledOut
+from identifiability.workflows.rollout import RolledOut, moved_words
 
 
 def build_rollout_page(result: RolledOut) -> Page:
@@ -43,7 +43,11 @@ def section_motion(result: RolledOut) -> tuple[Section, ...]:
     ]
     caption = f"The robots along {log.name}, and how far their joints are from the recording (rms)."
     moving = move_skeletons(result.robot, log.t, motions, errors, caption, result.unit)
-    return () if moving is None else (section("rollout.motion", moving, log=log.name),)
+    return (
+        ()
+        if moving is None
+        else (section("rollout.motion", moving, log=log.name, **moved_words(result)),)
+    )
 
 
 def section_positions(result: RolledOut) -> Section:
@@ -61,9 +65,9 @@ def section_positions(result: RolledOut) -> Section:
         rows = peak_rows(tuple(lines.values()), most)
         drawn = {n: y[rows] for n, y in lines.items()}
         groups.append(Trace.of(joint, unit, t[rows], drawn, "position"))
-    return section("rollout.positions", Traces(tuple(groups)), log=log.name)
+    return section("rollout.positions", Traces(tuple(groups)), log=log.name, **moved_words(result))
 
 
 def section_joints(result: RolledOut) -> Section:
     """Return the errors of every joint."""
-    return section("rollout.joints", result.tables()[0])
+    return section("rollout.joints", result.tables()[0], **moved_words(result))

@@ -204,7 +204,7 @@ def state_error(error: float, joints: Sequence[str], each: Array) -> tuple[float
     if not known:
         return error, sentence("decision.grades", grade_of(error), error=error_text(error)), ""
     low, high = int(np.argmin(each)), int(np.argmax(each))
-    ends = [f"{error_text(float(each[k]))} ({joints[k]})" for k in (low, high)]
+    ends = [f"{error_text(float(each[k]))} ({joints[k]})" for k in (high, low)]
     if error >= RULES.joint_hidden * each[low]:
         short = sentence("decision.grades", grade_of(error), error=error_text(error))
         if tone_of(error) == "green" and each[high] > RULES.joint_bad:

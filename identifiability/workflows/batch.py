@@ -44,7 +44,7 @@ from identifiability.foundation.options import (
 )
 from identifiability.foundation.output import temporary_folder, write_bytes
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import NONE, error_text, format_count, rough_percent
+from identifiability.foundation.rounding import NONE, error_text, format_count
 from identifiability.foundation.values import frozen
 from identifiability.logs.formats.reader import check_there, find_reader
 from identifiability.logs.prepare import Preparation
@@ -523,7 +523,7 @@ class Batch(Result):
                     for r in self.worst[:3]
                 ]
             )
-            size = f"{low} to {high} (median {middle}); the largest: {worst}"
+            size = f"{high} to {low} (median {middle}); the largest: {worst}"
             said.append(
                 "Torque of unseen motion is predicted with an error of "
                 f"{low if low == high else size}."
@@ -722,9 +722,10 @@ def _errors(result: Batch) -> Answer:
     if not worst:
         return Answer(question, "Not known.", tone="grey")
     errors = [row.unseen for row in worst]
-    short = f"With an error of {rough_percent(errors[-1])} to {rough_percent(errors[0])}."
-    named = [f"{row.robot} ({rough_percent(row.unseen)})" for row in worst[:3]]
-    text = f"Half of them err by less than {rough_percent(errors[len(errors) // 2])}."
+    ends = dict.fromkeys((percent(errors[0], 2), percent(errors[-1], 2)))
+    short = f"With an error of {' to '.join(ends)}."
+    named = [f"{row.robot} ({percent(row.unseen, 2)})" for row in worst[:3]]
+    text = f"Half of them err by at most {percent(errors[len(errors) // 2], 2)}."
     return Answer(question, short, f"{text} The largest: {listing(named)}.", "blue")
 
 

@@ -134,13 +134,23 @@ class Gains(Result):
         known, count = len(self.known), len(self.gains)
         tone = "green" if known == count else "amber" if known else "vermilion"
         short = f"{known} of {format_count(count, 'gain')} {'is' if known == 1 else 'are'} known."
-        lines = " ".join(self.sidecar.split("\n"))
+        table, _, line = self.sidecar.strip().partition("\n")
+        sure = [g for g in self.gains if g.joint in self.known]
+        worst = max(sure, key=lambda g: g.sigma_percent, default=None)
+        least = (
+            self.statement
+            if worst is None
+            else f"Least sure: {worst.joint} {worst.value:.4g} ({worst.interval[0]:.4g} … "
+            f"{worst.interval[1]:.4g}, 95 %)."
+        )
         return (
-            Answer("What is one unit of each torque column?", short, self.statement, tone),
+            Answer("What is one unit of each torque column?", short, least, tone),
             Answer(
                 "What next?",
                 "Write it into the sidecar." if known else "Measure once more.",
-                f"{lines}turns these columns into torque, for every verb." if known else "",
+                f"Under {table}: {line}. With it these columns are torque, for every verb."
+                if known
+                else "Move joints where the load is heavy for them, or take a heavier load.",
             ),
         )
 

@@ -66,6 +66,7 @@ from identifiability.workflows.oddities.torque import flat_share, measure_factor
 from identifiability.workflows.opening import (
     Logs,
     Progress,
+    is_reading,
     quiet,
     running,
     share,
@@ -698,11 +699,10 @@ class Inspection(OfStructure, Result):
             return f"{what}; {which} can{'' if which == 'none' else 'not'} be used: " + " ".join(
                 dict.fromkeys(r.refused for r in self.refused)
             )
-        count = len(self.hints)
-        odd = "nothing is odd" if not count else "one thing is odd or read otherwise than literally"
-        if count > 1:
-            odd = f"{count} things are odd or read otherwise than literally"
-        return f"{what}; {odd}{': ' + self.hints[0] if self.hints else '.'}"
+        if not (told := find_odd(self)):
+            return f"{what}; nothing is odd."
+        odd = "one thing is odd" if len(told) == 1 else f"{len(told)} things are odd"
+        return f"{what}; {odd}: {told[0]}"
 
     def _condition_text(self) -> str:
         assert self.excited is not None
@@ -929,6 +929,11 @@ def _measure(logs: MeasuredLogs) -> Excited:
 SHOWN = 3
 
 
+def find_odd(result: Inspection) -> tuple[str, ...]:
+    """Return the hints that say more than how logs were read."""
+    return tuple(hint for hint in result.hints if not is_reading(hint))
+
+
 def _usable(result: Inspection) -> Answer:
     question = "Can these logs be used?"
     if result.refused:
@@ -936,9 +941,9 @@ def _usable(result: Inspection) -> Answer:
         names = join([r.name for r in result.refused], SHOWN)
         short = f"Not all: {names} cannot." if some else "No."
         return Answer(question, short, result.refused[0].refused, "vermilion")
-    if result.hints:
-        count = format_count(len(result.hints), "thing")
-        return Answer(question, f"Check {count} first.", result.hints[0], "amber")
+    if odd := find_odd(result):
+        count = format_count(len(odd), "thing")
+        return Answer(question, f"Check {count} first.", odd[0], "amber")
     return Answer(
         question,
         "Yes: nothing is odd.",

@@ -322,20 +322,32 @@ def _refuse_silent(logs: Sequence[Recording]) -> None:
         )
 
 
+#: Logs, or groups of logs read alike, whose own reading is told.
+SHOWN_READINGS = 4
+
+
 def state_reading(read: Sequence[tuple[str, str]]) -> list[str]:
-    """Return how logs were read otherwise than literally, each sentence once.
+    """Return how logs were read otherwise than literally, in one sentence: what all share once.
 
     Parameters
     ----------
     read : sequence of (name, how)
     """
-    said: dict[str, list[str]] = {}
-    for name, how in read:
-        said.setdefault(how, []).append(name)
-    return [
-        f"How {listing(names, 4)} {'was' if len(names) == 1 else 'were'} read: {text}."
-        for text, names in said.items()
-    ]
+    if not read:
+        return []
+    parts = [how.split("; ") for _, how in read]
+    shared = [part for part in parts[0] if all(part in other for other in parts)]
+    own: dict[str, list[str]] = {}
+    for (name, _), each in zip(read, parts, strict=True):
+        rest = "; ".join(part for part in each if part not in shared)
+        own.setdefault(rest, []).append(name)
+    own.pop("", None)
+    apart = [f"{listing(names, 4)}: {rest}" for rest, names in own.items()]
+    names = [name for name, _ in read]
+    if len(apart) > SHOWN_READINGS:
+        apart[SHOWN_READINGS:] = [f"and {len(apart) - SHOWN_READINGS} more otherwise"]
+    text = "; ".join((*shared, *apart))
+    return [f"How {listing(names, 4)} {'was' if len(names) == 1 else 'were'} read: {text}."]
 
 
 def is_reading(hint: str) -> bool:

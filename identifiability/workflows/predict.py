@@ -227,17 +227,16 @@ class TorquePrediction(Result):
         if self.errors is not None:
             each = self.errors[0].joint_error()[:, 0]
             text += f" {state_joints(self.robot.joints, each, self.error_ra)}".rstrip()
-        few = [
-            j for j, s in zip(self.robot.joints, self.inside, strict=True) if s < RULES.inside_few
-        ]
-        if few:
+        if few := _few(self):
             text += (
-                f" Of {listing(few, 6)} too few do: a load, a temperature or the robot changed "
-                "since the fitted logs, or this motion shows what the model leaves out (diagnose "
-                "looks for it)."
+                f" Too few samples of {_listed(self, few)} do. A load, a temperature or the "
+                "robot changed since the fitted logs, or this motion shows what the model leaves "
+                "out (diagnose looks for it)."
             )
         if silent:
-            text += f" {listing(silent, 4)} has no torque: it is predicted alone."
+            one = len(silent) == 1
+            text += f" {listing(silent, 4)} {'has' if one else 'have'} no torque: "
+            text += f"{'it is' if one else 'they are'} predicted alone."
         return " ".join((text, *self._unknown_words, *self.hints))
 
     @property
@@ -842,6 +841,11 @@ def _few(result: TorquePrediction) -> list[str]:
     return [joint for joint, share in pairs if share < RULES.inside_few]
 
 
+def _listed(result: TorquePrediction, joints: list[str]) -> str:
+    every = 1 < len(joints) == len(result.robot.joints)
+    return "every joint" if every else join(joints)
+
+
 def _trust(result: TorquePrediction) -> Answer:
     question, new = "May I trust its intervals?", []
     for joint, share in zip(result.robot.joints, result.unknown, strict=True):
@@ -859,8 +863,8 @@ def _trust(result: TorquePrediction) -> Answer:
     size = f"{error_text(inside)} of the samples lie in their 95 % interval."
     if few:
         why = (
-            f"Of {join(few)} too few do: a load, a temperature or the robot changed since, or this "
-            "motion shows what the model leaves out."
+            f"Too few samples of {_listed(result, few)} do. A load, a temperature or the "
+            "robot changed since, or this motion shows what the model leaves out."
         )
         return Answer(question, f"No: only {size}", why + text, "vermilion")
     return Answer(question, f"Yes: {size}", text.strip(), "amber" if new else "green")

@@ -170,7 +170,7 @@ class RolledOut(Result):
         place, turn = (1e3 * float(np.sqrt(np.sum(x**2)))
                        for x in np.split(self.window_errors[-1, :SIX], 2))  # fmt: skip
         return (
-            f"The base of {self.runs[-1].name} errs by {place:.3g} mm and {turn:.3g} mrad against "
+            f"The base{self._of_last} errs by {place:.3g} mm and {turn:.3g} mrad against "
             "what the inertial sensor and the feet on the ground say of it. A robot on its feet "
             f"soon leaves any recording, so each window of {self.window:g} s begins with what was "
             "measured; contacts are balls on a plane."
@@ -188,7 +188,11 @@ class RolledOut(Result):
         if not hides_joints(each, np.inf):
             return ""
         joints = [j for j, a in zip(self.robot.joints, self.alike, strict=True) if a]
-        return f"By joint of {self.runs[-1].name}: {list_worst(joints, each, self.unit)}."
+        return f"By joint{self._of_last}: {list_worst(joints, each, self.unit)}."
+
+    @property
+    def _of_last(self) -> str:
+        return f" of the robot {self.runs[-1].name}" if len(self.runs) > 1 else ""
 
     def answers(self) -> tuple[Answer, ...]:
         """Return by how much positions err, and how late commands act."""
@@ -207,9 +211,8 @@ class RolledOut(Result):
         """The answer in plain words."""
         names = listing([log.name for log in self.logs], 3)
         told = [self._tell(k) for k in range(len(self.runs))]
-        what = "torque" if self.torque else "commands"
-        begun = "from where each window began" if self.floats else "from where it began"
-        text = f"Moved by the {what} of {names} {begun}, {told[0]}"
+        moved = moved_words(self)
+        text = f"Moved by the {moved['what']} of {names} {moved['begun']}, {told[0]}"
         if len(told) > 1:
             ratios = self.totals[1:] / self.totals[0]
             for other, ratio in zip(told[1:], ratios, strict=True):
@@ -460,6 +463,17 @@ def _windows(log: Log, window: float = WINDOW) -> list[tuple[int, int]]:
     rows = max(2, round(window / signals.sampling_step(log.t)))
     starts = range(0, len(log) - rows + 1, rows)
     return [(a, a + rows) for a in starts] or [(0, len(log))]
+
+
+def moved_words(result: RolledOut) -> dict[str, str]:
+    """Return how robots were moved: by what, from where, and over what errors are told."""
+    windows = f"windows of {result.window:g} s that begin with what was measured"
+    whole = "whole logs, where what drifts adds up, and over "
+    return {
+        "what": "torque" if result.torque else "commands",
+        "begun": "from where each window began" if result.floats else "from where it began",
+        "over": f"{'' if result.floats else whole}{windows}",
+    }
 
 
 def _error(result: RolledOut) -> Answer:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pandas as pd
@@ -12,10 +13,12 @@ from identifiability import Inspection, Robot, analyze, inspect
 from identifiability.cli import app
 from identifiability.foundation.errors import LogError, OutputError
 from identifiability.logs import Log
-from identifiability.report.inspection_report import build_inspection_page
+from identifiability.report.inspection_report import ROLES, build_inspection_page
 from identifiability.report.page import render_page
 from identifiability.robot.parts import Transmission
 from identifiability.simulation import PrescribedMotion, random_trajectory, simulate
+from identifiability.workflows.inspect import Role, find_odd
+from identifiability.workflows.opening import state_reading
 
 GRIPPER = """<mujoco><compiler angle="radian"/><worldbody><body name="arm">
   <joint name="lift" axis="0 1 0" range="-1 1"/>
@@ -63,6 +66,29 @@ def test_every_joint_has_its_part_and_the_columns_follow_from_it(gripper):
     assert {j.name: j.remark for j in locked.joints if j.role == "locked"} == {
         "finger1": "held at 0.02", "finger2": "held at -0.03"}  # fmt: skip
     assert locked.columns == ("t", "lift.q", "lift.tau")
+
+
+def test_every_role_has_a_colour_and_how_logs_were_read_is_not_odd():
+    assert set(get_args(Role)) == set(ROLES)
+    found = inspect("walking-quadruped")
+    assert "of its floating base" in found.statement
+    build_inspection_page(found)
+    read, odd = "How a.csv was read: t in ms.", "The clock of a.csv jumps."
+    told = replace(found, hints=(read, odd))
+    assert find_odd(told) == (odd,)
+
+
+def test_how_logs_were_read_is_one_sentence_that_says_once_what_they_share():
+    assert state_reading([]) == []
+    each = [(f"{k}.csv", f"semicolons; dates from {k} May") for k in range(6)]
+    assert state_reading(each[:1]) == ["How 0.csv was read: semicolons; dates from 0 May."]
+    assert state_reading([(name, "semicolons") for name, _ in each[:2]]) == [
+        "How 0.csv, 1.csv were read: semicolons."
+    ]
+    (told,) = state_reading(each)
+    assert told.startswith("How 0.csv, 1.csv, 2.csv, 3.csv and 2 more were read: semicolons; 0.csv")
+    assert told.count("semicolons") == 1
+    assert told.endswith("3.csv: dates from 3 May; and 2 more otherwise.")
 
 
 @pytest.mark.parametrize("name", ["3-rps", "five-bar", "two-link"])

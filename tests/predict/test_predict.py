@@ -83,7 +83,7 @@ def test_a_load_is_seen_and_said(analysis, make_log):
     heavy["elbow.tau"] += 3 * heavy["elbow.tau"].std()
     found = analysis.predict(Log.from_frame(heavy, "heavy"))
     assert found.inside[1] < 0.5 < found.inside[0]
-    assert "Of elbow too few do" in found.statement
+    assert "Too few samples of elbow do" in found.statement
 
 
 def told(*words):

@@ -231,7 +231,7 @@ def test_where_loads_differ_each_joint_is_judged_by_its_own_error():
     joints, each = ("a", "b"), np.array([0.13, 0.22])
     judged, short, said = state_error(0.08, joints, each)
     assert 0.13 < judged < 0.22
-    assert short.startswith("Poor: relative validation error 13.0 % (a) to 22.0 % (b)")
+    assert short.startswith("Poor: relative validation error 22.0 % (b) to 13.0 % (a)")
     assert "all together it is 8.00 %" in said
     assert state_error(0.12, joints, each)[0] == 0.12  # hardly below either
     assert state_error(0.05, joints, np.array([0.04, 0.3]))[1].startswith("Good, but not in b:")

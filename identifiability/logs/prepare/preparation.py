@@ -145,7 +145,7 @@ class Preparation:
         them by Butterworth.
     cutoff : float or None [Hz]
         Low-pass for computed derivatives [Hz]; by default it is chosen for all logs together, from
-        the noise and the bandwidth of the motion (`logs.spectrum.choose_band`).
+        the noise and the bandwidth of the motion.
     period : float or None [s]
         Period of periodic motion [s], for the Fourier fit; by default the whole fraction of the
         duration that fits best.

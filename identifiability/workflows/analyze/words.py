@@ -279,10 +279,10 @@ def state_physics(chosen: ModelResult) -> str:
                 "reach as far as the difference. Its values are those to use, and predictions and "
                 "exports have them, unless held-out motion of another kind objects."
             )
-    if chosen.infeasible:
+    if count := len(chosen.infeasible):
         return (
-            f"But {len(chosen.infeasible)} of its values have a sign that physics forbids "
-            f"({listing(chosen.infeasible, 4)}). {near}"
+            f"But {count} of its values {'has' if count == 1 else 'have'} a sign that physics "
+            f"forbids ({listing(chosen.infeasible, 4)}). {near}"
         )
     if chosen.physical.certificate is None:
         return f"The motion leaves some of its parameters open. {near}"

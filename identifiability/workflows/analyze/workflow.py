@@ -100,9 +100,8 @@ def analyze(
         (``ols``).
     estimator : {"auto", "ls", "iv"}
         Least squares, or instrumental variables, which noise in the motion does not bias; ``auto``
-        takes the latter if any log has a second record of its motion
-        (`logs.prepare.instruments`), and else corrects the former by what new noise of the motion
-        does to it (`logs.prepare.echo`).
+        takes the latter if any log has a second record of its motion, and else corrects the former
+        by what new noise of the motion does to it.
     replicates : int, optional
         Refits of the block bootstrap, 0 for none; by default 2000, or 200 if `quick`.
     posterior : bool
@@ -112,7 +111,7 @@ def analyze(
     cad_prior : float, optional
         Weight of a log-det prior around the bodies of the robot file when the nearest real robot
         is sought [σ²]; 0 for none. By default the heaviest that predicts stretches of the fitted
-        logs as well as the best (`physical.feasibility.choose_prior`).
+        logs as well as the best.
     prior : float, optional
         Share within which the bodies are those of the robot file, such as 0.2: it is a `cad_prior`
         of 1 / (2 share²), and verdicts say what it narrows. By default 0.2 where logs hold commands

@@ -109,7 +109,7 @@ class Commands:
             f"by them, the robot of the file uses of its limits at most: {listing(told, 4)}."
         )
         if self.limits.assumed:
-            text += f" Assumed, as nobody stated them: {listing(self.limits.assumed, 4)}."
+            text += f" Assumed, as nobody stated them: {self.limits.state_assumed()}."
         pairs = zip(self.robot.joints, self.targets[0], strict=True)
         rest = listing([f"{j} = {x:.4g}" for j, x in pairs], 12)
         return f"{text} They begin and end at {rest}. {self.unwatched}".strip()

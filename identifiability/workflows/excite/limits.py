@@ -20,6 +20,7 @@ from identifiability.effects import default_effects
 from identifiability.foundation.documents import first_problem, read_document
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.rounding import join
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import USUAL_EFFECTS
@@ -48,6 +49,9 @@ from identifiability.workflows.excite.rules import RULES
 #: Reach, speed and acceleration of joints without limits: (rotary [rad], sliding [m]), as those
 #: of random trajectories.
 ASSUMED = {"q": (1.0, 0.1), "v": (2.0, 0.3), "a": (10.0, 1.0)}
+
+#: What these limits are called.
+KINDS = {"q": "range", "v": "speed", "a": "acceleration"}
 
 
 class BoxEntry(BaseModel):
@@ -121,6 +125,22 @@ class Limits:
     boxes: tuple[Box, ...] = ()
     closure_bound: float = RULES.closure_bound
     assumed: tuple[str, ...] = ()
+
+    def state_assumed(self) -> str:
+        """Return what nobody stated, in words: which limits, and of which joints."""
+        of: dict[str, list[str]] = {}
+        for name in self.assumed:
+            joint, _, kind = name.rpartition(".")
+            of.setdefault(joint, []).append(KINDS[kind])
+        alike: dict[str, list[str]] = {}
+        for joint, kinds in of.items():
+            alike.setdefault(join(kinds), []).append(joint)
+        return join(
+            [
+                f"{kinds} of {join(js, 4) if len(js) < len(self.joints) else 'all joints'}"
+                for kinds, js in alike.items()
+            ]
+        )
 
     @property
     def middle(self) -> Array:

@@ -404,26 +404,26 @@ class Excitation(Result):
     @property
     def limits_statement(self) -> str:
         """What the motion keeps, in words."""
-        text = "It keeps the limits of every joint"
+        told = ["It keeps the limits of every joint"]
         if self.robot.closed:
-            text += (
-                f", its loops close at all {self.trajectory.samples} samples, and the condition "
-                f"number of the closure stays below {_ceil(self.closure)} (bound "
-                f"{self.limits.closure_bound:g})"
-            )
+            told += [
+                f"Its loops close at all {self.trajectory.samples} samples",
+                f"The condition number of the closure stays below {_ceil(self.closure)} (bound "
+                f"{self.limits.closure_bound:g})",
+            ]
         if np.isfinite(self.gap):
-            text += f", bodies that are not joined keep {1000 * self.gap:.3g} mm from each other"
+            told.append(f"Bodies that are not joined keep {1000 * self.gap:.3g} mm apart")
         if self.in_place is not None:
             inside = 1000 * (self.room + self.in_place.margin)
-            text += (
-                f", and its zero-moment point, by the file's masses, stays {inside:.3g} mm inside "
-                "of the feet that stand"
+            told.append(
+                f"Its zero-moment point, by the file's masses, stays {inside:.3g} mm inside of "
+                "the feet that stand"
             )
         elif np.isfinite(self.room):
-            text += f", and stays {1000 * self.room:.3g} mm inside the workspace"
+            told.append(f"It stays {1000 * self.room:.3g} mm inside the workspace")
         if self.limits.assumed:
-            text += f"; nobody stated {listing(self.limits.assumed, 4)}, so these were assumed"
-        return f"{text}."
+            told.append(f"Nobody stated the {self.limits.state_assumed()}, so these were assumed")
+        return " ".join(f"{text}." for text in told)
 
     def _condition(self) -> str:
         together = " together with the logs" if self.logs else ""
@@ -568,7 +568,7 @@ def _notes(result: Excitation) -> list[Note]:
     if not result.reproducible:
         notes.append(note("time"))
     if result.limits.assumed:
-        notes.append(note("assumed", names=", ".join(result.limits.assumed)))
+        notes.append(note("assumed", names=result.limits.state_assumed()))
     if result.criterion.name == "separate" and result.after.figure > CONFUSABLE:
         notes.append(note("alike"))
     return notes

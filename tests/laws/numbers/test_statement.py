@@ -140,6 +140,7 @@ def test_physics_says_what_is_impossible_and_how_near_the_nearest_is():
     signs = state_physics(Judged(feasible=False, infeasible=("a.m", "b.Fv")))
     assert "2 of its values have a sign that physics forbids (a.m" in signs
     assert "The nearest real robot errs by 20 %." in signs
+    assert "1 of its values has a sign" in state_physics(Judged(feasible=False, infeasible=("a",)))
     bodies = state_physics(Judged(feasible=False))
     assert "Its values are not physically consistent, although each sign is possible" in bodies
     used = state_physics(Judged(feasible=False, physical_used=True))
