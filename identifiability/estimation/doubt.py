@@ -64,9 +64,7 @@ SIZES = np.logspace(-4.0, 6.0, 61)
 #: Echoes of a log, all of which are along the same smoothed motion.
 ECHOES = 2
 
-#: A residual below this share of the torque is rounding; and a direction of unit columns that is
-#: shorter than the root of the other is none.
-ROUNDING: Tolerance = 1e-8
+#: A direction of unit columns that is shorter than the root of this is none.
 THIN: Tolerance = 1e-10
 
 #: What a function is of, in words, and how many columns it has.
@@ -282,8 +280,7 @@ class Rows:
             lagged.times(np.column_stack([T, rest])), float(left @ left) / scale**2, scale
         )
         best = problem.maximise()
-        silent = problem.left <= ROUNDING**2 * float(y @ y) / rows
-        sigma = np.inf if silent else problem.sigma(best)
+        sigma = np.inf if problem.silent else problem.sigma(best)
         unknown = np.zeros((len(best), len(best)))
         return JointNoise(best, unknown, sigma, float(problem.dof), problem.left)
 

@@ -257,6 +257,8 @@ HIGHEST_ORDER = 4
 BOUND: Tolerance = 3.5
 #: Shares of the trace below which directions are rounding, the next where one does not suffice.
 ROUNDING: tuple[Tolerance, ...] = (1e-14, 1e-12, 1e-10)
+#: A residual below this share of the torque is rounding, and has no correlation to speak of.
+RESIDUAL_ROUNDING: Tolerance = 1e-8
 #: When the search of one order ends, and the step of its derivatives.
 STOP = {"maxiter": 30, "ftol": 1e-6}
 STEP: Tolerance = 1e-4
@@ -426,6 +428,11 @@ class RestrictedLikelihood:
         self.floor = floor * left / self.rows
         self.left = left * scale**2 / self.dof
 
+    @property
+    def silent(self) -> bool:
+        """Whether what is left is rounding."""
+        return bool(self.left * self.dof <= (RESIDUAL_ROUNDING * self.scale) ** 2)
+
     @staticmethod
     def of(y: Array, basis: Array, runs: Runs, floor: float = FLOOR) -> RestrictedLikelihood:
         """Return that of a series y (N,) beside an orthonormal basis (N, k)."""
@@ -498,6 +505,8 @@ class RestrictedLikelihood:
     def maximise(self) -> Array:
         """Return the transformed partial autocorrelations (p,) of the order with the least BIC."""
         best = theta = np.empty(0)
+        if self.silent:
+            return best
         least = self.deviance(theta)
         for order in range(1, HIGHEST_ORDER + 1):
             start, bounds = np.append(theta, 0.3 if order == 1 else 0.0), [(-BOUND, BOUND)] * order
@@ -505,7 +514,7 @@ class RestrictedLikelihood:
                 found = scipy.optimize.minimize(
                     self.slope, start, method="L-BFGS-B", jac=True, bounds=bounds, options=STOP
                 )
-            except np.linalg.LinAlgError:  # noise that a higher order foretells is rounding
+            except np.linalg.LinAlgError:  # noise that slow leaves nothing of the columns
                 break
             theta = found.x
             value = found.fun + order * np.log(self.dof)
@@ -702,8 +711,6 @@ def _span(blocks: Sequence[Array], most: int) -> Array:
 MOST_ROWS = 20_000
 #: White noise that is taken to be there beside the residual, as a share of its variance.
 RESIDUAL_FLOOR: Tolerance = 1e-4
-#: A residual below this share of the torque is rounding, and has no correlation to speak of.
-RESIDUAL_ROUNDING: Tolerance = 1e-8
 
 
 @frozen
@@ -807,9 +814,8 @@ def _fit(y: Array, X: Array, runs: Runs) -> tuple[Array, float]:
     length = np.linalg.norm(X, axis=0)
     U, s, _ = np.linalg.svd(X[:, length > 0] / length[length > 0], full_matrices=False)
     basis = U[:, s > ROUNDOFF * s.max(initial=0.0)]
-    left = y - basis @ (basis.T @ y)
-    if np.linalg.norm(left) <= RESIDUAL_ROUNDING * np.linalg.norm(y):
-        return np.empty(0), float(np.linalg.norm(left) / np.sqrt(max(len(y) - basis.shape[1], 1)))
     problem = RestrictedLikelihood.of(y, basis, runs, RESIDUAL_FLOOR)
+    if problem.silent:
+        return np.empty(0), float(np.sqrt(problem.left))
     best = problem.maximise()
     return np.tanh(best), problem.sigma(best)

@@ -245,6 +245,10 @@ class DwellRule:
         """Samples on each side that decide whether a joint dwells."""
         return int(max(self.least.max(), self.slow.max())) + max(self.beside, self.turning) + 1
 
+    def masking(self, stands: bool) -> DwellRule:
+        """Return the rule by which reversals are data unless a joint ever stands."""
+        return replace(self, turning=max(1, self.beside) if stands else 0)
+
     def find(self, log: Log, dq: Array) -> np.ndarray:
         """Return where each joint dwells, (N, n) bool; dq (N, n) are the speeds that are used."""
         out, speed = np.zeros(dq.shape, bool), np.abs(dq)
@@ -261,10 +265,15 @@ class DwellRule:
             )
         out = _reached(out, self.beside)
         if self.turning:
-            turns = np.zeros(out.shape, bool)
-            turns[:-1] = np.sign(dq[:-1]) != np.sign(dq[1:])
-            out |= _reached(turns, self.turning)
+            out |= _reached(_reversals(dq), self.turning)
         return out
+
+
+def _reversals(dq: Array) -> np.ndarray:
+    """Return the samples behind which the speeds dq (N, n) cross zero, (N, n) bool."""
+    turns = np.zeros(dq.shape, bool)
+    turns[:-1] = np.sign(dq[:-1]) != np.sign(dq[1:])
+    return turns
 
 
 def _largest(x: Array, window: int) -> Array:
@@ -283,46 +292,98 @@ def _in_any(centres: np.ndarray, window: int) -> np.ndarray:
     return found
 
 
-def choose_dwell_rule(plan: Plan, windows: Sequence[Log], origins: Sequence[int]) -> DwellRule:
-    """Return when joints dwell in a log.
+@frozen
+class Stays:
+    """How long joints stay about zero speed in windows of a log, beside what a reversal takes.
 
-    Parameters
+    Attributes
     ----------
     plan : Plan
         With its decimation.
-    windows : sequence of Log
+    windows : tuple of Log
         Joints in the robot's order.
-    origins : sequence of int
-        Rows of their first samples in the whole log.
+    speeds : tuple of (N, n) [rad/s or m/s]
+        Those that are used.
+    recorded : bool
+        Whether speeds are recorded.
+    width : (n,) [rad or m; rad/s or m/s]
+        Range that is within the errors of the record.
+    creep : (k, n) [rad/s or m/s]
+        Speeds that say nothing.
+    typical : (n,) [rad/s² or m/s²]
+        Standard deviation of the acceleration.
+    never : (n,) bool
+        Whether a joint never moves.
     """
-    speeds = all(w.dq is not None for w in windows)
-    records = [w.dq if w.dq is not None and speeds else w.q for w in windows]
-    levels = [noise_level(x, w.t) ** 2 for x, w in zip(records, windows, strict=True)]
-    noise = np.sqrt(np.mean(levels, axis=0))
-    step = np.min([resolution(x) for x in records], axis=0)
-    width = np.maximum((1 if speeds else 2) * BAND * noise, step)
-    parts = [plan.derive(w, k) for w, k in zip(windows, origins, strict=True)]
-    q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
-    creep = RULES.creep * np.abs(dq).max(0) / 2.0 ** np.arange(HALVED + 1)[:, None]
-    moving = np.where(np.abs(dq) > creep[0], np.abs(ddq), np.nan)
-    never = signals.never_moves(q.min(0), q.max(0)) | np.isnan(moving).all(0)
-    slow = np.full(len(never), np.inf)  # of a Gaussian the median is .67 of its spread
-    slow[~never] = np.nanmedian(moving[:, ~never], axis=0) / 0.6745
-    slow = np.where(slow > 0, slow, np.inf)
-    crossing = 2 * creep / (RULES.dwell_creep * slow)
-    slow = RULES.dwell * slow
-    stay = 2 * width / slow if speeds else 2 * np.sqrt(2 * width / slow)
-    least = np.maximum(np.ceil(stay / plan.step), SEVERAL).astype(int)
-    blurred = 0.0 if plan.cutoff is None else 1.0 / plan.cutoff
-    told = (crossing >= blurred) & ((creep >= width) if speeds else True)
-    told[0] = True
-    # Below, the record or the filter tells nothing apart.
-    creep, crossing = (np.where(told, x, x[0]) for x in (creep, crossing))
-    longer = np.maximum(np.ceil(crossing / plan.step), SEVERAL).astype(int)
-    beside = int(np.ceil(RULES.reversal_blur * blurred / plan.step))
-    rule = DwellRule(speeds, np.where(never, np.inf, width), least, creep, longer, beside)
-    found = (rule.find(w, v)[:, ~never] for w, (_, v, _) in zip(windows, parts, strict=True))
-    return replace(rule, turning=max(1, beside)) if any(x.any() for x in found) else rule
+
+    plan: Plan
+    windows: tuple[Log, ...]
+    speeds: tuple[Array, ...]
+    recorded: bool
+    width: Array
+    creep: Array
+    typical: Array
+    never: np.ndarray
+
+    @staticmethod
+    def of(plan: Plan, windows: Sequence[Log], origins: Sequence[int]) -> Stays:
+        """Return those in windows whose first samples are these rows of the whole log."""
+        recorded = all(w.dq is not None for w in windows)
+        records = [w.dq if w.dq is not None and recorded else w.q for w in windows]
+        levels = [noise_level(x, w.t) ** 2 for x, w in zip(records, windows, strict=True)]
+        noise = np.sqrt(np.mean(levels, axis=0))
+        step = np.min([resolution(x) for x in records], axis=0)
+        width = np.maximum((1 if recorded else 2) * BAND * noise, step)
+        parts = [plan.derive(w, k) for w, k in zip(windows, origins, strict=True)]
+        q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
+        creep = RULES.creep * np.abs(dq).max(0) / 2.0 ** np.arange(HALVED + 1)[:, None]
+        moving = np.where(np.abs(dq) > creep[0], np.abs(ddq), np.nan)
+        never = signals.never_moves(q.min(0), q.max(0)) | np.isnan(moving).all(0)
+        typical = np.full(len(never), np.inf)  # of a Gaussian the median is .67 of its spread
+        typical[~never] = np.nanmedian(moving[:, ~never], axis=0) / 0.6745
+        typical = np.where(typical > 0, typical, np.inf)
+        speeds = tuple(v for _, v, _ in parts)
+        return Stays(plan, tuple(windows), speeds, recorded, width, creep, typical, never)
+
+    def rule(self, rare: int = 1) -> DwellRule:
+        """Return the rule of what so few in as many reversals again last as long as."""
+        plan, width, creep = self.plan, self.width, self.creep
+        # Rayleigh distributed: a share p of reversals is slower than in proportion to its root.
+        slow = RULES.dwell / np.sqrt(rare) * self.typical
+        stay = 2 * width / slow if self.recorded else 2 * np.sqrt(2 * width / slow)
+        least = np.maximum(np.ceil(stay / plan.step), SEVERAL).astype(int)
+        crossing = 2 * creep / (RULES.dwell_creep / np.sqrt(rare) * self.typical)
+        blurred = 0.0 if plan.cutoff is None else 1.0 / plan.cutoff
+        told = (crossing >= blurred) & ((creep >= width) if self.recorded else True)
+        told[0] = True
+        # Below, the record or the filter tells nothing apart.
+        creep, crossing = (np.where(told, x, x[0]) for x in (creep, crossing))
+        longer = np.maximum(np.ceil(crossing / plan.step), SEVERAL).astype(int)
+        beside = int(np.ceil(RULES.reversal_blur * blurred / plan.step))
+        width = np.where(self.never, np.inf, width)
+        return DwellRule(self.recorded, width, least, creep, longer, beside)
+
+    def count(self, rare: int = 1) -> tuple[int, int]:
+        """Return how many stays of all joints there are by a rule, and how many reversals."""
+        rule, stays, reversals = replace(self.rule(rare), beside=0), 0, 0
+        for window, v in zip(self.windows, self.speeds, strict=True):
+            dwells = rule.find(window, v)[:, ~self.never]
+            stays += int((np.diff(dwells, axis=0, prepend=False) & dwells).sum())
+            reversals += int((_reversals(v)[:, ~self.never] & ~dwells).sum())
+        return stays, stays + reversals
+
+
+def ever_stand(logs: Sequence[Stays]) -> bool:
+    """Return whether joints ever stand in any of some logs that are used together.
+
+    Of the reversals of smooth motion one in twenty is as slow as a dwell: joints stand where more
+    are than chance makes of them, or where one lasts longer than the slowest of so many.
+    """
+    slower = -np.expm1(-0.5 * RULES.dwell_creep**2)
+    found, reversals = np.sum([x.count() for x in logs], axis=0)
+    if scipy.stats.binom.sf(found - 1, reversals, slower) <= slower:
+        return bool(found)
+    return any(x.count(int(reversals))[0] for x in logs)
 
 
 @frozen

@@ -24,7 +24,8 @@ from identifiability.logs.prepare.plan import (
     ORDER,
     Plan,
     Smoothing,
-    choose_dwell_rule,
+    Stays,
+    ever_stand,
     has_motors,
     joint_log,
 )
@@ -184,9 +185,12 @@ class SettledPreparation(Preparation):
     ----------
     band : Band or None
         What it lets through.
+    stands : bool or None
+        Whether joints ever stand in any of the logs; None asks each log.
     """
 
     band: Band | None = None
+    stands: bool | None = None
 
 
 def settle_cutoff(
@@ -212,10 +216,14 @@ def settle_cutoff(
         If a log does not fit the robot.
     """
     how = how or Preparation()
-    computed = [log for log in logs if _is_filtered(log, how)]
-    if not computed:
+    raw = [Windows.of(log, mend=_is_filtered(log, how)) for log in logs]
+    computed = [x for log, x in zip(logs, raw, strict=True) if _is_filtered(log, how)]
+    if computed:
+        how = _settle(robot, computed, how, fastest)
+    if how.keep_rest or not logs:
         return how
-    return _settle(robot, [Windows.of(log, mend=True) for log in computed], how, fastest)
+    stays = [_find_stays(robot, log, x, how) for log, x in zip(logs, raw, strict=True)]
+    return SettledPreparation(**{**vars(how), "stands": ever_stand(stays)})
 
 
 def _settle(
@@ -270,8 +278,7 @@ def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
         )
     if filtered and how.cutoff is None:
         how = _settle(robot, [raw], how)
-    plan = _plan_derivatives(robot, log, raw.gaps, how)
-    plan = plan_gaps(plan, raw.gaps, len(log))
+    plan = _plan_motion(robot, log, raw, how)
     if plan.cutoff is None and plan.series is None:
         plan = replace(plan, smoothing=_choose_smoothing(windows, plan.step))
     if stale is not None:
@@ -290,12 +297,28 @@ def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
             "(compensated): what gravity tells of masses is the file's"
         )
     plan = replace(plan, factor=_choose_factor(plan, how), stale=stale)
+    dwells = None
+    if not how.keep_rest:
+        stays = Stays.of(plan, windows, raw.origins)
+        stands = how.stands if isinstance(how, SettledPreparation) else None
+        dwells = stays.rule().masking(ever_stand([stays]) if stands is None else stands)
     return replace(
         plan,
-        dwells=None if how.keep_rest else choose_dwell_rule(plan, windows, raw.origins),
+        dwells=dwells,
         notes=(*plan.notes, *notes),
         remarks=tuple(find_contradictions(join_logs(windows))),
     )
+
+
+def _find_stays(robot: Robot, log: Log | LogFile, raw: Windows, how: Preparation) -> Stays:
+    """Return how long joints of a log stay about zero speed."""
+    plan = _plan_motion(robot, log, raw, how)
+    return Stays.of(plan, [joint_log(robot, w) for w in raw.logs], raw.origins)
+
+
+def _plan_motion(robot: Robot, log: Log | LogFile, raw: Windows, how: Preparation) -> Plan:
+    """Return how the motion of a log is derived, gap by gap."""
+    return plan_gaps(_plan_derivatives(robot, log, raw.gaps, how), raw.gaps, len(log))
 
 
 def _plan_derivatives(robot: Robot, log: Log | LogFile, gaps: Gaps, how: Preparation) -> Plan:

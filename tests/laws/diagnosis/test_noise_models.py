@@ -76,6 +76,18 @@ def test_the_restricted_likelihood_is_that_of_what_no_column_can_explain():
     assert problem.left == pytest.approx(left @ left / 65)
 
 
+@pytest.mark.parametrize("size", [0.0, 1e-12, 1.0, 1e9])
+def test_rounding_has_no_order(size):
+    rng, t = np.random.default_rng(4), np.linspace(0, 1, 300)
+    basis = np.linalg.qr(np.sin(np.outer(t, 2 * np.arange(1, 9)) + rng.uniform(0, 6, 8)))[0]
+    y = size * basis @ rng.standard_normal(8)
+    problem = RestrictedLikelihood.of(y, basis, [(0, 100), (105, 300)])
+    assert problem.silent
+    assert len(problem.maximise()) == 0
+    problem = RestrictedLikelihood.of(y + 1e-6 * (size + 1) * rng.standard_normal(300), basis, RUNS)
+    assert not problem.silent
+
+
 def test_the_order_and_the_coefficients_of_a_long_series_are_found():
     rng = np.random.default_rng(2)
     n = 6000

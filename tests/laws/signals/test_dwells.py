@@ -8,6 +8,7 @@ import pytest
 
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -97,12 +98,35 @@ def test_recorded_speeds_tell_without_positions(two, noise):
 def test_fourier_motion_has_no_dwells_whatever_its_errors(two):
     t, rng = np.arange(0, 20, 0.01), np.random.default_rng(3)
     w = 2 * np.pi * np.arange(1, 6) / 10
-    shares = []
+    shares, masked = [], []
     for error in ERRORS.values():
         for _ in range(4):
             q = [np.sin(np.outer(t, w) + rng.uniform(0, 7, 5)) @ (1 / w) for _ in two.joints]
-            shares.append(samples_of(two, t, *(error(x, rng) for x in q)).dwells.mean())
-    assert np.mean(shares) < 0.05  # of all reversals 5 % are so slow, and beside one all count
+            s = samples_of(two, t, *(error(x, rng) for x in q))
+            near = beside_turns(s.motion, 1) & s.dwells
+            masked.append(near.sum() == beside_turns(s.motion, 1).sum())
+            shares.append(s.dwells.mean())
+    assert np.mean(shares) < 0.03  # of all reversals 5 % are so slow
+    assert np.mean(masked) <= 0.25  # a twentieth of the motions, each told in two ways
+
+
+def test_a_log_that_is_cut_in_two_has_the_same_data(two):
+    t, q, _ = stop_and_go()
+    t = np.arange(2 * len(t)) / RATE
+    swings = [0.3 * np.sin(2 * np.pi * f * t + 0.3) for f in (0.7, 0.9)]
+    swings[0][: len(q)] = q  # in the second half nothing stands
+    frame = {"t": t}
+    for joint, x in zip(two.joints, swings, strict=True):
+        frame |= {f"{joint}.q": x, f"{joint}.tau": np.ones(len(t)) + x}
+    whole = Log.from_frame(pd.DataFrame(frame))
+    parts = [whole.rows(0, len(q)), whole.rows(len(q), len(t))]
+    ways = [settle_cutoff(two, logs, Preparation(cutoff=8.0)) for logs in ([whole], parts)]
+    one = prepare_samples(two, whole, ways[0])
+    first, second = (prepare_samples(two, part, ways[1]) for part in parts)
+    away = int(RATE)  # the filters of the parts end at the cut
+    assert 0.01 < one.dwells[len(q) + away :].mean() < 0.5
+    np.testing.assert_array_equal(second.dwells[away:], one.dwells[len(q) + away :])
+    np.testing.assert_array_equal(first.dwells[:-away, 1], one.dwells[: len(q) - away, 1])
 
 
 @pytest.mark.parametrize("decimated", [False, True])
