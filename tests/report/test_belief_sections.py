@@ -14,6 +14,7 @@ from identifiability.report.belief import (
     forest_layers,
     strongest_pairs,
 )
+from identifiability.report.results import build_page
 from identifiability.workflows.analyze.belief import Source
 from identifiability.workflows.analyze.result import parameter_table
 
@@ -229,7 +230,7 @@ def test_odd_robots_have_the_same_sections(chain_analysis, believe_small, hostil
 
 
 def test_thresholds_and_words_are_explained(believed_analysis, whole_page):
-    html = render_page(build_analysis_page(believed_analysis))
+    html = render_page(build_page(believed_analysis))
     for text in ("constraint-determined", "prior-dominated", "contraction", "room of a body"):
         assert text in html
     assert "variance of a constraint-determined parameter" in html
