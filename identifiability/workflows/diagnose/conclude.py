@@ -31,7 +31,7 @@ from identifiability.workflows.diagnose.findings import (
     Shown,
 )
 from identifiability.workflows.diagnose.gap import Gap, Left, Remainder, find_discrepancies
-from identifiability.workflows.diagnose.hypothesis import Hypothesis
+from identifiability.workflows.diagnose.hypothesis import Group, Hypothesis
 from identifiability.workflows.diagnose.problem import Problem
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.rows import is_body
@@ -278,28 +278,27 @@ def find_rivals(
 ) -> tuple[float, list[Rival]]:
     """Return how likely a part is among all names for its rows, and the others, likest first.
 
-    Their log odds are divided by the scatter of the part, as its own are.
+    Their log odds are divided by the scatter of the part, as its own are. A part that another is
+    right beside is right, too: what a name says beside the part is no evidence against it.
     """
     p, rules = search.problem, search.problem.setting.rules
     rest = h.without({k}).parts
     named = p.candidates[k]
-    allowed = search.catalogue.allowed(rest, search.barred, functions=named.family.unnamed)
-    gains = search.gains(rest, view)
-    found: dict[tuple[str, str], list[int]] = {}
-    for o, c in enumerate(p.candidates):
-        # What refines the named effect is no rival: it comes on top of it.
-        if allowed[o] and np.isfinite(gains[o]) and (c.family.needs, c.place) != named.group:
-            found.setdefault(c.group, []).append(o)
-    value, best = {}, {}
-    for group, own in found.items():
-        grid = [o for o in own if o < p.given]
-        mean = logsumexp(gains[grid]) - np.log(len(grid)) if grid else -np.inf
-        at = max(own, key=lambda o: gains[o])
-        mean = max(float(mean), float(gains[at]) - float(np.log(max(len(grid), 1))))
-        value[group] = mean - search.catalogue.price([*rest, at])
-        best[group] = k if group == named.group else at
-    if named.group not in value:
+    functions = named.family.unnamed
+    found = _odds_of_names(search, rest, *_all_as_wide(search, rest, view), functions=functions)
+    # What refines the named effect is no rival: it comes on top of it.
+    found = {
+        group: x for group, x in found.items()
+        if group == named.group or (p.candidates[x[1]].family.needs, group[1]) != named.group
+    }  # fmt: skip
+    if named.group not in found:
         return 1.0, []
+    beside = _odds_of_names(search, h.parts, view, 0.0, functions=functions)
+    value, best = {}, {}
+    for group, (odds, at) in found.items():
+        other = beside[group][0] if group != named.group and group in beside else -np.inf
+        value[group] = odds - float(np.logaddexp(0.0, other))
+        best[group] = k if group == named.group else at
     level = np.array(list(value.values())) / scatter
     weights = dict(zip(value, np.exp(level - logsumexp(level)).tolist(), strict=True))
     order = sorted(weights, key=lambda g: -weights[g])
@@ -317,6 +316,45 @@ def find_rivals(
         if similarity > 0.0:
             rivals.append(Rival(*group, similarity, group in sure, contains, weights[group]))
     return weights[named.group], sorted(rivals, key=lambda r: -r.similarity)
+
+
+def _all_as_wide(search: Search, rest: Sequence[int], view: View) -> tuple[View, Array]:
+    """Return a view in which each name's prior is as wide as it must be, and what that costs.
+
+    The view of a hypothesis has the priors of its own parts as wide as these are: beside rivals
+    with narrow ones a part would be likelier for being there.
+    """
+    p, at = search.problem, search.problem.columns(rest)
+    sizes = p.sizes.copy()
+    sizes[at] = view.typical[at]
+    wide = replace(view, sizes=sizes).evidence.beside(at).widths(p.options)
+    for c, width in zip(p.candidates, wide.tolist(), strict=True):
+        if width > 1.0 and not {*c.columns} & {*at}:
+            sizes[list(c.columns)] *= width
+    return replace(view, sizes=sizes), np.log(wide)
+
+
+def _odds_of_names(
+    search: Search, rest: Sequence[int], view: View, wide: Array | float, *, functions: bool
+) -> dict[Group, tuple[float, int]]:
+    """Return the log odds of each name beside some parts, and its best candidate.
+
+    What unseen motion refuted is none; what only was not sure beside others may be right alone.
+    """
+    p = search.problem
+    allowed = search.catalogue.allowed(rest, search.refuted, functions=functions)
+    gains, cost = search.gains(rest, view) - wide, search.catalogue.further(rest)
+    found: dict[Group, list[int]] = {}
+    for o in np.flatnonzero(allowed & np.isfinite(gains)).tolist():
+        found.setdefault(p.candidates[o].group, []).append(o)
+    out = {}
+    for group, own in found.items():
+        grid = [o for o in own if o < p.given]
+        mean = logsumexp(gains[grid]) - np.log(len(grid)) if grid else -np.inf
+        at = max(own, key=lambda o: gains[o])
+        mean = max(float(mean), float(gains[at]) - float(np.log(max(len(grid), 1))))
+        out[group] = mean - float(cost[at]), at
+    return out
 
 
 def _similarity(

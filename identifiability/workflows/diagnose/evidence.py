@@ -33,6 +33,8 @@ LEAST: Tolerance = 0.25
 #: Rounds in which the width of a function's prior is found, and bounds of it.
 WIDTHS = 8
 WIDEST: tuple[Tolerance, Tolerance] = (0.1, 100.0)
+#: Widths that are tried of each name's prior, a third of a factor of two apart.
+TRIED = 21
 
 
 class Products:
@@ -384,6 +386,26 @@ class Beside:
             out[of[visible]] = value.reshape(-1, *z.shape[1:])
         if allowed is not None:
             out[~allowed] = -np.inf
+        return out
+
+    def widths(self, options: Options) -> Array:
+        """Return how wide the prior of each candidate must be, over its typical size, (k,).
+
+        It is the likeliest one, no narrower than usual and with a tail as a Cauchy prior has it, a
+        mixture of normal ones [Zellner & Siow 1980; Liang 2008].
+        """
+        tried = np.r_[1.0, WIDEST[1] ** np.linspace(0.0, 1.0, TRIED)[1:]]
+        out = np.ones(options.count)
+        each = [
+            (options.of_single, self.left[options.single][:, None], self.z[options.single][:, None])
+        ]
+        for number, (of, several) in enumerate(options.several):
+            values, vectors = np.linalg.eigh(self._products(number, several))
+            each.append((of, values, np.einsum("mij,mi->mj", vectors, self.z[several])))
+        for of, s, y in each:
+            scaled = np.maximum(s, 0.0)[:, :, None] * tried**2
+            value = 0.5 * (y[:, :, None] * tried) ** 2 / (1 + scaled) - 0.5 * np.log1p(scaled)
+            out[of] = tried[np.argmax(value.sum(1) - np.log(tried), axis=1)]
         return out
 
 

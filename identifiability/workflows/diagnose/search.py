@@ -74,13 +74,16 @@ class Search:
     problem : Problem
     say : callable(str, float)
     barred : set of (family, place)
-        What unseen motion refuted.
+        What was taken out, and is not tried again.
+    refuted : set of (family, place)
+        What of it unseen motion refuted; the rest was not sure beside what there was.
     steps : list of SearchStep
     """
 
     problem: Problem
     say: Say = lambda what, share: None
     barred: set[Group] = field(default_factory=set)
+    refuted: set[Group] = field(default_factory=set)
     steps: list[SearchStep] = field(default_factory=list)
 
     def __post_init__(self) -> None:

@@ -440,6 +440,8 @@ def _take_out(search: Search, verdict: Verdict) -> Verdict:
 def _without(search: Search, verdict: Verdict, part: int, refuted: dict[int, Judged]) -> Verdict:
     """Return a verdict without a part and what refines it, not judged yet; it is barred."""
     search.barred.add(search.catalogue.of[part])
+    if part in refuted:
+        search.refuted.add(search.catalogue.of[part])
     h = verdict.hypothesis.without({part})
     while h.parts and not search.catalogue.fits(h.parts):
         h = h.without({h.parts[-1]})

@@ -74,9 +74,15 @@ def rms(torque):
 class Arm:
     """A two-link arm on known motion: two logs that are fitted, and one that is unseen."""
 
-    def __init__(self, seconds: float = 8.0, step: float = 0.01, seed: int = 0) -> None:
+    def __init__(
+        self,
+        seconds: float = 8.0,
+        step: float = 0.01,
+        seed: int = 0,
+        model: tuple[str, ...] = MODEL,
+    ) -> None:
         self.robot = Robot.load("two-link")
-        self.structure = Structure.of(self.robot, Model.of(*MODEL))
+        self.structure = Structure.of(self.robot, Model.of(*model))
         rng, t = np.random.default_rng(seed), np.arange(0.0, seconds, step)
         self.motions = [self._motion(t, rng) for _ in range(3)]
 

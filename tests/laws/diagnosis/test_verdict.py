@@ -29,6 +29,7 @@ from identifiability.workflows.diagnose.verdict import (
 )
 from identifiability.workflows.diagnose.words import contradiction
 
+SCALED = ("torque_offset", "joint_stiffness", "stribeck_friction", "torque_scale")
 SPRING = {"joint_stiffness@elbow": 0.05}
 STRIBECK = {"stribeck_friction@shoulder:0.5": 0.05}
 RIPPLE = {"position_ripple@elbow:0.6": 0.03}
@@ -258,6 +259,53 @@ def test_what_is_alike_in_the_motion_shares_the_name(arm):
     assert other.contains
     assert other.similarity == pytest.approx(1.0, abs=1e-6)
     assert weight > other.weight
+
+
+@pytest.mark.parametrize("place", ["shoulder", "elbow"])
+def test_names_that_are_one_in_the_motion_are_each_as_likely(arm, place):
+    """One joint's torque too large is the other's too small, with other masses."""
+    same = type(arm)(model=(*arm.structure.model.texts, "actuator_inertia"))
+    for level in (0.3, 1.0):
+        hidden = {f"torque_scale@{place}": level}
+        search, verdict = same.settled(same.samples(hidden, noise=0.1), SCALED)
+        (k,) = verdict.hypothesis.parts
+        weight, rivals = find_rivals(search, verdict.hypothesis, verdict.view, k, 1.0)
+        other = max(rivals, key=lambda r: r.weight)
+        assert {search.problem.candidates[k].place, other.place} == {"shoulder", "elbow"}
+        assert other.family == "torque_scale"
+        assert other.undecided
+        assert max(weight, other.weight) < 0.75
+
+
+def test_a_name_that_was_not_sure_beside_a_part_is_its_rival(arm):
+    """Where both were there and neither was sure, the one that went may be the right one."""
+    right, sure = [], []
+    for place in ("shoulder", "elbow"):
+        for level, seed in ((0.1, 0), (0.1, 1), (-0.1, 1)):
+            hidden = {f"torque_scale@{place}": level}
+            samples = arm.samples(hidden, noise=0.1, seed=seed)
+            search, verdict = arm.settled(samples, SCALED)
+            (k,) = verdict.hypothesis.parts
+            weight, rivals = find_rivals(search, verdict.hypothesis, verdict.view, k, 1.0)
+            (other,) = [r for r in rivals if r.family == "torque_scale"]
+            assert other.weight > 0.01
+            evidence = search.steps[0].evidence
+            one, two = (evidence["torque_scale", x] for x in ("shoulder", "elbow"))
+            assert weight < 0.9 or abs(one - two) > 1.0
+            right.append(search.problem.candidates[k].place == place)
+            sure.append(weight)
+    # What is stated with some weight is right as often, three errors apart.
+    assert abs(sum(right) - sum(sure)) < 3 * np.sqrt(sum(w * (1 - w) for w in sure))
+
+
+def test_what_a_name_says_beside_a_part_is_nothing_against_it(arm):
+    """Of two effects that do different things each is certain, whichever is there alone."""
+    search, verdict = arm.settled(arm.samples({**SPRING, "torque_offset@elbow": 0.05}))
+    assert len(verdict.hypothesis.parts) == 2
+    for k in verdict.hypothesis.parts:
+        view = search.problem.settled((k,))
+        weight, _ = find_rivals(search, Hypothesis((k,), (0.0,)), view, k, 1.0)
+        assert weight > 0.95
 
 
 def test_a_conclusion_says_what_stands_and_what_is_refuted(arm):
