@@ -88,7 +88,7 @@ def test_shapes_touch_where_mujoco_says_so(curling, world):
 def test_nothing_touches_along_what_is_played(curling, world, monkeypatch):
     found = excite(curling, evaluations=2000, seed=1, samples=200)
     assert found.gap >= EXCITE_RULES.clearance / 2
-    assert "bodies that are not joined keep" in found.statement
+    assert "Bodies that are not joined keep" in found.statement
     played = found.play(100)
     assert not any(world(row) for row in played.q)
     monkeypatch.setattr(candidates.Clearance, "of", staticmethod(lambda _robot: (None, "")))
