@@ -150,7 +150,7 @@ def test_a_prior_that_cannot_be_is_refused_with_a_sentence(arm, tmp_path, prior,
 
 
 def test_posteriors_are_off_unless_asked_for_everywhere():
-    for verb in (analyze, command):
+    for verb in (analyze, command.make(command.function)):
         assert inspect.signature(verb).parameters["posterior"].default is False
     assert "posterior" not in inspect.getsource(run_demo)
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.engines.mapping import one_thread
@@ -291,7 +291,7 @@ class Calibration:
         edges = np.linspace(0, self.draws + 1, bins + 1)
         inside = np.histogram(np.arange(self.draws + 1), edges)[0] / (self.draws + 1)
         expected = inside * len(self.ranks)
-        return np.asarray(stats.chisquare(self.counts(bins), expected, axis=1).pvalue)
+        return np.asarray(scipy.stats.chisquare(self.counts(bins), expected, axis=1).pvalue)
 
 
 def calibrate_posterior(

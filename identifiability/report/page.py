@@ -66,7 +66,7 @@ class Page:
 def _detailed(block: Block) -> bool:
     if isinstance(block, Table):
         return any(c.detail for c in block.columns)
-    return isinstance(block, Fold) and block.detail
+    return isinstance(block, Fold) and (block.detail or any(map(_detailed, block.blocks)))
 
 
 def render_page(page: Page, template: str = "page.html.j2") -> str:

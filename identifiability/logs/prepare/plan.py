@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import scipy
 from scipy.ndimage import binary_propagation, maximum_filter1d
-from scipy.special import binom
+from scipy.special import bdtrc, binom
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.linalg import ROUNDOFF
@@ -381,7 +381,9 @@ def ever_stand(logs: Sequence[Stays]) -> bool:
     """
     slower = -np.expm1(-0.5 * RULES.dwell_creep**2)
     found, reversals = np.sum([x.count() for x in logs], axis=0)
-    if scipy.stats.binom.sf(found - 1, reversals, slower) <= slower:
+    if not reversals:  # nor any stay, which would be counted among them
+        return False
+    if bdtrc(found - 1, reversals, slower) <= slower:
         return bool(found)
     return any(x.count(int(reversals))[0] for x in logs)
 
