@@ -343,8 +343,7 @@ def _odds_of_names(
     """
     p = search.problem
     allowed = search.catalogue.allowed(rest, search.refuted, functions=functions)
-    gains, price = search.gains(rest, view) - wide, search.catalogue.price
-    paid = price(rest)
+    gains, cost = search.gains(rest, view) - wide, search.catalogue.further(rest)
     found: dict[Group, list[int]] = {}
     for o in np.flatnonzero(allowed & np.isfinite(gains)).tolist():
         found.setdefault(p.candidates[o].group, []).append(o)
@@ -354,7 +353,7 @@ def _odds_of_names(
         mean = logsumexp(gains[grid]) - np.log(len(grid)) if grid else -np.inf
         at = max(own, key=lambda o: gains[o])
         mean = max(float(mean), float(gains[at]) - float(np.log(max(len(grid), 1))))
-        out[group] = mean - (price([*rest, at]) - paid), at  # a place that is named costs no more
+        out[group] = mean - float(cost[at]), at
     return out
 
 

@@ -109,14 +109,18 @@ class Catalogue:
 
     def further(self, rest: Sequence[int]) -> Array:
         """Return what each candidate costs beside some parts, (c,) [nat]."""
-        counts = Counter(family for family, _ in {self.of[k] for k in rest})
+        named = {self.of[k] for k in rest}
+        counts = Counter(family for family, _ in named)
         own = np.array([
             self._of_family(family, counts[family] + 1) - self._of_family(family, counts[family])
             for family in self.places
         ])  # fmt: skip
         family, over = self._family_and_curve
         taken = over[[k for k in rest if not self.candidates[k].family.basic]]
-        cost: Array = own[family] + self.rules.crowd * np.isin(over, taken)
+        place = own[family]
+        for group in named:  # more of what is named already is no further place
+            place[self.members[group]] = 0.0
+        cost: Array = place + self.rules.crowd * np.isin(over, taken)
         return cost
 
     @cached_property

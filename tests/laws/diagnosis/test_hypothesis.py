@@ -42,6 +42,19 @@ def test_a_family_counts_once_and_a_second_one_as_much_again(catalogue):
     assert catalogue.price(places(catalogue, "any", "a")) > catalogue.price(special)
 
 
+@pytest.mark.parametrize("family", ["basic", "special", "spring", "any"])
+@pytest.mark.parametrize("joints", ["", "b", "abc", JOINTS])
+def test_a_candidate_costs_what_it_adds_to_the_price_also_where_all_places_are_named(
+    catalogue, family, joints
+):
+    rest = places(catalogue, family, joints)
+    further = catalogue.further(rest)
+    for k in range(len(catalogue.candidates)):
+        if k not in rest:
+            added = catalogue.price([*rest, k]) - catalogue.price(rest)
+            assert further[k] == pytest.approx(added)
+
+
 def test_a_refinement_is_allowed_where_what_it_refines_is(catalogue, candidate):
     fine = places(catalogue, "fine", "ab")
     rest = places(catalogue, "basic", "a")
