@@ -9,10 +9,12 @@ import pickle
 import shutil
 import tempfile
 import time
+from collections.abc import Callable
 from contextlib import contextmanager
-from functools import cache, partial
+from functools import cache, partial, wraps
 from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 
 import joblib
 import mujoco
@@ -21,9 +23,10 @@ import pytest
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from identifiability import report
 from identifiability.logs import Log
 from identifiability.regression.regression import Model
-from identifiability.report import blocks
+from identifiability.report import blocks, drawing
 from identifiability.robot import Robot
 from identifiability.simulation import (
     PAPER_NOISE,
@@ -138,9 +141,8 @@ MujocoRobot.inverse_dynamics = _remember
 
 
 #: Folders of tests that look at pages as they are; elsewhere their pictures are empty frames.
-PICTURED = ("report", "browser", "paper", "golden", "benchmarks")
+PICTURED = ("browser", "paper", "benchmarks")
 
-_draw = blocks.svg
 _looks = {"now": True}
 
 
@@ -149,12 +151,18 @@ def pytest_runtest_setup(item):
     _looks["now"] = bool(pictured)
 
 
-def _sketch(figure: Figure, alt: str = "") -> Markup:
-    """Leave a picture out of a page where no test looks at it: it takes most of a page's time."""
-    return _draw(figure, alt) if _looks["now"] else Markup('<svg role="img"></svg>')
+def _leave_out(draw: Callable, nothing: object) -> Callable:
+    """Draw only where a test looks at it: pictures take most of a page's time."""
+    return wraps(draw)(lambda *args, **named: draw(*args, **named) if _looks["now"] else nothing)
 
 
-blocks.svg = _sketch
+_drawn = drawing.drawn(Figure).__code__
+for _found in iter_modules(report.__path__, "identifiability.report."):
+    _module = import_module(_found.name)
+    for _name, _draw in list(vars(_module).items()):
+        if getattr(_draw, "__code__", None) is _drawn:
+            setattr(_module, _name, _leave_out(_draw, Figure()))
+blocks.svg = _leave_out(blocks.svg, Markup('<svg role="img"></svg>'))
 
 
 @pytest.fixture(scope="session")

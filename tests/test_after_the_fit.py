@@ -53,6 +53,7 @@ def test_a_fit_read_back_has_the_same_tables_and_a_short_name(result, robot, tmp
     assert repr(Model.of("rigid_body", "time_delay")) == "<Model: rigid_body + time_delay>"
 
 
+@pytest.mark.pictures
 def test_each_figure_is_drawn_by_itself(result, prediction, tmp_path):
     figures = [plot.precision(result), plot.models(result), plot.torque(prediction, "slider2")]
     figures.append(plot.precision(result, "Model 2"))
@@ -64,6 +65,7 @@ def test_each_figure_is_drawn_by_itself(result, prediction, tmp_path):
     assert {"Model 1", "Model 4"} <= rows
 
 
+@pytest.mark.pictures
 def test_correlated_parameters_are_those_that_hang_together(result, robot):
     class Two(type(result.fit).__mro__[1]):
         def covariance_frame(self):

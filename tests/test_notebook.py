@@ -92,6 +92,7 @@ def test_verdicts_bear_the_marks_of_the_report_and_the_style_stays_within(result
     assert ":root" not in html
 
 
+@pytest.mark.pictures
 def test_a_result_draws_its_own_figures_and_says_which(results):
     analysis, ladder = results["analysis"], results["ladder"]
     shell = InteractiveShell(config=Config({"HistoryManager": {"enabled": False}}))
@@ -115,6 +116,7 @@ def test_a_model_named_like_a_tag_does_not_run(results):
     assert "script" not in Tags(html).found
 
 
+@pytest.mark.pictures
 def test_the_notebook_of_the_documentation_runs_and_shows_what_it_says():
     """Every cell in a shell of IPython, and what it shows, as a kernel sends it."""
     page = Path(__file__).resolve().parents[1] / "docs" / "tutorials" / "notebook.ipynb"

@@ -95,11 +95,16 @@ class Pages(dict[str, Path]):
 
 
 @pytest.fixture(scope="session")
-def reports(tmp_path_factory, few_draws) -> Pages:
+def reports(tmp_path_factory, few_draws, study) -> Pages:
     """Every kind of report, by name."""
     folder = tmp_path_factory.mktemp("reports")
     robot, log = _hostile(folder)
-    demo, studies = cache(lambda: run_demo(quick=True)[0]), cache(partial(_studies, folder))
+    demo = cache(lambda: run_demo(quick=True)[0])
+
+    def index():
+        """The index of all reports, of which a table of the paper is one."""
+        folder = study("table_1_base_parameters")[1].parent
+        return import_module("paper_study.index").write_index(folder)
 
     def analysis():
         with few_draws():
@@ -115,8 +120,8 @@ def reports(tmp_path_factory, few_draws) -> Pages:
             "pruning": partial(prune, robot, log, replicates=10),
             "calibration": lambda: calibrate(demo(), **few),
             "diagnosis": partial(diagnose, robot, log, quick=True),
-            "table": lambda: studies()["table"],
-            "index": lambda: studies()["index"],
+            "table": lambda: study("table_1_base_parameters")[1],
+            "index": index,
         },
     )
 
@@ -150,14 +155,21 @@ def _record(robot: Robot, rng: np.random.Generator) -> object:
     return simulate(robot, motion, noise=PAPER_NOISE, rng=rng)
 
 
-def _studies(folder: Path) -> dict[str, Path]:
-    """A table of the paper, and the index of all reports."""
+@pytest.fixture(scope="session")
+def study(tmp_path_factory) -> Callable[[str], tuple[object, Path]]:
+    """A function of the name of a study of the paper: its result and its page, made once."""
+    folder = tmp_path_factory.mktemp("studies")
     if str(STUDIES) not in sys.path:
         sys.path.insert(0, str(STUDIES))
-    command, index = import_module("paper_study.command"), import_module("paper_study.index")
-    result = import_module("table_1_base_parameters").run(command.Options(quick=True, seeds=1))
-    page = import_module("paper_study.page").write_study(result, folder)[-1]
-    return {"table": page, "index": index.write_index(folder)}
+    command = import_module("paper_study.command")
+    write = import_module("paper_study.page").write_study
+
+    @cache
+    def made(name: str) -> tuple[object, Path]:
+        result = import_module(name).run(command.Options(quick=True, seeds=1))
+        return result, write(result, folder)[-1]
+
+    return made
 
 
 @pytest.fixture(scope="session")

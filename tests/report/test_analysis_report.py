@@ -13,6 +13,8 @@ from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.report import build_analysis_page, write_analysis_report
 from identifiability.report.results import build_page
 
+pytestmark = pytest.mark.pictures
+
 SECTIONS = (
     "parameters", "models", "prediction", "budget", "correlated", "motions", "residuals", "physics",
     "structure", "full-model", "motion", "thresholds", "provenance", "rules",

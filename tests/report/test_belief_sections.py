@@ -184,6 +184,7 @@ def test_a_chain_that_has_not_converged_is_withheld_with_its_reasons(believed_an
     assert [row[-1].text for row in table.rows].count("no") == len(names)
 
 
+@pytest.mark.pictures
 def test_nothing_of_a_withheld_posterior_is_written(believed_analysis):
     text = html_of(doubt(believed_analysis, "signs", "physical"))
     known = believed_analysis.belief.standard

@@ -23,6 +23,8 @@ from identifiability.report.drawing import (
 )
 from identifiability.report.torque import choose_stretch, find_runs
 
+pytestmark = pytest.mark.pictures
+
 INF, NAN = np.inf, np.nan
 HOSTILE = [
     "<script>alert(1)</script>",

@@ -33,6 +33,8 @@ from identifiability.report import (
 from identifiability.report.blocks import fold_rows
 from identifiability.report.page import set_symbols
 
+pytestmark = pytest.mark.pictures
+
 EVIL = '<img src=x onerror="alert(1)">'
 
 

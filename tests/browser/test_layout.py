@@ -1,0 +1,111 @@
+"""Pages in a real browser: tables fit, sort and filter; a telephone shows all; axes have labels."""
+
+import pytest
+
+WIDE = """() => {
+  for (const fold of document.querySelectorAll("details")) fold.open = true;
+  return [...document.querySelectorAll(".table-box")].map((e) => e.scrollWidth - e.clientWidth);
+}"""
+
+CARD = """() => {
+  const cell = document.querySelector("#parameters tbody td");
+  return [getComputedStyle(cell.parentNode).display, cell.dataset.label,
+          getComputedStyle(cell, "::before").content, cell.getAttribute("role")];
+}"""
+
+SORTED = """() => {
+  const table = document.querySelector("#full-model details details table");
+  const header = table.rows[0].cells[5];
+  const column = () => [...table.tBodies[0].rows].map((r) => r.cells[5].dataset.key);
+  header.querySelector("button").click();
+  const up = [header.getAttribute("aria-sort"), column()];
+  header.querySelector("button").click();
+  const down = [header.getAttribute("aria-sort"), column()];
+  const focusable = header.querySelector("button").tabIndex;
+  table.rows[0].cells[0].querySelector("button").click();
+  return [up, down, focusable, header.getAttribute("aria-sort"),
+          [...table.tBodies[0].rows].map((r) => r.cells[0].firstChild.textContent)];
+}"""
+
+FILTERED = """() => {
+  const box = document.querySelector("#full-model details details .table");
+  const chips = [...box.querySelectorAll(".chip")];
+  const shown = () => [...box.querySelectorAll("tbody tr")].filter((r) => !r.hidden)
+    .map((r) => r.dataset.word);
+  const all = shown().length;
+  chips[0].click();
+  const some = shown(), said = box.querySelector(".shown").textContent;
+  const pressed = chips[0].getAttribute("aria-pressed");
+  chips[0].click();
+  return [all, some, said, pressed, shown().length];
+}"""
+
+SIZES = """() => [...document.querySelectorAll("svg")].filter((e) => e.clientWidth).map(
+  (e) => 10.5 * e.clientWidth / e.viewBox.baseVal.width)"""
+
+#: How far the page and each of its tables reach beyond what is shown [px].
+BEYOND = """() => {
+  const root = document.documentElement, boxes = [...document.querySelectorAll(".table-box")];
+  return [root.scrollWidth - root.clientWidth, ...boxes.map((e) => e.scrollWidth - e.clientWidth)];
+}"""
+
+
+@pytest.mark.parametrize("kind", ["demo", "analysis"])
+def test_on_a_wide_window_no_table_needs_to_scroll(kind, reports, visit):
+    with visit(reports[kind], 1280) as seen:
+        assert set(seen.page.evaluate(WIDE)) == {0}
+
+
+def test_on_a_phone_rows_become_cards_that_say_what_each_number_is(reports, visit):
+    with visit(reports["demo"], 400) as seen:
+        assert seen.page.evaluate(CARD) == ["grid", "value", '"value"', "cell"]
+
+
+def test_tables_sort_by_number_and_say_so(reports, visit):
+    with visit(reports["demo"]) as seen:
+        up, down, focusable, after, names = seen.page.evaluate(SORTED)
+    keys = [float(k) for k in up[1]]
+    assert up[0] == "ascending"
+    assert keys == sorted(keys)
+    assert down == ["descending", up[1][::-1]]
+    assert focusable == 0
+    assert after == "none"
+    assert names[0] == min(names, key=str.lower)
+
+
+def test_chips_show_only_the_rows_with_their_verdict(reports, visit):
+    with visit(reports["demo"]) as seen:
+        total, some, said, pressed, back = seen.page.evaluate(FILTERED)
+    assert len(set(some)) == 1
+    assert said == f"{len(some)} of {total} shown"
+    assert pressed == "true"
+    assert back == total
+
+
+@pytest.mark.parametrize("kind", ["demo", "analysis"])
+def test_text_can_be_read_on_a_phone(kind, reports, visit):
+    with visit(reports[kind], 400) as seen:
+        sizes = seen.page.evaluate(SIZES)
+    assert len(sizes) >= 10
+    assert min(sizes) > 7
+
+
+@pytest.mark.parametrize(
+    ("name", "width"),
+    [
+        ("table_1_base_parameters", 400),
+        pytest.param("table_3_noise", 1280, marks=pytest.mark.everything),
+        ("figure_5_split_forces", 1280),
+    ],
+)
+def test_no_table_of_a_study_is_wider_than_its_page_and_no_axis_is_unlabelled(
+    name, width, study, visit
+):
+    result, page = study(name)
+    for block in result.figures:
+        for picture in getattr(block, "pictures", (block,)):
+            for axes in picture.figure.axes:
+                assert axes.get_xlabel(), picture.caption
+                assert axes.get_ylabel(), picture.caption
+    with visit(page, width) as seen:
+        assert max(seen.page.evaluate(BEYOND)) <= 0
