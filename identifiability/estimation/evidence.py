@@ -36,6 +36,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import StrEnum
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -249,7 +250,7 @@ class Score:
         """Return the score of squared errors alone."""
         return Score(np.full(len(squares), np.nan), squares, variation, ratio)
 
-    @property
+    @cached_property
     def shares(self) -> Array:
         """Squared errors of each joint over its own scale, (F, n); zero without a scale."""
         acts = self.variation > 0
@@ -629,22 +630,21 @@ def weigh_models(
 
 
 def near_best(scores: Sequence[Score], levels: Levels = LEVELS) -> np.ndarray:
-    """Return which of M models may stand for the best of them, (M,) bool.
+    """Return which of M models may stand for the best of them, (M,) bool."""
+    best = scores[int(np.argmax([s.density.sum() for s in scores]))]
+    return np.array([may_stand(score, best, levels) for score in scores])
 
-    Those within some nats of the best predictive log density; and those as good as it, where no
-    joint's error surely rises by more than that: of many samples nats tell apart what no error
-    shows.
+
+def may_stand(score: Score, best: Score, levels: Levels = LEVELS) -> bool:
+    """Return whether a model may stand for the best one.
+
+    Its predictive log density is within some nats; or it is as good, where no joint's error surely
+    rises by more than that: of many samples nats tell apart what no error shows.
     """
-    total = np.array([s.density.sum() for s in scores])
-    best = scores[int(np.argmax(total))]
-    near: np.ndarray = total >= total.max() - levels.nats
-    for m in np.flatnonzero(~near).tolist():
-        # Most fail over all joints already: a path asks it of a hundred models, and again of each
-        # path of a bootstrap.
-        near[m] = all(
-            Evidence.of(scores[m], best, levels, joints=each).replaceable for each in (False, True)
-        )
-    return near
+    if score.density.sum() >= best.density.sum() - levels.nats:
+        return True
+    # Most fail over all joints already: a path asks it of a hundred models.
+    return all(Evidence.of(score, best, levels, joints=each).replaceable for each in (False, True))
 
 
 @frozen

@@ -14,7 +14,7 @@ from scipy.special import fdtrc
 
 from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.evidence import Evidence, Gain, Score, near_best
+from identifiability.estimation.evidence import Gain, Score, may_stand
 from identifiability.estimation.least_squares import dependence
 from identifiability.estimation.refits import UpdatedRefits
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
@@ -609,24 +609,26 @@ def first_allowed(steps: Sequence[Step]) -> int:
     return max((k for k, s in enumerate(steps) if s.move and s.move.kind in must), default=0)
 
 
-def good_steps(steps: Sequence[Step], criterion: Criterion) -> list[int]:
-    """Return the steps that may be used, the preferred one first.
+def good_steps(steps: Sequence[Step], criterion: Criterion) -> Iterator[int]:
+    """Yield the steps that may be used, the preferred one first.
 
     Preferred is the smallest of those with the fewest forbidden signs; the others follow for the
     case that no real robot can have its values.
     """
-    first, best = first_allowed(steps), best_step(steps)
-    if criterion == "best":
-        return [best]
-    scores = [step.score for step in steps[first:]]
-    if criterion == "identifiable":
-        near = (first + np.flatnonzero(near_best(scores))).tolist()
-    else:
-        gains = [Evidence.of(score, steps[best].score).density for score in scores]
-        near = [first + k for k, gain in enumerate(gains) if gain.value >= -gain.se]
-    return sorted(near, key=lambda k: (steps[k].violations, len(steps[k].partition)))
+    best, allowed = best_step(steps), range(first_allowed(steps), len(steps))
+    for k in sorted(allowed, key=lambda k: (steps[k].violations, len(steps[k].partition))):
+        own, its = steps[k].score, steps[best].score
+        if criterion == "best":
+            good = k == best
+        elif criterion == "identifiable":
+            good = may_stand(own, its)
+        else:
+            gain = own.gain(its)
+            good = gain.value >= -gain.se
+        if good:
+            yield k
 
 
 def choose_step(steps: Sequence[Step], criterion: Criterion) -> int:
     """Return the step to use, the physical certificate aside."""
-    return good_steps(steps, criterion)[0]
+    return next(good_steps(steps, criterion))

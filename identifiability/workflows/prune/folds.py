@@ -213,8 +213,12 @@ class FoldFits:
     def after(self, move: Move) -> FoldFits:
         """Return the fits of the model after a move."""
         L, partition = self.rows(move), self.partition.apply(move)
-        values, vectors = np.linalg.eigh(L @ self.refits.C @ L.T)
-        L = vectors[:, values > HELD].T @ L
+        left = L @ self.refits.C @ L.T
+        if len(L) == 1:  # as most are, thousands of times; it is its own eigenvector
+            L = L[left[0] > HELD]
+        else:
+            values, vectors = np.linalg.eigh(left)
+            L = vectors[:, values > HELD].T @ L
         refits = self.refits.constrain(L, partition.matrix) if len(L) else self.refits
         return replace(self, partition=partition, refits=refits)
 

@@ -321,7 +321,7 @@ def _choose(
     steps = search.path.steps
     asked: list[Candidate] = []
     problems: list[IdentifiabilityError] = []
-    good = good_steps(steps, criterion)
+    good = list(good_steps(steps, criterion))
     sound = (k for k in good if not contradicts(question.fit(steps[k]), question.full))
     for k in list(islice(sound, CERTIFIED)) or good[:CERTIFIED]:
         model = question.fit(steps[k])

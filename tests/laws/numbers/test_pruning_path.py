@@ -110,8 +110,8 @@ def test_of_models_near_the_best_those_with_fewest_forbidden_signs_come_first():
         step(falling(1.0), 8, violations=1), step(BEST, 7), step(falling(0.5), 6, violations=2),
         step(falling(1.5), 5, violations=1), step(falling(9.0), 4),
     ]  # fmt: skip
-    assert good_steps(steps, "identifiable") == [1, 3, 0, 2]
-    assert good_steps(steps, "best") == [1]
+    assert list(good_steps(steps, "identifiable")) == [1, 3, 0, 2]
+    assert list(good_steps(steps, "best")) == [1]
 
 
 # The walk
