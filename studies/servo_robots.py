@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability import Log, analyze, rollout
-from identifiability.estimation.rollouts import find_delay
+from identifiability.estimation.rollouts import roll_late
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.logs.conventions import Conventions
 from identifiability.robot import Robot
@@ -307,7 +307,7 @@ def judge(
     out["joint set"] = float(true @ turn @ true <= edge)
     log = Log.from_frame(frames[1], conventions=Conventions.of(robot)).select(robot.joints)
     oracle = CommandedRobot(robot, truth)
-    apart = oracle.roll(log, delay=find_delay(oracle, [log]))[0] - log.q
+    apart = roll_late(oracle, log)[1] - log.q
     least = float(np.sqrt(np.mean(apart[forgotten(log) :] ** 2)))
     with tempfile.TemporaryDirectory() as folder:
         rolled = rollout(robot, frames[1], found.to_json(Path(folder) / "result.json"))

@@ -17,9 +17,9 @@ from identifiability.estimation.rollouts import (
     KINDS,
     Problem,
     Rollouts,
-    find_delay,
     fit_gains,
     fit_rollouts,
+    roll_late,
     share_missed,
 )
 from identifiability.foundation.documents import toml_text
@@ -29,6 +29,7 @@ from identifiability.foundation.options import OptionError
 from identifiability.logs.aliases import take_joint
 from identifiability.logs.commands import held_mean, servo_log
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.prepare.preparation import make_plan, settle_cutoff
 from identifiability.physical.cad_prior import combine_with_file, thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.regression.reduction import find_ladder, ladder_model
@@ -261,6 +262,16 @@ def test_torque_is_the_servos_law_and_saturated_torque_no_data():
     np.testing.assert_array_equal(made.unmeasured, ~inside)
 
 
+def test_reversals_are_data_where_a_rollout_turns_by_the_same_friction(arm, frames):
+    given = servo_log(read(arm, frames[1]), arm.servo, 0.007)
+    how = replace(settle_cutoff(arm, [given], None), stands=True)
+    turning = [
+        make_plan(arm, log, how).dwells.turning
+        for log in (given, replace(given, servo_delay=None))  # the same torque, as if measured
+    ]
+    assert turning[0] == 0 < turning[1]
+
+
 def test_when_commands_act_is_said_from_the_row_that_holds_them():
     names = ["a.csv", "b.csv", "c.csv"]
     assert state_delay(np.array([0.0049]), names[:1]) == "commands act 4.9 ms after their rows"
@@ -309,9 +320,7 @@ def test_joints_and_delay_are_found_from_rollouts_of_another_physics(arm, frames
         np.testing.assert_allclose(found.numbers[kind], true, atol=near * np.abs(true).max())
     assert np.all(found.errors < 0.05 * found.before)
     assert fit_rollouts(arm, logs[:1], delay=0.007, steps=1).delay_errors == 0
-    unseen = CommandedRobot(arm, found.parameters(arm)).roll(
-        logs[1], delay=find_delay(CommandedRobot(arm, found.parameters(arm)), logs[1:])
-    )[0][50:]
+    unseen = roll_late(CommandedRobot(arm, found.parameters(arm)), logs[1])[1][50:]
     step = 2 * np.pi / 2**14
     assert np.sqrt(np.mean((unseen - logs[1].q[50:]) ** 2)) < step  # of the encoders
 
@@ -362,7 +371,7 @@ def heavy(arm):
     how = servos.Recorder(rate=100.0, delay=0.007, bits=14)
     moves = servos.draw_commands(arm, 8.0, how.command_rate, 0.5, rng)
     log = read(arm, servos.record(arm, TRUTH | bodies, moves, 8.0, how, rng))
-    return log, find_delay(CommandedRobot(arm, TRUTH | bodies), [log]), {**TRUTH, **bodies}
+    return log, roll_late(CommandedRobot(arm, TRUTH | bodies), log)[0], {**TRUTH, **bodies}
 
 
 def test_every_verb_finds_the_delay_again_with_the_bodies_fitted(arm, heavy):
@@ -633,7 +642,7 @@ def test_commands_and_positions_say_nothing_of_the_scale_of_all_numbers(unstated
     x = problem.extended(np.concatenate([*(numbers[k] for k in kinds), [0.006]]))
     one, other = problem.roll([x, problem.scaled(x, 1.5)])
     np.testing.assert_allclose(one[0], other[0], atol=1e-9)
-    J = problem.linearise(x, problem.weights(one))[0][: -problem.believed_rows]
+    J = problem.linearise(x, problem.weights(one))[: -problem.believed_rows]
     along = problem.scaled(x, 1 + 1e-6) - x
     assert np.linalg.norm(J @ along) < 1e-6 * np.linalg.norm(J * along)
 

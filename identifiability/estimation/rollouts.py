@@ -56,11 +56,18 @@ FREQUENCIES = np.geomspace(2.0, 250.0, 9)
 RATIOS: tuple[Tolerance, ...] = (0.3, 1.0, 3.0)
 NEARER: tuple[Tolerance, ...] = (0.6, 1.0, 1.7)
 
-#: A step is taken again, more damped, so often; and the search ends where one gains less than this
-#: share of the error, or after so many.
+#: Shifts of a rollout that are tried, how often it is rolled out again with the best, and the share
+#: of a sampling step within which that has settled.
+SHIFTS, SHIFTED = 16, 3
+SETTLED: Tolerance = 1e-3
+
+#: A step is taken again, more damped, so often; and the search ends where one promises less than
+#: this share of the error, or after so many derivatives, which are used again while steps gain this
+#: share of what they promise.
 TRIED = 6
 GAIN: Tolerance = 5e-3
 STEPS = 8
+KEPT: Tolerance = 0.5
 
 
 @frozen
@@ -306,70 +313,96 @@ def _pack(numbers: Mapping[str, Array], delays: Array) -> Array:
 def _descend(problem: Problem, x: Array, steps: int) -> tuple[Array, Array, int, Array, Array]:
     """Return the vector after damped Gauss–Newton steps, errors (n,), and how many were taken.
 
-    Then the last derivative of the residual (r, p), and the residual there (r,).
+    Then the last derivative of the residual (r, p), and the last residual (r,).
     """
     q = problem.roll([x])[0]
-    errors = problem.errors(q)
     taken, damping = 0, 1e-3
     J, r = np.zeros((0, len(x))), np.zeros(0)
     for _ in range(steps):
         weights = problem.weights(q)
-        J, r = problem.linearise(x, weights)
-        cost = float(r @ r)
-        R: Array = np.asarray(np.linalg.qr(np.column_stack([J, r]), mode="r"))
-        size = np.sqrt((R[:-1, :-1] ** 2).sum(0)) + 1e-12
-        better = None
-        for _ in range(TRIED):
-            rows = np.vstack([R[:, :-1], np.sqrt(damping) * np.diag(size)])
-            right = np.concatenate([R[:, -1], np.zeros(len(size))])
+        J, r = problem.linearise(x, weights), problem.residual(q, weights, x)
+        Q, R = np.linalg.qr(J)
+        size = np.sqrt((R**2).sum(0)) + 1e-12
+        failed, fresh, more = 0, True, True
+        # Derivatives cost many rollouts, and are used as long as steps gain what they promise.
+        while failed < TRIED and more:
             low, high = problem.bounds(x)
-            step = scipy.optimize.lsq_linear(rows, -right, (low, high), method="bvls").x
+            rows, right = np.vstack([R, np.sqrt(damping) * np.diag(size)]), Q.T @ r
+            wanted = np.concatenate([-right, np.zeros(len(size))])
+            step = scipy.optimize.lsq_linear(rows, wanted, (low, high), method="bvls").x
+            cost, left = float(r @ r), right + R @ step
+            promised = float(right @ right - left @ left)
+            if promised <= GAIN * cost:
+                return x, problem.errors(q), taken, J, r
             moved = problem.roll([x + step])[0]
             found = problem.residual(moved, weights, x + step)
-            if float(found @ found) < cost:
-                q, better = moved, (x + step, problem.errors(moved), float(found @ found))
-                break
-            damping *= 10
-        if better is None:
+            gained = cost - float(found @ found)
+            if gained > 0:
+                x, q, r = x + step, moved, found
+                taken, damping, failed = taken + 1, max(damping / 10, 1e-8), 0
+                more, fresh = gained > KEPT * promised, False
+            elif fresh:
+                damping, failed = 10 * damping, failed + 1
+            else:
+                more = False
+        if failed:
             break
-        x, errors, now = better
-        taken, damping = taken + 1, max(damping / 10, 1e-8)
-        if now > (1 - GAIN) * cost:
-            break
-    return x, errors, taken, J, r
+    return x, problem.errors(q), taken, J, r
 
 
-def find_delay(machine: CommandedRobot, logs: Sequence[Log]) -> float:
-    """Return the delay with which a robot's rollouts follow logs most closely [s].
+def roll_late(machine: CommandedRobot, log: Log, delay: float | None = None) -> tuple[float, Array]:
+    """Return the delay with which a rollout follows a log most closely [s], and that one (N, n).
+
+    Neither servos nor bodies know a clock, so commands that act later move a robot in the same way,
+    later: the shift by which one rollout is off is what its delay is.
 
     Parameters
     ----------
     machine : CommandedRobot
-    logs : sequence of Log
+    log : Log
         With commands, in the robot's order of joints.
+    delay : float [s], optional
+        Where it is known.
     """
-    step = min(signals.sampling_step(log.t) for log in logs)
-    width = np.concatenate([log.q for log in logs]).std(0) + 1e-6
-
-    def costs(delays: Array, finest: float) -> Array:
-        own = [machine.numbers()] * len(delays)
-        total = np.zeros(len(delays))
-        for log in logs:
-            apart = (machine.roll(log, own, delays, step=finest) - log.q) / width
-            total += np.nan_to_num(apart**2, nan=1e12).sum((1, 2))
-        return total
-
+    if delay is not None:
+        return delay, machine.roll(log, delay=delay)[0]
     # A command was given at any time since the row before.
-    grid = np.linspace(-step, LATEST, 12)
-    best = int(np.argmin(costs(grid, COARSE)))
-    wide = float(grid[1] - grid[0])
-    near = np.linspace(max(grid[best] - wide, -step), grid[best] + wide, 7)
-    found = costs(near, STEP)
-    best = int(np.clip(np.argmin(found), 1, len(near) - 2))
-    a, b, c = found[best - 1 : best + 2]  # through which goes a parabola
-    bend = a - 2 * b + c
-    shift = 0.5 * (a - c) / bend if bend > 0 else 0.0
-    return float(near[best] + np.clip(shift, -1, 1) * (near[1] - near[0]))
+    first, late, least = -signals.sampling_step(log.t), 0.0, np.inf
+    found: tuple[float, Array] | None = None
+    for step in (COARSE, *[STEP] * SHIFTED):
+        q = machine.roll(log, delay=late, step=step)[0]
+        cost = float(np.sum(_apart(log, q, log.q) ** 2))
+        if found is not None and not cost < least:
+            break
+        shift = _find_shift(log, q, first - late, LATEST - late)
+        if step == STEP:
+            found, least = (late, q), cost
+            if abs(shift) < SETTLED * -first:
+                break
+        late += shift
+    assert found is not None
+    return found
+
+
+def _apart(log: Log, q: Array, other: Array) -> Array:
+    """Return by how much positions differ, (N, n), beside how far each joint moves."""
+    return np.asarray((q - other) / (log.q.std(0) + 1e-6))[forgotten(log) :]
+
+
+def _find_shift(log: Log, q: Array, first: float, last: float) -> float:
+    """Return how much later positions q (N, n) would agree with a log's [s]; 0 if they diverged."""
+    if not np.isfinite(q).all():
+        return 0.0
+    curve = scipy.interpolate.CubicSpline(log.t, q)
+
+    def cost(shift: float) -> float:
+        at = np.clip(log.t - shift, log.t[0], log.t[-1])
+        return float(np.sum(_apart(log, curve(at), log.q) ** 2))
+
+    grid = np.linspace(first, last, SHIFTS)
+    k = int(np.argmin([cost(s) for s in grid]))
+    ends = grid[max(k - 1, 0)], grid[min(k + 1, SHIFTS - 1)]
+    return float(scipy.optimize.minimize_scalar(cost, bounds=ends, method="bounded").x)
 
 
 class Problem:
@@ -537,8 +570,8 @@ class Problem:
         out: Array = np.sqrt(np.nan_to_num(square, nan=1.0).mean(0))
         return out
 
-    def linearise(self, x: Array, weights: Array) -> tuple[Array, Array]:
-        """Return the derivative of the residual (r, p), and the residual (r,).
+    def linearise(self, x: Array, weights: Array) -> Array:
+        """Return the derivative of the residual, (r, p).
 
         That by a gain comes from a joint all of whose numbers are larger: what bodies alone tell of
         its scale is little, and would drown in errors of differences of large numbers.
@@ -571,7 +604,7 @@ class Problem:
         ends = np.cumsum([0, *(n * (len(log) - forgotten(log)) for log in self.logs)])
         for k, (a, b) in enumerate(pairwise(ends.tolist())):
             J[a:b, self.at[1] + k] = change[a:b]
-        return J, self.residual(self.roll([x])[0], weights, x)
+        return J
 
     def _of_tree(self, rows: Array, tree: int) -> Array:
         """Return rows of errors, flat, of the joints of a tree; zero of others."""

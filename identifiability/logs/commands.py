@@ -8,6 +8,7 @@ delay without jumps.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TypeGuard
 
 import numpy as np
 import scipy
@@ -80,6 +81,11 @@ def acting(log: Log, servo: Servo, at: Array, width: float, delay: float) -> Arr
     if log.tau_ff is not None:
         out += held(log.tau_ff) / gain
     return out
+
+
+def of_commands(log: object) -> TypeGuard[Log]:
+    """Whether the torque of a log is what servos made of commands."""
+    return isinstance(log, Log) and log.servo_delay is not None
 
 
 def servo_log(log: Log, servo: Servo, delay: float) -> Log:

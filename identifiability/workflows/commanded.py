@@ -19,8 +19,8 @@ from identifiability.effects.nominal import rigid_torque
 from identifiability.estimation.rollouts import (
     Rollouts,
     contradicted,
-    find_delay,
     fit_rollouts,
+    roll_late,
     share_missed,
 )
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
@@ -28,7 +28,7 @@ from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.commands import check_commands, servo_log
+from identifiability.logs.commands import check_commands, of_commands, servo_log
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.plan import noise_level, resolution
@@ -63,27 +63,45 @@ def give_torque(logs: Sequence[Log | LogFile], servo: Servo | None) -> list[Log 
     return out
 
 
+@frozen
+class Followed:
+    """Commanded logs with calibrated torque.
+
+    Attributes
+    ----------
+    fitted : tuple of Log or LogFile
+    said : str
+        What to say of it.
+    later : tuple of mapping
+        Fitted logs, by their place, as they were if commands acted one standard deviation of the
+        delay later, log by log, or gains that were found were others by one.
+    rolled : Rollouts or None
+        On which torque was calibrated; None where the robot cannot be rolled out.
+    values : mapping
+        Standard parameters by name of what was rolled out.
+    """
+
+    fitted: tuple[Recording, ...]
+    said: str
+    later: tuple[Mapping[int, Log], ...] = ()
+    rolled: Rollouts | None = None
+    values: Mapping[str, float] = field(default_factory=dict)
+
+
 def follow_commands(
     structure: Structure,
     fitted: Sequence[Recording],
-    held_out: Sequence[Recording],
     how: Preparation,
     rng: np.random.Generator,
     values: Mapping[str, float],
     first: Rollouts | None,
-) -> tuple[
-    tuple[Recording, ...], tuple[Recording, ...], str, tuple[dict[int, Log], ...], Rollouts | None
-]:
+) -> Followed:
     """Return logs with calibrated torque where it comes from commands, and what to say of it.
-
-    Then fitted logs, by their place, as they were if commands acted one standard deviation of the
-    delay later, log by log, or gains that were found were others by one; and the rollouts on which
-    torque was calibrated.
 
     Parameters
     ----------
     structure : Structure
-    fitted, held_out : sequence of Log or LogFile
+    fitted : sequence of Log or LogFile
         As `give_torque` returned them.
     how : Preparation
         With the cut-off that all logs are prepared with.
@@ -94,9 +112,9 @@ def follow_commands(
         Of the file's bodies, where others were fitted.
     """
     robot = structure.robot
-    commanded = [x for x in fitted if isinstance(x, Log) and x.servo_delay is not None]
+    commanded = [x for x in fitted if of_commands(x)]
     if robot.servo is None or not commanded:
-        return tuple(fitted), tuple(held_out), "", (), None
+        return Followed(tuple(fitted), "")
     if first is None:
         refuse_scale(structure, commanded, how)
     try:
@@ -110,38 +128,59 @@ def follow_commands(
         said = f"{error} Torque of commands is taken as it is"
         if robot.servo.delay is None:
             said += ", without a delay: state it in the sidecar ([servo] delay = …)"
-        return tuple(fitted), tuple(held_out), f"{said}.", (), None
+        return Followed(tuple(fitted), f"{said}.")
     doubt = check_found(robot, commanded, found)
     if first is not None:
         found = replace(found, before=first.before)
     values = {**values, **found.parameters(robot)}
-    own = CommandedRobot(robot, values)
-
-    known = dict(zip(map(id, commanded), found.delays, strict=True))
-    given = robot.servo.delay
-
-    def calibrated(log: Recording) -> Recording:
-        if not isinstance(log, Log) or log.servo_delay is None:
-            return log
-        chosen = log.select(robot.joints)
-        stated = known.get(id(log), given)
-        delay = find_delay(own, [chosen]) if stated is None else float(stated)
-        return _calibrate(structure, chosen, own, values, delay, how, rng)
-
-    said = doubt + state_servos(robot, commanded, found)
-    own_fitted = tuple(map(calibrated, fitted))
+    delays = dict(zip(map(id, commanded), found.delays.tolist(), strict=True))
+    own_fitted = calibrate(structure, fitted, values, how, rng, delays)
     errors = dict(zip(map(id, commanded), found.delay_errors, strict=True))
     later = [
-        {k: moved(log, robot.servo, robot.servo, float(errors[id(given_)]))}
-        for k, (given_, log) in enumerate(zip(fitted, own_fitted, strict=True))
-        if errors.get(id(given_)) and isinstance(log, Log)
+        {k: moved(log, robot.servo, robot.servo, float(errors[id(given)]))}
+        for k, (given, log) in enumerate(zip(fitted, own_fitted, strict=True))
+        if errors.get(id(given)) and isinstance(log, Log)
     ]
-    for doubt in robot.servo.doubt:
-        other = replace(robot.servo, kp=robot.servo.kp * (1 + doubt))
-        pairs = [(k, x) for k, x in enumerate(own_fitted) if isinstance(x, Log)]
-        each = {k: moved(x, robot.servo, other) for k, x in pairs if x.servo_delay is not None}
-        later.append(each)
-    return own_fitted, tuple(map(calibrated, held_out)), said, tuple(later), found
+    for share in robot.servo.doubt:
+        other = replace(robot.servo, kp=robot.servo.kp * (1 + share))
+        pairs = enumerate(own_fitted)
+        later.append({k: moved(x, robot.servo, other) for k, x in pairs if of_commands(x)})
+    said = doubt + state_servos(robot, commanded, found)
+    return Followed(own_fitted, said, tuple(later), found, values)
+
+
+def calibrate(
+    structure: Structure,
+    logs: Sequence[Recording],
+    values: Mapping[str, float],
+    how: Preparation,
+    rng: np.random.Generator,
+    delays: Mapping[int, float],
+) -> tuple[Recording, ...]:
+    """Return logs without what recording a rollout of them leaves, where torque is of commands.
+
+    Parameters
+    ----------
+    structure, how, rng
+        As of `follow_commands`.
+    logs : sequence of Log or LogFile
+        As `give_torque` returned them.
+    values : mapping
+        Standard parameters by name of what is rolled out.
+    delays : mapping of int to float [s]
+        By identity of the log, where they are known; others are found.
+    """
+    robot = structure.robot
+    assert robot.servo is not None
+    machine, out = CommandedRobot(robot, values), list[Recording]()
+    for log in logs:
+        if of_commands(log):
+            delay = delays.get(id(log), robot.servo.delay)
+            own = log.select(robot.joints)
+            out.append(_calibrate(structure, own, machine, values, delay, how, rng))
+        else:
+            out.append(log)
+    return tuple(out)
 
 
 def moved(log: Log, servo: Servo, other: Servo, more: float = 0.0) -> Log:
@@ -228,13 +267,13 @@ def _calibrate(
     log: Log,
     machine: CommandedRobot,
     values: Mapping[str, float],
-    delay: float,
+    delay: float | None,
     how: Preparation,
     rng: np.random.Generator,
 ) -> Log:
     """Return a log whose torque has no share of what recording a rollout of it leaves."""
     robot = structure.robot
-    q = machine.roll(log, delay=delay)[0]
+    delay, q = roll_late(machine, log, delay)
     given = servo_log(replace(log, unmeasured=None), machine.servo, delay)
     lost = np.zeros(q.shape, bool) if given.unmeasured is None else given.unmeasured.copy()
     if not np.isfinite(q).all():  # nothing can be said of it
@@ -337,8 +376,7 @@ def measure_rollouts(
     fitted, held_out : sequence of Log or LogFile
     """
     commanded = [
-        [x.select(robot.joints) for x in logs if isinstance(x, Log) and x.servo_delay is not None]
-        for logs in (held_out, fitted)
+        [x.select(robot.joints) for x in logs if of_commands(x)] for logs in (held_out, fitted)
     ]
     logs = commanded[0] or commanded[1]
     if robot.servo is None or not logs or not values:
@@ -353,13 +391,11 @@ def measure_rollouts(
     for k, machine in enumerate(machines):
         # The file's robot shall not be blamed for the other one's delay.
         found = k and machine.servo.delay is None
-        late = [find_delay(machine, [x]) if found else x.servo_delay or 0.0 for x in logs]
-        apart = [
-            (machine.roll(x, delay=d)[0] - x.q)[forgotten(x) :, alike]
-            for x, d in zip(logs, late, strict=True)
-        ]
+        late = [None if found else x.servo_delay or 0.0 for x in logs]
+        moved = [roll_late(machine, x, d) for x, d in zip(logs, late, strict=True)]
+        apart = [(q - x.q)[forgotten(x) :, alike] for (_, q), x in zip(moved, logs, strict=True)]
         errors.append(float(np.sqrt(np.mean(np.concatenate(apart) ** 2))))
-        delays = delays or tuple(late)
+        delays = delays or tuple(d for d, _ in moved)
     names = tuple(x.name for x in logs)
     unit = "mm" if slides.all() else "mrad"
     gains = robot.servo.by_joint(robot.joints)

@@ -7,7 +7,7 @@ it is.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -22,6 +22,7 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
+from identifiability.logs.commands import of_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import frame_of
 from identifiability.logs.formats.reader import find_parts
@@ -84,7 +85,9 @@ class Recordings:
         Fitted logs, by their place, as they are if commands act one standard deviation of the
         delay later than found, log by log, or if gains that were found are others by one.
     rolled : Rollouts or None
-        On which torque of commands was calibrated.
+        On which torque of commands was calibrated,
+    values : mapping
+        and standard parameters by name of what was rolled out.
     """
 
     fitted: tuple[Recording, ...]
@@ -94,11 +97,12 @@ class Recordings:
     commands: str = ""
     later: tuple[Mapping[int, Log], ...] = ()
     rolled: "Rollouts | None" = None
+    values: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def commanded(self) -> bool:
         """Whether torque of any log comes from commands."""
-        return any(isinstance(x, Log) and x.servo_delay is not None for x in self.fitted)
+        return any(map(of_commands, self.fitted))
 
     def follow(
         self,
@@ -108,7 +112,7 @@ class Recordings:
         say: Progress,
         values: Mapping[str, float] | None = None,
     ) -> "Recordings":
-        """Return the logs with calibrated torque where it comes from commands.
+        """Return the logs with calibrated torque where it comes from commands; held-out as it was.
 
         What moves by them has the file's bodies, or those of the standard parameters that were
         fitted to such torque before.
@@ -118,18 +122,28 @@ class Recordings:
         from identifiability.workflows.commanded import follow_commands  # noqa: PLC0415 - MuJoCo
 
         say("rolling out commands", 0.1)
-        fitted, held_out, said, later, found = follow_commands(
-            structure, self.fitted, self.held_out, how, rng, values or {}, self.rolled
-        )
-        rolled = any(isinstance(x, Log) and x.rollout is not None for x in fitted)
+        found = follow_commands(structure, self.fitted, how, rng, values or {}, self.rolled)
+        rolled = any(isinstance(x, Log) and x.rollout is not None for x in found.fitted)
         return replace(
             self,
-            fitted=fitted,
-            held_out=held_out,
-            hints=(said, *self.hints[bool(values) :]),
-            commands=said if rolled else "",
-            later=later,
-            rolled=found,
+            fitted=found.fitted,
+            hints=(found.said, *self.hints[bool(values) :]),
+            commands=found.said if rolled else "",
+            later=found.later,
+            rolled=found.rolled,
+            values=found.values,
+        )
+
+    def follow_unseen(
+        self, structure: Structure, how: Preparation, rng: np.random.Generator
+    ) -> "Recordings":
+        """Return the logs with calibrated torque of held-out ones, too, by what followed."""
+        if self.rolled is None:
+            return self
+        from identifiability.workflows.commanded import calibrate  # noqa: PLC0415 - MuJoCo
+
+        return replace(
+            self, held_out=calibrate(structure, self.held_out, self.values, how, rng, {})
         )
 
     def measure_rollouts(self, robot: Robot, values: Mapping[str, float]) -> "Moved | None":
@@ -283,7 +297,7 @@ def read_recordings(
     servo = known.servo if evidence else None
     mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, servo, evidence=evidence))
     every = (*mended.fitted, *mended.held_out)
-    alone = [x.name for x in every if isinstance(x, Log) and x.servo_delay is not None]
+    alone = [x.name for x in every if of_commands(x)]
     if alone and not commands:
         raise LogError(
             f"{listing(alone, 4)} {'holds' if len(alone) == 1 else 'hold'} commands and no torque, "

@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from identifiability.estimation.rollouts import find_delay, fit_rollouts
+from identifiability.estimation.rollouts import fit_rollouts, roll_late
 from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import LogError, RobotError, listing
@@ -451,9 +451,8 @@ def _other(robot: Robot, against: Other) -> Robot:
 def _roll(robot: Robot, logs: Sequence[Log]) -> Rolled:
     machine = CommandedRobot(robot, {})
     stated = machine.servo.delay
-    late = tuple(find_delay(machine, [log]) if stated is None else stated for log in logs)
+    late, whole = zip(*(roll_late(machine, log, stated) for log in logs), strict=True)
     pairs = list(zip(logs, late, strict=True))
-    whole = tuple(machine.roll(log, delay=d)[0] for log, d in pairs)
     short = tuple(machine.roll(log, delay=d, windows=_windows(log))[0] for log, d in pairs)
     return Rolled(_name(robot), late, stated is None, whole, short)
 

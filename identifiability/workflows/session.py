@@ -190,7 +190,10 @@ class Session:
         return settle_band(self.structure, self.recordings.fitted, self.preparation)
 
     def follow(self, rng: np.random.Generator, values: dict[str, float] | None = None) -> Session:
-        """Return the session with calibrated torque of commands (`Recordings.follow`)."""
+        """Return the session with calibrated torque of commands (`Recordings.follow`).
+
+        That of held-out logs is not yet (`Recordings.follow_unseen`).
+        """
         if not self.recordings.commanded:
             return self
         followed = self.recordings.follow(self.structure, self.how, rng, self.say, values)
@@ -210,6 +213,13 @@ class Session:
         until it moves by less than its own error. Rollouts that err more are refused. Where all
         that moved it by less than the error it was first stated with, the first is as good.
         """
+        found = self._follow_bodies(rng, method, kind, cad_weight)
+        unseen = found.recordings.follow_unseen(self.structure, self.how, rng)
+        return replace(found, recordings=unseen)
+
+    def _follow_bodies(
+        self, rng: np.random.Generator, method: Method, kind: Kind, cad_weight: float | None
+    ) -> Session:
         first = self.follow(rng)
         start = first.recordings.rolled
         if start is None or not start.delay_errors.any():  # none, or delays are known

@@ -16,6 +16,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.options import Positive, at_least, check_fields
 from identifiability.foundation.values import frozen
 from identifiability.logs import fourier, signals
+from identifiability.logs.commands import of_commands
 from identifiability.logs.gaps import Gaps, StaleRule, fill, tell_steps
 from identifiability.logs.log import Log, join_logs
 from identifiability.logs.logfile import LogFile
@@ -301,7 +302,9 @@ def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
     if not how.keep_rest:
         stays = Stays.of(plan, windows, raw.origins)
         stands = how.stands if isinstance(how, SettledPreparation) else None
-        dwells = stays.rule().masking(ever_stand([stays]) if stands is None else stands)
+        stands = ever_stand([stays]) if stands is None else stands
+        # What friction does as a joint turns, a rollout does, too, and calibrated torque lacks.
+        dwells = stays.rule().masking(stands and not of_commands(log))
     return replace(
         plan,
         dwells=dwells,

@@ -11,6 +11,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 from identifiability.foundation.values import frozen
+from identifiability.logs.commands import of_commands
 from identifiability.workflows.oddities.check import CHECKS, Does
 from identifiability.workflows.oddities.measured_logs import MeasuredLogs
 from identifiability.workflows.oddities.mends import Reading, mend
@@ -46,7 +47,7 @@ def find_oddities(logs: MeasuredLogs) -> Oddities:
         text for c in CHECKS if c.does is Does.HINTS and not c.always for text in c.find(logs)
     ]
     # Torque that servos made of commands has no column that could be another one.
-    commanded = any(getattr(log, "servo_delay", None) is not None for log in logs.recordings)
+    commanded = any(map(of_commands, logs.recordings))
     asked = [] if commanded else [c for c in CHECKS if c.does in (Does.MISREADS, Does.EXPLAINS)]
     found = ((c, c.find(logs)) for c in asked)
     which, first = next((pair for pair in found if pair[1]), (None, ()))

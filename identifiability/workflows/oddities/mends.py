@@ -8,6 +8,7 @@ from dataclasses import replace
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
+from identifiability.logs.commands import of_commands
 from identifiability.logs.mend import drop_contradictions, mend_logs, unwrap_logs
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.repeats import Recording, drop_repeats
@@ -113,13 +114,8 @@ def compute_torque(logs: Reading) -> Reading:
     pairs = zip(before, after, strict=True)
     return replace(
         given,
-        speeds=tuple(b.dq if _commanded(a) and isinstance(b, Log) else None for b, a in pairs),
+        speeds=tuple(b.dq if of_commands(a) and isinstance(b, Log) else None for b, a in pairs),
     )
-
-
-def _commanded(log: Recording) -> bool:
-    """Whether the torque of a log was made of commands."""
-    return isinstance(log, Log) and log.servo_delay is not None
 
 
 @check(
@@ -154,5 +150,7 @@ def count_once(logs: Reading) -> Reading:
         if isinstance(log := every[k], Log) and speed is not None:
             every[k] = replace(log, dq=speed)
     *kept, hints = drop_repeats(every[: len(logs.fitted)], every[len(logs.fitted) :])
-    fitted, held_out = ([x.without(("dq",)) if _commanded(x) else x for x in some] for some in kept)
+    fitted, held_out = (
+        [x.without(("dq",)) if of_commands(x) else x for x in some] for some in kept
+    )
     return logs.having(fitted, held_out, hints)

@@ -15,6 +15,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import ENDS
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
+from identifiability.logs.commands import of_commands
 from identifiability.logs.gaps import smallest_change
 from identifiability.regression.mix_up import find_mix_up
 from identifiability.robot import complete_motion
@@ -462,7 +463,7 @@ def find_saturation(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque columns with flat tops, or none."""
     found: dict[str, tuple[float, float]] = {}
     for _, log in logs.windows():
-        if log.servo_delay is not None:  # a servo's own limit, and no data there
+        if of_commands(log):  # a servo's own limit, and no data there
             continue
         moves = np.append(np.abs(np.diff(log.q, axis=0)).max(1, initial=0.0) > 0, True)
         for k, joint in enumerate(log.joints):
