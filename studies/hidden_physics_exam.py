@@ -2,12 +2,15 @@
 
     python studies/hidden_physics_exam.py --cases 40 --folder SCRATCH --out reports
     python studies/hidden_physics_exam.py --commit HASH --cases 240 --folder SCRATCH
+    python studies/hidden_physics_exam.py --rows reports/hidden_physics.jsonl
 
 `hidden_physics_cases` draws and simulates the cases (kept in the scratch folder), `diagnose` gets
 the robot file, three logs to fit and one that vetoes; a fifth, sealed log only scores. One case
-after another; a stopped run goes on with the same command. Shares have Wilson's 95 % intervals.
-An effect counts as visible where an oracle's z is at least 4 (`hidden_physics_cases`). Where
-nothing is hidden, the trust card of `analyze` is asked, too.
+after another; a stopped run goes on with the same command; with `--rows` nothing is run, and the
+table of such rows is printed. Shares have Wilson's 95 % intervals. An effect counts as visible
+where an oracle's z is at least 4; beside it stands what counts where the second z is, that of the
+motion as encoders tell it (`hidden_physics_cases`). Where nothing is hidden, the trust card of
+`analyze` is asked, too.
 
 Outcomes of effects with a name: *exact* (family and place, nothing else), *A or B* (the truth is
 among names that are said not to be told apart; friction that rises with speed and sigmoid friction
@@ -23,6 +26,7 @@ import json
 import subprocess
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -42,9 +46,33 @@ ROOT = Path(__file__).resolve().parents[1]
 VISIBLE, SURE = 4.0, 0.95
 #: Names of one curve.
 CURVE = {"sigmoid_friction": "rising_friction"}
-#: What must hold: of which cases, which rows are hits, share, whether at most.
-Rule = tuple[str, Callable[[pd.DataFrame], pd.Series], Callable[[pd.DataFrame], pd.Series], float,
-             bool]  # fmt: skip
+#: Edges of z between which outcomes are counted.
+EDGES = (0.0, VISIBLE, 8.0, 16.0, 32.0, np.inf)
+#: Which rows.
+Which = Callable[[pd.DataFrame], pd.Series]
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What must hold.
+
+    Attributes
+    ----------
+    what : str
+    of, hits : callable
+        Which cases count, and which of these are hits.
+    limit : float
+        Share of hits, at least, or at most if `most`; nan where it is only told.
+    upper : float
+        The upper end of the share's interval at most.
+    """
+
+    what: str
+    of: Which
+    hits: Which
+    limit: float = float("nan")
+    most: bool = False
+    upper: float = 1.0
 
 
 def examine(path: Path) -> dict[str, Any]:
@@ -86,6 +114,7 @@ def examine(path: Path) -> dict[str, Any]:
         **{k: truth[k] for k in ("number", "kind", "robot")},
         "hidden": "; ".join(f"{e['family']}@{e['place']}" for e in effects),
         "z": min((e["z"] for e in effects), default=0.0),
+        "z_measured": min((e["z measured"] for e in effects), default=0.0),
         "noise": truth["noise"]["level"],
         "stands": float(np.mean(truth["stands"])),
         "said": "; ".join(_say(n) for n in named),
@@ -196,25 +225,44 @@ def _right(f: pd.DataFrame) -> pd.Series:
     return f.outcome.isin(["exact", "A or B"])
 
 
-#: What must hold.
+def _seen(kind: str, z: str = "z") -> Which:
+    """Return which cases of a kind are visible, by one of the oracle's two z."""
+    return lambda f: (f.kind == kind) & (f[z] >= VISIBLE)
+
+
+def _rules(z: str) -> list[Rule]:
+    """Return what is asked of what is visible, the limits beside the first z alone."""
+    first = z == "z"
+    seen = "visible" if first else "visible in measured motion"
+
+    def rule(kind: str, what: str, hits: Which, limit: float, *, most: bool = False) -> Rule:
+        return Rule(f"{kind}, {seen}: {what}", _seen(kind.partition(" ")[0], z), hits,
+                    limit if first else float("nan"), most)  # fmt: skip
+
+    return [
+        rule("inside", "exact or A or B", _right, 0.70),
+        rule("inside", "truth and more", lambda f: f.outcome == "truth and more", 0.10, most=True),
+        rule("inside", "wrong", lambda f: f.outcome == "wrong", 0.05, most=True),
+        rule("two at once", "both named", lambda f: _right(f) | (f.outcome == "truth and more"),
+             0.60),
+        rule("outside", "described in its joint", lambda f: f.described, 0.65),
+    ]  # fmt: skip
+
+
+#: What must hold, and what is told beside it.
 RULES: tuple[Rule, ...] = (
-    ("nulls that stick: named", lambda f: f.kind == "null", lambda f: f.said != "", 0.05, True),
-    ("nulls that stick: the trust card is green", lambda f: f.kind == "null",
-     lambda f: f.card == "green", 0.95, False),
-    ("inside, visible: exact or A or B", lambda f: (f.kind == "inside") & (f.z >= VISIBLE), _right,
-     0.70, False),
-    ("inside, visible: truth and more", lambda f: (f.kind == "inside") & (f.z >= VISIBLE),
-     lambda f: f.outcome == "truth and more", 0.10, True),
-    ("inside, visible: wrong", lambda f: (f.kind == "inside") & (f.z >= VISIBLE),
-     lambda f: f.outcome == "wrong", 0.05, True),
-    ("two at once, both visible: both named", lambda f: (f.kind == "two") & (f.z >= VISIBLE),
-     lambda f: _right(f) | (f.outcome == "truth and more"), 0.60, False),
-    ("outside: a wrong name", lambda f: f.kind == "outside", lambda f: f.outcome == "wrong",
-     0.20, True),
-    ("outside, visible: described in its joint", lambda f: (f.kind == "outside") & (f.z >= VISIBLE),
-     lambda f: f.described, 0.65, False),
-    ("the sealed error falls where something is named", lambda f: f.said != "",
-     lambda f: f.after < f.before, 0.90, False),
+    Rule("nulls that stick: named", lambda f: f.kind == "null", lambda f: f.said != "", 0.05, True,
+         0.10),
+    Rule("nulls that stick: the trust card is green", lambda f: f.kind == "null",
+         lambda f: f.card == "green", 0.95),
+    *_rules("z"),
+    Rule("outside: a wrong name", lambda f: f.kind == "outside", lambda f: f.outcome == "wrong",
+         0.20, True),
+    Rule("the sealed error falls where something is named", lambda f: f.said != "",
+         lambda f: f.after < f.before, 0.90),
+    *(Rule(f"a wrong name, {kind}", lambda f, kind=kind: f.kind == kind, lambda f: f.wrong != "")
+      for kind in ("inside", "two", "outside")),
+    *_rules("z_measured"),
 )  # fmt: skip
 
 
@@ -229,36 +277,64 @@ def wilson(hits: float, of: float) -> tuple[float, float]:
 def check(frame: pd.DataFrame) -> list[dict[str, Any]]:
     """Return what must hold: hits, cases, share with its interval, limit."""
     counts = [
-        (what, int(hits(part).sum()), len(part), limit, most)
-        for what, of, hits, limit, most in RULES
-        for part in [frame[of(frame)]]
+        (r, int(r.hits(part).sum()), len(part)) for r in RULES for part in [frame[r.of(frame)]]
     ]
-    right, sure = int(frame.sure_right.sum()), int(frame.sure.sum())
-    counts.append((f"names of weight ≥ {SURE:g} that are right", right, sure, 0.93, False))
+    sure = Rule(f"names of weight ≥ {SURE:g} that are right", _seen(""), _right, 0.93)
+    counts.append((sure, int(frame.sure_right.sum()), int(frame.sure.sum())))
     out = []
-    for what, hits, of, limit, most in counts:
-        row = {"what": what, "hits": hits, "of": of, "limit": limit, "most": most}
+    for r, hits, of in counts:
+        row = {"what": r.what, "hits": hits, "of": of, "limit": r.limit, "most": r.most}
         if of:
             low, high = wilson(hits, of)
-            holds = hits / of <= limit if most else hits / of >= limit
-            row |= {"share": hits / of, "low": low, "high": high, "holds": holds}
+            holds = (hits / of <= r.limit and high <= r.upper) if r.most else hits / of >= r.limit
+            row |= {"share": hits / of, "low": low, "high": high}
+            row["holds"] = None if np.isnan(r.limit) else bool(holds)
+            row["need"] = "" if np.isnan(r.limit) else f"{'≤' if r.most else '≥'} {r.limit:.2f}"
+            if r.upper < 1.0:
+                row["need"] += f", upper ≤ {r.upper:.2f}"
         out.append(row)
     return out
 
 
+def count(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Return how often each outcome came, by kind, by z, by robot, and the cards of nulls."""
+    hides, nulls = frame[frame.kind != "null"], frame[frame.kind == "null"]
+    least = pd.cut(hides.z, EDGES, right=False, labels=EDGES[:-1]).astype(float)
+    return {
+        "kind": pd.crosstab(frame.kind, frame.outcome).reset_index(),
+        "z": pd.crosstab([hides.kind, least.rename("z from")], hides.outcome).reset_index(),
+        "robot": pd.crosstab(frame.robot, frame.outcome).reset_index(),
+        "card": pd.crosstab(nulls.robot, nulls.card.rename("card")).reset_index(),
+    }  # fmt: skip
+
+
+def find_failures(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return the cases that a limit counts against what was said, by kind, outcome and z."""
+    fine = _right(frame) | frame.outcome.isin(["silent", "described"]) & (frame.wrong == "")
+    fine &= ~((frame.kind == "null") & (frame.card != "green"))
+    fine &= ~((frame.said != "") & ~(frame.after < frame.before))
+    return frame[~fine].sort_values(["kind", "outcome", "z"])
+
+
 def show(frame: pd.DataFrame, out: Path, told: str) -> None:
-    """Print the table, write it with all cases as JSON and as a page."""
-    rows = check(frame)
+    """Print the tables and failures, write them with all cases as JSON and as a page."""
+    rows, counts = check(frame), count(frame)
     for r in rows:
         text = "no cases"
         if r["of"]:
-            need = f"{'≤' if r['most'] else '≥'} {r['limit']:.2f}"
             text = f"{r['hits']:3d} of {r['of']:3d}  {r['share']:.2f} [{r['low']:.2f}, {r['high']:.2f}]"  # noqa: E501
-            text += f"  {need} {'holds' if r['holds'] else 'FAILS'}"
-        print(f"{r['what']:52s} {text}")
-    print(frame.groupby(["kind", "outcome"]).size().unstack(fill_value=0).to_string())
+            verdict = {True: "holds", False: "FAILS", None: ""}[r["holds"]]
+            text += f"  {r['need']} {verdict}".rstrip()
+        print(f"{r['what']:55s} {text}")
+    for table in counts.values():
+        print(table.to_string(index=False))
     spent = f"processor time a case: median {frame.seconds.median():.1f} s, most {frame.seconds.max():.1f} s"  # noqa: E501
     print(spent)
+    failures = find_failures(frame)
+    for f in failures.itertuples():
+        print(f"{f.case[13:]} {f.robot}: {f.hidden or 'nothing'} (z {f.z:.1f}, "
+              f"{f.z_measured:.1f}): {f.outcome} [{f.said}] refuted [{f.refuted}] {f.card} "
+              f"{f.before:.4f} → {f.after:.4f}")  # fmt: skip
     failed = [r["what"] for r in rows if r.get("holds") is False]
     verdict = f"Not met: {'; '.join(failed)}." if failed else "All that was asked for holds."
     statement = f"{len(frame)} cases, {told}. {verdict}"
@@ -269,14 +345,18 @@ def show(frame: pd.DataFrame, out: Path, told: str) -> None:
     table = pd.DataFrame([
         {"what": r["what"], "of": f"{r['hits']} of {r['of']}",
          "share": Check(f"{100 * r['share']:.0f} % ({100 * r['low']:.0f} … {100 * r['high']:.0f})",
-                        r["holds"], f"limit {100 * r['limit']:.0f} %") if r["of"] else "–"}
+                        r["holds"], r["need"]) if r["of"] else "–"}
         for r in rows
     ])  # fmt: skip
-    what = trials[["robot", "hidden", "z", "outcome", "said", "refuted", "before", "after"]]
-    what = what.round({"z": 1, "before": 4, "after": 4})
+    columns = ["case", "robot", "hidden", "z", "z_measured", "outcome", "said", "refuted", "card",
+               "before", "after"]  # fmt: skip
+    shown = {"z": 1, "z_measured": 1, "before": 4, "after": 4}
     sections = (
         Section("checks", "What must hold", spent, (frame_table(table),)),
-        Section("cases", "Cases", "", (frame_table(what),)),
+        Section("counts", "Outcomes", "By kind, by z of the oracle, by robot; cards of nulls.",
+                tuple(frame_table(t) for t in counts.values())),
+        Section("failures", "Failures", "", (frame_table(failures[columns].round(shown)),)),
+        Section("cases", "Cases", "", (frame_table(trials[columns].round(shown)),)),
         Section("method", "Method", "", (Prose((str(__doc__).partition("\n\n")[2],)),)),
     )  # fmt: skip
     page = out.with_suffix(".html")
@@ -309,15 +389,22 @@ def main() -> None:
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--commit", help="the commit that is judged; its hash draws the cases")
     which.add_argument("--stream", default="0", help="seeds of the cases; 0 while developing")
+    which.add_argument("--rows", type=Path, nargs="+", help="files of cases; runs nothing")
     parser.add_argument("--cases", type=int, default=40)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", choices=sorted(set(KINDS)), help="make all of one kind")
-    parser.add_argument("--folder", type=Path, required=True, help="scratch folder of the cases")
+    parser.add_argument("--folder", type=Path, default=ROOT / "reports" / "cases",
+                        help="scratch folder of the cases")  # fmt: skip
     parser.add_argument("--out", type=Path, default=ROOT / "reports", help="folder of the results")
     asked = parser.parse_args()
-    stream = stream_of(asked.commit) if asked.commit else asked.stream
     asked.out.mkdir(parents=True, exist_ok=True)
     out = asked.out / "hidden_physics.json"
+    if asked.rows:
+        frame = pd.DataFrame([r for path in asked.rows for r in read_trials(path)])
+        frame = frame.sort_values("number")
+        show(frame, out, f"stream {', '.join(sorted({c[:12] for c in frame.case}))}")
+        return
+    stream = stream_of(asked.commit) if asked.commit else asked.stream
     done = {r["case"] for r in read_trials(out.with_suffix(".jsonl"))}
     for number in range(asked.first, asked.first + asked.cases):
         path = make_case(asked.folder, stream, number, asked.only)

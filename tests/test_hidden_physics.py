@@ -7,6 +7,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import pandas as pd
 import pytest
 
 from identifiability import Log, Robot
@@ -228,3 +229,18 @@ def test_wilsons_interval_holds_its_share():
     low, high = exam.wilson(1, 40)
     assert 0 < low < 1 / 40 < high < 0.13
     assert exam.wilson(0, 10)[0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_limit_counts_the_upper_end_of_an_interval_and_the_second_z_has_none():
+    null = {"kind": "null", "z": 0.0, "z_measured": 0.0, "outcome": "silent", "card": "green"}
+    null |= {"said": "", "wrong": "", "described": False, "before": np.nan, "after": np.nan}
+    null |= {"sure": 0, "sure_right": 0}
+    found = {**null, "kind": "inside", "z": 5.0, "z_measured": 3.0, "outcome": "exact", "said": "x"}
+    few, many = (
+        exam.check(pd.DataFrame([null] * count + [{**found, "before": 2.0, "after": 1.0}]))
+        for count in (10, 100)
+    )
+    assert [few[0]["holds"], many[0]["holds"]] == [False, True]  # none of 10, none of 100
+    by_name = {r["what"]: r for r in many}
+    assert by_name["inside, visible: exact or A or B"]["holds"]
+    assert by_name["inside, visible in measured motion: exact or A or B"]["of"] == 0
