@@ -36,12 +36,12 @@ def diagnose(
     **You give** a robot file and logs, as for *analyze*, and best one more with --validate: it
     takes no part in the choice and says whether the gap closes there too.
 
-    **You get** the effects that are missing, each with its joint, what chance alone would have to
-    do to bring such a name (p, of all effects and joints together), and the error on unseen motion
-    before and after. A name is given only with p < 5 %, if it helps on motion that took no part. "A
-    or B" means that this motion cannot tell two effects apart; *excite --separate A --separate B*
-    finds one that can. No name? Then the last sentences say how small an effect would have been
-    seen.
+    **You get** the effects that are missing, each with its joint, how often simulated noise alone
+    brings such a name (p, of all effects and joints together), and the error on unseen motion
+    before and after. A name is given only where its odds are 19 to 1 at least and motion that took
+    no part is likelier with it. "A or B" means that this motion cannot tell two effects apart;
+    *excite --separate A --separate B* finds one that can. No name? Then the last sentences say how
+    small an effect would have been seen.
 
     **Then** fit the model that has it: --out writes it for every other verb.
 
