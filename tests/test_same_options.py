@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 
 import identifiability
+from identifiability import cli
 from identifiability.cli import app, common, options
 
 #: Verbs that take logs, and options that mean the same in each.
@@ -142,3 +143,34 @@ def test_a_pipe_gets_lines_and_a_terminal_a_bar(monkeypatch):
     monkeypatch.setattr("rich.console.Console", lambda **_: console)
     with common.progress() as say:
         assert not isinstance(say, common.Lines)
+
+
+#: What a verb explains although its function has an argument of the name: the endings of drawn
+#: robots as well, and the words that stand for a motion.
+OWN = {("export", "out"), ("simulate", "motion")}
+
+
+def test_no_verb_explains_again_what_its_function_declares():
+    again = set()
+    for name in cli.FIRST:
+        verb = cli._find(name)
+        library = verb.make.keywords["library"]
+        if library:
+            _, found = options._source(library if ":" in library else f"{library}:{name}")
+            theirs = {argument for argument, *_ in options._fields(found)}
+            own = options._helps(inspect.getdoc(verb.function))
+            again |= {(name, option) for option in theirs & set(own)}
+    assert again == OWN
+
+
+@pytest.mark.parametrize(
+    ("words", "kept"),
+    [
+        ([], None),
+        (["--fixed"], True),
+        (["--fixed-share", "0"], 0.0),
+        (["--prior", "0.1"], 0.1),
+    ],
+)
+def test_each_way_to_keep_values_is_one_argument_of_the_library(words, kept, monkeypatch):
+    assert arguments_of("diagnose", monkeypatch, *words).get("fixed") == kept

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.batch import Batch
 
 
-@options.command()
+@options.command("workflows/batch.py")
 def batch(
     study: Annotated[str, Argument(metavar="STUDY.toml"), Reads("study", "TOML")],
     place: options.Place,
@@ -46,13 +46,6 @@ def batch(
 
     **Interrupted?** The same command goes on: what is finished is not done again, and what has
     another log, robot file, option or program is.
-
-    Parameters
-    ----------
-    study
-        TOML file with verb, options and robots.
-    out
-        Folder of the answers; default: the study's name with -results, beside it.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.batch import batch as run  # noqa: PLC0415

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import astuple
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from typer import Option
 
 from identifiability.cli import common, options
 
 
-@options.command("workflows/calibrate/calibration.py")
+@options.command(
+    "workflows/calibrate/calibration.py", "workflows/analyze/workflow.py:analyze ladder estimator"
+)
 def calibrate(
     machine: options.Machine,
     recorded: options.Recorded,
@@ -18,11 +20,9 @@ def calibrate(
     outputs: options.Outputs,
     derived: options.Derived,
     place: options.Place,
-    ladder: options.Ladder = None,
-    replicates: Annotated[int | None, Option(min=4)] = None,
-    sbc: bool = True,
-    names: Annotated[int | None, Option(min=0)] = None,
-    estimator: Literal["auto", "ls", "iv"] = "auto",
+    sbc: Annotated[bool, Option(help="Also check the posterior by simulation (some seconds).")] = (
+        True  # of how many experiments is the library's
+    ),
     **own: Any,
 ) -> None:
     """Say whether the intervals and verdicts of the model to use can be trusted here.
@@ -41,17 +41,6 @@ def calibrate(
 
         identifiability calibrate 3-rps run.csv --report calibration.html
         identifiability calibrate arm.urdf a.csv b.csv --ladder pruned.toml --quick
-
-    Parameters
-    ----------
-    replicates
-        Simulated repetitions a row, four times as many in the first; default 60, quick 8.
-    sbc
-        Also check the posterior by simulation (some seconds).
-    names
-        Repetitions with nothing missing that are diagnosed, 0: none; default 40, quick 4.
-    estimator
-        As for analyze.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.analyze import analyze  # noqa: PLC0415
@@ -63,8 +52,8 @@ def calibrate(
             robot,
             logs,
             (),
-            ladder,
-            estimator=estimator,
+            own.pop("ladder"),
+            estimator=own.pop("estimator"),
             preparation=derived.preparation(),
             seed=own["seed"],
             progress=lambda text, share: say(text, 0.2 * share),
@@ -72,9 +61,7 @@ def calibrate(
         )
         result = run(
             analysis,
-            replicates=replicates,
             sbc=None if sbc else 0,
-            names=names,
             **own,
             progress=lambda text, share: say(text, 0.2 + 0.8 * share),
             engine=runner,

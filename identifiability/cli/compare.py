@@ -39,10 +39,6 @@ def compare(
 
     Parameters
     ----------
-    before
-        Log, with columns as for analyze, or JSON of analyze, prune or diagnose.
-    after
-        The same of later.
     more_before
         Another log of before; may be given several times.
     more_after

@@ -12,7 +12,7 @@ from identifiability.cli import common, options
 from identifiability.cli.common import Reads, Writes
 
 
-@options.command()
+@options.command("robot/dh.py:convert_dh")
 def convert(
     table: Annotated[Path, Argument(), Reads("DH table", "TOML")],
     out: Annotated[Path, Option(), Writes(".xml")],
@@ -37,13 +37,6 @@ def convert(
 
         identifiability convert dh.toml --out robot.xml
         identifiability inspect robot.xml
-
-    Parameters
-    ----------
-    table
-        TOML with the rows of the table (identifiability/robot/dh_table.py lists every key).
-    out
-        MJCF to write (.xml); the sidecar of the same name (.toml) stands beside it.
     """
     with common.sentences():
         from identifiability.robot.dh import convert_dh  # noqa: PLC0415

@@ -9,11 +9,15 @@ from typing import Annotated, Any
 from typer import Option
 
 from identifiability.cli import common, options
-from identifiability.cli.common import Reads, Writes
-from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.cli.common import Writes
 
 
-@options.command("workflows/diagnose/workflow.py", but=("forward",))
+@options.command(
+    "workflows/diagnose/workflow.py",
+    "workflows/diagnose/next_experiment.py:find_next limits",
+    but=("forward",),
+    earlier="--from",
+)
 def diagnose(
     machine: options.Machine,
     recorded: options.Recorded,
@@ -23,12 +27,6 @@ def diagnose(
     place: options.Place,
     out: Annotated[Path | None, Option(), Writes(".toml")] = None,
     motion: Annotated[Path | None, Option("--next"), Writes(".json")] = None,
-    limits: options.Limits = None,
-    earlier: Annotated[Path | None, Option("--from"), Reads("result", "JSON")] = None,
-    fixed: Annotated[bool, Option("--fixed")] = False,
-    fixed_from: Annotated[Path | None, Option(), Reads("result", "JSON")] = None,
-    fixed_share: Annotated[float | None, Option("--fixed-share", "--prior")] = None,
-    replicates: options.Replicates = None,
     **own: Any,
 ) -> None:
     """Find where model and logs disagree, name the missing effect, add it, show the gap shrink.
@@ -63,35 +61,15 @@ def diagnose(
         Write the motion to log next here: it tells an "A or B" apart or, where there is none, shows
         what these logs cannot tell from the model. --limits holds for it. The log of it is as long
         as is likely to decide, 16 min at most.
-    limits
-        TOML with limits of the joints, as for excite.
-    earlier
-        JSON of a diagnosis to go on from with a log more; its logs may lie beside it.
-    fixed
-        Keep the robot file's values instead of refitting, as if they were exact.
-    fixed_from
-        Keep the values of this JSON of analyze, prune or diagnose, with their errors.
-    fixed_share
-        Keep the robot file's values, which may be off by this share, such as 0.1.
-    replicates
-        Simulated noises that p-values come from; default 199, quick 99.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415
         from identifiability.workflows.diagnose import find_next  # noqa: PLC0415
 
-        ways = [w for w in (fixed_from, fixed_share, fixed or None) if w is not None]
-        if len(ways) > 1:
-            raise IdentifiabilityError(
-                "Values can be kept in one way at a time: as exact (--fixed), as a result has them "
-                "(--fixed-from) or within a share (--fixed-share); give one of these."
-            )
+        limits = own.pop("limits")
         result = run(
             machine.load(recorded),
             logs,
-            fixed=ways[0] if ways else False,
-            earlier=earlier,
-            replicates=replicates,
             preparation=derived.preparation(),
             engine=runner if any(astuple(place)) else None,
             progress=say,

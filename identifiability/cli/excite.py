@@ -15,7 +15,12 @@ if TYPE_CHECKING:
     from identifiability.workflows.excite import Excitation
 
 
-@options.command("workflows/excite/workflow.py", but=("iterations", "parameters"))
+@options.command(
+    "workflows/excite/workflow.py",
+    "workflows/excite/commands.py:excite_commands scale",
+    but=("iterations",),
+    parameters="--parameter",
+)
 def excite(
     machine: options.Machine,
     recorded: options.Recorded,
@@ -23,10 +28,6 @@ def excite(
     place: options.Place,
     out: Annotated[Path, Option(), Writes(".json", ".csv", ".mcap", ".npz")],
     commands: Annotated[bool, Option("--commands")] = False,
-    scale: Annotated[float, Option(min=0.001, max=1)] = 1.0,
-    duration: float | None = None,
-    limits: options.Limits = None,
-    parameter: list[str] | None = None,
     rate: Annotated[float | None, Option(min=1, max=100_000)] = None,
     periods: Annotated[int, Option(min=1, max=10_000)] = 1,
     report: options.Report = None,
@@ -72,15 +73,6 @@ def excite(
         Float64MultiArray each).
     commands
         Find commands of position servos.
-    scale
-        Share of what the limits allow, of commands.
-    duration
-        Period of the motion [s]; default: 7.5, of commands 15 in all, in place as long as it takes.
-    limits
-        TOML with JOINT = {q = [low, high], v = speed, a = acceleration, tau = torque,
-        power = power} and [workspace.BODY] x, y, z = [low, high]; replaces the robot's own.
-    parameter
-        Base parameter that the information is about. Repeatable.
     rate
         Samples a second of .csv and .mcap [Hz]; default: 500, of commands 50.
     periods
@@ -93,13 +85,14 @@ def excite(
         from identifiability.workflows.excite import excite as run  # noqa: PLC0415
         from identifiability.workflows.excite import excite_commands  # noqa: PLC0415
 
+        scale = own.pop("scale")
         if commands:
             say("finding commands", 0.1)
             found = excite_commands(
                 machine.load(recorded),
-                duration=duration or 15.0,
+                duration=own["duration"] or 15.0,
                 rate=rate or 50.0,
-                limits=limits,
+                limits=own["limits"],
                 scale=scale,
                 seed=own["seed"],
             )
@@ -109,9 +102,6 @@ def excite(
         rate = rate or 500.0
         result = run(
             machine.load(recorded),
-            duration=duration,
-            limits=limits,
-            parameters=parameter,
             preparation=derived.preparation(),
             progress=say,
             engine=runner if any(astuple(place)) else None,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any
 
 import typer
 from typer import Option
@@ -14,19 +14,18 @@ from identifiability.cli.common import Writes
 ENDINGS = (".xml", ".urdf", ".json", ".py", ".c", ".csv", ".parquet", ".pq")
 
 
-@options.command()
+@options.command(
+    "workflows/export/workflow.py",
+    "workflows/export/draws.py:draw_robots prior seed",
+    form="--format",
+    force="--force",
+)
 def export(
     machine: options.Machine,
     result: options.JsonResult,
     out: Annotated[Path, Option(), Writes(*ENDINGS)],
-    form: Annotated[
-        Literal["mjcf", "urdf", "json", "python", "c", "isaaclab"] | None, Option("--format")
-    ] = None,
     draws: Annotated[int | None, Option(min=1)] = None,
-    prior: Annotated[float | None, Option(min=0)] = None,
-    seed: options.Seed = 0,
-    *,
-    force: Annotated[bool, Option("--force")] = False,
+    **own: Any,
 ) -> None:
     """Write the physically feasible parameters of a result back into the robot file.
 
@@ -52,42 +51,30 @@ def export(
 
     Parameters
     ----------
-    result
-        JSON that analyze, prune or diagnose wrote.
     out
         File to write: .xml (MJCF) or .urdf, .json with the parameters alone, .py or .c with a
         function that computes the torques (extra codegen; closed chains in Python, which closes
         their loops); draws also as a table, .csv or .parquet.
-    form
-        What to write; default: what the ending says. From an MJCF comes a URDF as well, and
-        the other way round, without geometry; isaaclab is a configuration of actuators for robots
-        with servos.
     draws
         How many robots to draw instead.
-    prior
-        Share of their size by which bodies of draws may differ from the file's; default: .2 for
-        robots with servos, else as the sidecar says.
-    force
-        Write a robot file that alone errs by more than three times the error of all that was
-        fitted.
     """
     with common.sentences():
         from identifiability.foundation.options import OptionError  # noqa: PLC0415
         from identifiability.regression.reduction import unused_ladder  # noqa: PLC0415
         from identifiability.workflows.export import export as run  # noqa: PLC0415
 
-        robot = machine.load()
+        robot, prior, seed = machine.load(), own.pop("prior"), own.pop("seed")
         if draws is not None:
             from identifiability.workflows.export import draw_robots  # noqa: PLC0415
 
-            drawn = draw_robots(robot, result, draws, seed=seed, prior=prior)
-            written = drawn.write(out)
-            typer.echo(drawn.statement)
+            found = draw_robots(robot, result, draws, prior=prior, seed=seed)
+            written = found.write(out)
+            typer.echo(found.statement)
             typer.echo(f"{written[0]}" + (f" … {written[-1].name}" if len(written) > 1 else ""))
             return
         if prior is not None:
             raise OptionError("--prior is of bodies that are drawn; say how many: --draws 100.")
-        exported = run(robot, result, out, form, force=force)
+        exported = run(robot, result, out, **own)
     for line in (exported.mass, exported.statement):
         if line:
             typer.echo(line)

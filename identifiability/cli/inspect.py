@@ -42,8 +42,6 @@ def inspect(
 
     Parameters
     ----------
-    logs
-        Logs to look at, in any form that analyze reads.
     template
         CSV to write with the columns that a log must have.
     """

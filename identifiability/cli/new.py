@@ -11,7 +11,7 @@ from identifiability.cli import common, options
 from identifiability.cli.common import Writes
 
 
-@options.command()
+@options.command("workflows/study/__init__.py:new_study")
 def new(
     folder: Annotated[Path, Argument(), Writes()],
     logs: Annotated[list[str] | None, Argument()] = None,
@@ -36,15 +36,6 @@ def new(
     identifiability new mine monday.csv tuesday.csv --robot arm.urdf
     identifiability new mine --robot arm.urdf
     ```
-
-    Parameters
-    ----------
-    folder
-        Folder to make; nothing is written over.
-    logs
-        Your own logs, which stay where they are; the last of several judges and is not fitted.
-    robot
-        MJCF or URDF file, which is copied with its sidecar, or a shipped robot such as 3-rps.
     """
     with common.sentences():
         from identifiability.workflows.study import new_study  # noqa: PLC0415

@@ -9,7 +9,7 @@ from __future__ import annotations
 import ast
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import asdict, astuple, dataclass, fields, is_dataclass, make_dataclass
@@ -40,11 +40,38 @@ if TYPE_CHECKING:
 
 #: Where a docstring begins to speak of parameters, and what it says of one.
 _HELP = re.compile(r"\n*^(?:Parameters|Attributes)\n-+\n", re.MULTILINE)
-_ENTRY = re.compile(r"^(\w+)(?: : .*)?\n((?: {4}.*\n)+)", re.MULTILINE)
+_ENTRY = re.compile(r"^(\w+(?:, \w+)*)(?: : .*)?\n((?: {4}.*\n)+)", re.MULTILINE)
 
 
 #: Options that take effects, and verbs in which an option of that name takes something else.
 TAKES_EFFECTS = {"effects": (), "hide": (), "separate": (), "model": ("calibrate",)}
+
+
+def split_names(_: str, text: str) -> list[str]:
+    """Return the names in ``a,b c``."""
+    return text.replace(",", " ").split()
+
+
+def split_model(option: str, text: str) -> list[str] | str:
+    """Return the effects in ``a,b``, or the path of a model file as it is."""
+    return text if text.lower().endswith(".toml") else split_names(option, text)
+
+
+def split_point(option: str, text: str) -> list[float]:
+    """Return the numbers in ``x,y,z``.
+
+    Raises
+    ------
+    OptionError
+    """
+    from identifiability.foundation.options import OptionError  # noqa: PLC0415
+
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise OptionError(
+            f"{option} {text} is no point; give three numbers, such as 0,0,0.08."
+        ) from None
 
 
 #: Options that had another name: verb and old name, and the new one.
@@ -86,6 +113,20 @@ def estimators(typed: str = "") -> list[str]:
     return [name for name in names if name.startswith(typed)]
 
 
+@dataclass(frozen=True)
+class Parsed:
+    """Marks an option whose text `read` turns into what the library takes, given its name first."""
+
+    read: Callable[[str, str], Any]
+
+
+@dataclass(frozen=True)
+class Way:
+    """Marks one of the options that an argument of several kinds becomes."""
+
+    argument: str
+
+
 def grouped(
     function: Callable[..., None],
     first: Callable[[dict[str, Any], dict[str, tuple[Any, ...]]], None] = lambda _given, _marks: (
@@ -93,6 +134,8 @@ def grouped(
     ),
     library: str = "",
     but: Sequence[str] = (),
+    spelt: Mapping[str, str] | None = None,
+    more: Sequence[str] = (),
 ) -> Callable[..., None]:
     """Return the function as a command: groups become their options, with help from docstrings.
 
@@ -104,12 +147,18 @@ def grouped(
     of the function's is the help of the command.
 
     A command that takes ``**own`` has each option of the function of its name in the file `library`
-    of the package, as that declares and explains it, `but` some and those that it has itself.
+    of the package (``file:name``, of another name), as that declares and explains it, `but` some
+    and those that it has itself, which have the help of that function; some are `spelt` otherwise.
+    Of other functions it has those that `more` names, ``file:name option option``.
     """
+    library = library and f"{library}:{function.__name__}" if ":" not in library else library
     hints = get_type_hints(function)
     groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
-    own = {option.name: option for option in _options(function)}
-    declared = _declared(library, function.__name__)
+    own = {option.name: option for option in _options(function, library)}
+    takes = any(p.kind is p.VAR_KEYWORD for p in signature(function).parameters.values())
+    declared = _declared(library, tuple((spelt or {}).items())) if takes else []
+    for other, *names in map(str.split, more):
+        declared = [*declared, *(o for o in _declared(other) if o.name in names)]
     taken = [o for o in declared if o.name not in {*own, *but}]
     usual = {o.name: o.default for o in taken}
     flat = [
@@ -122,7 +171,7 @@ def grouped(
     holders = (function, *groups.values())
     marks = {name: found for holder in holders for name, found in _marks(holder).items()}
     marks |= {o.name: get_args(o.annotation)[2:] for o in taken}
-    flat += [o.replace(default=o.default or None) if o.default == () else o for o in taken]
+    flat += [o.replace(default=None) if isinstance(o.default, tuple) else o for o in taken]
 
     @wraps(function)
     def called(**options: Any) -> None:
@@ -137,12 +186,9 @@ def grouped(
             for name, kind in groups.items()
         }
         first({**whole, **options}, marks)
-        for name in usual:
-            if EFFECTS in marks[name]:
-                options[name] = split_names(options[name])
-            if any(isinstance(m, Reads) and m.what == "model" for m in marks[name]):
-                options[name] = split_model(options[name])
-        left = {name: usual[name] for name in usual if options[name] is None}
+        with sentences():
+            options = _read_options(options, marks)
+        left = {name: usual[name] for name in usual if options.get(name, "") is None}
         function(**whole, **{**options, **left})
 
     called.__doc__ = _HELP.split(getdoc(function) or "")[0]
@@ -151,15 +197,53 @@ def grouped(
     return called
 
 
+def _read_options(
+    options: Mapping[str, Any], marks: Mapping[str, tuple[Any, ...]]
+) -> dict[str, Any]:
+    """Return what was typed as the library takes it.
+
+    Raises
+    ------
+    OptionError
+        If a text is none of an option, or one argument is given in two ways.
+    """
+    from identifiability.foundation.options import OptionError  # noqa: PLC0415
+
+    read, ways = dict(options), dict[str, str]()
+    for name, mark in ((n, m) for n in options for m in marks.get(n, ())):
+        if isinstance(mark, Parsed) and read[name] is not None:
+            read[name] = mark.read(f"--{name}", read[name])
+        if isinstance(mark, Way):
+            value = read.pop(name)
+            if value is None or value is False:
+                continue
+            option = f"--{name.replace('_', '-')}"
+            if mark.argument in ways:
+                raise OptionError(
+                    f"'{mark.argument}' can be said in one way at a time, not by "
+                    f"{ways[mark.argument]} and {option}; give one of these."
+                )
+            ways[mark.argument], read[f"{mark.argument} "] = option, value
+    return {name.rstrip(): value for name, value in read.items()}
+
+
 @cache
-def _options(holder: Any) -> list[Parameter]:
-    """Return the parameters of a function or group as typer reads them, with help."""
+def _options(holder: Any, library: str = "") -> list[Parameter]:
+    """Return the parameters of a function or group as typer reads them, with help.
+
+    What it does not say itself is that of a function of the library.
+    """
     helps, kinds = _helps(getdoc(holder) or ""), get_type_hints(holder, include_extras=True)
-    return [
+    more = _helps(ast.get_docstring(_source(library)[1]) or "") if library else {}
+    options = [
         _option(given, kinds[name], helps.get(name))
         for name, given in signature(holder).parameters.items()
         if given.kind is not Parameter.VAR_KEYWORD
     ]
+    for option in options:
+        if (note := next(iter(get_args(option.annotation)[1:]), None)) and not note.help:
+            note.help = more.get(option.name)
+    return options
 
 
 def _option(given: Parameter, kind: Any, told: str | None) -> Parameter:
@@ -177,7 +261,11 @@ def _option(given: Parameter, kind: Any, told: str | None) -> Parameter:
 def _helps(told: str) -> dict[str, str]:
     """Return what a docstring says of each parameter or attribute, without its type."""
     texts = _ENTRY.findall(f"{_HELP.split(told)[-1]}\n")
-    return {name: " ".join(text.split()).replace("``", "`") for name, text in texts}
+    return {
+        name: " ".join(text.split()).replace("``", "`")
+        for names, text in texts
+        for name in names.split(", ")
+    }
 
 
 #: The package.
@@ -188,45 +276,67 @@ _MADE = ("robot", "logs", "preparation")
 
 
 @cache
-def _declared(library: str, verb: str) -> list[Parameter]:
-    """Return the options of a function, or of a class, of the library, read from its source.
+def _source(library: str) -> tuple[ast.Module, ast.FunctionDef | ast.ClassDef]:
+    """Return a file of the package and a function, or a class, of it: ``file:name``.
 
     It is not imported: a help does not wait a second for all that it needs.
     """
+    file, _, name = library.partition(":")
+    tree = ast.parse(_ROOT.joinpath(file).read_text("utf-8"))
+    kinds = (ast.FunctionDef, ast.ClassDef)
+    return tree, next(n for n in tree.body if isinstance(n, kinds) and n.name == name)
+
+
+@cache
+def _declared(library: str, spelt: tuple[tuple[str, str], ...] = ()) -> list[Parameter]:
+    """Return the options of a function, or of a class, of the library, read from its source."""
     if not library:
         return []
-    tree = ast.parse(_ROOT.joinpath(library).read_text("utf-8"))
-    kinds = (ast.FunctionDef, ast.ClassDef)
-    found = next(n for n in tree.body if isinstance(n, kinds) and n.name == verb)
-    helps = _helps(ast.get_docstring(found) or "")
-    options = []
+    tree, found = _source(library)
+    helps, options = _helps(ast.get_docstring(found) or ""), []
     for name, annotation, default in _fields(found):
-        kind = _kind(ast.unparse(annotation), tree)
-        if kind is None or name in _MADE:
+        text = ast.unparse(annotation)
+        if name in _MADE:
             continue
-        if isinstance(default, ast.Name):
-            text = _assigned(default.id, tree) or "None"
-            default = ast.parse(text, mode="eval").body  # noqa: PLW2901
-        told = None if kind is Seed else helps.get(name)
-        if kind == list[str] | None:
-            told = f"{told} May be given several times."
-        usual = ast.literal_eval(default)
-        options.append(_option(Parameter(name, Parameter.KEYWORD_ONLY, default=usual), kind, told))
+        if text in WAYS:
+            options += [
+                _option(Parameter(f"{name}{end}", Parameter.KEYWORD_ONLY, default=none), kind, told)
+                for end, none, kind, told in WAYS[text](name, helps.get(name, ""))
+            ]
+        elif (kind := _kind(text, tree)) is not None:
+            told = helps.get(name)
+            if kind == list[str] | None:
+                told = f"{told} May be given several times."
+            given = Parameter(name, Parameter.KEYWORD_ONLY, default=_usual(default, tree))
+            if name in dict(spelt):
+                kind, *notes = get_args(kind) if hasattr(kind, "__metadata__") else (kind, Option())
+                notes[0].param_decls = (dict(spelt)[name],)
+                kind = Annotated[(kind, *notes)]
+            options.append(_option(given, kind, None if kind is Seed else told))
     return options
 
 
-def _fields(found: ast.FunctionDef | ast.ClassDef) -> Iterator[tuple[str, ast.expr, ast.expr]]:
-    """Yield name, annotation and default of what has both."""
+def _usual(default: ast.expr | None, tree: ast.Module) -> Any:
+    """Return the value of a default; where it is required the sign of that."""
+    if isinstance(default, ast.Name):
+        default = ast.parse(_assigned(default.id, tree) or "None", mode="eval").body
+    return Parameter.empty if default is None else ast.literal_eval(default)
+
+
+def _fields(
+    found: ast.FunctionDef | ast.ClassDef,
+) -> Iterator[tuple[str, ast.expr, ast.expr | None]]:
+    """Yield name, annotation and default of fields that have one, and of all arguments."""
     if isinstance(found, ast.ClassDef):
         for n in found.body:
             if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name) and n.value:
                 yield n.target.id, n.annotation, n.value
         return
     given = found.args
-    defaults = [*given.defaults, *given.kw_defaults]
-    arguments = [*given.args, *given.kwonlyargs][-len(defaults) :]
-    for argument, default in zip(arguments, defaults, strict=True):
-        if argument.annotation is not None and default is not None:
+    required = [None] * (len(given.args) - len(given.defaults))
+    defaults = [*required, *given.defaults, *given.kw_defaults]
+    for argument, default in zip([*given.args, *given.kwonlyargs], defaults, strict=True):
+        if argument.annotation is not None:
             yield argument.arg, argument.annotation, default
 
 
@@ -331,9 +441,6 @@ class Command(typer.core.TyperCommand):
 # A command names a group as one parameter, ``place: Place``, and is made by `command`.
 
 
-_placed = partial(Option, rich_help_panel="Where it runs")
-
-
 def _robots(typed: str) -> list[str]:
     """Return the shipped robots that begin so, for the shell; it adds the files itself."""
     package = Path(__file__).resolve().parents[1]
@@ -363,16 +470,13 @@ Logs = Annotated[
 _LADDER = "TOML ladder of models; default: the one beside the robot."
 _MODEL = "Effects of the model, such as rigid_body,viscous_friction, or a model file (.toml)."
 Ladder = Annotated[str | None, Option(help=_LADDER), Reads("ladder", "TOML")]
-Model = Annotated[str | None, Option(help=_MODEL), Reads("model", "TOML", always=False)]
-Limits = Annotated[Path | None, Option(), Reads("limits", "TOML")]
 #: What analyze, prune and diagnose write.
-JsonResult = Annotated[Path, Argument(), Reads("result", "JSON")]
+_JSON = Reads("result", "JSON")
+JsonResult = Annotated[Path, Argument(help="JSON that analyze, prune or diagnose wrote."), _JSON]
+#: Logs that are not fitted as those of `analyze` are: the library says what they are.
+OtherLogs = Annotated[list[str], Argument()]
 Report = Annotated[Path | None, Option(), Writes(".html", ".htm")]
-#: How often what judges an answer is repeated; each verb says of what.
-Replicates = Annotated[int | None, Option(min=0)]
 Seed = Annotated[int, Option(min=0, help="Seed of every random choice.")]
-#: Beside an option that takes effects as ``a,b``.
-EFFECTS = "effects"
 #: What an annotation of the library is on a command line, beside choices and ranges, which say it
 #: themselves; a verb has options of other kinds itself.
 KINDS: dict[str, Any] = {
@@ -384,13 +488,42 @@ KINDS: dict[str, Any] = {
     **dict.fromkeys(
         ("Positive | None", "NotNegative | None"), Annotated[float | None, Option(min=0)]
     ),
-    "Effects | None": Annotated[str | None, Option(), EFFECTS],
+    "Effects | None": Annotated[str | None, Option(), Parsed(split_names)],
     "Seed": Seed,
-    "Replicates | None": Replicates,
+    "FilePath | None": Path | None,
+    "Replicates | None": Annotated[int | None, Option(min=0)],
     **dict.fromkeys(("Logs", "Logs | None", "Names", "Names | None"), list[str] | None),
     "LadderLike | None": Ladder,
-    "ModelLike | None": Model,
+    "ModelLike | None": Annotated[
+        str | None,
+        Option(help=_MODEL),
+        Reads("model", "TOML", always=False),
+        Parsed(split_model),
+    ],
+    "LimitsLike | None": Annotated[Path | None, Option(), Reads("limits", "TOML")],
+    "Before | None": Annotated[Path | None, Option(), _JSON],
+    "Other | None": Annotated[str | None, Option(metavar="ROBOT|RESULT")],
+    "NoiseLike | None": Annotated[str | None, Option(metavar="LEVELS")],
+    "Point": Annotated[str | None, Option(metavar="X,Y,Z"), Parsed(split_point)],
 }
+
+
+def _ways_to_fix(name: str, told: str) -> Iterator[tuple[str, Any, Any, str]]:
+    """Yield ending, default, kind and help of each way in which values are kept."""
+    for end, begins, none, kind in (
+        ("", "True: ", False, Annotated[bool, Option(f"--{name}"), Way(name)]),
+        ("_from", "A result", None, Annotated[Path | None, Option(), _JSON, Way(name)]),
+        (
+            *("_share", "A share", None),
+            Annotated[float | None, Option(f"--{name}-share", "--prior"), Way(name)],
+        ),
+    ):
+        own = next(text for text in f"{told} ".split(". ") if text.startswith(begins))
+        yield end, none, kind, f"{told.partition(';')[0]}: {own.partition(': ')[2]}."
+
+
+#: The options that arguments of several kinds become.
+WAYS = {"Given": _ways_to_fix}
 
 
 @dataclass(frozen=True)
@@ -521,16 +654,17 @@ def _write(write: Callable[[Path], Path], path: Path) -> Path:
         raise OutputError(f"{error} What was found is not lost: it is in '{elsewhere}'.") from None
 
 
-def _grouped_by(library: str, name: str, panel: str, but: Sequence[str]) -> Any:
-    """Return the group of what a class of the library holds, as that declares and explains it."""
-    taken = [option for option in _declared(library, name) if option.name not in but]
+def _grouped_by(library: str, panel: str, but: Sequence[str] = ()) -> Any:
+    """Return the group of options of a function, or class, of the library: ``file:name``."""
+    taken = [option for option in _declared(library) if option.name not in but]
     for option in taken:
         get_args(option.annotation)[1].rich_help_panel = panel
-    return make_dataclass(name, [(o.name, o.annotation, o.default) for o in taken], frozen=True)
+    listed = [(o.name, o.annotation, o.default) for o in taken]
+    return make_dataclass(library.rpartition(":")[2], listed, frozen=True)
 
 
-_PREPARATION = "logs/prepare/preparation.py", "Preparation"
-_Derived: Any = _grouped_by(*_PREPARATION, "Velocity and acceleration", ("outputs", "keep_rest"))
+_PREPARATION = "logs/prepare/preparation.py:Preparation"
+_Derived: Any = _grouped_by(_PREPARATION, "Velocity and acceleration", ("outputs", "keep_rest"))
 
 
 class Derived(_Derived):  # type: ignore[misc]
@@ -543,30 +677,11 @@ class Derived(_Derived):  # type: ignore[misc]
         return None if self == type(self)() else Preparation(**asdict(self))
 
 
-@dataclass(frozen=True)
-class Place:
-    """Where long work runs.
+_Place: Any = _grouped_by("foundation/engines/local.py:choose_engine", "Where it runs")
 
-    Attributes
-    ----------
-    engine
-        In this process, in several, or on a Dask cluster; the result is the same. Default: in
-        several once that is faster.
-    workers
-        Processes on this machine; default: one a core.
-    scheduler
-        Address of a running Dask scheduler, such as tcp://host:8786.
-    resume
-        Folder that keeps finished work; the same command takes it from there when it runs again.
-    patience
-        A scheduler that is asked and does not answer for so long is given up [s].
-    """
 
-    engine: Annotated[Literal["serial", "processes", "dask"] | None, _placed()] = None
-    workers: Annotated[int | None, _placed(min=1)] = None
-    scheduler: Annotated[str | None, _placed()] = None
-    resume: Annotated[Path | None, _placed()] = None
-    patience: Annotated[float, _placed(min=1)] = 60.0
+class Place(_Place):  # type: ignore[misc]
+    """Where long work runs."""
 
     @contextmanager
     def running(self) -> Iterator[Engine]:
@@ -603,26 +718,21 @@ class Verb:
 
 
 def command(
-    library: str = "", but: Sequence[str] = (), *, motion_alone: bool = False
+    library: str = "",
+    *more: str,
+    but: Sequence[str] = (),
+    motion_alone: bool = False,
+    **spelt: str,
 ) -> Callable[[Callable[..., None]], Verb]:
     """Make a function a command, as by `grouped`; files are looked at first.
 
     Parameters
     ----------
-    library, but
+    library, more, but, spelt
         As for `grouped`.
     motion_alone
         Whether it takes logs without torque.
     """
     looked = partial(look, motion_alone=motion_alone)
-    return partial(Verb, make=partial(grouped, first=looked, library=library, but=but))
-
-
-def split_names(text: str | None) -> list[str] | None:
-    """Return the names in ``a,b c``, or None."""
-    return None if text is None else text.replace(",", " ").split()
-
-
-def split_model(text: str | None) -> list[str] | str | None:
-    """Return the effects in ``a,b``, or the path of a model file as it is."""
-    return text if text is None or text.lower().endswith(".toml") else split_names(text)
+    make = partial(grouped, first=looked, library=library, but=but, spelt=spelt, more=more)
+    return partial(Verb, make=make)

@@ -12,7 +12,7 @@ def payload(
     machine: options.Machine,
     recorded: options.Recorded,
     result: options.JsonResult,
-    logs: options.Logs,
+    logs: options.OtherLogs,
     outputs: options.Outputs,
     **own: Any,
 ) -> None:
@@ -29,13 +29,6 @@ def payload(
     whether the logs tell it (*told*: yes, or why not). Intervals hold what the result does not know
     of the robot, what the noise of these logs remembers and, with several logs, how they scatter.
     No mass told? Move so that gravity and acceleration pull at the load in several directions.
-
-    Parameters
-    ----------
-    result
-        JSON that analyze, prune or diagnose wrote, of logs without the load.
-    logs
-        Logs with the load, with columns as for analyze.
     """
     with common.sentences(), common.progress() as say:
         from identifiability.workflows.payload import payload as weigh  # noqa: PLC0415

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Option
 
@@ -11,16 +11,15 @@ from identifiability.cli import common, options
 from identifiability.cli.common import Writes
 
 
-@options.command(motion_alone=True)
+@options.command("workflows/rollout.py", motion_alone=True)
 def rollout(
     machine: options.Machine,
     recorded: options.Recorded,
-    logs: options.Logs,
+    logs: options.OtherLogs,
     outputs: options.Outputs,
-    against: Annotated[str | None, Option(metavar="ROBOT|RESULT")] = None,
-    fit: Annotated[list[str] | None, Option(metavar="LOG")] = None,
     fitted: Annotated[Path | None, Option(), Writes(".xml", ".urdf")] = None,
     out: Annotated[Path | None, Option(), Writes(".csv", ".parquet", ".pq")] = None,
+    **own: Any,
 ) -> None:
     """Move a robot by logged commands in a simulator, and say by how much its positions err.
 
@@ -45,10 +44,6 @@ def rollout(
 
     Parameters
     ----------
-    against
-        Another robot file, or a result of this robot (.json).
-    fit
-        Log to fit the joints to first; may be given several times.
     fitted
         Robot file to write with what was fitted.
     out
@@ -61,12 +56,12 @@ def rollout(
         say("reading logs", 0.0)
         robot = machine.load(recorded)
         say("rolling out commands", 0.2)
-        if fitted is not None and not fit:
+        if fitted is not None and not own["fit"]:
             raise OptionError("--fitted writes what --fit finds; give logs to fit to.")
-        found = run(robot, logs, against, fit or ())
+        found = run(robot, logs, **own)
         written = [] if out is None else [found.write(out)]
         if fitted is not None and found.fitted is not None:
             written.append(found.fitted.save(fitted))
         written += outputs.write(found, say)
-    typed = [machine.robot, *logs, *([against] if against else [])]
+    typed = [machine.robot, *logs, *filter(None, [own["against"]])]
     common.print_result(found, [found.statement], written, typed, "Error of positions (rms)")

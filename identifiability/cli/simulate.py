@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from typer import Argument, Option
@@ -12,17 +12,13 @@ from identifiability.cli import common, options
 from identifiability.cli.common import Reads, Writes
 
 
-@options.command()
+@options.command("simulation/simulator.py", "simulation/motion.py:find_motion samples")
 def simulate(
     machine: options.Machine,
     recorded: options.Recorded,
     motion: Annotated[str, Argument(), Reads("motion", "CSV", always=False)],
     out: Annotated[Path, Option(), Writes(".csv", ".parquet", ".pq")],
-    noise: str = "none",
-    hide: list[str] | None = None,
-    samples: Annotated[int | None, Option(min=20, max=10_000_000)] = None,
-    derivatives: bool = True,
-    seed: options.Seed = 0,
+    **own: Any,
 ) -> None:
     """Make the log of a simulated robot along a prescribed motion.
 
@@ -44,32 +40,19 @@ def simulate(
         of a shipped trajectory (3-rps: 571, 595, 601), FILE.json:NAME, or 'random'.
     out
         Log to write: .csv or .parquet.
-    noise
-        'none', 'paper', or levels such as motion=0.04,torque=0.05.
-    hide
-        Effect in the data but not in the robot file, as EFFECT or EFFECT=SHARE of this
-        motion's torque; another motion gets another size.
-    samples
-        Samples a period.
-    derivatives
-        Whether the log has velocities and accelerations.
     """
     with common.sentences():
         import numpy as np  # noqa: PLC0415
 
         from identifiability.effects import effect_laws  # noqa: PLC0415
         from identifiability.foundation.errors import listing  # noqa: PLC0415
-        from identifiability.simulation import Noise  # noqa: PLC0415
         from identifiability.simulation import simulate as run  # noqa: PLC0415
         from identifiability.simulation.forces import left_out  # noqa: PLC0415
         from identifiability.simulation.motion import find_motion  # noqa: PLC0415
 
-        robot, rng = machine.load(recorded), np.random.default_rng(seed)
-        move, levels = find_motion(robot, motion, samples, rng), Noise.parse(noise)
-        laws, hidden = effect_laws(), hide or ()
-        log = run(
-            robot, move, noise=levels, hide=hidden, laws=laws, rng=rng, derivatives=derivatives
-        )
+        robot, rng = machine.load(recorded), np.random.default_rng(own["seed"])
+        move = find_motion(robot, motion, own.pop("samples"), rng)
+        log = run(robot, move, laws=effect_laws(), rng=rng, **own)
         log.write(out)
         missing = left_out(robot)
     if missing:

@@ -212,9 +212,10 @@ def convert_dh(table: str | Path | Mapping[str, Any], out: str | Path) -> Conver
     Parameters
     ----------
     table : path or mapping
-        A TOML file as `table` describes it, or its content.
+        TOML with the rows of the table (identifiability/robot/dh_table.py lists every key), or its
+        content.
     out : path
-        The MJCF to write (``.xml``).
+        The MJCF to write (.xml); the sidecar of the same name (.toml) stands beside it.
 
     Raises
     ------

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.options import counted
 from identifiability.foundation.output import check_writable, temporary_folder, write_bytes
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -32,6 +33,9 @@ from identifiability.robot import Robot
 
 #: Longer simulated logs are refused; the simulator takes one sample at a time.
 MOST_SAMPLES = 10_000_000
+
+#: Samples of a period.
+Period = Annotated[int, counted(20, MOST_SAMPLES)]
 
 Amplitude = Annotated[float, Field(ge=-1e6, le=1e6)]
 
@@ -218,7 +222,10 @@ def random_trajectory(
 
 
 def find_motion(
-    robot: Robot, source: str, samples: int | None, rng: np.random.Generator
+    robot: Robot,
+    source: str,
+    samples: Period | None = None,
+    rng: np.random.Generator | None = None,
 ) -> PrescribedMotion:
     """Return the motion that a word stands for.
 
@@ -229,8 +236,8 @@ def find_motion(
         A CSV or Parquet file, ``FILE.json:NAME``, a shipped trajectory's name, or ``random``.
     samples : int or None
         Samples a period, for trajectories.
-    rng : numpy.random.Generator
-        Draws the random trajectory.
+    rng : numpy.random.Generator, optional
+        Draws the random trajectory; by default one of seed 0.
 
     Raises
     ------
@@ -238,7 +245,9 @@ def find_motion(
     """
     robot.check_stands("simulation")
     if source == "random":
-        return PrescribedMotion.of(random_trajectory(robot, rng), samples)
+        return PrescribedMotion.of(
+            random_trajectory(robot, rng or np.random.default_rng(0)), samples
+        )
     stem, colon, name = source.partition(".json:")
     if colon or source.endswith(".json"):
         path = f"{stem}.json" if colon else source

@@ -139,6 +139,8 @@ def ar1(shape: tuple[int, ...], correlation: float, rng: np.random.Generator) ->
 MOTION = "a PrescribedMotion or a Trajectory, such as shipped_trajectory gives"
 NOISE = "a Noise, 'paper', 'none' or levels such as 'motion=0.04,torque=0.05'"
 
+NoiseLike = Annotated[Noise | str, Expected(NOISE)]
+
 #: Pause between two motions [s]: no effect reaches from one to the next.
 PAUSE: Tolerance = 10.0
 
@@ -148,7 +150,7 @@ def simulate(
     robot: RobotLike,
     motion: Annotated[PrescribedMotion | Trajectory, Expected(MOTION)],
     *,
-    noise: Annotated[Noise | str, Expected(NOISE)] | None = None,
+    noise: NoiseLike | None = None,
     hide: Names = (),
     laws: Mapping[str, Callable[..., Any]] | None = None,
     parameters: Mapping[str, float] | None = None,
@@ -165,11 +167,11 @@ def simulate(
         values, other effects among those (`left_out`) are not simulated.
     motion : PrescribedMotion or Trajectory
     noise : Noise or str, optional
-        Also ``paper``, ``none`` or levels such as ``motion=0.04,torque=0.05``.
+        Levels such as ``motion=0.04,torque=0.05``, ``paper`` or, by default, ``none``.
     hide : sequence of str
-        Effects that are in the data and not in the robot file: ``effect``, ``effect=share`` or
-        ``effect@joint+joint=share``. The share and the effect's shape are those of this motion:
-        logs of one effect along several motions come from `Campaign`.
+        Effects that are in the data and not in the robot file: ``effect``, ``effect=share`` of the
+        torque or ``effect@joint+joint=share``. The share and the effect's shape are those of this
+        motion: logs of one effect along several motions come from `Campaign`.
     laws : mapping of name to callable(speed, position from home, load) -> force, optional
         Further effects that can be hidden in a joint, arrays (N,), each up to a factor;
         `identifiability.effects.effect_laws` gives those that were registered.

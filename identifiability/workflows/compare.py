@@ -858,7 +858,8 @@ def compare(
     ----------
     robot : Robot, path or shipped name
     before, after : result, path of its JSON, or log, path, DataFrame, or several logs
-        Two results of one model, or logs on both sides.
+        Log, with columns as for `analyze`, or result (JSON) of `analyze`, `prune` or `diagnose`:
+        two results of one model, or logs on both sides.
     ladder : path, LadderEntry or result of `prune`, optional
         Its first model is the one that logs are compared under; by default the one beside the robot
         file, else every base parameter, with torque offsets. Results have their own.

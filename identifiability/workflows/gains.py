@@ -355,15 +355,15 @@ def identify_gains(
     robot : Robot, path or shipped name
         What its sidecar says of gains, ratios and signs is left aside: the result replaces it.
     logs : log, path, DataFrame, or several
-        Without the load; columns ``<joint>.tau`` or ``<joint>.current`` in any unit.
+        Logs without the load; columns ``<joint>.tau`` or ``<joint>.current`` in any unit.
     loaded : the same
-        With it.
+        Log with it.
     mass : float [kg]
-        Of the load.
-    centre : (3,) [m]
-        Its centre of mass in the frame of the body's joint.
-    inertia : (3,) [kg·m²]
-        Its moments of inertia about its centre, along the axes of that frame.
+        Of the load [kg].
+    centre : (3,)
+        Its centre of mass in the frame of the body's joint [m].
+    inertia : (3,)
+        Its moments of inertia about its centre, along the axes of that frame [kg·m²].
     body : str, optional
         Which it is fixed to; by default the last one.
     model : Model, sequence of str or path of a model file, optional

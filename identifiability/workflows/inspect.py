@@ -813,6 +813,7 @@ def inspect(
     ----------
     robot : Robot, path or shipped name
     logs : log, path, DataFrame, or several, optional
+        Logs to look at, in any form that `analyze` reads.
     model : Model, names of effects, model file or result of `prune`, optional
         Whose base parameters are listed; by default that of `analyze`.
     preparation : Preparation, optional

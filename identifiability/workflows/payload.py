@@ -749,7 +749,7 @@ def payload(
     result : Fit, Analysis, Ladder, Diagnosis or path
         Fitted to logs without the load. What it does not know of the robot enters every interval.
     logs : log, path, DataFrame, or several
-        With the load; they are prepared like the fitted ones, with the same cut-off.
+        Logs with the load; they are prepared like the fitted ones, with the same cut-off.
     without : the same, optional
         Logs without the load, best of the same day and along the same motion: then whatever the
         model gets wrong along it cancels.

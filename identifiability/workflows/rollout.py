@@ -313,7 +313,7 @@ def rollout(
         With servos, in its file or its sidecar. One that floats, on its feet, is also moved by
         logged torque where there are none.
     logs : log, path, DataFrame, or several
-        With commands, ``<joint>.cmd``, beside positions; torque is not looked at.
+        Logs with commands, ``<joint>.cmd``, beside positions; torque is not looked at.
     against : Robot, path or result, optional
         Another robot, or what analyze or prune fitted to this one.
     fit : the same as logs, optional

@@ -166,8 +166,8 @@ OTHERS = {
     "rule": (Rules, {"most": 0}, "most must be a whole number of at least 1, not 0"),
     "engine": (
         choose_engine,
-        {"name": "procesess"},
-        "name must be 'serial', 'processes', 'dask' or None, not 'procesess', did you mean",
+        {"engine": "procesess"},
+        "engine must be 'serial', 'processes', 'dask' or None, not 'procesess', did you mean",
     ),
     "workers": (choose_engine, {"workers": 0}, "workers must be a whole number of at least 1"),
     "robot of a stage": (

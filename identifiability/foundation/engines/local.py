@@ -168,7 +168,7 @@ def _load(path: str) -> Callable[[Any], Any]:
 
 @checked
 def choose_engine(
-    name: Name | None = None,
+    engine: Name | None = None,
     workers: Annotated[int, at_least(1)] | None = None,
     scheduler: str | None = None,
     resume: FilePath | None = None,
@@ -178,14 +178,15 @@ def choose_engine(
 
     Parameters
     ----------
-    name : {"serial", "processes", "dask"}, optional
-        By default several processes once that pays; with a scheduler's address, its cluster.
+    engine : {"serial", "processes", "dask"}, optional
+        In this process, in several, or on a Dask cluster; the result is the same. By default in
+        several once that is faster; with a scheduler's address, on its cluster.
     workers : int, optional
         Processes on this machine, from the first item on; by default one for each core.
     scheduler : str, optional
         Address of a Dask scheduler, such as ``tcp://host:8786``.
     resume : path, optional
-        Folder where finished items are kept, so that a second run need not do them again.
+        Folder that keeps finished work; the same command takes it from there when it runs again.
     patience : float
         A scheduler that does not answer for so long is given up [s].
 
@@ -194,9 +195,9 @@ def choose_engine(
     EngineError
         If options contradict each other, or the cluster cannot be used.
     """
-    if name == "processes" and workers is None:
+    if engine == "processes" and workers is None:
         workers = joblib.cpu_count()
-    name = name or ("processes" if scheduler is None else "dask")
+    name = engine or ("processes" if scheduler is None else "dask")
     if scheduler is not None and name != "dask":
         raise EngineError(f"The engine '{name}' has no scheduler; give the engine 'dask' with it.")
     if scheduler is not None and workers is not None:
@@ -204,9 +205,9 @@ def choose_engine(
             f"The cluster at '{scheduler}' has its own workers; leave out their number, or the "
             "scheduler to start them here."
         )
-    engine: Engine = Serial() if name == "serial" else Processes(workers)
+    made: Engine = Serial() if name == "serial" else Processes(workers)
     if name == "dask":
         from identifiability.foundation.engines.cluster import Dask  # noqa: PLC0415 - an extra
 
-        engine = Dask(scheduler, workers, patience)
-    return engine if resume is None else Resumed(engine, resume)
+        made = Dask(scheduler, workers, patience)
+    return made if resume is None else Resumed(made, resume)

@@ -506,7 +506,7 @@ def calibrate(
         Correlations from sample to sample of AR(1) noise; NaN for noise like the residual,
         autoregressive of the order that suits each actuator.
     replicates : int, optional
-        Simulated repetitions a cell; the first cell has `FIRST` times as many, because single
+        Simulated repetitions a cell; the first cell has four times as many, because single
         parameters are judged by it. By default 60, or 8 if `quick`.
     refits : int
         Of the bootstrap in each.

@@ -8,7 +8,7 @@ the chance is that of the very rule by which names are undecided, with the noise
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -45,6 +45,7 @@ from identifiability.workflows.excite.criteria import (
     Separation,
     pose_question,
 )
+from identifiability.workflows.excite.limits import LimitsLike
 from identifiability.workflows.excite.search import Objective, Series
 from identifiability.workflows.excite.workflow import find_motion
 from identifiability.workflows.opening import Progress
@@ -164,7 +165,7 @@ class NextMotion:
 def find_next(
     d: Findings,
     *,
-    limits: Limits | Mapping[str, Any] | str | Path | None = None,
+    limits: LimitsLike | None = None,
     duration: Positive = 7.5,
     harmonics: Annotated[int, counted(2, 50)] = 5,
     evaluations: Annotated[int, at_least(1)] = EVALUATIONS,
@@ -181,7 +182,9 @@ def find_next(
     duration : float [s]
         The period. It is logged up to 32 times; where these are not likely to decide up to 128
         times, or one of twice the period up to 64 times.
-    limits, harmonics, evaluations, seed, progress
+    limits : Limits, mapping, path or None
+        TOML with limits of the joints, as for `excite`.
+    harmonics, evaluations, seed, progress
         As for `excite`.
 
     Raises

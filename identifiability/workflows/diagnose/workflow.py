@@ -146,10 +146,10 @@ def diagnose(
         friction and actuator inertia. What a model file leaves out, holds or ties is free.
     fixed : bool, float, path, Fit or result
         Keep values instead of refitting them; then wrong masses, payloads and gravity are
-        candidates too. True keeps those of the robot file as if they were exact. A share, such as
-        0.1, is the standard deviation of each of these. A result of `analyze`, `prune` or
-        `diagnose`, its JSON or its `Fit`, has values and their covariance, and is of the model that
-        is diagnosed. What these errors explain is no effect.
+        candidates too. True: those of the robot file, as if they were exact. A share: those of the
+        robot file, which may be off by it, such as 0.1 (a standard deviation). A result: those of
+        an `analyze`, `prune` or `diagnose`, of its JSON or its `Fit`, with their covariance, for
+        the model that is diagnosed. What these errors explain is no effect.
     earlier : path or result of `diagnose`, optional
         A diagnosis that is gone on from, with logs more: what it left open is decided by all
         together, what it settled is kept and tested. Logs that its file was made from need not be

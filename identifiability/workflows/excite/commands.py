@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
@@ -27,7 +27,7 @@ from identifiability.logs.commands import acting
 from identifiability.robot import Robot, RobotLike
 from identifiability.simulation.motion import write_command_bag
 from identifiability.simulation.rollout import NO_SERVO, CommandedRobot
-from identifiability.workflows.excite.limits import Clearance, Limits, find_limits
+from identifiability.workflows.excite.limits import Clearance, Limits, LimitsLike, find_limits
 from identifiability.workflows.excite.rules import RULES
 
 #: Share of its range that a joint swings at most, and of the limits that are used.
@@ -129,7 +129,7 @@ def excite_commands(
     *,
     duration: Annotated[float, within(3.0, 3600.0)] = 15.0,
     rate: Annotated[float, within(1.0, 10_000.0)] = 50.0,
-    limits: Any = None,
+    limits: LimitsLike | None = None,
     scale: Annotated[float, within(1e-3, 1.0)] = 1.0,
     seed: int = 0,
 ) -> Commands:
@@ -145,7 +145,7 @@ def excite_commands(
     limits : Limits, mapping, path or None
         As in `excite`.
     scale : float
-        Of what the limits allow.
+        Share of what the limits allow, of commands.
     seed : int
 
     Raises

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -155,9 +155,11 @@ class Limits:
         return half
 
 
-def find_limits(
-    robot: Robot, given: Limits | Mapping[str, Any] | str | Path | None = None
-) -> Limits:
+#: Limits, or what says them.
+LimitsLike: TypeAlias = Limits | Mapping[str, Any] | str | Path
+
+
+def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
     """Return the limits of a robot, or those given where they replace them.
 
     Parameters

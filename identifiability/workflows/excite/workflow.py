@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -41,6 +40,7 @@ from identifiability.workflows.excite.criteria import (
 from identifiability.workflows.excite.in_place import InPlace, find_in_place
 from identifiability.workflows.excite.limits import (
     Limits,
+    LimitsLike,
     Workspace,
     doubt_assumed,
     find_limits,
@@ -67,7 +67,7 @@ def excite(
     at_rest: bool = False,
     duration: Annotated[float, within(1e-3, 1e6)] | None = None,
     samples: int = 750,
-    limits: Limits | Mapping[str, Any] | str | Path | None = None,
+    limits: LimitsLike | None = None,
     criterion: Literal["condition", "information", "separate"] | None = None,
     parameters: Names | None = None,
     model: ModelLike | None = None,
@@ -92,13 +92,14 @@ def excite(
     at_rest : bool
         Begin and end without speed and acceleration, which takes two harmonics of each joint.
     duration : float [s], optional
-        The period, by default 7.5 s. Of a robot that floats and stands on its feet the whole
-        motion in place, from rest to rest, by default as long as its swings take.
+        The period, by default 7.5 s; of commands 15 s in all. Of a robot that floats and stands on
+        its feet the whole motion in place, from rest to rest; by default what its swings take.
     samples : int
         Samples a period; all of them are checked.
     limits : Limits, mapping, path or None
         Replaces limits of the robot file: ``{"joint1": {"q": [-1, 1], "v": 2, "a": 10}}``, or a
-        TOML file with the same.
+        TOML file with JOINT = {q = [low, high], v = speed, a = acceleration, tau = torque,
+        power = power} and [workspace.BODY] x, y, z = [low, high].
     criterion : {"condition", "information", "separate"}, optional
         Make small the column-normalised condition number of the base columns; make large the
         log-determinant of the information about `parameters`; or separate two effects. By

@@ -18,7 +18,7 @@ import scipy
 
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
-from identifiability.foundation.options import Expected, FilePath, checked
+from identifiability.foundation.options import Expected, FilePath, NotNegative, Seed, checked
 from identifiability.foundation.output import check_ending
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -123,8 +123,8 @@ def draw_robots(
     result: FilePath | Fit,
     count: Annotated[int, Expected("a positive whole number", lambda n: n > 0)] = 100,
     *,
-    seed: int = 0,
-    prior: float | None = None,
+    seed: Seed = 0,
+    prior: NotNegative | None = None,
 ) -> Draws:
     """Draw robots from what the logs of a result leave possible.
 
@@ -137,8 +137,8 @@ def draw_robots(
     count : int
     seed : int
     prior : float, optional
-        Share by which bodies may differ from the file's (a standard deviation); by default a fifth
-        where the robot has servos, else as the sidecar says (``prior_relative``).
+        Share by which drawn bodies may differ from the file's (a standard deviation); by default a
+        fifth where the robot has servos, else as the sidecar says (``prior_relative``).
 
     Raises
     ------

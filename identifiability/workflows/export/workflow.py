@@ -472,7 +472,9 @@ def export(
         parameters alone; ``.py`` and ``.c`` for a function of position, velocity and acceleration
         that returns the torque, of a closed chain in Python (extra ``codegen``).
     form : {"mjcf", "urdf", "json", "python", "c", "isaaclab"}, optional
-        By default what the ending says; Isaac Lab's configuration of actuators is asked for.
+        What to write; by default what the ending says. From an MJCF comes a URDF as well, and the
+        other way round, without geometry; isaaclab is a configuration of actuators for robots with
+        servos.
     force : bool
         Whether a robot file is written that alone errs by more than three times the error of all
         that was fitted.

@@ -95,11 +95,12 @@ def new_study(
     Parameters
     ----------
     folder : str or Path
-        New, or empty.
+        Folder to make: new, or empty.
     robot : str or Path
-        MJCF or URDF file, which is copied with its sidecar, or a shipped robot's name.
+        MJCF or URDF file, which is copied with its sidecar, or a shipped robot's name, such as
+        3-rps.
     logs : sequence of path, optional
-        Your own, which stay where they are: script and Makefile name them. The last of several
+        Your own logs, which stay where they are: script and Makefile name them. The last of several
         judges and is not fitted.
 
     Raises
