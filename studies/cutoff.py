@@ -98,8 +98,8 @@ def right_cutoff(log: Log, rate: int, step: float) -> float:
     return float(
         max(
             min(LOG_RULES.cutoff_wide * band, power**0.2),
-            LOG_RULES.cutoff_narrow * band,
-            LOG_RULES.cutoff_least,
+            LOG_RULES.cutoff_lowered * LOG_RULES.cutoff_wide * band,
+            LOG_RULES.cutoff_lowered * LOG_RULES.cutoff_lowest,
         )
     )
 

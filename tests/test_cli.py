@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
@@ -10,7 +11,7 @@ from typer.testing import CliRunner
 
 import identifiability
 from identifiability.cli import app
-from identifiability.cli.common import print_table
+from identifiability.cli.common import print_result, print_table
 from identifiability.foundation.answers import Column, Table
 
 
@@ -112,6 +113,14 @@ def test_names_are_whole_where_no_terminal_cuts_them(capsys):
     rows = [("a_joint_of_a_very_long_name" * 5, "1 %")]
     print_table("title", Table.of("", columns, rows))
     assert "a_joint_of_a_very_long_name" * 5 in capsys.readouterr().out
+
+
+def test_a_table_that_is_cut_says_how_many_rows_are_left_out(capsys):
+    table = Table.of("thirty", (Column("joint"),), [(f"joint_{k}",) for k in range(30)])
+    print_result(SimpleNamespace(tables=lambda: (table,), next=lambda: ()))
+    text = capsys.readouterr().out
+    assert text.count("joint_") == 12
+    assert "18 rows below them: --report shows them all." in text
 
 
 @pytest.mark.parametrize(

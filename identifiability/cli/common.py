@@ -188,11 +188,16 @@ def print_result(
     most : int, optional
         Rows of the first table.
     """
+    from identifiability.foundation.rounding import format_count  # noqa: PLC0415
+
     for at, table in enumerate(t for t in result.tables() if not t.long):
         caption = title if title and not at else table.caption
-        print_table(caption, table.brief(LISTED if at or most is None else most))
-        if len(table.rows) > LISTED and table.worst is not None:
-            print_end([f"{len(table.rows) - LISTED} with smaller errors are not shown."])
+        shown = LISTED if at or most is None else most
+        print_table(caption, table.brief(shown))
+        if (more := len(table.rows) - shown) > 0:
+            which = "with smaller errors" if table.worst is not None else "below them"
+            where = "the page" if any(p.suffix == ".html" for p in written) else "--report"
+            print_end([f"{format_count(more, 'row')} {which}: {where} shows them all."])
     print_end(texts)
     print_next(result, [*typed, *written])
     print_end([], written)

@@ -16,10 +16,11 @@ from identifiability.estimation.estimator import Estimate, settle_signs
 from identifiability.estimation.evidence import Mixture
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.estimation.uncertainty import Uncertainty, recurrence
-from identifiability.estimation.verdict import Class, Verdict, digits, percent_of
+from identifiability.estimation.verdict import Class, Verdict, percent_of
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.numbers import REACH, holm
+from identifiability.foundation.rounding import percent_digits
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
@@ -365,11 +366,11 @@ def decide(
 
 def _say_doubt(name: str, without: Verdict, percent: float) -> str:
     """Return why a parameter loses the verdict that it would have if nothing were missing."""
-    known = f"±{digits(without.sigma_label_percent)} % ({without.verdict.value})"
+    known = f"±{percent_digits(without.sigma_label_percent)} % ({without.verdict.value})"
     return (
         f"The logs say that {name} is missing in the model. Without it this would be "
         f"{without.value:.4g}, known to {known}; with it the value is known only to "
-        f"±{digits(percent)} %: find out what is missing (diagnose)."
+        f"±{percent_digits(percent)} %: find out what is missing (diagnose)."
     )
 
 
@@ -381,7 +382,7 @@ def _decide(
     recurrence = float(grounds.recurrence[k])
     if grounds.unjudged[k]:
         return Class.NOT_JUDGED, grounds.unjudged[k]
-    about, again = digits(percent), ""
+    about, again = percent_digits(percent), ""
     if recurrence < rules.recurrence:
         again = f" Of the resampled logs {100 * recurrence:.0f} % say so, too."
     cases = (
@@ -433,8 +434,8 @@ def _condition(grounds: Grounds, k: int) -> str:
         return ""
     own = percent_of(float(grounds.sigma_robust[k]), float(grounds.estimate.value[k]))
     return (
-        f" In this model it stands for {left.stands_for[k]}, known to ±{digits(own)} %; the rest "
-        "of the uncertainty is what the model leaves out."
+        f" In this model it stands for {left.stands_for[k]}, known to ±{percent_digits(own)} %; "
+        "the rest of the uncertainty is what the model leaves out."
     )
 
 
@@ -448,8 +449,8 @@ def _compare(kind: Class, paper: bool, percent: float, least: float) -> str:
         why = ": that rule is relative to the best parameter of the model and knows no "
         why += "autocorrelation."
     return (
-        f" The {RULES.paper_factor:g}× rule {does} it (white-noise σ {digits(percent)} % {than} "
-        f"{RULES.paper_factor:g} × {digits(least)} %){why}"
+        f" The {RULES.paper_factor:g}× rule {does} it (white-noise σ {percent_digits(percent)} % "
+        f"{than} {RULES.paper_factor:g} × {percent_digits(least)} %){why}"
     )
 
 

@@ -163,7 +163,7 @@ def measure_memory(information: Information, fit: Estimate) -> tuple[Array, Arra
         ratio = scatter / np.maximum(left, LEFT * own_rows[a])
         # Blocks at a lag hold pairs of samples that are half a block farther apart on average.
         apart = (np.arange(B) + 0.5) * N / B
-        enough = apart >= RULES.sokal_window * scatter / rss
+        enough = apart >= RULES.memories * scatter / rss
         summed = int(enough.argmax()) + 1 if enough.any() else B
         # The largest on the way: what a fit swallowed makes later lags negative.
         slow[a], known[a] = ratio[:summed].max(), B / (2 * summed - 1)
@@ -203,7 +203,7 @@ def _share(times: Array, known: Array, blocks: int, block: float) -> Array:
         return times
     same = float(np.average(times[open_], weights=known[open_]))
     # How far such times would be apart: of squares so many the logarithm has this variance.
-    lags = np.ceil(max(RULES.sokal_window * same / block - 0.5, 0.0))
+    lags = np.ceil(max(RULES.memories * same / block - 0.5, 0.0))
     spread = polygamma(1, 0.5 * blocks / (2.0 * lags + 1.0))
     apart = float(np.log(times[open_]).var(ddof=0) * open_.sum() / spread)
     different = apart > chdtri(open_.sum() - 1, Thresholds.sign_level)

@@ -45,13 +45,13 @@ def autocorrelation(residual: Array) -> Array:
 def autocorrelation_time(residual: Array) -> Array:
     """Return the integrated autocorrelation time of each column of (N, n), at least 1, (n,).
 
-    ``1 + 2 Σ ρ_k`` up to the first lag beyond `sokal_window` times the sum so far. Variances of
+    ``1 + 2 Σ ρ_k`` up to the first lag beyond `memories` times the sum so far. Variances of
     means grow by it; standard deviations of white-noise formulas by its root.
     """
     acf = autocorrelation(residual)
     times = 2.0 * np.cumsum(acf, axis=0) - 1.0
     lags = np.arange(len(acf))[:, None]
-    beyond = lags >= RULES.sokal_window * times
+    beyond = lags >= RULES.memories * times
     window = np.where(beyond.any(0), beyond.argmax(0), len(acf) - 1)
     tau: Array = np.maximum(times[window, np.arange(acf.shape[1])], 1.0)
     return tau
@@ -67,12 +67,16 @@ def block_length(residual: Array) -> float:
     return max((_politis_white(column) for column in residual.T), default=1.0)
 
 
+#: Lags over which autocorrelations must be small, at least [Politis & White 2004].
+LEAST_WINDOW = 5
+
+
 def _politis_white(x: Array) -> float:
     n = len(x)
     centred = x - x.mean()
-    if not centred.any() or n < 10:
+    if not centred.any() or n < 2 * LEAST_WINDOW:
         return 1.0
-    window = max(5, int(np.sqrt(np.log10(n))))
+    window = max(LEAST_WINDOW, int(np.sqrt(np.log10(n))))
     most = int(np.ceil(np.sqrt(n))) + window
     size = 1 << (2 * n - 1).bit_length()
     covariance = np.fft.irfft(np.abs(np.fft.rfft(centred, size)) ** 2, size)[: most + 1] / n

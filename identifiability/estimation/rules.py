@@ -66,14 +66,12 @@ class Rules(RuleTable):
     blocks_fewest : int, by hand
         Fewer blocks than this say nothing about the spread between blocks.
     memories : float, literature
-        Stretches of time whose scatter is taken as independent are so many autocorrelation
-        times long [Sokal 1997], while there are enough of them.
+        Window of the integrated autocorrelation time, in units of itself [Sokal 1997]; so long
+        are stretches of time whose scatter is taken as independent, while there are enough.
     stretches_fewest : int, by hand
         Fewest such stretches of scores,
     errors_fewest : int, by hand
         and of errors.
-    sokal_window : float, literature
-        Window of the integrated autocorrelation time, in units of itself [Sokal 1997].
     unasked_level : float, level
         Level of a test that nobody asked for: whether a function is missing, the halves of a log
         differ, a suggested move is denied, ranks are uneven.
@@ -82,9 +80,6 @@ class Rules(RuleTable):
         rows.
     column_short : float, by hand
         Directions of unit columns below this length are left to the noise.
-    outputs_fewest : float, by hand
-        Fewest outputs of a motion for each parameter, below which it is not fitted by
-        itself.
     instrument_strong : float, by hand
         A direction follows its instrument from this canonical correlation on,
     instrument_f : float, literature
@@ -113,11 +108,9 @@ class Rules(RuleTable):
     memories: float = 5.0
     stretches_fewest: int = 12
     errors_fewest: int = 4
-    sokal_window: float = 5.0
     unasked_level: float = 0.01
     columns_most: float = 0.45
     column_short: float = 1e-3
-    outputs_fewest: float = 1.0
     instrument_strong: float = 0.9
     instrument_f: float = 104.7
     instrument_left: float = 0.5

@@ -162,7 +162,7 @@ def compare_motions(
     groups = information.log if groups is None else groups
     if len(np.unique(groups)) < 2:
         return None
-    needed = RULES.outputs_fewest * len(fit.kept)
+    needed = len(fit.kept)
     torque = information.torque.sum()
     if fit.rss.sum() <= ROUNDOFF**2 * torque:  # rounding left these, and agrees with nothing
         return None

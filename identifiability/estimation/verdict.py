@@ -149,13 +149,6 @@ def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
     return tuple(replace(v, verdict=Class.NOT_IDENTIFIABLE, reason=reason) for v in verdicts)
 
 
-def digits(percent: float) -> str:
-    """Return a percentage with two to four digits, never in powers of ten."""
-    if percent < 1000:
-        return f"{percent:.2g}" if percent < 10 else f"{percent:.3g}"
-    return f"{percent:.0f}" if percent <= 9999 else "more than 9999"
-
-
 def percent_of(sigma: float, value: float) -> float:
     """Return a standard deviation relative to a value [%]."""
     return 100 * sigma / abs(value) if value else float("inf")

@@ -166,6 +166,30 @@ def digits(count: int) -> Callable[[float | None], str]:
     return lambda x: format_number(x, count, pad=True)
 
 
+def percent_digits(percent: float) -> str:
+    """Return a percentage with two to four digits, never in powers of ten.
+
+    Examples
+    --------
+    >>> percent_digits(1.234), percent_digits(2345.6), percent_digits(1e6)
+    ('1.2', '2346', 'more than 9999')
+    """
+    if percent < 1000:
+        return f"{percent:.2g}" if percent < 10 else f"{percent:.3g}"
+    return f"{percent:.0f}" if percent <= 9999 else "more than 9999"
+
+
+def format_time(seconds: float) -> str:
+    """Return a time in seconds, or in minutes where it is long.
+
+    Examples
+    --------
+    >>> format_time(90), format_time(600)
+    ('90 s', '10 min')
+    """
+    return f"{seconds:g} s" if seconds < 120 else f"{seconds / 60:.3g} min"
+
+
 def percent(share: float, count: int = 3, *, pad: bool = False) -> str:
     """Return a share in percent with some significant digits, or a dash.
 

@@ -217,7 +217,7 @@ def _orientation(
         for k, q in orders.items()
     }
     best, other = sorted(errors, key=lambda k: errors[k])
-    if not errors[best] < RULES.reading_better * errors[other]:
+    if not errors[best] < 0.5 * errors[other]:
         raise LogError(
             f"{source}: nothing says which of the four numbers of the base's quaternion is which; "
             "call its columns 'base.qw', 'base.qx', 'base.qy' and 'base.qz', as with --map."

@@ -16,7 +16,6 @@ from typing import Literal
 
 from identifiability.foundation.values import frozen
 from identifiability.logs.aliases import find_unit, is_no_unit
-from identifiability.logs.rules import RULES
 
 # `Form`: how a table of text was written: separators, decimal commas, units, comments.
 #
@@ -109,7 +108,7 @@ WESTERN = "cp1252"
 
 def _wide(others: bytes) -> bool:
     """Return whether the second bytes of letters are those of a text of two bytes a letter."""
-    return sum(map(bool, others)) < RULES.wide_letters * len(others)
+    return 2 * sum(map(bool, others)) < len(others)
 
 
 def find_encoding(start: bytes) -> str:

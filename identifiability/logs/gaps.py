@@ -89,7 +89,7 @@ def tell_steps(windows: Sequence[Log], steps: Array) -> str:
     """
     change = np.abs(np.concatenate([np.diff(w.q, axis=0) for w in windows]))
     whole = change / np.where(steps > 0, steps, np.inf)
-    is_step = (np.abs(whole - np.round(whole)) < RULES.encoder_exact).mean(0) > RULES.encoder_all
+    is_step = (np.abs(whole - np.round(whole)) < RULES.encoder_exact).mean(0) > RULES.nearly_all
     usual = np.array([np.median(c[c > 0]) if (c > 0).any() else np.inf for c in change.T])
     coarse = np.flatnonzero(is_step & (steps > RULES.encoder_coarse * usual))
     if not len(coarse):

@@ -250,7 +250,7 @@ def _check_rate(windows: Sequence[Log], joint: int, kind: str, rate_kind: str) -
         return
     fit = float(np.mean(slope * rate)) / (size[0] * size[1])
     ratio = fit * size[1] / size[0]
-    if abs(fit) > RULES.unit_fit and not 0.5 < ratio < 2:
+    if fit**2 > 1 - RULES.derivative_unexplained and not 0.5 < ratio < 2:
         log, name = windows[0], windows[0].joints[joint]
         raise LogError(
             f"{log.name}: '{name}.{rate_kind}' is {ratio:.4g} times the time derivative of "
@@ -300,7 +300,7 @@ def contradictions(log: Log) -> list[Contradiction]:
     It finds columns of other joints, of desired motion, delayed or filtered too much. They are
     compared by integration, which forgives noise where differentiation would not.
     """
-    found = []
+    found, least = [], 1 - RULES.derivative_unexplained
     for kind, of in (("dq", "q"), ("ddq", "dq")):
         rate, x = getattr(log, kind), getattr(log, of)
         if rate is None or x is None:
@@ -310,10 +310,7 @@ def contradictions(log: Log) -> list[Contradiction]:
             if fit is None:
                 continue
             slope, unexplained = fit
-            if (
-                unexplained > RULES.derivative_unexplained
-                or not RULES.derivative_scale < slope < 1 / RULES.derivative_scale
-            ):
+            if unexplained > RULES.derivative_unexplained or not least < slope < 1 / least:
                 found.append(Contradiction(joint, kind, of, 1 - unexplained, slope))
     return found
 

@@ -496,7 +496,7 @@ class Reading:
             if wanders and known.any():
                 at = float(np.median(q[known]))
                 moves = ~(np.abs(np.where(known, q, at) - at) <= RULES.locked_play)
-                if moves.mean() < RULES.locked_share:
+                if moves.mean() < 0.5:
                     moving = moves if not len(moving) else moving | moves
                     notes.append(
                         f"'{joint}' is locked and moves in {moves.sum()} of {len(q)} rows, whose "

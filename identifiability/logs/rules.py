@@ -16,9 +16,6 @@ class Rules(RuleTable):
         Fewer samples than this say nothing about any robot.
     largest : float, reasoned
         No time, position or torque in SI units is larger: time since 1970 is 1.7e9 s.
-    wide_letters : float, by hand
-        A text without a mark is of two bytes a letter where one of each pair is never zero,
-        and the other is not zero in less than this share of them.
     shortest_step : float [s], by hand
         No log is sampled faster than this.
     fastest_step : float [s], by hand
@@ -32,9 +29,7 @@ class Rules(RuleTable):
         samples: in a unit in which it were not, the times cannot be.
     unit_size : float, by hand
         Velocities are those of positions in a unit if they have the size of their slope up
-        to this power of ten
-    unit_fit : float, by hand
-        and correlate with it so well.
+        to this power of ten, and explain it as derivatives must (`derivative_unexplained`).
     epoch : tuple[float, float] [s], reasoned
         Seconds since 1970 between 2000 and 2100: such times are of a calendar.
     clock_odd : float, by hand
@@ -71,16 +66,13 @@ class Rules(RuleTable):
         Across a run of repeated values a joint moves by at least so many steps of its
         encoder, else rounding explains that nothing changed.
     encoder_exact : float, by hand
-        Changes are whole steps of an encoder up to this share of one,
-    encoder_all : float, by hand
-        if this share of them are;
+        Changes are whole steps of an encoder up to this share of one, if nearly all are;
     encoder_coarse : float, by hand
-        and a step that is this share of the usual change from sample to sample is worth a
+        a step that is this share of the usual change from sample to sample is worth a
         note.
     derivative_unexplained : float, by hand
-        Share of the motion's variance that a given derivative may leave unexplained.
-    derivative_scale : float, by hand
-        The given derivative may be this much too small, or its inverse too large.
+        Share of the motion's variance that a given derivative may leave unexplained, and by
+        which it may be too small, or its inverse too large.
     derivative_visible : float, by hand
         Motion must stand out this much from the noise of single samples to be compared.
     positions_odd : float, by hand
@@ -110,9 +102,8 @@ class Rules(RuleTable):
     rate_other : float, by hand
         Rates that differ by this share are two.
     locked_play : float [rad or m], by hand
-        A joint that is locked moves less than this,
-    locked_share : float, by hand
-        but for less than a share of the rows, which are left out.
+        A joint that is locked moves less than this, but for less than half of the rows,
+        which are left out.
     copy_agrees : float, by hand
         Values agree within this share of their standard deviation.
     copy_chance : float, level
@@ -122,30 +113,23 @@ class Rules(RuleTable):
     spike_around : float, by hand
         so many times higher than those around it and than the column's resolution,
     spike_tail : float, by hand
-        and so many times higher than where the tail of all spikes begins.
-    spike_ends : float, reasoned
-        At an end of the column, where it is not seen to come back, it must be so many times
-        higher than the range of the column: differences are wrong there by halves.
+        and so many times higher than where the tail of all spikes begins; at an end of the
+        column, where it is not seen to come back, also than the range of the column.
     wrap_step : float, by hand
         Positions are wrapped where they jump, and else change by at most this share of half
         a turn from sample to sample.
     quaternion_norm : float, by hand
         A quaternion whose norm is further from one than this is none.
-    reading_better : float, by hand
-        Of two readings the one that errs by less than this share of the other's error is
-        meant.
     cutoff_lowest : float [Hz], reasoned
         No computed derivatives are low-passed below this for the motion's sake: however
         slow the program, friction and flexibility make joints move at some hertz, and
         inertia is seen nowhere but there.
-    cutoff_least : float [Hz], reasoned
-        Nor below this for the noise's sake: gravity and friction are seen in slow motion
-        too, whatever its accelerations are, and need outputs.
     cutoff_wide : float, studies/cutoff.py
-        The cut-off in bandwidths of the motion,
-    cutoff_narrow : float, studies/cutoff.py
-        and the least that noise may lower it to: at three bandwidths few outputs are left,
-        and nothing can be judged.
+        The cut-off in bandwidths of the motion.
+    cutoff_lowered : float, studies/cutoff.py
+        Noise may lower the cut-off to this share of either: at three bandwidths few outputs
+        are left, and nothing can be judged; gravity and friction are seen in slow motion
+        too, whatever its accelerations are, and need outputs.
     cutoff_highest : float, by hand
         Largest cut-off as a share of the sampling rate.
     noise_share : float, studies/cutoff.py
@@ -204,14 +188,12 @@ class Rules(RuleTable):
 
     fewest: int = 20
     largest: float = 1e12
-    wide_letters: float = 0.25
     shortest_step: float = 1e-7
     fastest_step: float = 5e-5
     slowest_step: float = 0.5
     longest_step: float = 20.0
     speeds: tuple[float, float] = (0.002, 30.0)
     unit_size: float = 0.1
-    unit_fit: float = 0.9
     epoch: tuple[float, float] = (9.46e8, 4.1e9)
     clock_odd: float = 0.4
     clock_rounded: float = 0.01
@@ -226,10 +208,8 @@ class Rules(RuleTable):
     repeats_longest: int = 5
     repeats_steps: float = 4.0
     encoder_exact: float = 0.02
-    encoder_all: float = 0.95
     encoder_coarse: float = 0.25
     derivative_unexplained: float = 0.2
-    derivative_scale: float = 0.8
     derivative_visible: float = 4.0
     positions_odd: float = 0.01
     command_followed: float = 0.5
@@ -242,20 +222,16 @@ class Rules(RuleTable):
     rate_slower: float = 2.0
     rate_other: float = 0.1
     locked_play: float = 0.01
-    locked_share: float = 0.5
     copy_agrees: float = 1e-4
     copy_chance: float = 0.01
     spike_steps: float = 1.5
     spike_around: float = 4.0
     spike_tail: float = 3.0
-    spike_ends: float = 1.0
     wrap_step: float = 0.25
     quaternion_norm: float = 0.01
-    reading_better: float = 0.5
     cutoff_lowest: float = 5.0
-    cutoff_least: float = 2.5
     cutoff_wide: float = 10.0
-    cutoff_narrow: float = 5.0
+    cutoff_lowered: float = 0.5
     cutoff_highest: float = 0.2
     noise_share: float = 0.01
     noise_still: float = 0.1

@@ -213,7 +213,7 @@ def choose_band(
 
     Torque and columns are kept up to ten times the band of the motion, at least `cutoff_lowest`;
     less where noise would have more than `noise_share` of the power of an acceleration, but never
-    less than five times the band and `cutoff_least`; and a fifth of the sampling rate at most. The
+    less than `cutoff_lowered` of that; and a fifth of the sampling rate at most. The
     motion is low-passed there, or wherever above that noise and sampling rate allow.
 
     Parameters
@@ -241,16 +241,12 @@ def choose_band(
         power = np.sum([s.noise_in_acceleration(at) for s in spectra], axis=0)
         return float((power[counts] / signal[counts]).max(initial=0.0))
 
-    tried = np.geomspace(
-        max(RULES.cutoff_narrow * band, RULES.cutoff_least),
-        0.5 * highest / RULES.cutoff_highest,
-        129,
-    )
+    tried = np.geomspace(RULES.cutoff_lowered * most, 0.5 * highest / RULES.cutoff_highest, 129)
     loud = np.flatnonzero([noise(at) > RULES.noise_share for at in tried])
     limit = float(tried[max(loud[0] - 1, 0)] if len(loud) else tried[-1])
     if cutoff is not None:
         return Band(cutoff, cutoff, band, limit, noise(cutoff), "", joints)
-    chosen, reason = most, f"10 × the motion's band of {band:.3g} Hz"
+    chosen, reason = most, f"{RULES.cutoff_wide:g} × the motion's band of {band:.3g} Hz"
     if most == RULES.cutoff_lowest:
         reason = f"the least there is, the motion's band is {band:.2g} Hz"
     if limit < chosen:
@@ -261,7 +257,10 @@ def choose_band(
             f"{100 * max(own, RULES.noise_share):.2g} % of the acceleration's power"
         )
     if highest < chosen:
-        chosen, reason = highest, f"a fifth of the sampling rate, the motion reaches {band:.3g} Hz"
+        chosen, reason = (
+            highest,
+            f"{RULES.cutoff_highest:g} × the sampling rate, the motion reaches {band:.3g} Hz",
+        )
     # What a joint without a say has above is noise, which no spectrum tells.
     wide = max(chosen, min(limit, highest)) if asked.all() else chosen
     return Band(wide, chosen, band, limit, noise(wide), reason, joints)

@@ -130,7 +130,7 @@ class SpikeFinder:
         for _, group in groupby(enumerate(found), lambda e: (e[1].row - e[0], e[1].height > 0)):
             spike = [c for _, c in group]
             returns = spike[0].row > 0 and spike[-1].row < self._judged - 1
-            enough = least if returns else max(least, RULES.spike_ends * (self._high - self._low))
+            enough = least if returns else max(least, self._high - self._low)
             if any(abs(c.around[REACH] - c.predict(every)) > enough for c in spike):
                 wrong |= {c.row: c for c in spike}
         return [Spike(row, float(c.around[REACH]), c.predict({*wrong})) for row, c in wrong.items()]

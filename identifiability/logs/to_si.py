@@ -365,7 +365,8 @@ def _by_velocities(t: Array, naming: Naming, first: pd.DataFrame) -> str:
     if not (np.isfinite(slope).all() and np.isfinite(rate).all()):
         return ""
     sizes = np.linalg.norm(slope), np.linalg.norm(rate)
-    if min(sizes) <= 0 or float((slope * rate).sum()) < RULES.unit_fit * sizes[0] * sizes[1]:
+    least = (1 - RULES.derivative_unexplained) ** 0.5
+    if min(sizes) <= 0 or float((slope * rate).sum()) < least * sizes[0] * sizes[1]:
         return ""
     ratio = float((slope * rate).sum()) / sizes[1] ** 2
     near = [u for u, size in TIME_UNITS.items() if abs(np.log10(ratio / size)) < RULES.unit_size]

@@ -202,7 +202,7 @@ def autocorrelation_time(chains: Array) -> Array:
     covariance = np.fft.irfft(spectrum.mean(axis=0), axis=0)[:N]
     variance = np.where(covariance[0] > 0, covariance[0], 1.0)
     time = 2 * np.cumsum(covariance / variance, axis=0) - 1
-    closed = np.arange(N)[:, None] >= ESTIMATION_RULES.sokal_window * time
+    closed = np.arange(N)[:, None] >= ESTIMATION_RULES.memories * time
     window = np.where(closed.any(axis=0), closed.argmax(axis=0), N - 1)
     tau: Array = time[window, np.arange(chains.shape[2])]
     return tau

@@ -58,18 +58,24 @@ def build_prediction_page(result: TorquePrediction) -> Page:
 
 
 def section_torque(result: TorquePrediction) -> Section:
-    """Return measured and predicted torque of every joint along a stretch of the first log."""
-    part = choose_stretch(result.t[result.log == 0])
+    """Return measured and predicted torque of every joint along a stretch of each log."""
+    every = range(len(result.logs))
+    return section("prediction.torque", *(b for k in every for b in fold_gallery(_draw(result, k))))
+
+
+def _draw(result: TorquePrediction, log: int) -> Gallery:
+    """Return pictures of one log."""
+    rows = np.flatnonzero(result.log == log)
+    part = rows[choose_stretch(result.t[rows])]
     joints, units = result.robot.joints, result.robot.torque_units
-    errors = result.error_frame()["error"]
-    most = int(np.clip(LINE_POINTS // (3 * len(joints)), 200, 1500))
+    most = int(np.clip(LINE_POINTS // (3 * len(joints) * len(result.logs)), 200, 1500))
     pictures = []
-    for k, joint in enumerate(joints):
-        title = f"{joint}, error {error_text(errors[k])}"
+    for k, (joint, error) in enumerate(zip(joints, result.joint_errors(log), strict=True)):
+        title = f"{joint}, error {error_text(error)}"
         measured, predicted = result.tau[part, k], result.predicted[part, k]
         figure = draw_torque(result.t[part], measured, predicted, title, units[k], most)
         pictures.append(picture("torque", figure, joint=joint))
-    return section("prediction.torque", *fold_gallery(Gallery(tuple(pictures))), log=result.logs[0])
+    return Gallery(tuple(pictures), f"A stretch of {result.logs[log]}.")
 
 
 def section_joints(result: TorquePrediction) -> Section:

@@ -17,6 +17,7 @@ from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.simulation.motion import PrescribedMotion
 from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
+from identifiability.simulation.rules import RULES
 
 # Friction, rotor inertia and springs of the simulated robot.
 #
@@ -343,7 +344,7 @@ def parse_hidden(text: str, laws: Mapping[str, Law] | None = None) -> Hidden:
         share = float(number) if given else DEFAULT_SHARE
     except ValueError:
         share = -1.0
-    if not 0 < share < 10:
+    if not 0 < share < RULES.noise_loudest:
         raise IdentifiabilityError(
             f"The size of the hidden effect '{text}' is not understood; give its share of the "
             "joint's torque, such as stribeck_friction=0.05."

@@ -19,7 +19,7 @@ class Rules(RuleTable):
         A rollout is judged from where its start is forgotten, if that is less than this
         share of the log.
     noise_loudest : float, by hand
-        A hundred times the signal is no measurement any more.
+        Noise and hidden effects of so many times the torque are no measurement any more.
     """
 
     diverged: float = 10.0

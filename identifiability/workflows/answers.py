@@ -207,7 +207,7 @@ def state_error(error: float, joints: Sequence[str], each: Array) -> tuple[float
     ends = [f"{error_text(float(each[k]))} ({joints[k]})" for k in (high, low)]
     if error >= RULES.joint_hidden * each[low]:
         short = sentence("decision.grades", grade_of(error), error=error_text(error))
-        if tone_of(error) == "green" and each[high] > RULES.joint_bad:
+        if tone_of(error) == "green" and each[high] > RULES.grades[2]:
             short = short.replace(":", f", but not in {joints[high]}:", 1)
         told = state_joints(joints, each, error)
         return error, short, f"{told or f'From {ends[0]} to {ends[1]}, each joint by itself.'} "

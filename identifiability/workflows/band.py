@@ -76,7 +76,9 @@ def _least(how: Preparation) -> float:
     """Return up to where torque is to be kept for what a band says is motion [Hz]."""
     assert isinstance(how, SettledPreparation)
     assert how.band is not None
-    return max(how.band.outputs, LOG_RULES.cutoff_narrow * how.band.bandwidth)
+    return max(
+        how.band.outputs, LOG_RULES.cutoff_lowered * LOG_RULES.cutoff_wide * how.band.bandwidth
+    )
 
 
 def _score(

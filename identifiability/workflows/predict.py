@@ -14,6 +14,7 @@ import pandas as pd
 from pydantic import BaseModel, ConfigDict, Field
 
 from identifiability.estimation.prediction import Prediction, TorqueUncertainty
+from identifiability.estimation.torque_errors import joint_errors
 from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines.mapping import Engine, one_thread
@@ -306,13 +307,19 @@ class TorquePrediction(Result):
 
     def _errors_by_log(self) -> list[float]:
         """Return ε_RA of low-passed torque of each log; nan where none was measured."""
-        places = np.cumsum(self.measured) - 1
-        return [
-            float(self.errors[0].relative_error(int(at))[0])
-            if self.errors is not None and known
-            else float("nan")
-            for at, known in zip(places, self.measured, strict=True)
-        ]
+        if self.errors is None:
+            return [float("nan")] * len(self.logs)
+        low, at = self.errors[0], np.maximum(np.cumsum(self.measured) - 1, 0)
+        each = [float(low.relative_error(int(k))[0]) for k in at]
+        return np.where(self.measured, each, np.nan).tolist()
+
+    def joint_errors(self, log: int) -> Array:
+        """Return each joint's error over its own scale in one log, (n,); nan without torque."""
+        if self.errors is None or not self.measured[log]:
+            return np.full(len(self.robot.joints), np.nan)
+        sums = self.errors[0].sums
+        rows = sums.log == sum(self.measured[:log])
+        return joint_errors(sums.squares[rows], sums.variation[rows])[:, 0]
 
     def write(self, path: str | Path) -> Path:
         """Write all samples as CSV or Parquet, whole or not at all.

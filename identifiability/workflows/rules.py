@@ -14,11 +14,10 @@ class Rules(RuleTable):
     ----------
     grades : tuple[float, float, float, float], by hand
         Errors on unseen motion, of how much torque varies, up to which they are called very good,
-        good, fair and poor; a rule of thumb.
+        good, fair and poor; a rule of thumb. A joint that is poor by itself is named where all
+        together are good.
     differs : float, by hand
         What is so many times as large differs: errors of joints, noise of logs, bands of motion.
-    joint_bad : float, by hand
-        Error from which on a joint by itself is no longer good where all together are.
     joint_hidden : float, by hand
         Share of the smallest error of a joint below which that of all joints says little of
         any.
@@ -40,19 +39,16 @@ class Rules(RuleTable):
         file's direction, by which a diagnosis names a tilt, leave 1 − cos 15° = 3 % of the
         weight unexplained.
     grows : float, by hand
-        Torque that the load leaves is spoken of where it is so many times what the result
-        left.
+        An error is spoken of where it is so many times what is usual: of unseen motion, of
+        torque that a load leaves, of a stretch of an odd log.
     inside_few : float, by hand
         Share of samples inside their 95 % interval below which something must have changed.
-    scale_fixed : float, by hand
-        Share of the scale that bodies fix where nothing else does,
     scale_named : float, by hand
-        and of one that is named for it.
+        Share of the scale of a body that is named for it, where bodies fix more than half.
     """
 
     grades: tuple[float, float, float, float] = (0.03, 0.08, 0.15, 0.5)
     differs: float = 2.0
-    joint_bad: float = 0.15
     joint_hidden: float = 0.8
     compare_seen: float = 3.0
     compare_price: float = 4.0
@@ -62,7 +58,6 @@ class Rules(RuleTable):
     tilt_large: float = 15.0
     grows: float = 1.5
     inside_few: float = 0.8
-    scale_fixed: float = 0.5
     scale_named: float = 0.2
 
 

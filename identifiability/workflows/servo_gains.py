@@ -219,7 +219,7 @@ def state_gains(robot: Robot, names: Sequence[str], found: Gains, believed: Bodi
     unit = np.tile(0.5 * np.eye(4)[_UPPER], len(believed.names)).reshape(-1, 10)
     by = found.by_belief[: unit.size].reshape(-1, 10)
     fixed = (by * unit).sum(1) / believed.shares
-    if fixed.sum() > RULES.scale_fixed:
+    if fixed.sum() > 0.5:
         named = [
             f"{believed.names[k]} ({100 * fixed[k]:.0f} %; within {100 * believed.shares[k]:.3g} %)"
             for k in np.argsort(-fixed)

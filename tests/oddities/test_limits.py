@@ -236,7 +236,7 @@ ROWS = {
     "cut-off in the motion": (lambda x: band(cutoff=1 / x), 1 / 2.05, 1 / 1.95),
     "noise below the cut-off": (lambda x: band(noise=x), 0.195, 0.205),
     "values that follow the cut-off": (follows_cutoff, 3.9, 4.1),
-    "errors of one log": (worse_there, 1.27, 1.33),
+    "errors of one log": (worse_there, 0.97, 1.03),
     "very good no more": (lambda x: grade_of(x) != "very-good", 0.0299, 0.0301),
     "fair": (lambda x: grade_of(x) == "fair", 0.0799, 0.0801),
     "useless": (lambda x: grade_of(x) == "useless", 0.499, 0.501),

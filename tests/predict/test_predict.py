@@ -118,15 +118,17 @@ def test_the_command_writes_tables_and_a_page(analysis, make_log, tmp_path):
     result, log = tmp_path / "result.json", tmp_path / "b.csv"
     analysis.to_json(result)
     make_log("two-link", "b", 2).write(log)
+    make_log("two-link", "a", 3).write(tmp_path / "c.csv")
     for name in ("torque.csv", "torque.parquet"):
-        words = ["predict", "two-link", result, log, "--out", tmp_path / name]
+        words = ["predict", "two-link", result, log, tmp_path / "c.csv", "--out", tmp_path / name]
         page = ["--report", tmp_path / "page.html", "--json", tmp_path / "errors.json"]
         out = CliRunner().invoke(app, [*map(str, words + page)])
         assert out.exit_code == 0, out.output
         assert "predicted by the model" in " ".join(out.output.split())
     csv, parquet = pd.read_csv(tmp_path / "torque.csv"), pd.read_parquet(tmp_path / name)
     pd.testing.assert_frame_equal(csv, parquet)
-    assert "Measured and predicted torque" in (tmp_path / "page.html").read_text()
+    page = (tmp_path / "page.html").read_text()
+    assert all(f"A stretch of {name}." in page for name in ("b.csv", "c.csv"))  # each log is drawn
     errors = json.loads((tmp_path / "errors.json").read_text())
     assert errors["schema"] == "identifiability/prediction/1"
     assert [j["joint"] for j in errors["joints"]] == ["shoulder", "elbow"]

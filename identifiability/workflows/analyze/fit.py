@@ -348,10 +348,11 @@ def _say_cut(band: Band, whose: str) -> str:
     """Return one sentence on a cut-off in the band of the motion, or nothing."""
     if band.cutoff >= RULES.cutoff_inside * band.bandwidth:
         return ""
+    least = LOG_RULES.cutoff_lowered * LOG_RULES.cutoff_wide * band.bandwidth
     return (
         f"The cut-off of {band.cutoff:.3g} Hz cuts into the motion of {whose}, which reaches "
         f"{band.bandwidth:.3g} Hz: accelerations are missing, and values are wrong; set it to "
-        f"{LOG_RULES.cutoff_narrow * band.bandwidth:.2g} Hz or more (--cutoff)."
+        f"{least:.2g} Hz or more (--cutoff)."
     )
 
 
@@ -360,7 +361,7 @@ def _say_noise(band: Band) -> str:
     if band.noise <= RULES.cutoff_loud:
         return ""
     remedy = "measure velocities, or let the robot accelerate more"
-    if band.limit < RULES.cutoff_lower * band.cutoff:
+    if band.limit < band.cutoff:
         remedy = f"set it to {band.limit:.2g} Hz (--cutoff), {remedy}"
     return (
         f"Noise of what is differentiated has {100 * min(band.noise, 1.0):.0f} % of the power of "

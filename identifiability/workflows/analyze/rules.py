@@ -17,23 +17,17 @@ class Rules(RuleTable):
         deviation: there are many parameters.
     cutoff_inside : float, by hand
         A cut-off below so many times the band of the motion cuts into it.
-    cutoff_lower : float, by hand
-        Another cut-off is proposed where it is lower than this share of the one that was used.
     cutoff_loud : float, studies/cutoff.py
         Noise with a larger share of an acceleration's power is said. On one period of a
         motion intervals hold up to three tenths (`studies/cutoff.py`).
     inflation_mild : float, by hand
         σ may grow by this factor before the report warns of autocorrelation.
-    joint_larger : float, by hand
-        The error of a joint is spoken of where it is so many times as large,
     """
 
     cutoff_sure: float = 4.0
     cutoff_inside: float = 2.0
-    cutoff_lower: float = 0.9
     cutoff_loud: float = 0.2
     inflation_mild: float = 1.2
-    joint_larger: float = 1.3
 
 
 RULES = Rules()

@@ -22,7 +22,6 @@ from identifiability.regression.information import Information
 from identifiability.regression.structure import BaseParameters
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.assessment import ModelResult
-from identifiability.workflows.analyze.rules import RULES
 from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 
 # What logs say of each other, in words; of one long log, what its halves say.
@@ -171,11 +170,7 @@ def _worse(motions: Motions, joints: Sequence[str], odd: int) -> str:
     others = np.delete(motions.errors, odd, axis=0)
     ratio = motions.errors[odd] / np.maximum(np.sqrt((others**2).mean(0)), 1e-300)
     k = int(np.argmax(ratio))
-    return (
-        f"; the error of {joints[k]} is {ratio[k]:.2g} × as large there"
-        if ratio[k] > RULES.joint_larger
-        else ""
-    )
+    return f"; the error of {joints[k]} is {ratio[k]:.2g} × as large there" if ratio[k] > 1 else ""
 
 
 def _weighed(information: Information, names: Sequence[str]) -> str:

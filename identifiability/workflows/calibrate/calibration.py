@@ -138,7 +138,7 @@ class Effect:
     @property
     def harmful(self) -> bool:
         """Whether the cause does harm beyond Monte-Carlo error."""
-        return self.gain > RULES.harm_clear * self.gain_se and self.gain > 0
+        return self.gain > REACH * self.gain_se and self.gain > 0
 
 
 @frozen
@@ -248,7 +248,7 @@ class Trust:
 def fails(cell: Cell) -> str:
     """Return what surely is not as it should be: nothing, or one of the four that follow."""
     faults = {
-        "silent": cell.not_judged > RULES.silent_most,
+        "silent": cell.not_judged > 0.5,
         "coverage": cell.coverage_robust + REACH * cell.coverage_se < RULES.coverage,
         "verdicts": cell.wrong_low > RULES.wrong_most,
         "single": min(s.high for s in cell.each) < RULES.coverage_single,

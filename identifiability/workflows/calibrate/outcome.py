@@ -41,7 +41,6 @@ from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.workflows.analyze.assessment import ModelResult
-from identifiability.workflows.calibrate.rules import RULES
 
 # Simulated experiments with known truth, fitted and judged; and what many of them come to.
 #
@@ -78,7 +77,7 @@ class Outcome:
 
     def wrong(self, truth: Array) -> np.ndarray:
         """Return which values are off by more than half of the truth (k,), (k,) bool."""
-        off: np.ndarray = np.abs(self.value - truth) > RULES.wrong * np.abs(truth)
+        off: np.ndarray = np.abs(self.value - truth) > 0.5 * np.abs(truth)
         return off
 
 
@@ -291,7 +290,7 @@ def count_outcomes(
     off = np.abs(value - truth)
     white = off <= REACH * np.array([t.white for t in trials])
     robust = off <= REACH * np.array([t.robust for t in trials])
-    wrong = off > RULES.wrong * np.abs(truth)
+    wrong = np.array([t.wrong(truth) for t in trials])
     called = np.array([t.identifiable for t in trials])
     paper = np.array([t.paper for t in trials])
     share = clustered_share(wrong, called, ~robust)

@@ -44,6 +44,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.words import differences
 from identifiability.workflows.diagnose.rules import RULES, Rules
+from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 
 #: What follows the name of a log in that of a part of it.
 PART = ", part "
@@ -389,7 +390,7 @@ class Change:
 
 
 def describe_odd_log(
-    regression: Regression, information: Information, fit: Estimate, rules: Rules = RULES
+    regression: Regression, information: Information, fit: Estimate
 ) -> OddLog | None:
     """Return the log that disagrees with the others, or None."""
     found = find_odd_log(information, fit)
@@ -399,7 +400,7 @@ def describe_odd_log(
     log = int(motions.which[odd])
     others = fit.estimator.fit(information.take(information.log != log))
     scale = np.sqrt(np.maximum(others.variance, 1e-300))
-    where = locate_error(regression, log, others.value, scale, rules.stands_out)
+    where = locate_error(regression, log, others.value, scale)
     difference = f"{differences(motions, information.columns, odd)}; {where}"
     return OddLog(log, regression.samples[log].name, difference)
 
@@ -416,7 +417,6 @@ def locate_error(
     log: int,
     value: Array,
     scale: Array,
-    stands_out: float = RULES.stands_out,
 ) -> str:
     """Return the joint and the time at which what the other logs say errs most, in words.
 
@@ -428,8 +428,6 @@ def locate_error(
         From the other logs.
     scale : (n,) [N·m or N]
         What is usual of each joint.
-    stands_out : float
-        See `Rules`.
     """
     only = Regression(
         regression.robot, regression.model, (regression.samples[log],), regression.columns
@@ -447,6 +445,6 @@ def locate_error(
     k = int(np.argmax(np.mean(rms**2, axis=0)))
     at, typical = int(np.argmax(rms[:, k])), float(np.median(rms[:, k]))
     when = "all the time"
-    if rms[at, k] > stands_out * typical:
+    if rms[at, k] > WORKFLOW_RULES.grows * typical:
         when = f"most from {t[edges[at]]:.3g} to {t[edges[at + 1] - 1]:.3g} s"
     return f"what the others say errs there most in {regression.robot.joints[k]}, {when}"

@@ -25,6 +25,7 @@ from identifiability.foundation.errors import ClosureError, IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
+from identifiability.foundation.rounding import format_time
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -113,7 +114,7 @@ class NextMotion:
     def statement(self) -> str:
         """The answer in plain words."""
         period, k = self.excitation.trajectory.period, self.periods
-        more = f", {k} times ({_time(k * period)} in all)" if k > 1 else ""
+        more = f", {k} times ({format_time(k * period)} in all)" if k > 1 else ""
         motion = (
             f"log this motion of {period:g} s{more}, which begins and ends at rest, and "
             "diagnose it with the logs there are"
@@ -271,10 +272,6 @@ def _told(text: str) -> str:
     """Return an effect at its place in words."""
     name, _, place = text.partition("@")
     return f"{title_of(name)} in {place.partition(':')[0]}" if place else title_of(name)
-
-
-def _time(seconds: float) -> str:
-    return f"{seconds:g} s" if seconds < 120 else f"{seconds / 60:.3g} min"
 
 
 #: From which share on a percentage is not said.

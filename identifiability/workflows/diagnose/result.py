@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects.registry import title_of
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
@@ -40,6 +41,7 @@ from identifiability.workflows.diagnose.forward import ForwardGap, compare_forwa
 from identifiability.workflows.diagnose.motion import Change
 from identifiability.workflows.diagnose.words import headline, state, state_remainder, weight_text
 from identifiability.workflows.predict import Fit, Predicts
+from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 
 if TYPE_CHECKING:
     from identifiability.workflows.commanded import Moved
@@ -100,7 +102,7 @@ class Diagnosis(Result, Findings, Predicts):
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
-        return (self.rules,)
+        return (self.rules, WORKFLOW_RULES, ESTIMATION_RULES)
 
     def tables(self) -> tuple[Table, ...]:
         """Return what changed in mid-log, the effects that were named, and the errors of joints."""

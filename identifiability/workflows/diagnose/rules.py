@@ -37,9 +37,6 @@ class Rules(RuleTable):
     similar : float, derived
         Similarity from which on a name is said to resemble another: a quarter of its power is the
         other's.
-    lack : float, level
-        Level, after Holm's correction, at which functions without a name are said to explain more:
-        one test a joint, of what nobody asked for.
     visible : float, derived
         Share of a residual's variance from which on its dependence on something is said: means over
         twelve bins of white noise stay below it from some 200 rows on.
@@ -66,8 +63,6 @@ class Rules(RuleTable):
         Share of the only log that verifies.
     shortest : int, by hand
         Samples that this part must have.
-    stands_out : float, by hand
-        How much more than the typical one the error of a stretch is that is told of an odd log.
     """
 
     level: Share = 0.05
@@ -77,7 +72,6 @@ class Rules(RuleTable):
     crowd: float = 3.0
     block: float = 0.5
     similar: Share = 0.5
-    lack: Share = 0.01
     visible: Share = 0.05
     near: Share = 0.15
     price: float = 5.0
@@ -90,7 +84,6 @@ class Rules(RuleTable):
     instants: Annotated[int, at_least(2)] = 40
     last: Share = 0.25
     shortest: Annotated[int, at_least(1)] = 100
-    stands_out: float = 1.5
 
     @property
     def odds(self) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.effects import find_family, title_of
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.numbers import REACH, holm, percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -357,7 +358,7 @@ def _functions(d: Findings) -> str:
     seen = [
         f"{percent(left.share, 2)} of the residual in {joint}"
         for (joint, left), p in zip(asked.items(), corrected, strict=True)
-        if p < d.rules.lack
+        if p < ESTIMATION_RULES.unasked_level
     ]
     if seen:
         return f"Functions of motion and load without a name would explain {join(seen)}"

@@ -278,7 +278,7 @@ def _name(asked: _Asked, setting: Setting, opening: Opening) -> tuple[Diagnosis,
     """Name effects, and say which logs and stretches of them are doubted."""
     if setting.fixed:
         return asked.run(setting), []
-    odd, decided = _doubt_logs(opening, setting.rules)
+    odd, decided = _doubt_logs(opening)
     if odd is None:
         return asked.run(setting), [decided] * bool(decided)
     found, said = asked.run_doubted(setting, odd)
@@ -369,7 +369,7 @@ class _Asked:
         return found, odd.left_out
 
 
-def _doubt_logs(opening: Opening, rules: Rules) -> tuple[OddLog | None, str]:
+def _doubt_logs(opening: Opening) -> tuple[OddLog | None, str]:
     """Return the log that disagrees, if one does, and a sentence on outlying stretches.
 
     A log that is not fitted is asked for only where the fitted ones agree.
@@ -380,9 +380,9 @@ def _doubt_logs(opening: Opening, rules: Rules) -> tuple[OddLog | None, str]:
     every = gather_information(regression)
     information, estimator = every.take(every.log < fitted), find_estimator("wls")
     fit = estimator.fit(information)
-    odd = describe_odd_log(opening.regression, information, fit, rules)
+    odd = describe_odd_log(opening.regression, information, fit)
     if odd is None:
-        odd = describe_odd_log(regression, every, estimator.fit(every), rules)
+        odd = describe_odd_log(regression, every, estimator.fit(every))
         odd = None if odd is None or odd.number < fitted else odd
     return odd, weigh_rows(opening.robot.joints, opening.samples, information, estimator)[1]
 

@@ -35,30 +35,14 @@ from identifiability.robot.kinematics import Point
 from identifiability.robot.rules import RULES as ROBOT_RULES
 from identifiability.simulation.motion import Trajectory
 from identifiability.workflows.excite.limits import Drive, Limits, Workspace
-
-#: How far the base may go, as a share of the height at which it stands, and turn [rad]; how high a
-#: foot is lifted, and how far it goes there, as shares of that height.
-REACH: Tolerance = 0.15
-TURN: Tolerance = 0.3
-LIFT: Tolerance = 0.15
-SWING: Tolerance = 0.2
+from identifiability.workflows.excite.rules import RULES
 
 #: Harmonics of a foot in the air.
 AIR = 3
 
-#: Distance of the zero-moment point from the edge of the feet that stand, as a share of the root of
-#: the area that all feet span.
-STABLE: Tolerance = 0.05
-
-#: Force along the ground as a share of that which presses on it, at most.
-GRIP: Tolerance = 0.4
-
 #: When, in its part of the motion, the base leans over the other feet and a foot is in the air.
 LEANS: tuple[Tolerance, Tolerance] = (0.3, 0.25)
 LIFTS: tuple[Tolerance, Tolerance, Tolerance] = (0.3, 0.75, 0.2)
-
-#: How much the base shifts while it leans.
-CALM: Tolerance = 0.25
 
 #: Step of differences along a plan [s]; steps of Newton's, how far one goes [rad or m], what is
 #: left of a distance that is none [m], and of one that is solved for.
@@ -87,9 +71,8 @@ SHRINKING: tuple[
 LOOKS = 40
 
 #: Seconds that each part of a motion takes where nobody says how long it shall be: the first with
-#: which swings alone leave this much of the limits of joints.
+#: which swings alone leave `spare` of the limits of joints.
 PARTS: tuple[Tolerance, Tolerance, Tolerance, Tolerance, Tolerance] = (2.5, 3.5, 5.0, 7.0, 10.0)
-SPARE: Tolerance = 0.6
 
 
 def smooth(x: Array) -> Array:
@@ -193,7 +176,7 @@ class InPlace:
     def margin(self) -> float:
         """How far the zero-moment point stays inside of the feet that stand [m]."""
         points, _, plane, _ = self._standing
-        return STABLE * float(np.sqrt(ConvexHull(points @ plane.T).volume))
+        return RULES.stable * float(np.sqrt(ConvexHull(points @ plane.T).volume))
 
     def edges(self, lifted: int | None) -> Array | None:
         """Return edges of the polygon of the feet that stand, (e, 3); None where there is none."""
@@ -294,10 +277,10 @@ class InPlace:
         base, air = np.split(x, self._parts[:1], axis=1)
         along = np.outer(t, 2 * np.pi / self.period * np.arange(1, H + 1))
         waves = np.concatenate([np.sin(along), np.cos(along)], 1) / np.sqrt(H)
-        size = np.array([*[REACH * height] * 3, *[TURN] * 3, *np.ones(len(self.idle))])
+        size = np.array([*[RULES.reach * height] * 3, *[RULES.turn] * 3, *np.ones(len(self.idle))])
         lean, lift, over = self.swinging(t)
         sides = np.minimum(t, self.period - t) / (0.1 * self.period)
-        calm = smooth(sides) * (1 - (1 - CALM) * lean.sum(0))
+        calm = smooth(sides) * (1 - (1 - RULES.calm) * lean.sum(0))
         moved = bounded(np.einsum("mkh,nh->mnk", base.reshape(m, len(size), 2 * H), waves))
         moved = moved * size * calm[:, None]
         moved[..., :3] += lean.T @ np.reshape([s.lean for s in self.swings], (-1, 3))
@@ -310,7 +293,7 @@ class InPlace:
             angle = np.outer(over[k], at)
             waves = np.concatenate([np.sin(angle), np.cos(angle)], 1) / np.sqrt(AIR)
             wave = bounded(np.einsum("mkh,nh->mnk", own, waves))
-            go = SWING * wave[..., :2] @ plane + LIFT * (1 + 0.8 * wave[..., 2:]) * up
+            go = RULES.swing * wave[..., :2] @ plane + RULES.reach * (1 + 0.8 * wave[..., 2:]) * up
             feet[:, :, swing.foot] = height * lift[k][:, None] * go
         room = 0.5 * (self.limits.high - self.limits.low)[self.idle]
         near = np.minimum(self.limits.high - self.home, self.home - self.limits.low)[self.idle]
@@ -430,7 +413,7 @@ class InPlace:
         force, moment = (axes.apply(part) for part in np.split(self._wrench(motion), 2, axis=1))
         press = np.maximum(force @ up, 1e-9)
         along = np.linalg.norm(force - (force @ up)[:, None] * up, axis=1)
-        load = np.maximum(load, along / (GRIP * press))
+        load = np.maximum(load, along / (RULES.grip * press))
         # About the base, above the ground by its height and what it rose.
         depth = -self.height - place @ up
         zero = place + (np.cross(up, moment) + depth[:, None] * force) / press[:, None]
@@ -585,7 +568,7 @@ def find_in_place(
         found = replace(found, period=part * (1 + len(found.swings)))
         still = np.zeros((1, found.size))
         motion = found.complete(robot, still, LOOKED)
-        if motion and found.survey(robot, motion, still, LOOKED).load[0] < SPARE:
+        if motion and found.survey(robot, motion, still, LOOKED).load[0] < RULES.spare:
             break
     said = []
     if unable:

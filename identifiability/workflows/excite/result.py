@@ -438,7 +438,7 @@ class Excitation(Result):
         rise = self.after.figure - self.before.figure
         count = len(self.chosen) or len(self.names)
         share = float(np.exp(-rise / (2 * count)))
-        if share > RULES.as_known:
+        if share > RULES.better:
             return (
                 f"No motion was found that says more about {about} than {self.beside}. The best "
                 f"has a log-det of {self.after.figure:.4g} against {self.before.figure:.4g}."

@@ -36,7 +36,9 @@ class Rules(RuleTable):
         and the largest that may be left of it, moved: a fit that explains little says
         nothing on time.
     delay_rows : float, by hand
-        Fewest rows for each column of the model, with which a delay is looked for.
+        Fewest rows for each column of the model, with which a delay is looked for,
+    delay_fewest : int, by hand
+        and fewest in all.
     shift_outputs : float, by hand
         Fewest outputs for each column, and for each of the stretches between which they
         scatter, with which a shift of a part of a sample is,
@@ -107,6 +109,7 @@ class Rules(RuleTable):
     delay_small: float = 0.03
     delay_left: float = 0.5
     delay_rows: float = 3.0
+    delay_fewest: int = 100
     shift_outputs: float = 2.0
     shift_samples: int = 8
     shift_chance: float = 1e-3

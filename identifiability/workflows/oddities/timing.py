@@ -128,7 +128,7 @@ class Delay:
 def measure_delay(logs: MeasuredLogs, prepared: Prepared) -> Delay | None:
     """Return the delay that explains most, or None where a log is too short to show any."""
     samples = _consecutive(prepared)
-    if samples is None or len(samples.tau) < 200:
+    if samples is None:
         return None
     kept = samples.motion.kept
     dt = float(np.median(np.diff(samples.motion.t) / np.diff(kept)))
@@ -137,13 +137,10 @@ def measure_delay(logs: MeasuredLogs, prepared: Prepared) -> Delay | None:
     whole = np.flatnonzero(_gapless(kept, reach))
     rows = whole[:: max(1, len(whole) // ENOUGH)]
     structure = logs.structure
-    if (
-        len(rows) * samples.tau.shape[1] < RULES.delay_rows * len(structure.base.kept)
-        or len(rows) < 100
-    ):
+    n = samples.tau.shape[1]
+    if len(rows) < max(RULES.delay_fewest, RULES.delay_rows * len(structure.base.kept) / n):
         return None
     fit = _Fit(structure, samples, rows)
-    n = samples.tau.shape[1]
     now = fit.errors(range(n), np.zeros(1, int))[0]
     coarse = stride * np.arange(-SIDES, SIDES + 1)
     best, at, who = now, 0, -1
