@@ -258,7 +258,7 @@ def _null_space(J: Array) -> tuple[Array, np.ndarray]:
     """Return N of Jacobians (N, m, n), and the rows of which nothing is left."""
     n = J.shape[2]
     Jb, Jj = J[:, :, :SIX], J[:, :, SIX:]
-    inverse, weak = _pinv(Jj)
+    inverse, weak = _pinv(Jj, RULES.leg_stretched)
     held = Jb - Jj @ (inverse @ Jb)  # motions of the base to which the legs cannot yield
     large = np.abs(held).max(initial=0.0) > NEARLY
     P = np.broadcast_to(np.eye(SIX), (len(J), SIX, SIX))
@@ -279,7 +279,7 @@ def _null_space(J: Array) -> tuple[Array, np.ndarray]:
 FORCELESS: Tolerance = 1e-3
 
 
-def _pinv(A: Array, smallest: float = RULES.leg_stretched) -> tuple[Array, np.ndarray]:
+def _pinv(A: Array, smallest: float) -> tuple[Array, np.ndarray]:
     """Return pseudo-inverses of matrices (N, m, n), and where a singular value is near none.
 
     A singular value that is none at all is no direction; one between it and `smallest` of the

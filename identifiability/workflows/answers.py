@@ -66,12 +66,12 @@ def count_joints(robot: Robot) -> str:
 
 #: Error on unseen motion, of how much torque varies, up to which it is called so; a rule of thumb.
 WORDS_OF = ("very-good", "good", "fair", "poor", "useless")
-GRADES = tuple(zip((*RULES.grades, math.inf), WORDS_OF, strict=True))
 
 
 def grade_of(error: float) -> str:
     """Return the name of the grade of an error on unseen motion."""
-    return next(name for limit, name in GRADES if error <= limit)
+    limits = (*RULES.grades, math.inf)
+    return next(w for limit, w in zip(limits, WORDS_OF, strict=True) if error <= limit)
 
 
 #: Joints whose errors a sentence states one by one.

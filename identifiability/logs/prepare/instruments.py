@@ -154,7 +154,11 @@ def find_repetition(samples: Samples, others: Sequence[Samples] = ()) -> Repetit
             used.append(later)
             record, good = _follow(own.t + later, curves)
             x, y = own.actuated_q[good][:, moves], record[0, good][:, moves]
-            if good.sum() < OVERLAP * len(good) or not agrees(x, y) or shares_noise(x, y):
+            if (
+                good.sum() < OVERLAP * len(good)
+                or not agrees(x, y, RULES.again_near)
+                or shares_noise(x, y)
+            ):
                 continue
             total[:, good] += record[:, good]
             count += good
@@ -167,14 +171,13 @@ def find_repetition(samples: Samples, others: Sequence[Samples] = ()) -> Repetit
     return Repetition((q, dq, ddq), float(count.mean()))
 
 
-def find_lag(own: Motion, other: Motion, covered: float = RULES.nearly_all) -> float | None:
+def find_lag(own: Motion, other: Motion) -> float | None:
     """Return how much later another log makes the motion of `own` [s]; None where it does not.
 
     Parameters
     ----------
     own, other : Motion
-    covered : float
-        Share of the samples of `own` at which the other must be where it was.
+        The other must be where nearly all samples of `own` were.
     """
     step = signals.sampling_step(own.t)
     moves = ~signals.never_moves(own.actuated_q.min(0), own.actuated_q.max(0))
@@ -186,12 +189,14 @@ def find_lag(own: Motion, other: Motion, covered: float = RULES.nearly_all) -> f
     for lag in _find_lags(near, far)[:MOST]:
         later = _improve(own, other, begin - start + lag * step)
         record, good = _follow(own.t + later, curves)
-        if good.mean() >= covered and agrees(own.actuated_q[good], record[0, good]):
+        if good.mean() >= RULES.nearly_all and agrees(
+            own.actuated_q[good], record[0, good], RULES.again_near
+        ):
             return later
     return None
 
 
-def agrees(x: Array, y: Array, share: float = RULES.again_near) -> bool:
+def agrees(x: Array, y: Array, share: float) -> bool:
     """Return whether positions (K, n) differ by little beside how much they vary, and noise."""
     allowed = (share * x.std(0)) ** 2 + LOUDER * (_noise(x) + _noise(y))
     return bool(np.all(np.mean((x - y) ** 2, axis=0) <= allowed))

@@ -290,7 +290,7 @@ def count_outcomes(
     off = np.abs(value - truth)
     white = off <= REACH * np.array([t.white for t in trials])
     robust = off <= REACH * np.array([t.robust for t in trials])
-    wrong = np.array([t.wrong(truth) for t in trials])
+    wrong = off > 0.5 * np.abs(truth)
     called = np.array([t.identifiable for t in trials])
     paper = np.array([t.paper for t in trials])
     share = clustered_share(wrong, called, ~robust)

@@ -67,8 +67,8 @@ def _outside(q: Array, low: float, high: float, *, turns: bool) -> bool:
 # Stretches in which a column repeats one value although the joint goes on: a reading that hung.
 
 
-#: Shortest stretch that is said, in samples.
-SHORTEST = 4 * LOG_RULES.repeats_longest
+#: Shortest stretch that is said, in runs of repeats.
+SHORTEST = 4
 
 
 @check(
@@ -109,9 +109,9 @@ def find_stretches(log: Log) -> Iterator[tuple[str, str, int, int]]:
 
 
 def _runs(x: Array) -> list[tuple[int, int]]:
-    """Return stretches [a, b) of at least `SHORTEST` equal values of x (N,)."""
+    """Return stretches [a, b) of equal values of x (N,) that are long enough."""
     edges = np.flatnonzero(np.concatenate([[True], np.diff(x) != 0, [True]]))
-    long = np.flatnonzero(np.diff(edges) >= SHORTEST)
+    long = np.flatnonzero(np.diff(edges) >= SHORTEST * LOG_RULES.repeats_longest)
     return [(int(edges[k]), int(edges[k + 1])) for k in long]
 
 
