@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.robot import Robot
 from identifiability.simulation.motion import PrescribedMotion
 from identifiability.simulation.mujoco_robot import MujocoRobot
@@ -38,12 +38,12 @@ class PlantedLoad:
 
     @property
     def parameters(self) -> Array:
-        """Ten parameters about the origin of the frame, in the order of `INERTIAL`."""
+        """Ten parameters about the origin of the frame, in the order of `GROUPED_KINDS`."""
         about = self.inertia + self.mass * _square(self.centre)
         first = self.mass * self.centre
         found = dict(zip(("mx", "my", "mz"), first, strict=True)) | {"m": self.mass}
         found |= {f"I{'xyz'[i]}{'xyz'[j]}": about[i, j] for i in range(3) for j in range(i, 3)}
-        return np.array([found[kind] for kind in INERTIAL])
+        return np.array([found[kind] for kind in GROUPED_KINDS])
 
 
 def _square(r: Array) -> Array:

@@ -8,7 +8,7 @@ import pytest
 
 from identifiability import Robot, analyze
 from identifiability.foundation.errors import RobotError
-from identifiability.foundation.names import INERTIAL
+from identifiability.foundation.names import GROUPED_KINDS
 from identifiability.physical.cad_prior import draw_bodies, total_mass
 from identifiability.physical.pseudo_inertia import check_body, to_matrix
 from identifiability.regression.regression import Model
@@ -41,7 +41,7 @@ def test_a_body_that_the_file_does_not_state_is_drawn_as_a_light_ball():
     robot = Robot.load("two-link")
     nominal = dict(robot.nominal)
     first, second = robot.bodies
-    nominal |= {f"{second}.{kind}": 0.0 for kind in INERTIAL}
+    nominal |= {f"{second}.{kind}": 0.0 for kind in GROUPED_KINDS}
     base = find_base_parameters(robot, Model.of("rigid_body"))
     lost = Structure(replace(robot, nominal=nominal), Model.of("rigid_body"), base)
     drawn = draw_bodies(lost)

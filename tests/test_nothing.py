@@ -13,7 +13,7 @@ from identifiability import analyze, diagnose, prune
 from identifiability.cli import app
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import IdentifiabilityError, LogError
-from identifiability.foundation.names import INERTIAL
+from identifiability.foundation.names import GROUPED_KINDS
 from identifiability.robot import Robot
 from identifiability.workflows.calibrate.calibration import calibrate
 from identifiability.workflows.export import export
@@ -201,7 +201,7 @@ def test_a_torque_that_never_changes_beside_others_that_do_is_said_everywhere(ca
 
 def test_a_body_that_cannot_exist_is_said_and_no_error_is_made_up(arm, tmp_path, few_draws):
     robot = Robot.load("two-link")
-    mass = {f"link2.{k}": -robot.nominal[f"link2.{k}"] for k in INERTIAL}
+    mass = {f"link2.{k}": -robot.nominal[f"link2.{k}"] for k in GROUPED_KINDS}
     robot = replace(robot, nominal=dict(robot.nominal) | mass)
     said = "link2: mass -2.5 kg must be positive."
     with few_draws():

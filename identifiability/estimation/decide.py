@@ -18,7 +18,7 @@ from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.estimation.uncertainty import Uncertainty, recurrence
 from identifiability.estimation.verdict import Class, Verdict, percent_of
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.numbers import REACH, holm
 from identifiability.foundation.rounding import percent_digits
 from identifiability.foundation.rules import Tolerance
@@ -50,8 +50,8 @@ LEAST: Tolerance = 0.1
 #: Members of what a number stands for that a sentence names.
 NAMED = 3
 
-_M = INERTIAL.index("m")
-_DIAGONAL = tuple(INERTIAL.index(k) for k in ("Ixx", "Iyy", "Izz"))
+_M = GROUPED_KINDS.index("m")
+_DIAGONAL = tuple(GROUPED_KINDS.index(k) for k in ("Ixx", "Iyy", "Izz"))
 
 
 @frozen(kw_only=True)
@@ -94,7 +94,7 @@ def body_scatter(structure: Structure) -> Array:
     # tr I = 2 ∫ r² dm about the origin of the body's frame.
     second = np.maximum(0.5 * theta[:, _DIAGONAL].sum(1), 0.0)
     first = np.sqrt(mass * second)
-    moments = (*[second] * 6, *[first] * 3, mass)  # in the order of INERTIAL
+    moments = (*[second] * 6, *[first] * 3, mass)  # in the order of GROUPED_KINDS
     for column, moment in zip(rows.T, moments, strict=True):
         scatter[column] = RULES.body_share * moment
     return scatter

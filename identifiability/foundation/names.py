@@ -23,9 +23,9 @@ Array = NDArray[Any]
 #: entries of inertia (Ixy = -∫xy dm) about the origin of the body's joint frame.
 INERTIAL_KINDS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
-#: The order of a body's ten parameters in a pseudo-inertia, and in which its columns are offered to
+#: The same ten in the order of a pseudo-inertia, in which its columns are offered to
 #: the grouping: mass last, so that masses are regrouped into the moments that they act through.
-INERTIAL = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m")
+GROUPED_KINDS = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m")
 
 #: Units in which times are written, in s.
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}

@@ -14,7 +14,7 @@ from identifiability.estimation.uncertainty import remembering_covariance
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
-from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import WEAK, WEIGHTS, CadPrior, draw_bodies, state_rows
@@ -142,7 +142,7 @@ def _check_file(robot: Robot) -> tuple[BodyCheck, ...]:
 
 def stated_body(robot: Robot, body: str) -> Array:
     """Return the ten inertial parameters (10,) that the robot file states [kg m², kg m, kg]."""
-    return np.array([robot.nominal[f"{body}.{kind}"] for kind in INERTIAL])
+    return np.array([robot.nominal[f"{body}.{kind}"] for kind in GROUPED_KINDS])
 
 
 def certify_model(model: FittedModel) -> tuple[Certificate | None, str]:

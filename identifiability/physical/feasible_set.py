@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse
 from numpy.typing import ArrayLike
 
-from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.values import frozen
 from identifiability.physical import pseudo_inertia
 from identifiability.physical.pseudo_inertia import (
@@ -37,7 +37,7 @@ from identifiability.robot.description import Ellipsoid
 # u], [uᵀ, m]] ⪰ 0`` with ``u = (h − m c₀) / r`` [Boyd 2004, §4.6].
 
 
-_MASS, _FIRST = INERTIAL.index("m"), [INERTIAL.index(kind) for kind in ("mx", "my", "mz")]
+_MASS, _FIRST = GROUPED_KINDS.index("m"), [GROUPED_KINDS.index(kind) for kind in ("mx", "my", "mz")]
 
 
 @frozen
@@ -158,7 +158,7 @@ class PhysicalSet:
     Attributes
     ----------
     bodies : (nb, 10) int
-        Column of each inertial parameter of each body, in the order of `names.INERTIAL`.
+        Column of each inertial parameter of each body, in the order of `names.GROUPED_KINDS`.
     nonnegative : (p,) bool
         Columns that may not be negative (friction, actuator inertia).
     names : (nb,) str

@@ -11,7 +11,7 @@ is positive semidefinite [Traversaro 2016; Wensing 2017].
 import numpy as np
 from numpy.typing import ArrayLike
 
-from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 
@@ -165,7 +165,7 @@ def check_body(theta: ArrayLike, name: str) -> BodyCheck:
     values = np.asarray(theta, float)
     if values.shape != (10,) or not np.isfinite(values).all():
         raise ValueError(
-            f"{name}: expected ten finite inertial parameters {' '.join(INERTIAL)}, "
+            f"{name}: expected ten finite inertial parameters {' '.join(GROUPED_KINDS)}, "
             f"got {values.tolist()}; give the full set of the body."
         )
     value = float(margin(values, *natural_scale(values)))

@@ -17,7 +17,7 @@ from identifiability.foundation.linalg import (
     scan_columns,
     triangular_factor,
 )
-from identifiability.foundation.names import INERTIAL, Array, Parameter
+from identifiability.foundation.names import GROUPED_KINDS, Array, Parameter
 from identifiability.foundation.options import Expected, Rng, checked
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
@@ -298,9 +298,9 @@ class Structure:
 
     @cached_property
     def inertial(self) -> np.ndarray:
-        """Columns of each body's ten parameters in the order of `INERTIAL`, (nb, 10) int."""
+        """Columns of each body's ten parameters in the order of `GROUPED_KINDS`, (nb, 10) int."""
         at = {name: k for k, name in enumerate(self.columns)}
-        rows = [[at[f"{stem}{kind}"] for kind in INERTIAL] for stem in self.bodies]
+        rows = [[at[f"{stem}{kind}"] for kind in GROUPED_KINDS] for stem in self.bodies]
         return _read_only(np.array(rows, int).reshape(-1, 10))
 
     @cached_property

@@ -17,7 +17,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from identifiability.estimation.rules import Thresholds as Verdicts
 from identifiability.foundation.answers import Cell, Column, Note, Table, badge_cell, measured_cells
-from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rounding import (
     digits,
@@ -488,7 +488,7 @@ def forest_groups(names: tuple[str, ...]) -> list[tuple[str, np.ndarray]]:
 def group_of(name: str) -> str:
     """Return the group of a parameter by its kind: bodies, friction, rotor inertia or other."""
     kind = name.rpartition(".")[2]
-    if kind in INERTIAL:
+    if kind in GROUPED_KINDS:
         return "bodies"
     if kind in ("Ia", "Jr", "Js"):
         return "rotor inertia"

@@ -16,7 +16,7 @@ from typing import Any, Self
 import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.names import INERTIAL, Array, Renames
+from identifiability.foundation.names import GROUPED_KINDS, Array, Renames
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot.floating import SIX, Base
@@ -506,7 +506,7 @@ class Description:
 
         Bodies come in `body_order`, each with its mass last; everything else follows.
         """
-        wanted = [f"{b}.{kind}" for b in self.body_order for kind in INERTIAL]
+        wanted = [f"{b}.{kind}" for b in self.body_order for kind in GROUPED_KINDS]
         rank = {name: k for k, name in enumerate(wanted)}
         return sorted(range(len(names)), key=lambda k: rank.get(names[k], len(rank)))
 

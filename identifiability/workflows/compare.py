@@ -34,7 +34,7 @@ from identifiability.estimation.uncertainty import (
 from identifiability.foundation.answers import Answer, Column, Table, measured_cells
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
-from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
@@ -381,7 +381,7 @@ def _of_effects(structure: Structure) -> Iterator[tuple[str, str, str, _Columns]
 def _of_bodies(structure: Structure) -> Iterator[tuple[str, str, str, _Columns]]:
     at = {name: k for k, name in enumerate(structure.columns)}
     for stem, title in structure.bodies.items():
-        kinds = (*WEIGHT, *(kind for kind in INERTIAL if kind not in WEIGHT))
+        kinds = (*WEIGHT, *(kind for kind in GROUPED_KINDS if kind not in WEIGHT))
         columns: _Columns = [((at[f"{stem}{kind}"],), (1.0,)) for kind in kinds]
         yield "load", title, f"load of {title}", columns
 

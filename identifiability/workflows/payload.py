@@ -26,7 +26,7 @@ from identifiability.foundation.answers import Answer, Cell, Column, Table, meas
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
@@ -111,7 +111,7 @@ class LoadEstimate:
     Attributes
     ----------
     theta : (10,)
-        In the order of `INERTIAL`, about the origin of the body's frame.
+        In the order of `GROUPED_KINDS`, about the origin of the body's frame.
     covariance : (10, 10)
         Of what is told.
     root : (10 - d, 10)
@@ -230,7 +230,7 @@ def estimate_load(
     r, b = friction.shape[1], len(load)
     nuisance = replace(known, precision=np.append(known.precision, np.zeros(r)))
     s = len(nuisance.precision)
-    names = (*(f"robot {k}" for k in range(s)), *INERTIAL)
+    names = (*(f"robot {k}" for k in range(s)), *GROUPED_KINDS)
     more = np.zeros((len(friction) - b, 1))  # of what gears carry, which only a loaded log has
     wide = [np.vstack([x, np.tile(more, x.shape[1])]) for x in (known.directions, load)]
     both = np.hstack([wide[0], friction, wide[1]])
@@ -245,10 +245,10 @@ def estimate_load(
     with_load = whole.take(~np.isin(whole.log, bare))
     own, robot = np.eye(s + 10)[:, s:], np.zeros(s)
     for _ in range(ROUNDS):
-        noise = _measure(with_load.reduce(own, INERTIAL, np.append(robot, np.zeros(10))))
+        noise = _measure(with_load.reduce(own, GROUPED_KINDS, np.append(robot, np.zeros(10))))
         joint = _Joint.of(whole, noise, nuisance)
         robot = joint.robot
-    part = with_load.reduce(own, INERTIAL, np.append(robot, np.zeros(10)))
+    part = with_load.reduce(own, GROUPED_KINDS, np.append(robot, np.zeros(10)))
     alone = estimate(part)
     factor, motions = _scatter(part, alone)
     serves = [pair.at[1] for pair in pairs]
@@ -553,7 +553,7 @@ class Load(Result):
     estimate : LoadEstimate
         What the logs say by themselves.
     parameters : (10,)
-        Of the nearest real body, in the order of `INERTIAL`, about the origin of the frame.
+        Of the nearest real body, in the order of `GROUPED_KINDS`, about the origin of the frame.
     quantities : tuple of Quantity
         Mass, centre, and moments of inertia about it.
     usual : (n,) [N·m or N]
@@ -687,7 +687,7 @@ class Load(Result):
         motions = self.estimate.motions
         if motions is None:
             return pd.DataFrame(columns=["log", "mass", "half"])
-        at = INERTIAL.index("m")
+        at = GROUPED_KINDS.index("m")
         names = [self.logs[k] for k in self.estimate.logs]
         return pd.DataFrame(
             {"log": names, "mass": motions.values[:, at], "half": REACH * motions.sd[:, at]}
@@ -700,8 +700,8 @@ class Load(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the load in the documented JSON schema."""
-        theta = dict(zip(INERTIAL, self.parameters.tolist(), strict=True))
-        alone = dict(zip(INERTIAL, self.estimate.theta.tolist(), strict=True))
+        theta = dict(zip(GROUPED_KINDS, self.parameters.tolist(), strict=True))
+        alone = dict(zip(GROUPED_KINDS, self.estimate.theta.tolist(), strict=True))
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
@@ -712,7 +712,7 @@ class Load(Result):
             "parameters": theta,
             "estimate": alone,
             "covariance": self.estimate.covariance.tolist(),
-            "order": list(INERTIAL),
+            "order": list(GROUPED_KINDS),
             "possible": self.possible,
             "logs": list(self.logs),
             "without": list(self.without),
@@ -819,7 +819,7 @@ def _carried(structure: Structure, body: str, load: Array) -> tuple[Mapping[str,
     """
     bare = reference_values(structure.robot)
     loaded = dict(bare)
-    for kind, value in zip(INERTIAL, load.tolist(), strict=True):
+    for kind, value in zip(GROUPED_KINDS, load.tolist(), strict=True):
         loaded[f"{body}.{kind}"] = loaded.get(f"{body}.{kind}", 0.0) + value
     return (loaded,) if LoadDependentFriction.name in structure.model.names else (loaded, bare)
 

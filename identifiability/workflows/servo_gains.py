@@ -18,7 +18,7 @@ import numpy as np
 from identifiability.estimation.rollouts import Gains, fit_gains, share_missed
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
-from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -70,7 +70,7 @@ class Bodies:
     @cached_property
     def _roots(self) -> list[Array]:
         nominal = self.robot.nominal
-        each = [np.array([nominal[f"{b}.{k}"] for k in INERTIAL]) for b in self.names]
+        each = [np.array([nominal[f"{b}.{k}"] for k in GROUPED_KINDS]) for b in self.names]
         pairs = zip(self.names, each, strict=True)
         return [np.linalg.cholesky(thick_inertia(x, b)) for b, x in pairs]
 
@@ -87,7 +87,7 @@ class Bodies:
             E[_UPPER] += own
             J = P @ E @ E.T @ P.T
             phi = np.linalg.lstsq(BASIS.reshape(10, 16).T, J.ravel(), rcond=None)[0]
-            out |= dict(zip((f"{body}.{k}" for k in INERTIAL), phi.tolist(), strict=True))
+            out |= dict(zip((f"{body}.{k}" for k in GROUPED_KINDS), phi.tolist(), strict=True))
         return out
 
     def scaled(self, e: Array, by: float) -> Array:
@@ -109,7 +109,7 @@ class Bodies:
     @cached_property
     def _stated(self) -> dict[str, tuple[float, float]]:
         joints = {f"{j}.{k}" for j in self.robot.joints for k in ("Ia", "Ja", "Fv", "Fc", "off")}
-        known = {f"{b}.{k}" for b in self.names for k in INERTIAL} | joints
+        known = {f"{b}.{k}" for b in self.names for k in GROUPED_KINDS} | joints
         return {name: at for name, at in self.robot.prior.items() if name in known}
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from identifiability.effects import find_family
 from identifiability.foundation.linalg import triangular_factor
-from identifiability.foundation.names import INERTIAL, INERTIAL_KINDS
+from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.physical.pseudo_inertia import to_matrix
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -36,7 +36,7 @@ def test_the_values_of_a_payload_are_those_of_a_body_that_can_exist():
     R = triangular_factor(np.column_stack([D[:, 11], D[:, :10], y]))
     problem = SimpleNamespace(candidates=[c], triangular=lambda parts, view: R, rows=y)
     found = fit_body(problem, [], 0, None)
-    at = [INERTIAL_KINDS.index(kind) for kind in INERTIAL]
+    at = [INERTIAL_KINDS.index(kind) for kind in GROUPED_KINDS]
     assert np.linalg.eigvalsh(to_matrix(free[at])).min() < 0
     assert np.linalg.eigvalsh(to_matrix(found[at])).min() > 0
     assert found[0] == pytest.approx(2.0, abs=4 / np.sqrt(400))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import identifiability
-from identifiability.foundation.names import INERTIAL
+from identifiability.foundation.names import GROUPED_KINDS
 from identifiability.physical.fitted_model import physical_set
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, find_base_parameters
@@ -45,7 +45,9 @@ def test_the_ten_columns_of_every_body_and_load_are_found_by_name(structure, two
     last = two_link.bodies[-1]
     assert list(structure.bodies) == [*(f"{b}." for b in two_link.bodies), f"{last}.payload_"]
     for stem, columns in zip(structure.bodies, structure.inertial, strict=True):
-        assert [structure.columns[k] for k in columns] == [f"{stem}{kind}" for kind in INERTIAL]
+        assert [structure.columns[k] for k in columns] == [
+            f"{stem}{kind}" for kind in GROUPED_KINDS
+        ]
 
 
 def test_what_follows_is_derived_once_and_cannot_be_written_to(structure):

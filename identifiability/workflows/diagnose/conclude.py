@@ -13,7 +13,7 @@ from scipy.special import logsumexp
 from identifiability.effects import Part, Placed
 from identifiability.estimation.noise import ARNoise, runs_of, take_data, whiten
 from identifiability.foundation.linalg import NEARLY, RANK_TOLERANCE
-from identifiability.foundation.names import INERTIAL, INERTIAL_KINDS, Array
+from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares, physical_set
@@ -519,7 +519,7 @@ def fit_body(p: Problem, rest: Sequence[int], k: int, view: View) -> Array:
     R, n = R[first:, first:], len(own)
     data = LeastSquares(R[:n, :n], R[:n, n], float(R[n, n] ** 2), float(len(p.rows)))
     region = PhysicalSet(
-        bodies=np.array([[INERTIAL_KINDS.index(kind) for kind in INERTIAL]]),
+        bodies=np.array([[INERTIAL_KINDS.index(kind) for kind in GROUPED_KINDS]]),
         nonnegative=np.zeros(n, bool),
         names=(p.candidates[k].place,),
         columns=tuple(INERTIAL_KINDS),

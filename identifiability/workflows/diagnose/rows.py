@@ -19,7 +19,7 @@ from identifiability.effects import Effect, Family, Part, Placed, Span
 from identifiability.effects.effect import measure_spans
 from identifiability.effects.functions import has_session
 from identifiability.estimation.noise import JointRuns, Runs, find_runs
-from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.samples import Piece
@@ -97,7 +97,7 @@ class Candidate:
 
 def is_body(c: Candidate) -> bool:
     """Whether a candidate is a body by itself, with mass, moments and inertia."""
-    return c.family.name == "payload" and len(c.columns) == len(INERTIAL)
+    return c.family.name == "payload" and len(c.columns) == len(GROUPED_KINDS)
 
 
 @frozen

@@ -26,7 +26,7 @@ from identifiability.effects.vocabulary import (
 from identifiability.foundation import handed
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
-from identifiability.foundation.names import BASE, INERTIAL, INERTIAL_KINDS
+from identifiability.foundation.names import BASE, GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.options import FilePath, checked
 from identifiability.foundation.output import (
     check_ending,
@@ -165,7 +165,7 @@ def check_result(robot: Robot, path: Path, content: Result, known: set[str]) -> 
         )
     whole = complete_values(robot, given, keep=False)
     for body in robot.bodies:
-        check = check_body(np.array([whole[f"{body}.{kind}"] for kind in INERTIAL]), body)
+        check = check_body(np.array([whole[f"{body}.{kind}"] for kind in GROUPED_KINDS]), body)
         if not check.feasible:
             raise IdentifiabilityError(
                 f"{path}: {check.reason} It was found with the other values kept: make the result "

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from identifiability.foundation.errors import listing
-from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.pseudo_inertia import BASIS
@@ -497,7 +497,7 @@ def tie_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     base, sets = structure.base, find_equal_bodies(structure.robot)
     if not sets:
         return []
-    N = _subspace(structure, [(bodies, np.eye(len(INERTIAL))) for bodies in sets])
+    N = _subspace(structure, [(bodies, np.eye(len(GROUPED_KINDS))) for bodies in sets])
     reach = base.G @ N
     size = np.linalg.norm(np.abs(base.G) @ np.abs(N), axis=1) + 1e-300
     unit = reach / size[:, None]

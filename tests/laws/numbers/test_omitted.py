@@ -9,13 +9,13 @@ from identifiability.estimation.decide import Grounds, LeftOut, body_scatter, de
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.verdict import Class
-from identifiability.foundation.names import INERTIAL
+from identifiability.foundation.names import GROUPED_KINDS
 from identifiability.foundation.numbers import REACH
 from identifiability.regression.reduction import Submodel
 
 from .made import fit_of, gather
 
-NAMES = (*(f"body.{k}" for k in INERTIAL), "joint.Fv", "joint.Fc")
+NAMES = (*(f"body.{k}" for k in GROUPED_KINDS), "joint.Fv", "joint.Fc")
 FILE = np.array([2.0, 0.1, 0.2, 1.5, 0.1, 1.1, 0.6, 0.3, 0.1, 4.0, 5.0, 7.0])
 
 
