@@ -215,7 +215,8 @@ def walk(seed: int, kind: str, rate: float = RATE) -> dict[str, Array]:
     q = plan_legs(t, kind, rng)
     v = np.gradient(q, STEP, axis=0)
     d.qpos[3], d.qpos[7:], d.qpos[2] = 1.0, q[0], 0.31
-    feet, force, rows = [m.geom(f"{leg}_foot").id for leg in LEGS], np.zeros(6), []
+    ends, force, rows = [m.geom(f"{leg}_foot").id for leg in LEGS], np.zeros(6), []
+    feet = {geom: k for k, geom in enumerate(ends)}
     for k in range(len(t)):
         at = k - k % 2  # the servo runs at half the rate
         tau = GAINS[0] * (q[at] - d.qpos[7:]) + GAINS[1] * (v[at] - d.qvel[6:])
@@ -223,16 +224,15 @@ def walk(seed: int, kind: str, rate: float = RATE) -> dict[str, Array]:
         before = np.concatenate([d.qpos, d.qvel])
         mujoco.mj_step(m, d)
         pushed = np.zeros((4, 6))
-        for c in d.contact:
-            mujoco.mj_contactForce(m, d, list(d.contact).index(c), force)
-            for foot, own in enumerate(feet):
-                if own in (c.geom1, c.geom2):
-                    world = c.frame.reshape(3, 3).T @ force[:3] * (1 if c.geom2 == own else -1)
-                    axes = d.geom_xmat[own].reshape(3, 3).T
-                    moment = np.cross(c.pos - d.geom_xpos[own], world)
-                    pushed[foot] += np.concatenate([axes @ world, axes @ moment])
-        turn = Rotation.from_quat(before[[4, 5, 6, 3]]).inv()
-        acc = turn.apply(d.qacc[:3] - m.opt.gravity)
+        for k_c, (first, second) in enumerate(d.contact.geom.tolist() if d.ncon else ()):
+            mujoco.mj_contactForce(m, d, k_c, force)
+            foot, side = (feet[second], 1.0) if second in feet else (feet[first], -1.0)
+            world = side * d.contact.frame[k_c].reshape(3, 3).T @ force[:3]
+            axes = d.geom_xmat[ends[foot]].reshape(3, 3).T
+            moment = np.cross(d.contact.pos[k_c] - d.geom_xpos[ends[foot]], world)
+            pushed[foot] += np.concatenate([axes @ world, axes @ moment])
+        turn = d.xmat[1].reshape(3, 3)
+        acc = turn.T @ (d.qacc[:3] - m.opt.gravity)
         rows.append(np.concatenate([before[7:19], before[22:25], acc, d.ctrl, pushed.ravel()]))
     x = sosfiltfilt(butter(4, 0.4 * rate, fs=1 / STEP, output="sos"), np.array(rows), axis=0)
     every = round(1 / rate / STEP)

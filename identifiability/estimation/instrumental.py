@@ -419,8 +419,13 @@ def _shrinkage(information: Information, weights: Array) -> tuple[Array, Array, 
     """
     k, echo = information.size, information.echo
     assert echo is not None
-    R = echo.joint.factor(weights)
-    return _noise_map(R[:, :k], R[:, k : 2 * k], information.factor(weights)[:, :k])
+
+    def make() -> tuple[Array, Array, np.ndarray]:
+        R = echo.joint.factor(weights)
+        return _noise_map(R[:, :k], R[:, k : 2 * k], information.factor(weights)[:, :k])
+
+    found: tuple[Array, Array, np.ndarray] = information.remember(("echo", weights.tobytes()), make)
+    return found
 
 
 def _noise_map(V: Array, W: Array, F: Array) -> tuple[Array, Array, np.ndarray]:

@@ -36,6 +36,10 @@ MOST_BYTES, SOONER = 2**28, 8
 #: so that nothing is lost, and a triangular factor takes three times as long.
 LARGE = 2**22
 
+#: Blocks stay in a basis that is larger than what is asked of them by up to this factor: to turn
+#: all of them costs more than to look at them many times.
+WIDER: Tolerance = 1.25
+
 #: Directions that a basis' rows do not excite get this share of their column's length.
 FLOOR: Tolerance = 1e-6
 
@@ -109,8 +113,12 @@ class ActuatorBlocks:
         """Return the blocks of ``[W τ] map_``, for a map (k + 1, m + 1) that keeps the torque."""
         k, m = np.subtract(map_.shape, 1)
         columns = np.flatnonzero(map_[self.columns, :m].any(0))
-        part = map_[np.ix_([*self.columns, k], [*columns, m])]
-        return self.turned(*np.linalg.qr(self.basis @ part), columns)
+        basis = self.basis @ map_[np.ix_([*self.columns, k], [*columns, m])]
+        if len(basis) > WIDER * basis.shape[1]:
+            return self.turned(*np.linalg.qr(basis), columns)
+        reduced = replace(self, columns=columns, basis=basis)
+        vars(reduced)["root"] = self.root
+        return reduced
 
     def turned(self, Q: Array, basis: Array, columns: np.ndarray) -> ActuatorBlocks:
         """Return the blocks of ``Z Q``, in another basis."""
@@ -287,6 +295,10 @@ def invert_basis(basis: Array) -> Array:
 #: How much of what is made of the sums over all blocks is kept.
 REMEMBERED = 4
 
+#: Up to which ratio of weights to those of a factor another one is made of Gram matrices in the
+#: coordinates of the former.
+LIKE: Tolerance = 1e4
+
 
 @frozen
 class Information:
@@ -405,6 +417,11 @@ class Information:
     def _made(self) -> dict[Any, Any]:
         return {}
 
+    @cached_property
+    def _grams(self) -> list[tuple[Array, Array, Array]]:
+        """Weights of a factor, the factor, and Gram matrices in its coordinates; none as yet."""
+        return []
+
     def remember(self, key: Any, make: Callable[[], Any]) -> Any:
         """Return what is made of the sums over all blocks: a fit asks for the same many times."""
         return remember(self._made, key, make, REMEMBERED)
@@ -484,9 +501,18 @@ class Information:
         """
         out = allot((len(self.counts), left.shape[1], right.shape[1]), 1)
         both = zip(weights, self.of_actuators(left), self.of_actuators(right), strict=True)
+        rows: list[tuple[ActuatorBlocks, Array]] = []
         for weight, (part, one), (_, other) in both:
+            if not part.squared:
+                rows.append((part, np.sqrt(weight) * np.hstack([one, other])))
+                continue
             for at in few_at_once(len(out), out[:1].nbytes + part.blocks[:1].nbytes):
                 out[at] += part.products(weight * one, other, at)
+        # Rows of all actuators beside each other: one product a block, and not one for each.
+        p, own = left.shape[1], sum(part.blocks[:1].nbytes for part, _ in rows)
+        for at in few_at_once(len(out) if rows else 0, 2 * (out[:1].nbytes + own)):
+            Z = np.concatenate([part.blocks[at] @ turn for part, turn in rows], axis=1)
+            out[at] += Z[:, :, :p].transpose(0, 2, 1) @ Z[:, :, p:]
         return out
 
     def factor(self, weights: Array | None = None) -> Array:
@@ -504,6 +530,32 @@ class Information:
             more, own = self.within
             R: Array = more.factor(weights) @ own
             return triangular_factor(np.pad(R, ((0, max(0, R.shape[1] - len(R))), (0, 0))))
+        for before, root, grams in self._grams:
+            ratio = weights / before
+            if ratio.min() > 0 and ratio.max() < LIKE * ratio.min():
+                return np.asarray(np.linalg.cholesky(np.tensordot(ratio, grams, 1)).T @ root)
+        R = self._factor_rows(weights)
+        self._remember_grams(weights, R)
+        return R
+
+    def _remember_grams(self, weights: Array, root: Array) -> None:
+        """Keep each actuator's Gram matrix in the coordinates of a factor of all of them.
+
+        There they add up to the unit matrix, so that with weights that are not all too different
+        nothing is lost by squaring, and another factor costs next to nothing.
+        """
+        small = (np.abs(np.diag(root)) <= FLOOR * np.linalg.norm(root, axis=0)).any()
+        if small or (weights <= 0).any() or SOONER * self.actuators * root.nbytes > MOST_BYTES:
+            return
+        grams = np.empty((self.actuators, *root.shape))
+        for gram, weight, part in zip(grams, weights, self.parts, strict=True):
+            own, columns = self._own(part)
+            rows = _spread(np.sqrt(weight) * (part.root @ own), columns, np.arange(self.size))
+            Z = solve_triangular(root, rows.T, trans=1, check_finite=False)
+            gram[:] = Z @ Z.T
+        self._grams[:] = [(weights, root, grams)]
+
+    def _factor_rows(self, weights: Array) -> Array:
         pairs = zip(np.sqrt(weights), self.parts, strict=True)
         found: list[tuple[np.ndarray, Array]] = []
         for root, part in sorted(pairs, key=lambda pair: len(pair[1].columns)):
@@ -593,9 +645,8 @@ class Information:
             weights = np.add.reduceat(weights * self.counts, at, axis=1) / counts
         what = {"counts": counts, "data": data, "log": self.log[at]}
         merged = replace(self, parts=parts, weights=weights, **what)
-        vars(merged)["_made"] = self._made  # the sums over all blocks are the same
-        if self.instrumented:
-            vars(merged.joint)["_made"] = self.joint._made
+        for one, like in ((merged, self), *([(merged.joint, self.joint)] * self.instrumented)):
+            vars(one).update(_made=like._made, _grams=like._grams)  # sums over all are the same
         return merged
 
     def __add__(self, other: Information) -> Information:

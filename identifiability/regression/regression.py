@@ -140,15 +140,20 @@ class Model:
             raise ModelError("The model has no effects; name at least one, such as rigid_body.")
         shape = (len(motion), len(robot.actuated), sum(widths))
         W = np.zeros(shape) if out is None else out[: len(motion)]
-        start = 0
+        start, anew = 0, np.zeros(sum(widths), bool)
+        W[again:] = 0.0
         for effect, width in zip(self.effects, widths, strict=True):
             first = again if effect.pointwise else 0
             own = W[first:, :, start : start + width]
-            own[:] = 0.0
+            if first < again:
+                own[:again] = 0.0
+                anew[start : start + width] = True
             effect.fill(robot, motion[first:] if first else motion, own)
-            if motion.free is not None:
-                own[:] = motion.freed(own, first)
             start += width
+        if motion.free is not None:
+            W[again:] = motion.freed(W[again:], again)
+            if anew.any():
+                W[:again, :, anew] = motion[:again].freed(W[:again, :, anew])
         return W
 
 

@@ -28,13 +28,15 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.rules import RULES
 
-#: Samples of all logs together that are asked, and rows of all joints where these are many.
-ENOUGH, ROWS = 16_384, 98_304
+#: Samples of all logs together that are asked: of so many joints at most, of more as many as take
+#: as long (rows and columns grow with them), but some.
+ENOUGH, OF_JOINTS, SOME = 16_384, 6, 2_048
 
 
 def enough_samples(robot: Robot) -> int:
     """Return how many samples of all logs together are asked."""
-    return min(ENOUGH, ROWS // len(robot.actuated))
+    many = len(robot.actuated) / OF_JOINTS
+    return min(ENOUGH, max(SOME, int(ENOUGH / many**2)))
 
 
 def settle_band(

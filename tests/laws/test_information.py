@@ -61,6 +61,16 @@ def test_weights_are_the_inverse_variances_by_what_the_noise_remembers(regressio
     np.testing.assert_allclose(fit.value, expected, rtol=1e-8, atol=1e-9 * np.abs(expected).max())
 
 
+def test_factors_of_any_weights_are_those_of_the_weighted_rows(regression, rows):
+    information = gather_information(regression)
+    flat = np.concatenate([rows[0], rows[1][:, :, None]], axis=2)
+    for weights in ([1, 1, 1], [3, 0.01, 40], [1e-3, 1, 1e3], [2, 3, 4]):
+        weighed = (flat * np.sqrt(weights)[:, None]).reshape(-1, flat.shape[2])
+        expected, found = np.linalg.qr(weighed, mode="r"), information.factor(np.array(weights))
+        length = np.linalg.norm(expected, axis=0)
+        np.testing.assert_allclose(abs(found) / length, abs(expected) / length, atol=1e-10)
+
+
 def test_chunks_and_blocks_do_not_matter(regression):
     whole = gather_information(regression)
     few = gather_information(regression, blocks=7)

@@ -34,6 +34,9 @@ from identifiability.robot import Robot
 #: The cut-off of the smoothed motion is found within this factor.
 WIDER: Tolerance = 1.1
 
+#: Outputs of a log at which noise is tried at most, and the windows in which they lie.
+ENOUGH, WINDOWS = 2048, 16
+
 
 def noise_share(robot: Robot, log: Log, cutoff: float | None, seed: int = 0) -> float:
     """Return the largest share that noise has of a joint's acceleration (rms); 0 of short logs.
@@ -79,20 +82,31 @@ def add_echoes(robot: Robot, log: Log, samples: Samples, seed: int = 0) -> Sampl
     plan = make_plan(robot, log, Preparation(derivatives="butterworth", cutoff=samples.cutoff))
     log = joint_log(robot, plan.mend(log))
     smooth, drawn = _draw(log, plan, np.random.default_rng(seed))
-    first = complete_along(robot, samples.motion, plan.derive(smooth))
+    some = samples.take(_some_rows(samples))
+    first = complete_along(robot, some.motion, plan.derive(smooth))
     if first is None:
         return None
     echoes = []
     for noisy in drawn:
-        other = complete_along(robot, samples.motion, plan.derive(noisy), first)
+        other = complete_along(robot, some.motion, plan.derive(noisy), first)
         if other is None:
             return None
-        echoes.append(replace(samples, motion=first, instrument=other, notes=()))
+        echoes.append(replace(some, motion=first, instrument=other, notes=()))
     note = (
         "noise of the motion's own size was drawn anew along the smoothed motion; values are "
         "corrected by what it does to them"
     )
     return replace(samples, echoes=tuple(echoes), notes=(*samples.notes, note))
+
+
+def _some_rows(samples: Samples) -> slice | np.ndarray:
+    """Return all samples, or windows of them, evenly spaced, that make enough outputs."""
+    d, count = samples.decimation, len(samples.motion)
+    size = ENOUGH // WINDOWS if d is None else d.factor * ENOUGH // WINDOWS + 2 * d.reach
+    if WINDOWS * size >= count:
+        return slice(None)
+    starts = np.linspace(0, count - size, WINDOWS).astype(int)
+    return (starts[:, None] + np.arange(size)).ravel()
 
 
 def _draw(log: Log, plan: Plan, rng: np.random.Generator) -> tuple[Log, tuple[Log, Log]]:

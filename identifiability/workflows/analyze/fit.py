@@ -44,7 +44,7 @@ from identifiability.workflows.analyze.rules import RULES
 from identifiability.workflows.band import enough_samples, settle_band
 from identifiability.workflows.instruments import follow
 from identifiability.workflows.opening import Opening, Recordings
-from identifiability.workflows.session import Session, Weighed, weigh_rows
+from identifiability.workflows.session import Session, Weighed
 
 
 @frozen
@@ -313,7 +313,11 @@ NAMED = 3
 
 
 def check_cutoff(
-    opening: Opening, recordings: Recordings, result: ModelResult, how: Preparation
+    opening: Opening,
+    recordings: Recordings,
+    information: Information,
+    result: ModelResult,
+    how: Preparation,
 ) -> tuple[str, ...]:
     """Return what to say of the cut-off: of what it lets through, and of what follows it.
 
@@ -322,6 +326,8 @@ def check_cutoff(
     opening : Opening
     recordings : Recordings
         What its samples were prepared from.
+    information : Information
+        About all columns, each row weighed by its noise.
     result : ModelResult
         The model whose values are looked at.
     how : Preparation
@@ -333,7 +339,7 @@ def check_cutoff(
     seen = held_out.band if isinstance(held_out, SettledPreparation) else None
     names = " and ".join(log.name for log in recordings.held_out)
     unseen = _say_cut(seen, names) if seen and not _say_cut(how.band, "") else ""
-    varied = vary_cutoff(opening, recordings.fitted, result, how)
+    varied = vary_cutoff(opening, recordings.fitted, information, result, how)
     return (*say_band(how), *filter(None, (unseen, varied)))
 
 
@@ -371,7 +377,11 @@ def _say_noise(band: Band) -> str:
 
 
 def vary_cutoff(
-    opening: Opening, logs: Sequence[Recording], result: ModelResult, how: SettledPreparation
+    opening: Opening,
+    logs: Sequence[Recording],
+    information: Information,
+    result: ModelResult,
+    how: SettledPreparation,
 ) -> str:
     """Return one sentence on identifiable values that follow the cut-off, or nothing.
 
@@ -401,7 +411,8 @@ def vary_cutoff(
         parts = [(logs[k].rows(a, b), s) for (k, a, b), s in zip(windows, samples, strict=True)]
         own = result.estimate.estimator
         again = gather_information(structure.regression(follow(own, structure.robot, parts)))
-        again = weigh_rows(structure.robot.joints, samples, again, own)[0]
+        shares = [(k, a / len(logs[k]), b / len(logs[k])) for k, a, b in windows]
+        again = _weigh_alike(again, shares, information)
         return settle_noise(own, again).fit(result.submodel.reduce(again))
 
     whole = sum(b - a for _, a, b in windows) == sum(len(log) for log in logs)
@@ -431,6 +442,38 @@ def vary_cutoff(
         f"Identifiable values follow the cut-off of {now} Hz and leave their intervals: "
         f"{'; '.join(found)}. Set it from the band of the motion (--cutoff) and use what stays."
     )
+
+
+def _weigh_alike(
+    again: Information, windows: Sequence[tuple[int, float, float]], information: Information
+) -> Information:
+    """Return rows of another band with the weights that rows at their time had.
+
+    Parameters
+    ----------
+    again : Information
+        Of windows, each a log.
+    windows : sequence of (log, start, stop)
+        Shares of the logs.
+    information : Information
+        Weighed.
+    """
+    if information.weights is None:
+        return again
+    place = np.empty(len(again.counts), int)
+    for w, (k, a, b) in enumerate(windows):
+        there, own = np.flatnonzero(information.log == k), again.log == w
+        stop, ends = (np.cumsum(x) for x in (information.counts[there], again.counts[own]))
+        middle = (ends - 0.5 * again.counts[own]) / ends[-1]
+        at = np.searchsorted(stop / stop[-1], a + middle * (b - a))
+        place[own] = there[np.minimum(at, len(there) - 1)]
+    weights = information.weights[:, place]
+    echo = again.echo
+    if echo is not None:  # it has as many logs of its own for each
+        of_log = echo.log * len(windows) // (int(echo.log.max()) + 1)
+        means = [weights[:, again.log == w].mean(1) for w in range(len(windows))]
+        echo = echo.weigh(np.stack(means, 1)[:, of_log])
+    return replace(again.weigh(weights), echo=echo)
 
 
 def _moves(result: ModelResult, base: Estimate, other: Estimate) -> Array:
