@@ -25,7 +25,7 @@ from exported.roads import in_mujoco, in_pinocchio, load_code, project
 from real_data.study import ROOT
 
 from identifiability.effects.registry import default_effects
-from identifiability.effects.vocabulary import every_parameter, held_by_file
+from identifiability.effects.vocabulary import every_parameter, values_in_file
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.output import write_json
@@ -137,7 +137,7 @@ def study_case(case: Case, folder: Path) -> dict[str, Any]:
     for exported in both_formats(case, path, folder):
         copy = Robot.load(exported.robot)
         form = "MJCF" if copy.mjcf else "URDF"
-        held = by_values(case.robot, model, held_by_file(copy, values))
+        held = by_values(case.robot, model, values_in_file(copy, values))
         row[f"{form} alone"] = error_on(samples, held)
         for name, engine in (("MuJoCo", in_mujoco), ("Pinocchio", in_pinocchio)):
             row[f"{form}, {name}"] = error_on(samples, by_engine(engine, exported, copy))

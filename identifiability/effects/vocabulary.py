@@ -59,7 +59,7 @@ def _stated(
                 yield parameter
 
 
-def held_by_file(
+def values_in_file(
     robot: Robot, values: Mapping[str, float], kind: Kind | None = None
 ) -> dict[str, float]:
     """Return the values of a model's parameters of which only the robot file's part is left.
@@ -74,10 +74,10 @@ def held_by_file(
         Format of the file; by default that of the robot's own.
     """
     kind = kind or file_kinds(robot)[0]
-    held = set(_names_stated(robot, tuple(FAMILIES.values()), kind))
+    stated = set(_names_stated(robot, tuple(FAMILIES.values()), kind))
     if "stiffness" in joint_numbers(kind):
-        held |= values.keys() - settle_springs(robot, values)[1].keys()
-    out = {name: value if name in held else 0.0 for name, value in values.items()}
+        stated |= values.keys() - settle_springs(robot, values)[1].keys()
+    out = {name: value if name in stated else 0.0 for name, value in values.items()}
     for joint in (*robot.tree.single, *robot.tendon_axes):
         ways = [f"{joint}.{kind}" for kind in ("Fc+", "Fc-") if f"{joint}.{kind}" in values]
         out |= dict.fromkeys(ways, 0.5 * sum(values[name] for name in ways))

@@ -59,10 +59,10 @@ def hold(owner: Any, path: Path) -> bool:
     if sys.platform == "win32":
         return True
     with suppress(FileNotFoundError):
-        held = os.open(path, os.O_RDONLY | _PLAIN)
-        weakref.finalize(owner, os.close, held)
+        descriptor = os.open(path, os.O_RDONLY | _PLAIN)
+        weakref.finalize(owner, os.close, descriptor)
         with suppress(OSError):  # a file system without locks, on which nothing is swept
-            fcntl.flock(held, fcntl.LOCK_EX)
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
         return path.exists()
     return False
 
@@ -75,14 +75,14 @@ def sweep(paths: Iterable[Path]) -> None:
         with suppress(OSError):
             if path.lstat().st_uid != os.getuid():
                 continue
-            held = os.open(path, os.O_RDONLY | _PLAIN)
+            descriptor = os.open(path, os.O_RDONLY | _PLAIN)
             try:
-                fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                if not os.path.samestat(os.fstat(held), path.lstat()):
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if not os.path.samestat(os.fstat(descriptor), path.lstat()):
                     continue  # another has taken the name since; what it made is its own
                 shutil.rmtree(path) if path.is_dir() else path.unlink()  # it follows no link
             finally:
-                os.close(held)
+                os.close(descriptor)
 
 
 class _Folder(tempfile.TemporaryDirectory[str]):
@@ -277,22 +277,22 @@ def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
 @contextmanager
 def _taking_turns(folder: Path) -> Iterator[None]:
     """Let one program at a time put files of a folder in their places, where there are locks."""
-    path, held = folder / _TURN, -1
+    path, descriptor = folder / _TURN, -1
     with suppress(OSError):  # a file system without locks, a program of another user
         while sys.platform != "win32":
-            held = os.open(path, os.O_RDWR | os.O_CREAT | _PLAIN, 0o600)
-            fcntl.flock(held, fcntl.LOCK_EX)
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | _PLAIN, 0o600)
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
             with suppress(FileNotFoundError):  # who had it before has removed it
-                if os.path.samestat(os.fstat(held), path.stat()):
+                if os.path.samestat(os.fstat(descriptor), path.stat()):
                     break
-            os.close(held)
-            held = -1
+            os.close(descriptor)
+            descriptor = -1
     try:
         yield
     finally:
-        if held >= 0:
+        if descriptor >= 0:
             _remove([path])
-            os.close(held)
+            os.close(descriptor)
 
 
 def kept_aside(path: Path) -> Path | None:

@@ -49,9 +49,9 @@ def _freeze(cls: type[T], *, kw_only: bool) -> type[T]:
 
         def freeze(self: Any) -> None:
             for name in arrays:
-                held = getattr(self, name)
-                if isinstance(held, np.ndarray) and held.flags.writeable:
-                    view = held.view()
+                value = getattr(self, name)
+                if isinstance(value, np.ndarray) and value.flags.writeable:
+                    view = value.view()
                     view.flags.writeable = False
                     object.__setattr__(self, name, view)
             if own is not None:
@@ -75,14 +75,14 @@ def _short(self: Any) -> str:
     return text if len(text) <= SCREEN else f"{text[:SCREEN]}…)"
 
 
-def _brief(held: Any) -> str:
+def _brief(value: Any) -> str:
     import numpy as np  # noqa: PLC0415
 
-    if isinstance(held, np.ndarray):
-        return f"<{'×'.join(map(str, held.shape)) or 'scalar'} {held.dtype}>"
-    if isinstance(held, (tuple, list)) and len(held) > 3:
-        return f"<{len(held)} of {type(held[0]).__name__}>"
-    text = repr(held)
+    if isinstance(value, np.ndarray):
+        return f"<{'×'.join(map(str, value.shape)) or 'scalar'} {value.dtype}>"
+    if isinstance(value, (tuple, list)) and len(value) > 3:
+        return f"<{len(value)} of {type(value[0]).__name__}>"
+    text = repr(value)
     return text if len(text) <= SHORT else f"{text[:SHORT]}…"
 
 

@@ -186,16 +186,16 @@ class LogFile:
         """
         origin = max(0, start - margin)
         arrays = self._arrays(origin, min(len(self), stop + margin))
-        held = np.empty((0, len(self.naming.columns)))
+        kept = np.empty((0, len(self.naming.columns)))
         for first in range(start, stop, size):
             last = min(first + size, stop)
             low, high = max(0, first - margin), min(len(self), last + margin)
-            parts, end = [held[low - origin :]], origin + len(held)
+            parts, end = [kept[low - origin :]], origin + len(kept)
             while end < high:
                 parts.append(next(arrays))
                 end += len(parts[-1])
-            held, origin = np.concatenate(parts) if len(parts) > 1 else parts[0], low
-            yield first, last, origin, self._log(held[: high - low], low)
+            kept, origin = np.concatenate(parts) if len(parts) > 1 else parts[0], low
+            yield first, last, origin, self._log(kept[: high - low], low)
 
     def column(self, name: str, start: int, stop: int) -> Iterator[Array]:
         """Yield one of its columns (N,) in the rows [start, stop), which reads no other.

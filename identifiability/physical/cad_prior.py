@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from identifiability.effects.gravity import settle_gravity
-from identifiability.effects.vocabulary import file_kinds, held_by_file
+from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
@@ -541,8 +541,8 @@ def _errors_tilted(
         Standard parameters by name.
     """
     robot, rest = settle_gravity(structure.robot, values)
-    held = [rest, *(held_by_file(robot, rest, kind) for kind in file_kinds(robot))]
-    phi = np.array([[f.get(name, 0.0) for name in structure.columns] for f in held]).T
+    rests = [rest, *(values_in_file(robot, rest, kind) for kind in file_kinds(robot))]
+    phi = np.array([[f.get(name, 0.0) for name in structure.columns] for f in rests]).T
     first = [structure.columns.index(n) == k for k, n in enumerate(structure.columns)]
     regression = Regression(robot, structure.model, tuple(samples))
     found = predict(regression, phi * np.array(first)[:, None])

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.effects.vocabulary import file_kinds, held_by_file
+from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.estimator import settle_signs
 from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Level, Score, square_root
 from identifiability.estimation.uncertainty import remembering_covariance
@@ -305,7 +305,7 @@ def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult
         return replace(found, sentence=f" The nearest real robot was not found: {error}")
     nearest = replace(nearest, phi=leave_to_terms(structure, data.R, nearest.phi))
     phi = dict(zip(region.columns, nearest.phi, strict=True))
-    files = [held_by_file(structure.robot, phi, kind) for kind in file_kinds(structure.robot)]
+    files = [values_in_file(structure.robot, phi, kind) for kind in file_kinds(structure.robot)]
     every = [phi, *files]
     base = np.array([[values[n] for n in region.columns] for values in every]) @ structure.G.T
     sentence = _say_left_out(model, nearest.phi)
@@ -461,11 +461,11 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
         phi, margin = scale * (start + null @ u.value), float(t.value)
         if margin >= -BOUNDARY:
             return Certificate(margin, phi, np.zeros_like(beta), 0.0)
-        held = signs.dual_value
+        multiplier = signs.dual_value
         Z = np.array([body.dual_value.ravel() for body in bodies]).reshape(-1, 16)
-        force = adjoint(cones, Z) + held @ region.scaled_rows
+        force = adjoint(cones, Z) + multiplier @ region.scaled_rows
         combination = np.linalg.lstsq(G.T, force)[0]
-        level = float(held @ region.least)
+        level = float(multiplier @ region.least)
         return Certificate(margin, phi, combination, float(combination @ beta), level)
 
 

@@ -352,8 +352,8 @@ class PhysicalSet:
         known = (*self.labels[len(self.signed) :], *self.ellipsoid_labels)
         bounds = (
             f"{label} does not hold."
-            for label, held in zip(known, self.within(phi), strict=True)
-            if not held
+            for label, satisfied in zip(known, self.within(phi), strict=True)
+            if not satisfied
         )
         return (*bodies, *rows, *bounds)
 

@@ -25,7 +25,7 @@ from identifiability.regression.information import (
     fill,
     hold,
     invert_basis,
-    merge_held,
+    merge_kept,
 )
 from identifiability.regression.regression import Chunk, LogPart, Regression, map_parts
 
@@ -117,7 +117,7 @@ class _Piece:
 
     def __add__(self, later: _Piece) -> _Piece:
         pairs = zip(self.held, later.held, strict=True)
-        held = [merge_held(one, other) for one, other in pairs]
+        held = [merge_kept(one, other) for one, other in pairs]
         sums = [one + other for one, other in zip(self.sums, later.sums, strict=True)]
         return _Piece(self.at, held, sums, self.count + later.count, self.data + later.data)
 

@@ -209,7 +209,7 @@ def hold_blocks(rows: Array, at: np.ndarray) -> Array:
     return out
 
 
-def merge_held(one: Array, other: Array) -> Array:
+def merge_kept(one: Array, other: Array) -> Array:
     """Return what is held of the rows of both."""
     if max(len(one), len(other)) < one.shape[1]:
         return hold(np.vstack([one, other]))

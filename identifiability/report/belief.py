@@ -367,7 +367,7 @@ def draw_margins(
     figure, axes = row_canvas(bodies, 24, top=48, xlabel=label)
     log_scale(axes, LEAST_MARGIN, 1.0)
     row_lines(axes, len(bodies))
-    rows, held = np.arange(len(bodies)), np.array(active, bool)
+    rows, at_edge = np.arange(len(bodies)), np.array(active, bool)
     # What is below the axis moves to its edge; NaN stays.
     stated, nearest = (np.clip(x, LEAST_MARGIN, 1.0) for x in (stated, nearest))
     both = np.isfinite(nearest) & np.isfinite(stated)
@@ -376,8 +376,8 @@ def draw_margins(
     hollow: Any = {"fillstyle": "none", "color": MUTED, "markersize": 7}
     axes.plot(stated, rows, "o", label=plain(origin, 24), **hollow)
     for own, marker, colour, name in (
-        (~held, "o", BLUE, "nearest real robot"),
-        (held, "X", VERMILION, "the same, held at the edge"),
+        (~at_edge, "o", BLUE, "nearest real robot"),
+        (at_edge, "X", VERMILION, "the same, held at the edge"),
     ):
         if own.any():
             axes.plot(nearest[own], rows[own], marker, color=colour, markersize=7, label=name)
@@ -659,10 +659,10 @@ def section_bodies(analysis: Analysis) -> Section:
     nominal = region.margins(analysis.structure.nominal)
     margins = np.full(len(region.names), np.nan) if nearest is None else nearest.margins
     active = () if nearest is None else nearest.active_bodies
-    held, origin = [n in active for n in region.names], analysis.robot.path.name
-    figure = draw_margins(region.names, margins, nominal, held, origin)
+    at_edge, origin = [n in active for n in region.names], analysis.robot.path.name
+    figure = draw_margins(region.names, margins, nominal, at_edge, origin)
     signs = () if nearest is None else nearest.active_rows
     also = Terms((Term("also at their limit", join(signs, 12)),)) if signs else None
     amount = ("none", "one")[len(active)] if len(active) < 2 else "several"
-    held_text = sentence("analysis.held", amount, names=join(tuple(active)) if active else "")
-    return section("analysis.bodies", picture("bodies", figure), also, held=held_text)
+    edge_text = sentence("analysis.held", amount, names=join(tuple(active)) if active else "")
+    return section("analysis.bodies", picture("bodies", figure), also, held=edge_text)

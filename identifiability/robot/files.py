@@ -300,15 +300,15 @@ def _ask_for_base(path: Path, root: ET.Element) -> None:
     weighs = {
         link.get("name") for link in root.findall("link") if link.find("inertial") is not None
     }
-    held, legs, heavy = [base], list[str](), False
-    while held:
-        link = held.pop()
+    waiting, legs, heavy = [base], list[str](), False
+    while waiting:
+        link = waiting.pop()
         heavy = heavy or link in weighs
         for joint, (parent, child) in ends.items():
             if parent != link:
                 continue
             if joint.get("type") == "fixed":
-                held.append(child)
+                waiting.append(child)
             elif _LEG.search(_spaced(f"{joint.get('name')} {child}")):
                 legs.append(child)
     if len(legs) < 2 or not heavy or base in GROUND:

@@ -259,11 +259,11 @@ def _null_space(J: Array) -> tuple[Array, np.ndarray]:
     n = J.shape[2]
     Jb, Jj = J[:, :, :SIX], J[:, :, SIX:]
     inverse, weak = _pinv(Jj, RULES.leg_stretched)
-    held = Jb - Jj @ (inverse @ Jb)  # motions of the base to which the legs cannot yield
-    large = np.abs(held).max(initial=0.0) > NEARLY
+    stiff = Jb - Jj @ (inverse @ Jb)  # motions of the base to which the legs cannot yield
+    large = np.abs(stiff).max(initial=0.0) > NEARLY
     P = np.broadcast_to(np.eye(SIX), (len(J), SIX, SIX))
     if large:
-        P = P - _pinv(held, NEARLY)[0] @ held
+        P = P - _pinv(stiff, NEARLY)[0] @ stiff
     N = np.zeros((len(J), n, n))
     N[:, :SIX, :SIX] = P
     N[:, SIX:, :SIX] = -inverse @ Jb @ P

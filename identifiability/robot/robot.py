@@ -250,9 +250,9 @@ class Robot(Description):
         RobotError
             If there is no such joint, or it cannot be locked.
         """
-        held = {**self.locked, **read_locks(lock)} if self.lock_option else read_locks(lock)
+        locked = {**self.locked, **read_locks(lock)} if self.lock_option else read_locks(lock)
         base = cast('Literal["fixed", "floating"] | None', self.base_option)
-        return self._again(Robot.load(self.path, self.sidecar, lock=held, base=base))
+        return self._again(Robot.load(self.path, self.sidecar, lock=locked, base=base))
 
     @checked
     def save(self, path: FilePath) -> Path:

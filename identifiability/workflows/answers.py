@@ -237,20 +237,20 @@ def answer_trust(
     if doubt:
         return Answer(question, "No.", f"{doubt[0].upper()}{doubt[1:]}", "vermilion")
     grave = [n.title.rstrip(".") for n in notes if n.level == "warning"]
-    held = f"{found} of {format_count(size, 'value')} are identifiable"
+    found_text = f"{found} of {format_count(size, 'value')} are identifiable"
     if missing:
         more = "".join(f" Read below: “{g}”." for g in dict.fromkeys(grave))
-        text = f"{missing[0].upper()}{missing[1:]}: diagnose. {held}.{more}"
+        text = f"{missing[0].upper()}{missing[1:]}: diagnose. {found_text}.{more}"
         return Answer(question, "Only if nothing is missing.", text, "amber")
     if not grave:
         return Answer(
             question,
             "Yes, within its intervals.",
-            f"{held}; nothing was found that speaks against it.",
+            f"{found_text}; nothing was found that speaks against it.",
             "green",
         )
     seen = "; ".join(f"“{g}”" for g in dict.fromkeys(grave))
-    return Answer(question, "With care.", f"{held}. Read below: {seen}.", "amber")
+    return Answer(question, "With care.", f"{found_text}. Read below: {seen}.", "amber")
 
 
 def rule_table(rules: RuleTable) -> Table:

@@ -8,7 +8,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from identifiability.effects.vocabulary import held_by_file
+from identifiability.effects.vocabulary import values_in_file
 from identifiability.foundation.result import Result
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared
@@ -120,10 +120,10 @@ def name_export(
     """
     values = {name: 1.0 for name in columns if not name.endswith(".off")}
     if errors is not None and np.isfinite(errors).all():
-        held = not is_another(*errors)
+        exports = not is_another(*errors)
     else:
-        held = all(held_by_file(robot, values, "mjcf").values())
-    if held:
+        exports = all(values_in_file(robot, values, "mjcf").values())
+    if exports:
         return "Take the robot into a simulator:", "fitted.xml"
     return "Take its parameters along, more than robot files hold:", "fitted.json"
 

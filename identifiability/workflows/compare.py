@@ -1040,9 +1040,9 @@ def _next_commands(result: Comparison) -> list[tuple[str, str]]:
     out = []
     if "load" in kinds:
         fitted = f"identifiability analyze {robot} {before} --json result.json"
-        held = "".join(f" --without {quote(n)}" for n in file_names(result.before))
+        options = "".join(f" --without {quote(n)}" for n in file_names(result.before))
         places = [c.cause.place for c in result.changes if c.cause.kind == "load"]
-        weigh = f"{name_logs(result.robot, result.after)}{held} --body {places[0]}"
+        weigh = f"{name_logs(result.robot, result.after)}{options} --body {places[0]}"
         call = f"{fitted} && identifiability payload {robot} result.json {weigh}"
         out.append(("Fit the robot without the load, and weigh the load:", call))
     elif result.changes:

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from identifiability import analyze, simulate
 from identifiability.cli import app
-from identifiability.effects.vocabulary import held_by_file
+from identifiability.effects.vocabulary import values_in_file
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.reduction import (
@@ -109,7 +109,7 @@ def test_every_format_states_both_errors_and_they_are_those_of_its_files(learned
     joint = list(exported.error_joints)[int(np.argmax(each))]
     assert f"alone: {joint} {100 * max(each):.2g} %" in exported.statement
     kind = {"xml": "mjcf", "urdf": "urdf"}[ending]
-    rest = {n: v - held_by_file(result.robot, values, kind)[n] for n, v in values.items()}
+    rest = {n: v - values_in_file(result.robot, values, kind)[n] for n, v in values.items()}
     stated, _ = errors_of(result.robot, result, rest)
     np.testing.assert_allclose(held + stated, whole, atol=1e-9 * np.abs(whole).max())
     assert set(exported.beside).issuperset({"an unnamed function of velocity"})

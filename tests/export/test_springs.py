@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from identifiability import Robot, analyze, simulate
 from identifiability.cli import app
 from identifiability.effects import FAMILIES
-from identifiability.effects.vocabulary import held_by_file
+from identifiability.effects.vocabulary import values_in_file
 from identifiability.foundation.errors import RobotError
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.regression.regression import Model
@@ -96,7 +96,7 @@ def test_file_and_sidecar_are_what_was_fitted(name, given, tmp_path):
     )
     assert set(left_out(copy)) == {n for n in PLANTED[name] if ".B" in n}
     # Among what is beside the file are the spring that pushes on, and what goes with a sine.
-    held = held_by_file(robot, values)
+    held = values_in_file(robot, values)
     assert {n for n in PLANTED[name] if held[n] == 0} == set(written.beside)
     assert copy.known_torque[0].torques.tolist() == [1.0, 0.2, -2.0]
 

@@ -95,14 +95,14 @@ def uninterrupted() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    held: list[Any] = []
-    usual = signal.signal(signal.SIGINT, lambda *what: held.append(what))
+    waiting: list[Any] = []
+    usual = signal.signal(signal.SIGINT, lambda *what: waiting.append(what))
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, signal.SIG_DFL if usual is None else usual)
-        if held and callable(usual):
-            usual(*held[0])
+        if waiting and callable(usual):
+            usual(*waiting[0])
 
 
 class Engine(ABC):

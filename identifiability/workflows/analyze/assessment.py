@@ -291,10 +291,10 @@ def assess_ladder(
         What errors of delays do to the values of a model, (L, k).
     """
     m = len(models)
-    error, held_error = fitted.relative_error(), held_out.relative_error()
+    error, unseen_error = fitted.relative_error(), held_out.relative_error()
     each = fitted.joint_error()
-    joints, held_joints = fitted.error_over_joints(), held_out.error_over_joints()
-    best = int(np.nanargmin(held_joints[:m])) if np.isfinite(held_joints[:m]).any() else 0
+    joints, unseen_joints = fitted.error_over_joints(), held_out.error_over_joints()
+    best = int(np.nanargmin(unseen_joints[:m])) if np.isfinite(unseen_joints[:m]).any() else 0
     spread, joints_spread = (
         held_out.standard_error(best),
         held_out.standard_error_over_joints(best),
@@ -324,13 +324,13 @@ def assess_ladder(
                 reported, reported_uncertainty, torque, thresholds, full, doubt
             ),
             error_ra=float(error[k]),
-            error_ra_validation=float(held_error[k]),
+            error_ra_validation=float(unseen_error[k]),
             error_se=float(spread[k]),
             error_joints=float(joints[k]),
-            error_joints_validation=float(held_joints[k]),
+            error_joints_validation=float(unseen_joints[k]),
             error_joints_se=float(joints_spread[k]),
             worse_at=tuple(np.array(model.structure.robot.joints)[above[:, k]].tolist()),
-            error_ra_physical=float(held_error[m + k]),
+            error_ra_physical=float(unseen_error[m + k]),
             error_ra_real=float(error[m + k]),
             error_ra_file=float(error[2 * m + k]),
             error_ra_other=float(error[3 * m + k]),

@@ -233,7 +233,7 @@ def state_answer(
         return f"Nothing is identifiable, because {why}. {size}"
     if chosen.unjudged:
         return f"Nothing is judged. {chosen.unjudged} {size}"
-    held = 100 * chosen.error_ra_validation
+    unseen = 100 * chosen.error_ra_validation
     known = f"determine {full.count(Class.IDENTIFIABLE)} of them in the unpruned model"
     if full.unjudged:
         known = "do not suffice to judge the unpruned model"
@@ -241,7 +241,7 @@ def state_answer(
         f"Of {total} parameters {base.rank} can be told apart in principle; these logs {known}. "
         f"The model to use is {chosen.name}: {chosen.count(Class.IDENTIFIABLE)} of its "
         f"{len(chosen.submodel)} parameters are identifiable, and it predicts motion that it has "
-        f"not seen with an error of {held:.3g} %."
+        f"not seen with an error of {unseen:.3g} %."
     )
     if not (full.count(Class.IDENTIFIABLE) or chosen.count(Class.IDENTIFIABLE)):
         most = max(models, key=lambda m: m.count(Class.IDENTIFIABLE))

@@ -115,7 +115,7 @@ class Scan:
         s, rules = p.setting, p.setting.rules
         robot, motions = s.structure.robot, [x.motion for x in s.samples]
         listed, _ = list_candidates(robot, find_families(families), (), motions, fixed=True)
-        listed = number([_held(c) for c in listed])
+        listed = number([_settled(c) for c in listed])
         self.rows = p.tables[0].rows(listed)
         self.sizes = p.typical(listed, self.rows)
         self.candidates = [c for c in listed if self.sizes[list(c.columns)].any()]
@@ -324,7 +324,7 @@ def _evidence(P: Array, z: Array, X: Array, f: Array) -> Array:
     return value
 
 
-def _held(c: Candidate) -> Candidate:
+def _settled(c: Candidate) -> Candidate:
     """Return a load as what is small and held somewhere: a mass with its first moments."""
     if not is_body(c):
         return c

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.effects.vocabulary import file_kinds, held_by_file
+from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.estimate import estimate, find_estimator
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.prediction import TorqueUncertainty, measure_spread, predict
@@ -227,7 +227,7 @@ def nearest_dict(d: Findings) -> dict[str, Any]:
     # A named effect may have the columns of one in the model: these stand for both.
     names = structure.columns
     first = np.array([names.index(n) == k for k, n in enumerate(names)])
-    files = [held_by_file(structure.robot, values, kind) for kind in file_kinds(structure.robot)]
+    files = [values_in_file(structure.robot, values, kind) for kind in file_kinds(structure.robot)]
     phi = np.array([[v[n] for n in names] for v in (values, *files)]).T
     regression = replace(structure.regression(d.samples, keep=True), instruments=None, echo=None)
     found = predict(regression, structure.G @ (phi * first[:, None]))

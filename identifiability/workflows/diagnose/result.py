@@ -227,8 +227,8 @@ class Diagnosis(Result, Findings, Predicts):
 
 def pick(value: Any, *names: str, **renamed: str) -> dict[str, Any]:
     """Return some attributes as JSON has them, by their names or by others."""
-    held = {new: getattr(value, name) for new, name in ({n: n for n in names} | renamed).items()}
-    return {name: list(x) if isinstance(x, tuple) else x for name, x in held.items()}
+    fields = {new: getattr(value, name) for new, name in ({n: n for n in names} | renamed).items()}
+    return {name: list(x) if isinstance(x, tuple) else x for name, x in fields.items()}
 
 
 def _forward_row(gap: ForwardGap) -> dict[str, Any]:

@@ -39,7 +39,7 @@ SINES = 6
 BAND: tuple[Tolerance, Tolerance] = (0.1, 3.0)
 
 #: Between steps [s], and over which signals begin and end [s].
-HELD: tuple[Tolerance, Tolerance] = (0.4, 1.2)
+HOLDS: tuple[Tolerance, Tolerance] = (0.4, 1.2)
 EASED: Tolerance = 0.5
 
 #: How often signals are made smaller, and poses at which collisions are looked for.
@@ -209,7 +209,7 @@ def _signals(t: Array, n: int, rng: np.random.Generator) -> Array:
         own = t - ends[1]
         rise = (BAND[1] - BAND[0]) / (ends[2] - ends[1])
         out[1, :, k] = np.sin(2 * np.pi * ((BAND[0] + 0.5 * rise * own) * own + rng.uniform()))
-        at = np.cumsum(rng.uniform(*HELD, int((ends[3] - ends[2]) / HELD[0]) + 2)) + ends[2]
+        at = np.cumsum(rng.uniform(*HOLDS, int((ends[3] - ends[2]) / HOLDS[0]) + 2)) + ends[2]
         levels = rng.uniform(-1, 1, len(at) + 1)
         out[2, :, k] = levels[np.searchsorted(at, t, side="right")]
     for s in range(3):

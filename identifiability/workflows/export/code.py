@@ -80,22 +80,22 @@ def write_statements(
     if language == "python":
         ready = ", ".join(inputs[: function.n_in()])
         yield f"{ready}, (sin, cos, exp, sqrt, fabs, fmin, fmax, sign, tanh) = _ready({ready})"
-    held: dict[int, str] = {}
+    names_of: dict[int, str] = {}
     for k in range(function.n_instructions()):
         kind = function.instruction_id(k)
         out, given = function.instruction_output(k), function.instruction_input(k)
         name = f"x{k}"
         if kind == ca.OP_CONST:
             value = float(function.instruction_constant(k))
-            held[out[0]] = repr(value) if value >= 0 else f"({value!r})"
+            names_of[out[0]] = repr(value) if value >= 0 else f"({value!r})"
         elif kind == ca.OP_INPUT:
-            held[out[0]] = name
+            names_of[out[0]] = name
             yield f"{start}{name} = {inputs[given[0]]}{given_at[given[0]][given[1]]}{end}"
         elif kind == ca.OP_OUTPUT:
-            yield f"{outputs[out[0]]}{found_at[out[0]][out[1]]} = {held[given[0]]}{end}"
+            yield f"{outputs[out[0]]}{found_at[out[0]][out[1]]} = {names_of[given[0]]}{end}"
         else:
-            yield f"{start}{name} = {forms[names[kind]].format(*(held[g] for g in given))}{end}"
-            held[out[0]] = name
+            yield f"{start}{name} = {forms[names[kind]].format(*(names_of[g] for g in given))}{end}"
+            names_of[out[0]] = name
 
 
 def _places(sparsity: Any) -> list[str]:

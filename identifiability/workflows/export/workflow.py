@@ -18,10 +18,10 @@ from identifiability.effects.vocabulary import (
     complete_values,
     every_parameter,
     file_kinds,
-    held_by_file,
     read_back,
     settle_springs,
     stated_numbers,
+    values_in_file,
 )
 from identifiability.foundation import handed
 from identifiability.foundation.documents import read_document
@@ -400,10 +400,10 @@ class Exported:
         """What the files hold, in words."""
         parts = [self.commanded]
         if self.beside:
-            held = [f"{effect} ({listing(n, 4)})" for effect, n in self.beside.items()]
-            stand = "it stands" if len(held) == 1 else "they stand"
+            beside = [f"{effect} ({listing(n, 4)})" for effect, n in self.beside.items()]
+            stand = "it stands" if len(beside) == 1 else "they stand"
             parts.append(
-                f"{self.robot.name} cannot hold {listing(held, len(held))}: {stand} in the "
+                f"{self.robot.name} cannot hold {listing(beside, len(beside))}: {stand} in the "
                 "sidecar, which simulators do not read."
             )
         if self.gravity:
@@ -673,7 +673,7 @@ def _error_of_file(robot: Robot, physical: PhysicalEntry, kind: Kind) -> float |
     """Return the error of what a robot file alone holds; None where nobody measured it."""
     if kind in physical.error_ra_files:
         return physical.error_ra_files[kind]
-    if held_by_file(robot, physical.parameters, kind) == physical.parameters:
+    if values_in_file(robot, physical.parameters, kind) == physical.parameters:
         return physical.error_ra
     return physical.error_ra_file if kind == file_kinds(robot)[0] else None
 
@@ -705,7 +705,7 @@ def _refuse_another(
     if error is not None and error < alone:
         better = f", or to {out.with_suffix(ENDINGS[other]).name} (alone {100 * error:.3g} %)"
     given = physical.parameters
-    lost = [n for n, x in held_by_file(robot, given, kind).items() if x != given[n]]
+    lost = [n for n, x in values_in_file(robot, given, kind).items() if x != given[n]]
     raise IdentifiabilityError(
         f"On the fitted logs {out.name} alone would err by {100 * alone:.3g} %, more than "
         f"{PHYSICAL_RULES.another_robot:g} times the {100 * whole:.3g} % of all that was fitted, "

@@ -25,7 +25,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.workflows.prune.folds import (
-    HELD,
+    SATISFIED,
     FoldFits,
     WhitenedRegression,
     whiten_regression,
@@ -81,7 +81,7 @@ def descend(
     fit, X = fit.alone, fit.whitened.inverse
     square, spread = (X**2).sum(1), measure_spread(fit)
     while True:
-        free = spread > HELD * square
+        free = spread > SATISFIED * square
         drops = np.where(free, fit.values[0] ** 2 / np.where(free, spread, 1.0), 0.0)
         move = find_cheapest(fit, pairs, kept, drops)
         if move is None:

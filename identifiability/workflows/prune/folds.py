@@ -26,7 +26,7 @@ from identifiability.regression.information import ActuatorBlocks, Information
 from identifiability.workflows.prune.moves import Move, Partition
 
 #: A constraint whose share of its first variance is below this holds already.
-HELD: Tolerance = 1e-10
+SATISFIED: Tolerance = 1e-10
 
 
 @frozen(kw_only=True)
@@ -94,7 +94,7 @@ class WhitenedRegression:
         for f in range(self.folds.count):
             own = np.tensordot((self.folds.test == f) * weights, self.seen, 1)
             values, vectors = np.linalg.eigh(own[:, :k])
-            good = values > HELD * values.max(initial=0.0)
+            good = values > SATISFIED * values.max(initial=0.0)
             half = (vectors[:, good] / np.sqrt(values[good])).T @ own[:, k:]
             out.append(half.T @ half)
         return np.stack(out)
@@ -215,10 +215,10 @@ class FoldFits:
         L, partition = self.rows(move), self.partition.apply(move)
         left = L @ self.refits.C @ L.T
         if len(L) == 1:  # as most are, thousands of times; it is its own eigenvector
-            L = L[left[0] > HELD]
+            L = L[left[0] > SATISFIED]
         else:
             values, vectors = np.linalg.eigh(left)
-            L = vectors[:, values > HELD].T @ L
+            L = vectors[:, values > SATISFIED].T @ L
         refits = self.refits.constrain(L, partition.matrix) if len(L) else self.refits
         return replace(self, partition=partition, refits=refits)
 
@@ -230,7 +230,7 @@ class FoldFits:
         L = self.whitened.whiten(np.concatenate(rows))
         d = L @ self.y[0]
         variance = ((L @ self.refits.C) * L).sum(1)
-        free = variance > HELD
+        free = variance > SATISFIED
         single = np.where(free, d**2 / np.where(free, variance, 1.0), 0.0)
         costs, at = [], 0
         for r in rows:
@@ -250,7 +250,7 @@ class FoldFits:
         """Return the rise of the loss under more constraints L y = 0, and their rank."""
         d = L @ self.y[0]
         values, vectors = np.linalg.eigh(L @ self.refits.C @ L.T)
-        free = values > HELD
+        free = values > SATISFIED
         return float(((vectors.T @ d)[free] ** 2 / values[free]).sum()), int(free.sum())
 
     def jackknife(self, move: Move) -> tuple[Array, Array]:

@@ -557,16 +557,16 @@ def measure_models(
     fitted, unseen, own = predict_all(
         opening.regression, [every, crossed, two], engine=engine, progress=progress
     )
-    outside, own_held = unseen, own
-    error_held = joints_held = np.full(len(steps), np.nan)
+    outside, own_validation = unseen, own
+    error_validation = joints_validation = np.full(len(steps), np.nan)
     if opening.validation:
         held_out = opening.structure.regression(opening.validation)
-        outside, own_held = predict_all(held_out, [every, two], engine=engine)
-        error_held, joints_held = outside.relative_error(), outside.error_over_joints()
+        outside, own_validation = predict_all(held_out, [every, two], engine=engine)
+        error_validation, joints_validation = outside.relative_error(), outside.error_over_joints()
     own_model = [question.recall(*fits[chosen])]
     missing = find_missing(opening)
     (result,) = assess_ladder(
-        own_model, [physical], own, own_held, Thresholds(), rng, replicates, missing,
+        own_model, [physical], own, own_validation, Thresholds(), rng, replicates, missing,
         veto=bool(opening.validation), late=question.delays.move,
     )  # fmt: skip
     spread = result.uncertainty
@@ -610,11 +610,11 @@ def measure_models(
             error_ra=float(error[k]),
             error_ra_unseen=float(error_unseen[k]),
             error_se=float(error_se[k]),
-            error_ra_validation=float(error_held[k]),
+            error_ra_validation=float(error_validation[k]),
             error_joints=float(joints[k]),
             error_joints_unseen=float(joints_unseen[k]),
             error_joints_se=float(joints_se[k]),
-            error_joints_validation=float(joints_held[k]),
+            error_joints_validation=float(joints_validation[k]),
             error_squares=step.score.error**2 / unit,
             error_squares_se=2.0 * judged[k].error.se * step.score.error**2 / unit,
             density=judged[k].density.value,

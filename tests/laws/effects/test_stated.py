@@ -5,7 +5,7 @@ import pytest
 
 from identifiability import analyze, prune, simulate
 from identifiability.effects import FAMILIES, AlongAxes, Family, forget, register
-from identifiability.effects.vocabulary import held_by_file, stated_numbers
+from identifiability.effects.vocabulary import stated_numbers, values_in_file
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.logs import Log
 from identifiability.physical.fitted_model import physical_set
@@ -112,7 +112,7 @@ def test_what_a_file_states_of_a_parameter_is_read_as_that_parameter(robot):
                 continue
             numbers = stated_numbers(robot, {p.name: 3.0})[p.owner]
             read = name_numbers(p.owner, numbers, robot.inertia_parts)
-            held = held_by_file(robot, {p.name: 3.0})[p.name]
+            held = values_in_file(robot, {p.name: 3.0})[p.name]
             assert held == (3.0 if p.stated_as in numbers else 0.0)
             first = f"{p.owner}.{robot.inertia_parts[0]}"  # it has a rotor's sum
             assert read.get(first if p.stated_as == "armature" else p.name, 0.0) == held
