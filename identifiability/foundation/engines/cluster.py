@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import cloudpickle
-import joblib
 
 from identifiability.foundation.engines.mapping import (
     AHEAD,
@@ -27,6 +26,7 @@ from identifiability.foundation.engines.mapping import (
     Engine,
     Item,
     Result,
+    count_cores,
     in_order,
     run_limited,
     uninterrupted,
@@ -35,8 +35,8 @@ from identifiability.foundation.engines.resume import root_module, source_digest
 from identifiability.foundation.errors import EngineError
 from identifiability.foundation.output import temporary_folder
 
-#: Seconds to wait for a scheduler, and for its first worker.
-PATIENCE = 5.0
+#: Seconds to wait for a scheduler, and for its first worker: a busy machine starts one in tens.
+PATIENCE, JOINING = 5.0, 60.0
 
 #: Seconds without a result after which the scheduler is asked whether it is still there.
 SILENCE = 10.0
@@ -185,11 +185,11 @@ class Dask(Engine):
 
         async def wait() -> bool:
             with contextlib.suppress(TimeoutError):
-                await self.client.wait_for_workers(1, timeout=PATIENCE)
+                await self.client.wait_for_workers(1, timeout=JOINING)
                 return True
             return False
 
-        if not self._await(wait, PATIENCE):
+        if not self._await(wait, JOINING):
             raise EngineError(
                 f"The scheduler at {self.scheduler} has no workers; start some with "
                 f"'dask worker {self.scheduler}'."
@@ -288,7 +288,7 @@ def _local_cluster(workers: int | None) -> Iterator[Any]:
         try:
             with uninterrupted():  # Dask cannot end half of one
                 cluster = distributed.LocalCluster(
-                    n_workers=workers or joblib.cpu_count(),
+                    n_workers=workers or count_cores(),
                     threads_per_worker=1,
                     processes=True,
                     dashboard_address="127.0.0.1:0",

@@ -13,13 +13,11 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import cloudpickle
-import joblib
-from joblib.externals.loky import ProcessPoolExecutor
 
 from identifiability.foundation.engines.mapping import (
     AHEAD,
@@ -27,6 +25,7 @@ from identifiability.foundation.engines.mapping import (
     Item,
     Result,
     Serial,
+    count_cores,
     in_order,
     run_limited,
     uninterrupted,
@@ -71,12 +70,16 @@ class Processes(Engine):
     """
 
     def __init__(self, workers: int | None = None) -> None:
-        self.workers = max(1, joblib.cpu_count() if workers is None else workers)
-        self._opening = OPENING if workers is None else 0.0
+        self._asked, self._opening = workers, OPENING if workers is None else 0.0
         self._pool: Any = None
 
+    @cached_property
+    def workers(self) -> int:
+        """How many work at once."""
+        return count_cores() if self._asked is None else max(1, self._asked)
+
     def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
-        if self.workers == 1 or len(items) < 2:
+        if len(items) < 2 or self.workers == 1:
             yield from Serial().map(function, items)
             return
         spent, done = 0.0, 0
@@ -124,6 +127,8 @@ class Processes(Engine):
     def _started(self) -> Any:
         """Return the pool of workers."""
         if self._pool is None:
+            from joblib.externals.loky import ProcessPoolExecutor  # noqa: PLC0415 - heavy
+
             # A worker whose memory grew is replaced by loky; nobody need be told.
             warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
             own = {"initializer": _start_worker, "initargs": (os.getpid(),), "env": _ONE_THREAD}
@@ -196,7 +201,7 @@ def choose_engine(
         If options contradict each other, or the cluster cannot be used.
     """
     if engine == "processes" and workers is None:
-        workers = joblib.cpu_count()
+        workers = count_cores()
     name = engine or ("processes" if scheduler is None else "dask")
     if scheduler is not None and name != "dask":
         raise EngineError(f"The engine '{name}' has no scheduler; give the engine 'dask' with it.")

@@ -48,6 +48,13 @@ AHEAD = 4
 LARGE = 100_000
 
 
+def count_cores() -> int:
+    """Return how many cores this process may use; affinity and control groups count."""
+    import joblib  # noqa: PLC0415 - heavy, and a single item does without it
+
+    return int(joblib.cpu_count())
+
+
 def run_limited(function: Callable[[Item], Result], item: Item) -> Result:
     """Call a function with one BLAS thread.
 

@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import Any
 
 import cloudpickle
-import joblib
 
 from identifiability.foundation.engines.mapping import Engine, Item, Result
 from identifiability.foundation.errors import OutputError
@@ -185,7 +184,7 @@ def fingerprint(function: Callable[..., Any]) -> str:
     """Return a digest of a function: its name, bound arguments, program text and numerics."""
     parts = [f"{name} {find_version(name)}" for name in NUMERICS]
     while isinstance(function, partial):
-        parts.append(str(joblib.hash((function.args, function.keywords), "sha1")))
+        parts.append(content_digest((function.args, function.keywords)))
         function = function.func
     module, name = _module(function), getattr(function, "__qualname__", "")
     # Of a folder without __init__, the file.
@@ -195,6 +194,13 @@ def fingerprint(function: Callable[..., Any]) -> str:
         # A notebook's, a lambda's or an object's text and values are in no file.
         parts.append(hashlib.sha256(cloudpickle.dumps(function)).hexdigest())
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def content_digest(held: Any) -> str:
+    """Return a digest of any values, arrays among them."""
+    import joblib  # noqa: PLC0415 - heavy
+
+    return str(joblib.hash(held, "sha1"))
 
 
 def root_module(function: Callable[..., Any]) -> tuple[str, Path | None]:
@@ -307,7 +313,7 @@ class Resumed(Engine):
         self.engine.close()
 
     def _path(self, program: str, item: Any) -> Path:
-        key = hashlib.sha256(f"{program} {joblib.hash(item, 'sha1')}".encode()).hexdigest()
+        key = hashlib.sha256(f"{program} {content_digest(item)}".encode()).hexdigest()
         return self.folder / key[:2] / f"{key}.result"
 
     def _keep(self, path: Path, result: Any) -> None:
