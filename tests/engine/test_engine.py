@@ -92,10 +92,10 @@ def test_a_caller_that_wants_no_more_ends_the_work(two):
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({"name": "threads"}, "'serial', 'processes', 'dask' or None, not 'threads'"),
-        ({"name": "Dusk"}, "not 'Dusk', did you mean 'dask'?"),
+        ({"engine": "threads"}, "'serial', 'processes', 'dask' or None, not 'threads'"),
+        ({"engine": "Dusk"}, "not 'Dusk', did you mean 'dask'?"),
         ({"workers": 0}, "workers must be a whole number of at least 1 or None, not 0"),
-        ({"name": "serial", "scheduler": "tcp://a:1"}, "'serial' has no scheduler"),
+        ({"engine": "serial", "scheduler": "tcp://a:1"}, "'serial' has no scheduler"),
         ({"scheduler": "tcp://a:1", "workers": 2}, "has its own workers; leave out their number"),
     ],
 )
