@@ -102,7 +102,7 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
         ]
     if grid is None:
         return replace(plan, hints=tuple(uneven))
-    notes, hints, split = [*plan.notes], uneven, gaps.length > longest
+    notes, hints, split = [*plan.notes], uneven, np.isin(gaps.rows + 1, grid.breaks)
     if len(grid.after) and plan.cutoff is not None:
         notes.append(
             f"lost samples ({int(grid.lost.sum())}, at most {gaps.length[~split].max():.3g} s from "
