@@ -80,29 +80,37 @@ class Correction:
         Directions that stay with least squares, for want of a strong instrument.
     touched : tuple of str
         Parameters that lean on these directions.
+    bias : (weak, k)
+        What the root mean square of the bias that least squares may have in each of these
+        directions moves.
     """
 
     least_squares: Array
     weak: int
     touched: tuple[str, ...]
+    bias: Array
 
     @classmethod
-    def of(cls, plain: Estimate, directions: Array, weak: np.ndarray) -> Correction:
+    def of(cls, plain: Estimate, noise: Array, bias: Array, weak: np.ndarray) -> Correction:
         """Return what is mended of least squares in all but the weak directions.
 
         Parameters
         ----------
         plain : Estimate
             By least squares, of which k columns are kept.
-        directions : (k, k)
-            Of unit information, one a column.
+        noise, bias : (k, k)
+            What noise of one standard deviation, and the root mean square of the bias that stays,
+            move, a direction a column.
         weak : (k,) bool
         """
-        share = (directions[:, weak] ** 2).sum(1) / (directions**2).sum(1)
+        square = noise**2 + bias**2
+        share = square[:, weak].sum(1) / np.maximum(square.sum(1), 1e-300)
         touched = tuple(
             plain.columns[plain.kept[j]] for j in np.flatnonzero(share > RULES.direction_touched)
         )
-        return cls(plain.value, int(weak.sum()), touched)
+        wide = np.zeros((int(weak.sum()), len(plain.value)))
+        wide[:, list(plain.kept)] = bias[:, weak].T
+        return cls(plain.value, int(weak.sum()), touched, wide)
 
 
 @frozen

@@ -40,6 +40,9 @@ from identifiability.regression.information import Information
 #: Instruments are told apart down to this share of their columns' length.
 APART: Tolerance = 1e-8
 
+#: Share of a direction below which it is noise.
+LEFT: Tolerance = 1e-3
+
 
 @frozen
 class Combined:
@@ -193,8 +196,8 @@ class InstrumentalVariables:
         rss = part.squares(np.append(-found.value, 1.0))
         scale = noise_scale(part, plain.weights, plain.times, rss)
         covariance = _white_covariance(part, found, plain, scale)
-        directions = found.B * np.sqrt(scale * found.length**2 + found.bias(scale))
-        mended = Correction.of(plain, directions, found.weak)
+        noise, bias = np.sqrt(scale) * found.B * found.length, found.B * np.sqrt(found.bias(scale))
+        mended = Correction.of(plain, noise, bias, found.weak)
         return correct(plain, self, found.value, covariance, rss, mended)
 
     def refit(self, information: Information, fit: Estimate, counts: Array) -> Array:
@@ -350,13 +353,13 @@ class RenoisedLeastSquares:
         if information.echo is None or not kept:
             return plain
         part = information.select(kept)
-        B, directions, weak = _shrinkage(part, plain.weights)
-        value, H = np.linalg.solve(B, plain.value[kept]), np.linalg.inv(B)
-        own = plain.covariance[np.ix_(kept, kept)]
-        # Of what is determined alone; the rest has no variance.
-        covariance = H @ np.where(np.isfinite(own), own, 0.0) @ H.T
+        found, spread = _shrinkage(part, plain.weights), plain.covariance[np.ix_(kept, kept)]
+        spread = np.where(np.isfinite(spread), spread, 0.0)  # the rest has no variance
+        value = found.H @ plain.value[kept]
         rss = part.squares(np.append(-value, 1.0))
-        mended = Correction.of(plain, directions, weak)
+        mended = Correction.of(plain, *found.leave(plain.value[kept], spread), found.weak)
+        bias = mended.bias[:, kept]
+        covariance = found.H @ spread @ found.H.T + bias.T @ bias
         return correct(plain, self, value, covariance, rss, mended)
 
     def refit(self, information: Information, fit: Estimate, counts: Array) -> Array:
@@ -389,11 +392,10 @@ class RenoisedLeastSquares:
         b = len(M)
         R = information.echo.joint.factor(fit.weights)
         V, W = R[:, :b], R[:, b : 2 * b]
-        # From the factors over all columns: nothing is asked of the blocks anew.
-        B, *_ = _noise_map(V @ M, W @ M, information.factor(fit.weights)[:, :b] @ M)
+        H = _noise_map(V @ M, W @ M).H
         # Of its own columns it finds what they are.
         moved = np.linalg.lstsq(V @ M, W - W @ M @ P, rcond=None)[0]
-        seen: Array = P + np.linalg.solve(B, moved)
+        seen: Array = P + H @ moved
         return seen
 
     def _correction(self, information: Information, fit: Estimate) -> Array:
@@ -401,8 +403,7 @@ class RenoisedLeastSquares:
         H = np.eye(information.size)
         kept = list(fit.kept)
         if information.echo is not None and kept:
-            B, *_ = _shrinkage(information.select(kept), fit.weights)
-            H[np.ix_(kept, kept)] = np.linalg.inv(B)
+            H[np.ix_(kept, kept)] = _shrinkage(information.select(kept), fit.weights).H
         return H
 
 
@@ -411,42 +412,74 @@ def _plain(fit: Estimate) -> Estimate:
     return fit if fit.correction is None else replace(fit, value=fit.correction.least_squares)
 
 
-def _shrinkage(information: Information, weights: Array) -> tuple[Array, Array, np.ndarray]:
-    """Return what noise makes of independent columns' values, (k, k), and in which directions.
+@frozen
+class Shrinkage:
+    """What noise makes of the values of k independent columns, direction by direction.
 
-    Directions (k, k) are of unit information, one a column; in the weak ones (k,) nothing is
-    mended.
+    Attributes
+    ----------
+    left : (k, k)
+        Rows that turn values of least squares into directions.
+    share : (k,)
+        Of each true one that noise leaves.
+    weak : (k,) bool
+        Directions that stay with least squares.
+    right : (k, k)
+        What each direction is of the corrected values, one a column.
+    rest : (k, k)
+        What of the values is in no direction, and stays.
     """
+
+    left: Array
+    share: Array
+    weak: np.ndarray
+    right: Array
+    rest: Array
+
+    @property
+    def H(self) -> Array:
+        """What turns values of least squares into corrected ones, (k, k)."""
+        H: Array = self.rest + self.right @ self.left
+        return H
+
+    def leave(self, value: Array, covariance: Array) -> tuple[Array, Array]:
+        """Return what noise, and the bias that stays, move, a direction a column, (k, k) each.
+
+        The bias is what the correction would change, as far as noise lets that be known.
+        """
+        variance = np.maximum(np.einsum("ij,jk,ik->i", self.left, covariance, self.left), 0.0)
+        more = 1.0 / np.maximum(self.share, LEFT) - 1.0
+        bias = np.where(self.weak, more * np.sqrt((self.left @ value) ** 2 + variance), 0.0)
+        return self.right * np.sqrt(variance), self.right * bias
+
+
+def _shrinkage(information: Information, weights: Array) -> Shrinkage:
+    """Return what noise makes of independent columns' values."""
     k, echo = information.size, information.echo
     assert echo is not None
 
-    def make() -> tuple[Array, Array, np.ndarray]:
+    def make() -> Shrinkage:
         R = echo.joint.factor(weights)
-        return _noise_map(R[:, :k], R[:, k : 2 * k], information.factor(weights)[:, :k])
+        return _noise_map(R[:, :k], R[:, k : 2 * k])
 
-    found: tuple[Array, Array, np.ndarray] = information.remember(("echo", weights.tobytes()), make)
+    found: Shrinkage = information.remember(("echo", weights.tobytes()), make)
     return found
 
 
-def _noise_map(V: Array, W: Array, F: Array) -> tuple[Array, Array, np.ndarray]:
-    """Return what `_shrinkage` does, from rows along the smoothed motion and of the log (m, k).
+def _noise_map(V: Array, W: Array) -> Shrinkage:
+    """Return what noise makes of values, from rows with new noise and without, (m, k) each.
 
-    Parameters
-    ----------
-    V, W : (m, k)
-        With new noise, and without.
-    F : (m, k)
-        Of the log, whitened.
+    In the metric of rows with noise the map is symmetric but for what is odd in the noise: no
+    direction is turned into another.
     """
     k = V.shape[1]
     R = triangular_factor(np.hstack([V, W]))
-    B = _inverse(R[:k, :k]) @ R[:k, k:]
-    root = triangular_factor(F)
+    root = R[:k, :k]
     back = _inverse(root)
-    U, s, Yt = np.linalg.svd(root @ B @ back)
+    U, s, Yt = np.linalg.svd(root @ back @ R[:k, k:] @ back)
     weak = s < RULES.instrument_left
-    B = np.eye(k) + back @ ((U * np.where(weak, 1.0, s)) @ Yt - np.eye(k)) @ root
-    return B, back @ U, weak
+    right = np.where(weak, U, Yt.T / np.where(weak, 1.0, s))
+    return Shrinkage(U.T @ root, s, weak, back @ right, np.eye(k) - back @ root)
 
 
 def _solve(root: Array, right: Array) -> Array:

@@ -352,6 +352,8 @@ class Uncertainty:
     late : (L, k) or None
         What one standard deviation of the delay of a log's commands moves, which all its samples
         share.
+    bias : (w, k) or None
+        What the bias that noise in the motion leaves may move, which resampling keeps.
     """
 
     white: Array
@@ -362,14 +364,16 @@ class Uncertainty:
     note: str = ""
     motions: Motions | None = None
     late: Array | None = None
+    bias: Array | None = None
 
     @property
     def robust(self) -> Array:
-        """What noise, delays and logs leave open, (k,)."""
-        if self.late is None:
+        """What noise, delays, logs and noise in the motion leave open, (k,)."""
+        shared = [x for x in (self.late, self.bias) if x is not None]
+        if not shared:
             return self.scatter
-        both: Array = np.hypot(self.scatter, np.linalg.norm(self.late, axis=0))
-        return both
+        together: Array = np.linalg.norm([self.scatter, *np.vstack(shared)], axis=0)
+        return together
 
     @property
     def scatter(self) -> Array:
@@ -469,7 +473,9 @@ def resample(
             note = str(error)
     scores = scatter_scores(information, fit, fit.memory)
     motions = compare_motions(information, fit, fit.memory)
-    return Uncertainty(fit.sigma, drawn, scores, fit.times, length, note, motions)
+    mended = fit.correction
+    bias = mended.bias if mended is not None and mended.weak else None
+    return Uncertainty(fit.sigma, drawn, scores, fit.times, length, note, motions, bias=bias)
 
 
 def remembering_covariance(information: Information, fit: Estimate) -> Array:

@@ -365,7 +365,11 @@ class Projection:
         free = scaled.plane.solve(scaled.factor, scaled.target)
         way = self._way(scaled, free)
         for at in follow(self.region, self.nominal, weights, *way, enough=ENOUGH_TO_PREDICT):
-            yield self.fixed.settle(at.x * scaled.scale), scaled.scale[:, None] * at.root
+            try:
+                root = at.root
+            except np.linalg.LinAlgError:  # nothing but rounding is known of some of them
+                return
+            yield self.fixed.settle(at.x * scaled.scale), scaled.scale[:, None] * root
 
     @cached_property
     def _program(self) -> _Program:

@@ -10,7 +10,7 @@ import numpy as np
 
 from identifiability.effects.imu import move_mounting
 from identifiability.estimation.doubt import NO_DOUBT, Doubt
-from identifiability.estimation.instrumental import InstrumentalVariables, RenoisedLeastSquares
+from identifiability.estimation.instrumental import RenoisedLeastSquares
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import Motions, compare_halves
@@ -293,12 +293,10 @@ def state_weak(chosen: ModelResult) -> str:
     touched = [name for name in correction.touched if name in known]
     if not touched:
         return ""
-    why, counted = "the second record of the motion says too little", ""
-    estimator = chosen.estimate.estimator
-    if isinstance(estimator, RenoisedLeastSquares):
+    why = "the second record of the motion says too little"
+    if isinstance(chosen.estimate.estimator, RenoisedLeastSquares):
         why = "noise of the motion leaves too little to be corrected"
-    elif isinstance(estimator, InstrumentalVariables) and estimator.record != "command":
-        counted = " (σ holds it)"
+    counted = " (σ holds it)" if correction.bias.any() else ""
     return (
         f"In {correction.weak} of {len(chosen.estimate.kept)} directions {why}, and least squares "
         "stays, with the bias that noise in the motion "

@@ -30,7 +30,7 @@ def plain():
 
 
 def test_only_kept_columns_get_values_and_only_determined_ones_a_variance(plain):
-    mended = Correction(plain.value, 0, ())
+    mended = Correction(plain.value, 0, (), np.zeros((0, 3)))
     rss = np.array([6.0, 1.9])
     found = correct(plain, None, np.array([7.0, 8.0]), np.diag([4.0, 9.0]), rss, mended)
     assert found.value.tolist() == [7.0, 0.0, 8.0]
@@ -43,9 +43,13 @@ def test_only_kept_columns_get_values_and_only_determined_ones_a_variance(plain)
 
 def test_what_has_a_tenth_of_its_variance_from_weak_directions_leans_on_them(plain):
     directions = np.array([[1.0, 0.3], [1.0, 0.4]])
-    mended = Correction.of(plain, directions, np.array([False, True]))
+    weak = np.array([False, True])
+    mended = Correction.of(plain, directions, 0 * directions, weak)
     assert mended.weak == 1
     assert mended.touched == ("c",)
+    biased = Correction.of(plain, directions, directions * [0, 2], weak)
+    assert biased.touched == ("a", "c")
+    np.testing.assert_allclose(biased.bias, [[0.6, 0.0, 0.8]])
 
 
 def test_where_a_loop_stays_open_another_motion_stands(monkeypatch):

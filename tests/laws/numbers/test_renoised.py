@@ -9,6 +9,7 @@ from identifiability.estimation.bootstrap import bootstrap, scatter_scores
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.instrumental import InstrumentalVariables, RenoisedLeastSquares
 from identifiability.estimation.least_squares import OrdinaryLeastSquares
+from identifiability.estimation.uncertainty import resample
 from identifiability.regression.information import Information
 
 TRUTH = np.array([1.0, -2.0, 0.5, 3.0])
@@ -80,6 +81,26 @@ def test_what_noise_drowns_stays_with_least_squares():
     B = shrinkage(*rows[2:])
     everything = np.linalg.solve(B, fit.correction.least_squares)
     assert abs(fit.value[3]) < 0.5 * abs(everything[3])
+
+
+@pytest.mark.parametrize("measured_again", [False, True])
+def test_verdicts_hold_what_noise_drowns(measured_again):
+    held, formula = [], []
+    for seed in range(12):
+        rng = np.random.default_rng([seed, 3])
+        W, tau, exact, again = planted(rng, level=np.array([0.1, 0.1, 0.1, 4.0]))
+        information, one = compress(W, tau, exact, again), RENOISED
+        if measured_again:
+            second = exact + [0.1, 0.1, 0.1, 4.0] * rng.normal(size=W.shape)
+            information = Information.of_rows("abcd", W, tau, np.zeros(len(W), int), 20, second)
+            one = InstrumentalVariables(OrdinaryLeastSquares(), record="smoothed")
+        fit = one.fit(information)
+        assert fit.correction.weak == 1
+        found = resample(information, fit, 1.0, rng, 50)
+        held.append(np.abs(fit.value - TRUTH) <= 1.96 * found.robust)
+        formula.append(found.scatter[3] < 0.2 * found.robust[3])
+    assert np.mean(held) > 0.9
+    assert all(formula)  # resampling keeps the bias
 
 
 def test_a_fold_that_does_not_determine_all_is_corrected_in_what_it_does(rows):
