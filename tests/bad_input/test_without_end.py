@@ -3,7 +3,9 @@
 import io
 import json
 import os
+import re
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -25,6 +27,7 @@ from identifiability.robot import markup as magnitudes
 from identifiability.robot import markup as xml
 from identifiability.robot.dh import convert_dh
 from identifiability.robot.files import read_geometry
+from identifiability.workflows import batch as studies
 from identifiability.workflows.predict import read_fit
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -228,6 +231,56 @@ def test_limits_of_results(refuses):
     refuses(read, "r.json", "[" + "[]," * MOST_PARTS + "1]", "more than 2000000 lists and keys")
     refuses(read, "r.json", sparse, "larger than 50 MB")
     refuses(read, "r.json", json.dumps({"a": 1})[:-1] + "[" * 3000, "is not valid JSON")
+
+
+def test_a_study_of_too_many_robots_is_refused(refuses, tmp_path, monkeypatch):
+    def begin(path):
+        return studies.batch(path, tmp_path / "out")
+
+    robot = '[[robots]]\nfile = "two-link"\ntrain = "a.csv"\n'
+    many = 'verb = "analyze"\n' + robot * (MOST_TABLES + 1)
+    refuses(begin, "study.toml", many, f"has {MOST_TABLES + 1} entries, more than {MOST_TABLES}")
+    assert studies.MOST == 10_000
+    monkeypatch.setattr(studies, "MOST", 3)
+    for k in range(4):
+        (tmp_path / f"arm{k}").mkdir()
+    found = 'verb = "analyze"\n' + robot + 'each = "arm*"\n'
+    refuses(begin, "study.toml", found, "has more than 3 robots; make several")
+
+
+#: What is at its limit, and read.
+AT = {
+    "attributes": arm().replace("<mujoco", "<mujoco " + " ".join(
+        f'xmlns:a{k}="u"' for k in range(1000))),
+    "bodies": arm("<body/>" * (xml.MOST_BODIES - 1)),
+    "depth": arm("<frame>" * (xml.DEEPEST - 3) + "</frame>" * (xml.DEEPEST - 3)),
+    "idle": arm(head="<asset>" + "<material/>" * xml.MOST_IDLE + "</asset>"),
+    "users": arm(head='<size nuser_geom="100"/>'),
+    "name": arm(name="x" * 500),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", AT)
+def test_what_is_at_its_limit_is_read(what, tmp_path, at_once):
+    path = tmp_path / "robot.xml"
+    path.write_text(AT[what])
+    with at_once():
+        assert len(Robot.load(path).joints) == 1
+
+
+def test_every_limit_names_its_tests():
+    tests = Path(__file__).parent
+    page = tests.parents[1] / "docs" / "reference" / "limits.md"
+    rows = [x for x in page.read_text(encoding="utf-8").splitlines() if x.startswith("| ")][2:]
+    assert len(rows) > 25
+    for row in rows:
+        *_, named = row.strip("| ").split("|")
+        words = re.findall(r"`(\w+(?:\.py)?)`", named)
+        names = [word for word in words if not word.endswith(".py")]
+        files = [word for word in words if word.endswith(".py")] or [Path(__file__).name]
+        text = "".join((tests / file).read_text(encoding="utf-8") for file in files)
+        assert names, row
+        assert not [name for name in names if f"\ndef {name}(" not in text], row
 
 
 @pytest.mark.parametrize("rule", ["(a|aa)+x", "(.*)(.*)(.*)(.*)x", "(a+){9}"])
