@@ -311,6 +311,31 @@ def steps():
     return frame
 
 
+@pytest.mark.parametrize(
+    ("scale", "shift", "spin", "said"),
+    [
+        (1, 0, 1, ""),
+        (1 / 9.81, 0, 1, "as if it is in units of it"),
+        (1, -9.81, 1, "as if it was taken off"),
+        (1, 0, 57.3, "convert 'base.gyro.x' … to rad/s"),
+    ],
+)
+def test_a_sensor_that_does_not_feel_gravity_is_refused(scale, shift, spin, said, body):
+    t = np.linspace(0, 8, 800)
+    angle, rate = np.sin(2 * t), 2 * np.cos(2 * t)
+    up = np.stack([0 * t, np.sin(angle), np.cos(angle)], 1)
+    columns = {f"base.acc.{a}": scale * (9.81 + shift) * up[:, k] for k, a in enumerate("xyz")}
+    columns |= {f"base.gyro.{a}": spin * rate * (a == "x") for a in "xyz"}
+    frame = pd.DataFrame(
+        {"t": t} | columns | dict.fromkeys(("fx", "fy", "fz", "mx", "my", "mz"), 0.0)
+    )
+    if not said:
+        assert read(body, frame).base[:, 8] == pytest.approx(up[:, 2], abs=0.02)
+        return
+    with pytest.raises(LogError, match=said):
+        read(body, frame)
+
+
 def test_contacts_that_contradict_the_motion_are_told(tmp_path):
     told = "[[contacts]]\nframe = '{0}_foot'\n{1}\n"
     legs = ("left", "right")
@@ -332,6 +357,7 @@ def test_what_does_not_know_bases_that_move_says_so(body, tmp_path):
     with pytest.raises(RobotError, match="put it on a stand"):
         body.save(tmp_path / "other.urdf")
     robot = walker(tmp_path, "")
+    assert repr(body) == "<Robot body: 0 of 0 joints have motors and its base floats, body.xml>"
     stands = Robot.load(robot.path, base="fixed")
     assert stands.joints == robot.motor_joints
     assert stands.sha256 != robot.sha256

@@ -157,6 +157,7 @@ def read_base(base: Base, raw: RawBase, source: str) -> tuple[Array, tuple[str, 
         alpha = signals.differentiate(omega, step) if imu.place.any() else np.zeros_like(omega)
         lever = np.cross(alpha, imu.place) + np.cross(omega, np.cross(omega, imu.place))
         acc = (acc - imu.acc_bias) @ imu.rotation - lever
+        _check_gravity(base, raw.t, acc, omega, turn, source)
         notes.append("the base's motion is what its inertial sensor says")
     elif turn is not None and (raw.get("pos") is not None or raw.get("vel") is not None):
         acc, omega = _from_pose(base, raw, turn, notes)
@@ -293,7 +294,17 @@ def _nearer(known: Array, tried: Mapping[str, Array], what: str, notes: list[str
 
 
 def _level(acc: Array, omega: Array, t: Array) -> Array:
-    """Return where up is along the axes of the base, (N, 3), from an inertial sensor.
+    """Return where up is along the axes of the base, (N, 3), from an inertial sensor."""
+    turn, slow = _mean_acceleration(acc, omega, t)
+    size = np.linalg.norm(slow, axis=1, keepdims=True)
+    up: Array = turn.inv().apply(slow / np.where(size > 0, size, 1.0))
+    return up
+
+
+def _mean_acceleration(
+    acc: Array, omega: Array, t: Array
+) -> tuple[scipy.spatial.transform.Rotation, Array]:
+    """Return how the base turned since the start, and its slow acceleration in axes from then.
 
     In axes that turn back with the gyroscope gravity stands still, but for its drift, and what
     moves the base to and fro has no mean.
@@ -313,14 +324,51 @@ def _level(acc: Array, omega: Array, t: Array) -> Array:
             d * w - a * x - b * y - c * z,
         )
     turn = scipy.spatial.transform.Rotation.from_quat(quat)
-    still = turn.apply(acc)
     spans = np.polynomial.chebyshev.chebvander(
         np.linspace(-1, 1, len(t)), int(step * len(t) / TRUSTED)
     )
-    slow = spans @ np.linalg.lstsq(spans, still, rcond=None)[0]
-    size = np.linalg.norm(slow, axis=1, keepdims=True)
-    up: Array = turn.inv().apply(slow / np.where(size > 0, size, 1.0))
-    return up
+    slow: Array = spans @ np.linalg.lstsq(spans, turn.apply(acc), rcond=None)[0]
+    return turn, slow
+
+
+def _check_gravity(
+    base: Base,
+    t: Array,
+    acc: Array,
+    omega: Array,
+    turn: scipy.spatial.transform.Rotation | None,
+    source: str,
+) -> None:
+    """Refuse an inertial sensor that does not feel gravity: whatever does not fall away does.
+
+    Raises
+    ------
+    LogError
+        If it reads another unit, or gravity was taken off.
+    """
+    fall = float(np.linalg.norm(base.gravity))
+    if not fall or t[-1] - t[0] < 2.0:  # so long nothing falls
+        return
+
+    def share(omega: Array) -> float:
+        slow = _mean_acceleration(acc, omega, t)[1] if turn is None else turn.apply(acc).mean(0)
+        return float(np.median(np.linalg.norm(np.atleast_2d(slow), axis=1))) / fall
+
+    found = share(omega)
+    if 0.5 <= found <= 2.0:
+        return
+    if 0.5 <= share(np.radians(omega)) <= 2.0:
+        raise LogError(
+            f"{source}: with the angular velocity of the base in rad/s its acceleration has no "
+            "direction that stays, with it in degrees it has: convert 'base.gyro.x' … to rad/s."
+        )
+    why = "it was taken off: give what the sensor itself reads"
+    if 0.5 <= fall * found <= 2.0:
+        why = "it is in units of it: convert 'base.acc.x' … to m/s²"
+    raise LogError(
+        f"{source}: the acceleration of the base averages {found * fall:.2g} and not the "
+        f"{fall:.3g} m/s² of gravity, which a sensor feels as it does not fall, as if {why}."
+    )
 
 
 def _closed(base: Base, k: int, raw: RawBase, source: str) -> Array:

@@ -287,7 +287,9 @@ class Robot(Description):
 
     def __repr__(self) -> str:
         """Return what it is, in one line."""
-        moving = f"{len(self.joints)} of {len(self.dofs)} joints have motors"
+        driven, floats = len(self.motor_joints), "" if self.base is None else " and its base floats"
+        still = 0 if self.base is None else len(self.joints) - driven
+        moving = f"{driven} of {len(self.dofs) - still} joints have motors{floats}"
         return f"<Robot {self.title or self.name}: {moving}, {self.path.name}>"
 
     def _repr_html_(self) -> str:

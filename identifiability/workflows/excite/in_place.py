@@ -61,11 +61,9 @@ LEANING = 10
 LEAN: Tolerance = 0.15
 LOOKED = 100
 
-#: By what candidates are made smaller, again and again, while they leave limits; at last swings
-#: alone are left, which keep them.
-SHRINKING: tuple[
-    Tolerance, Tolerance, Tolerance, Tolerance, Tolerance, Tolerance, Tolerance, Tolerance
-] = (0.97, 0.93, 0.85, 0.7, 0.6, 0.6, 0.5, 0.0)
+#: Sizes that are tried of a candidate, by bisection between itself and swings alone, which keep all
+#: limits.
+SIZES = 7
 
 #: Samples at which the search looks, for each part of a motion.
 LOOKS = 40
@@ -236,17 +234,20 @@ class InPlace:
         return self.shrink(x, self.looks)
 
     def shrink(self, x: Array, samples: int) -> Array:
-        """Return candidates (m, size), each made smaller until it keeps all limits."""
-        x, wild = np.array(x), np.arange(len(x))
-        for share in SHRINKING:
-            motion = self.complete(self.robot, x[wild], samples)
+        """Return candidates (m, size), each made smaller so far that it keeps all limits."""
+        kept, tried, wild = np.zeros(len(x)), np.ones(len(x)), np.arange(len(x))
+        for step in 0.5 ** np.arange(1, SIZES + 1):
+            some = tried[wild, None] * x[wild]
+            motion = self.complete(self.robot, some, samples)
+            good = np.zeros(len(wild), bool)
             if motion is not None:
-                space = self.survey(self.robot, motion, x[wild], samples)
-                wild = wild[~space.kept(np.inf)]
+                good = self.survey(self.robot, motion, some, samples).kept(np.inf)
+            kept[wild[good]] = tried[wild[good]]
+            tried[wild] += np.where(good, step, -step)
+            wild = wild[kept[wild] < 1]
             if not len(wild):
                 break
-            x[wild] *= share
-        return x
+        return kept[:, None] * x
 
     def swinging(self, t: Array) -> tuple[Array, Array, Array]:
         """Return how far the base leans, and feet are lifted and into the air, (swings, N) each.
