@@ -100,8 +100,8 @@ def _score(
             for at in (wide, how)
         )
         fit = wls.fit(fitted)
-        step = whole.samples / fitted.samples
-        folds = folds or Folds.of(whole, float(fit.times.max()) * step)
+        ratio = whole.samples / fitted.samples
+        folds = folds or Folds.of(whole, float(fit.times.max()) * ratio)
         train = np.array([_inside(row, whole, fitted) for row in folds.train], float)
         each = [
             whole.squares_of_blocks(np.append(-value, 1.0)[:, None])

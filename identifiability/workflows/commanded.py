@@ -299,11 +299,11 @@ def _calibrate(
 
 def _recorded(q: Array, log: Log, rng: np.random.Generator) -> Array:
     """Return positions (N, n) with the steps of a log's encoders, and what else is its noise."""
-    step = resolution(log.q)
-    noise = np.sqrt(np.maximum(noise_level(log.q, log.t) ** 2 - step**2 / 12, 0.0))
+    finest = resolution(log.q)
+    noise = np.sqrt(np.maximum(noise_level(log.q, log.t) ** 2 - finest**2 / 12, 0.0))
     at = rng.uniform(size=q.shape[1])
-    width = np.where(step > 0, step, 1.0)
-    rounded = np.where(step > 0, (np.floor(q / width + at) + 0.5 - at) * width, q)
+    width = np.where(finest > 0, finest, 1.0)
+    rounded = np.where(finest > 0, (np.floor(q / width + at) + 0.5 - at) * width, q)
     return np.asarray(rounded + noise * rng.standard_normal(q.shape))
 
 

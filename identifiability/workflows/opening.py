@@ -264,7 +264,7 @@ def read_recordings(
     how: Preparation | None = None,
     *,
     commands: bool = False,
-    evidence: bool = True,
+    learns: bool = True,
 ) -> Recordings:
     """Return fitted and held-out logs, every row once and without wrong samples, on one clock.
 
@@ -278,7 +278,7 @@ def read_recordings(
         it asks for the given ones.
     commands : bool
         Whether logs may hold commands and no torque.
-    evidence : bool
+    learns : bool
         Whether something is learnt of their torque: then commands make it where there is none, and
         each row counts once.
 
@@ -294,8 +294,8 @@ def read_recordings(
         raise LogError("No log was given; give at least one.")
     check_held_out(train, held_out)
     whole, n = share_clock([*train, *held_out]), len(train)
-    servo = known.servo if evidence else None
-    mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, servo, evidence=evidence))
+    servo = known.servo if learns else None
+    mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, servo, learns=learns))
     every = (*mended.fitted, *mended.held_out)
     alone = [x.name for x in every if of_commands(x)]
     if alone and not commands:
@@ -304,7 +304,7 @@ def read_recordings(
             "which analyze, prune, diagnose, inspect and rollout take; here give logs of measured "
             "torque."
         )
-    if evidence:
+    if learns:
         _refuse_silent(train)
     read = tuple((log.name, "; ".join(log.notes)) for log in (*train, *held_out) if log.notes)
     return Recordings(mended.fitted, mended.held_out, (*state_reading(read), *mended.hints), read)

@@ -792,11 +792,11 @@ def torque_budget(fit: Fit, samples: Sequence[Prepared]) -> pd.DataFrame:
     samples : sequence of Samples or LongSamples
         Prepared logs; torque is taken as it was measured, not low-passed.
     """
-    step = max(1, -(-sum(s.survey.kept for s in samples) // ENOUGH))
+    stride = max(1, -(-sum(s.survey.kept for s in samples) // ENOUGH))
     n = len(fit.robot.joints)
     squares, count = np.zeros((1 + len(PARTS), n)), np.zeros(n)
     for s in samples:
-        thinned = s.thin(step)
+        thinned = s.thin(stride)
         parts = _split(fit, thinned.motion)
         left = thinned.tau - sum(parts)
         data = np.ones(left.shape) if thinned.dwells is None else ~thinned.dwells

@@ -378,7 +378,7 @@ def _walk(robot: Robot, logs: Logs, against: Other | None, fit: Logs) -> RolledO
     WalkingRobot(robot, torque=True)  # says what it lacks before logs are read
     servo = None if base.servo is None or base.servo.unknown.any() else base.servo
     known = replace(Conventions.of(robot), commands=servo is not None, servo=servo)
-    given = read_recordings(logs, known=known, commands=servo is not None, evidence=False)
+    given = read_recordings(logs, known=known, commands=servo is not None, learns=False)
     read = [log.select(robot.motor_joints) for log in in_memory(given.fitted, Log)]
     torque = servo is None or any(log.q_ref is None and log.dq_ref is None for log in read)
     for log in read:

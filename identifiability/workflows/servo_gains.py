@@ -134,7 +134,7 @@ def read_commanded(
         return [], ()
     # Torque is not looked at, and a motion that is made again is rolled out again.
     known = replace(Conventions.of(robot), commands=not torque)
-    given = read_recordings(logs, known=known, commands=True, evidence=False)
+    given = read_recordings(logs, known=known, commands=True, learns=False)
     read = given.fitted
     if torque:
         read = tuple(x for x in read if isinstance(x, Log) and x.commanded and x.motion_alone)

@@ -31,7 +31,7 @@ class Reading:
         What was mended.
     speeds : tuple of (N, n) or None
         Of logs of commands those that were measured, in order; their torque is made without.
-    evidence : bool
+    learns : bool
         Whether something is learnt of the rows, so that each counts once.
     """
 
@@ -41,7 +41,7 @@ class Reading:
     servo: Servo | None = None
     hints: tuple[str, ...] = ()
     speeds: tuple[Array | None, ...] = ()
-    evidence: bool = True
+    learns: bool = True
 
     def by(
         self, mend: Callable[[Sequence[Recording]], tuple[list[Recording], tuple[str, ...]]]
@@ -143,7 +143,7 @@ def drop_contradicting(logs: Reading) -> Reading:
 )
 def count_once(logs: Reading) -> Reading:
     """Leave out rows that came before; measured speeds tell repetitions from copies."""
-    if not logs.evidence:
+    if not logs.learns:
         return logs
     every: list[Recording] = [*logs.fitted, *logs.held_out]
     for k, speed in enumerate(logs.speeds):

@@ -98,13 +98,13 @@ def find_stretches(log: Log) -> Iterator[tuple[str, str, int, int]]:
     """Yield channel, joint, first row and last (exclusive) of stretches in which a column hangs."""
     for channel in ("q", "tau"):
         values: Array = getattr(log, channel)
-        step = smallest_change(values)
+        resolution = smallest_change(values)
         moves = np.asarray((np.abs(np.diff(log.q, axis=0)) > 0).any(1))
         for k, joint in enumerate(log.joints):
             for a, b in _runs(values[:, k]):
                 # Torque may rest with the robot, and jump when friction turns round.
                 goes = channel == "q" or moves[a : b - 1].mean() > 0.5
-                if goes and _jumps(values[:, k], a, b, float(step[k])):
+                if goes and _jumps(values[:, k], a, b, float(resolution[k])):
                     yield channel, joint, a, b
 
 
@@ -115,15 +115,15 @@ def _runs(x: Array) -> list[tuple[int, int]]:
     return [(int(edges[k]), int(edges[k + 1])) for k in long]
 
 
-def _jumps(x: Array, a: int, b: int, step: float) -> bool:
+def _jumps(x: Array, a: int, b: int, resolution: float) -> bool:
     """Return whether x (N,) goes on after a stretch [a, b) as if it had moved meanwhile."""
     length = b - a
-    if not step > 0 or length >= len(x) // 2:
+    if not resolution > 0 or length >= len(x) // 2:
         return False
     far = np.abs(x[length:] - x[:-length])
     near = np.abs(np.diff(x))
     usual = float(np.quantile(near, 0.9))
-    if np.median(far) < RULES.stuck_changes * step:
+    if np.median(far) < RULES.stuck_changes * resolution:
         return False
     leap = abs(x[b] - x[b - 1]) if b < len(x) else 0.0
-    return bool(leap > RULES.stuck_jumps * max(usual, step))
+    return bool(leap > RULES.stuck_jumps * max(usual, resolution))

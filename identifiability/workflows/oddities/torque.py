@@ -216,8 +216,8 @@ def find_gravity(logs: MeasuredLogs) -> tuple[str, ...]:
 
 def _lacks_weight(logs: MeasuredLogs, joints: list[int]) -> bool:
     """Whether the unpruned model fits as well where some joints carry no weight, whatever it is."""
-    step = max(1, len(logs.torque) // ENOUGH)
-    motion, tau = logs.motion[::step], logs.torque[::step]
+    stride = max(1, len(logs.torque) // ENOUGH)
+    motion, tau = logs.motion[::stride], logs.torque[::stride]
     structure, spread = logs.structure, tau.std(0)
     if not (spread > 0).all():
         return False
@@ -490,10 +490,10 @@ def flat_share(x: Array) -> float:
     if not len(x) or not np.ptp(x) > 0:
         return 0.0
     top, width = float(x.max()), float(np.ptp(x))
-    step = float(smallest_change(x[:, None])[0])
-    at = x >= top - 0.5 * min(step, BAND * width)
+    resolution = float(smallest_change(x[:, None])[0])
+    at = x >= top - 0.5 * min(resolution, BAND * width)
     share = float(at.mean())
-    band = max(BAND * width, 1.5 * step)
+    band = max(BAND * width, 1.5 * resolution)
     below = np.count_nonzero((x >= top - band) & ~at) / len(x)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(int), [0]])))
     longest = int((edges[1::2] - edges[::2]).max())
@@ -594,8 +594,8 @@ def _candidates(logs: MeasuredLogs, plain: _Change) -> Iterator[_Change]:
 
 def _error(logs: MeasuredLogs, change: _Change) -> float:
     """Return the relative error of the unpruned model with an offset a joint, joints alike."""
-    step = max(1, len(logs.torque) // ENOUGH_ROWS)
-    some, tau = logs.motion[::step], logs.torque[::step]
+    stride = max(1, len(logs.torque) // ENOUGH_ROWS)
+    some, tau = logs.motion[::stride], logs.torque[::stride]
     order, factor = list(change.order), np.array(change.factor)
     tau = tau[:, list(change.torques)] * change.signs
     spread = tau.std(0)
