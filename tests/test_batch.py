@@ -50,7 +50,7 @@ def start(tmp_path_factory, simulated_session):
         if name != "c":
             logs = {"fit1": ("a", k), "fit2": ("b", k), "unseen": ("a", 9 + k)}
             for log, (motion, seed) in logs.items():
-                simulated_session("two-link", motion, seed).write(place / f"{log}.csv")
+                simulated_session("two-link", motion, seed, samples=300).write(place / f"{log}.csv")
     (folder / "study.toml").write_text(STUDY)
     return folder
 

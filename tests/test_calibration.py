@@ -108,7 +108,7 @@ def test_what_a_model_holds_is_no_part_of_its_noise(analysis):
 
 @pytest.mark.pictures
 def test_the_command_writes_a_report(simulated_session, tmp_path):
-    log = simulated_session("two-link", "a", 0).write(tmp_path / "log.csv")
+    log = simulated_session("two-link", "a", 0, samples=300).write(tmp_path / "log.csv")
     report, data = tmp_path / "calibration.html", tmp_path / "calibration.json"
     run = CliRunner().invoke(
         app,

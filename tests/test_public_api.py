@@ -86,7 +86,7 @@ def command_lines() -> Iterator[str]:
 def json_lines() -> Iterator[str]:
     """One line a key of every kind of result."""
     robot = Robot.load("two-link")
-    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 500)
+    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 400)
     log = simulate(robot, motion, noise=PAPER_NOISE, rng=np.random.default_rng(0))
     other = simulate(robot, motion, noise=PAPER_NOISE, rng=np.random.default_rng(1))
     analysis = _trusted(analyze(robot, log, replicates=0, posterior=True))

@@ -112,19 +112,20 @@ def agree(said: str, printed: str) -> bool:
     return words == others and same
 
 
-@pytest.mark.pictures
 def test_the_readme_runs_from_top_to_bottom(tmp_path):
-    """With few random draws, and without the verbs that take long."""
+    """With few random draws, and without the verbs that take long and the pictures."""
     said = " ".join(said for said, _ in run(ROOT / "README.md", tmp_path, quick=True))
     assert "it predicts motion that it has not seen" in said  # the decision
     assert "Stribeck friction in joint_2" in said  # what the logs have and the robot file has not
     for name in ("report.html", "inspection.html", "better.html"):
-        assert (tmp_path / "study" / name).stat().st_size > 100_000
+        page = (tmp_path / "study" / name).read_text(encoding="utf-8")
+        assert page.rstrip().endswith("</html>")
     for name in ("torque.csv", "fitted.xml", "again.csv", "template.csv", "result.json"):
         assert (tmp_path / "study" / name).is_file()
 
 
 @pytest.mark.everything
+@pytest.mark.pictures
 @pytest.mark.parametrize("page", RUN)
 def test_a_page_runs_as_it_is_printed(page, tmp_path):
     for said, printed in run(ROOT / page, tmp_path, quick=False):

@@ -25,7 +25,7 @@ def two():
 
 @pytest.fixture(scope="module")
 def log(simulated_session):
-    return simulated_session("two-link", "a", 0)
+    return simulated_session("two-link", "a", 0, samples=300)
 
 
 @pytest.mark.everything
