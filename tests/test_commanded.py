@@ -15,6 +15,7 @@ import pytest
 from identifiability import Log, Robot, analyze, diagnose, export, prune
 from identifiability.estimation.rollouts import (
     KINDS,
+    Gains,
     Problem,
     Rollouts,
     fit_gains,
@@ -37,11 +38,12 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot
+from identifiability.workflows import servo_gains
 from identifiability.workflows.commanded import check_found, state_drift
 from identifiability.workflows.diagnose.known_values import near_file, share_spread
 from identifiability.workflows.opening import read_recordings
 from identifiability.workflows.rollout import rollout
-from identifiability.workflows.servo_gains import Bodies, state_gains
+from identifiability.workflows.servo_gains import Bodies, learn_gains, state_gains
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 sys.path.insert(0, str(MODELS.parent / "studies"))
@@ -646,6 +648,22 @@ def test_commands_and_positions_say_nothing_of_the_scale_of_all_numbers(unstated
     J = problem.linearise(x, problem.weights(one))[: -problem.believed_rows]
     along = problem.scaled(x, 1 + 1e-6) - x
     assert np.linalg.norm(J @ along) < 1e-6 * np.linalg.norm(J * along)
+
+
+def test_unstated_gains_of_a_joint_that_does_not_follow_hide_no_others(
+    unstated, arm, frames, monkeypatch
+):
+    log, n = read(unstated, frames[1]), len(unstated.joints)
+    apart = 1.0 / share_missed(np.ones(n), [log])
+    found = Gains(arm.servo, dict.fromkeys(KINDS, np.zeros(n)), apart, np.eye(n), np.zeros(40))
+    for shares in ([0.02, 0.9], [0.6, 0.9]):
+        errors = np.array(shares) * apart
+        monkeypatch.setattr(servo_gains, "fit_gains", lambda *_, e=errors: replace(found, errors=e))
+        if np.median(shares) < 0.5:
+            assert not learn_gains(unstated, [log]).servo.unknown.any()
+        else:
+            with pytest.raises(LogError, match="No gains make 'elbow' follow"):
+                learn_gains(unstated, [log])
 
 
 @pytest.mark.everything

@@ -63,11 +63,12 @@ SETTLED: Tolerance = 1e-3
 
 #: A step is taken again, more damped, so often; and the search ends where one promises less than
 #: this share of the error, or after so many derivatives, which are used again while steps gain this
-#: share of what they promise.
+#: share of what they promise; and at its end the error is no less than this share of theirs.
 TRIED = 6
 GAIN: Tolerance = 5e-3
 STEPS = 8
 KEPT: Tolerance = 0.5
+FAR: Tolerance = 0.5
 
 
 @frozen
@@ -323,7 +324,7 @@ def _descend(problem: Problem, x: Array, steps: int) -> tuple[Array, Array, int,
         J, r = problem.linearise(x, weights), problem.residual(q, weights, x)
         Q, R = np.linalg.qr(J)
         size = np.sqrt((R**2).sum(0)) + 1e-12
-        failed, fresh, more = 0, True, True
+        failed, fresh, more, begun = 0, True, True, float(r @ r)
         # Derivatives cost many rollouts, and are used as long as steps gain what they promise.
         while failed < TRIED and more:
             low, high = problem.bounds(x)
@@ -333,7 +334,9 @@ def _descend(problem: Problem, x: Array, steps: int) -> tuple[Array, Array, int,
             cost, left = float(r @ r), right + R @ step
             promised = float(right @ right - left @ left)
             if promised <= GAIN * cost:
-                return x, problem.errors(q), taken, J, r
+                if fresh or cost > FAR * begun:
+                    return x, problem.errors(q), taken, J, r
+                break  # derivatives are those of another place
             moved = problem.roll([x + step])[0]
             found = problem.residual(moved, weights, x + step)
             gained = cost - float(found @ found)

@@ -37,6 +37,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot, forgotten
+from identifiability.workflows.opening import Recordings
 
 #: Recordings of a rollout that differ in where the encoders' steps lie.
 PHASES = 4
@@ -63,58 +64,31 @@ def give_torque(logs: Sequence[Log | LogFile], servo: Servo | None) -> list[Log 
     return out
 
 
-@frozen
-class Followed:
-    """Commanded logs with calibrated torque.
-
-    Attributes
-    ----------
-    fitted : tuple of Log or LogFile
-    said : str
-        What to say of it.
-    later : tuple of mapping
-        Fitted logs, by their place, as they were if commands acted one standard deviation of the
-        delay later, log by log, or gains that were found were others by one.
-    rolled : Rollouts or None
-        On which torque was calibrated; None where the robot cannot be rolled out.
-    values : mapping
-        Standard parameters by name of what was rolled out.
-    """
-
-    fitted: tuple[Recording, ...]
-    said: str
-    later: tuple[Mapping[int, Log], ...] = ()
-    rolled: Rollouts | None = None
-    values: Mapping[str, float] = field(default_factory=dict)
-
-
 def follow_commands(
+    recordings: Recordings,
     structure: Structure,
-    fitted: Sequence[Recording],
     how: Preparation,
     rng: np.random.Generator,
     values: Mapping[str, float],
-    first: Rollouts | None,
-) -> Followed:
-    """Return logs with calibrated torque where it comes from commands, and what to say of it.
+) -> Recordings:
+    """Return recordings whose fitted logs have calibrated torque where it comes from commands.
 
     Parameters
     ----------
+    recordings : Recordings
+        As `give_torque` made its logs, or as this returned them for other bodies.
     structure : Structure
-    fitted : sequence of Log or LogFile
-        As `give_torque` returned them.
     how : Preparation
         With the cut-off that all logs are prepared with.
     rng : Generator
     values : mapping
         Fitted standard parameters by name, whose bodies are rolled out; empty for the file's.
-    first : Rollouts or None
-        Of the file's bodies, where others were fitted.
     """
-    robot = structure.robot
+    robot, fitted, first = structure.robot, recordings.fitted, recordings.rolled
     commanded = [x for x in fitted if of_commands(x)]
+    hints = recordings.hints[bool(values) :]  # without what was said of others
     if robot.servo is None or not commanded:
-        return Followed(tuple(fitted), "")
+        return recordings
     if first is None:
         refuse_scale(structure, commanded, how)
     try:
@@ -128,7 +102,7 @@ def follow_commands(
         said = f"{error} Torque of commands is taken as it is"
         if robot.servo.delay is None:
             said += ", without a delay: state it in the sidecar ([servo] delay = …)"
-        return Followed(tuple(fitted), f"{said}.")
+        return replace(recordings, hints=(f"{said}.", *hints), commands="", rolled=None)
     doubt = check_found(robot, commanded, found)
     if first is not None:
         found = replace(found, before=first.before)
@@ -146,7 +120,16 @@ def follow_commands(
         pairs = enumerate(own_fitted)
         later.append({k: moved(x, robot.servo, other) for k, x in pairs if of_commands(x)})
     said = doubt + state_servos(robot, commanded, found)
-    return Followed(own_fitted, said, tuple(later), found, values)
+    rolled = any(isinstance(x, Log) and x.rollout is not None for x in own_fitted)
+    return replace(
+        recordings,
+        fitted=own_fitted,
+        hints=(said, *hints),
+        commands=said if rolled else "",
+        later=tuple(later),
+        rolled=found,
+        values=values,
+    )
 
 
 def calibrate(

@@ -122,17 +122,7 @@ class Recordings:
         from identifiability.workflows.commanded import follow_commands  # noqa: PLC0415 - MuJoCo
 
         say("rolling out commands", 0.1)
-        found = follow_commands(structure, self.fitted, how, rng, values or {}, self.rolled)
-        rolled = any(isinstance(x, Log) and x.rollout is not None for x in found.fitted)
-        return replace(
-            self,
-            fitted=found.fitted,
-            hints=(found.said, *self.hints[bool(values) :]),
-            commands=found.said if rolled else "",
-            later=found.later,
-            rolled=found.rolled,
-            values=found.values,
-        )
+        return follow_commands(self, structure, how, rng, values or {})
 
     def follow_unseen(
         self, structure: Structure, how: Preparation, rng: np.random.Generator

@@ -15,8 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from identifiability.estimation.rollouts import Gains, fit_gains, share_missed
-from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.rollouts import Gains, contradicted, fit_gains, share_missed
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.rules import Tolerance
@@ -185,7 +184,7 @@ def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
     found = fit_gains(robot, parts, believed)
     share = share_missed(found.errors, parts)
     k = int(np.argmax(share))
-    if share[k] > ESTIMATION_RULES.rollout_contradicted:
+    if contradicted(share):  # of a single joint rollouts with these gains tell
         raise LogError(
             f"No gains make '{robot.joints[k]}' follow its commands in "
             f"{listing([x.name for x in every], 4)}: at best it errs by {100 * share[k]:.0f} % of "
