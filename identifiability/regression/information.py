@@ -500,19 +500,22 @@ class Information:
         left, right : (k + 1, p) and (k + 1, q)
         """
         out = allot((len(self.counts), left.shape[1], right.shape[1]), 1)
+        p = left.shape[1]
+        inside = p <= right.shape[1] and np.array_equal(left, right[:, :p])
         both = zip(weights, self.of_actuators(left), self.of_actuators(right), strict=True)
         rows: list[tuple[ActuatorBlocks, Array]] = []
         for weight, (part, one), (_, other) in both:
             if not part.squared:
-                rows.append((part, np.sqrt(weight) * np.hstack([one, other])))
+                turn = other if inside else np.hstack([one, other])
+                rows.append((part, np.sqrt(weight) * turn))
                 continue
             for at in few_at_once(len(out), out[:1].nbytes + part.blocks[:1].nbytes):
                 out[at] += part.products(weight * one, other, at)
         # Rows of all actuators beside each other: one product a block, and not one for each.
-        p, own = left.shape[1], sum(part.blocks[:1].nbytes for part, _ in rows)
+        own = sum(part.blocks[:1].nbytes for part, _ in rows)
         for at in few_at_once(len(out) if rows else 0, 2 * (out[:1].nbytes + own)):
             Z = np.concatenate([part.blocks[at] @ turn for part, turn in rows], axis=1)
-            out[at] += Z[:, :, :p].transpose(0, 2, 1) @ Z[:, :, p:]
+            out[at] += Z[:, :, :p].transpose(0, 2, 1) @ Z[:, :, 0 if inside else p :]
         return out
 
     def factor(self, weights: Array | None = None) -> Array:
