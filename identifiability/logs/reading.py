@@ -163,7 +163,7 @@ def put_on_clock(
     discrete : sequence of str
         Those that are flags.
     """
-    out, rates = {}, {}
+    out, rates, lacking = {}, {}, {}
     stems = {key: key.rpartition(".")[0] or key for key in columns}
     usual = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     for stem in dict.fromkeys(stems.values()):
@@ -184,13 +184,22 @@ def put_on_clock(
                 out[key] = x[(np.searchsorted(at, t, side="right") - 1).clip(0)]
             else:
                 found = _resample(at, x, t, key)
-                out[key] = np.where(np.isfinite(found), found, np.interp(t, at, x))
+                there = np.isfinite(found)
+                out[key] = np.where(there, found, np.interp(t, at, x))
+                if not there.all():
+                    lacking[stem] = usual * float((~there).sum())
         if not same and abs(np.log(step / usual)) > RULES.rate_other and not set(own) & {*discrete}:
             rates[stem] = 1 / step
+    notes = tuple(
+        f"of the base {_WORDS.get(stem, repr(stem))} was missing for {gone:.2g} s in all and "
+        "interpolated there: cut such rows out"
+        for stem, gone in lacking.items()
+    )
     said = [f"{_WORDS.get(stem, repr(stem))} at {rate:.3g} Hz" for stem, rate in rates.items()]
     if not said:
-        return out, ()
+        return out, notes
     return out, (
+        *notes,
         f"of the base {listing(said, 4)} came on a clock of {'its' if len(said) == 1 else 'their'} "
         f"own and {'was' if len(said) == 1 else 'were'} put on that of the joints, "
         f"{1 / usual:.3g} Hz",
