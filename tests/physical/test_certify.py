@@ -1,3 +1,4 @@
+import cvxpy as cp
 import numpy as np
 import pytest
 
@@ -52,6 +53,26 @@ def test_a_body_without_volume_is_feasible_with_no_margin():
     found = certify(np.eye(10), disc, region)
     assert found.feasible
     assert found.margin == pytest.approx(0.0, abs=1e-7)
+
+
+@pytest.mark.parametrize("failures", [1, 2])
+def test_where_the_solver_fails_it_is_asked_once_more(failures, monkeypatch):
+    own, asked = cp.Problem.unpack_results, []
+
+    def unpack(*args):
+        asked.append(args)
+        if len(asked) <= failures:
+            raise cp.SolverError("failed")
+        own(*args)
+
+    monkeypatch.setattr(cp.Problem, "unpack_results", unpack)
+    region = PhysicalSet(np.arange(10)[None], np.zeros(10, bool), mass=[10.0], length=[0.2])
+    disc = np.array([0.2, 0, 0, 0.2, 0, 0.4, 0, 0, 0, 10.0])
+    if failures == 1:
+        assert certify(np.eye(10), disc, region).feasible
+    else:
+        with pytest.raises(ValueError, match="found no answer"):
+            certify(np.eye(10), disc, region)
 
 
 def test_a_negative_mass_is_named_by_its_own_coefficient():
