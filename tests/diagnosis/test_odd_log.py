@@ -13,6 +13,7 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.report.diagnosis_report import answer_missing
+from identifiability.simulation import Noise, random_trajectory, simulate
 from identifiability.workflows.diagnose import BASE_EFFECTS, workflow
 from identifiability.workflows.diagnose.motion import (
     OddLog,
@@ -183,3 +184,11 @@ def test_a_large_load_on_a_closed_chain_is_not_said_to_be_an_offset_of_one_actua
     said = {(change.family, change.place), *change.others}
     assert ("payload", "leg3_upper") in said
     assert said <= {("torque_offset", "slider3"), ("payload", "leg3_upper")}
+
+
+def test_a_log_too_short_to_change_inside_is_diagnosed():
+    robot, rng = Robot.load("two-link"), np.random.default_rng(0)
+    motion = random_trajectory(robot, rng, period=0.5, samples=1000)
+    noise, hide = Noise(additive=0.01, correlation=0.5), ("joint_stiffness@elbow=0.1",)
+    log = simulate(robot, motion, noise=noise, rng=rng, hide=hide)
+    assert diagnose(robot, log, **FEW).statement

@@ -176,6 +176,8 @@ class Scan:
             for n, log in enumerate(self.logs.tolist()):
                 here = slice(self.start[n], self.start[n + 1])
                 first, last, price = self._stays(n)
+                if not len(first):  # a log of half a second has no middle
+                    continue
                 P, z, X = (
                     np.concatenate([np.zeros_like(x[:1]), np.cumsum(x, axis=0)])
                     for x in (own[here][:, at][:, :, at], cross[here][:, 0, at], C[here][:, :, at])
