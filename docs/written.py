@@ -326,7 +326,9 @@ NUMBERS = """# Every number by which it decides
 Each room of the program has one frozen table, `rules.py`; pages print those by which their answer
 was decided. Where a number is from: *literature*, a publication; *level*, of a test; *derived*, by
 the derivation that its text gives; *calibrated*, on cases that were tried; *reasoned*, for the
-reason given; *by hand*, a developer's judgement and nothing more; or the study that shows it. A
+reason given; *by hand*, a developer's judgement and nothing more; or the study that shows it. Where
+that is `studies/rules.py`, the number was halved and doubled: brackets say in how many of the
+answers that reach it another sentence, or another number in one, followed, and in which first. A
 number whose meaning begins with "and" goes on with the one above it.
 """
 

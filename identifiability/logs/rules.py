@@ -12,16 +12,18 @@ class Rules(RuleTable):
 
     Attributes
     ----------
-    fewest : int, by hand
-        Fewer samples than this say nothing about any robot.
+    fewest : int, studies/rules.py
+        Fewer samples than this say nothing about any robot. [÷2 and ×2 change none of 13
+        answers that reach it]
     largest : float, reasoned
         No time, position or torque in SI units is larger: time since 1970 is 1.7e9 s.
-    shortest_step : float [s], by hand
-        No log is sampled faster than this.
-    fastest_step : float [s], by hand
-        Usual steps of a log of motion are between this
-    slowest_step : float [s], by hand
-        and this.
+    shortest_step : float [s], studies/rules.py
+        No log is sampled faster than this. [÷2 and ×2 change none of 12 answers that reach it]
+    fastest_step : float [s], studies/rules.py
+        Usual steps of a log of motion are between this [÷2 and ×2 change none of 15 answers
+        that reach it]
+    slowest_step : float [s], studies/rules.py
+        and this. [÷2 and ×2 change none of 15 answers that reach it]
     longest_step : float [s], by hand
         Nobody writes a log with longer steps than this.
     speeds : tuple[float, float] [rad/s or m/s], by hand
@@ -32,16 +34,18 @@ class Rules(RuleTable):
         to this power of ten, and explain it as derivatives must (`derivative_unexplained`).
     epoch : tuple[float, float] [s], reasoned
         Seconds since 1970 between 2000 and 2100: such times are of a calendar.
-    clock_odd : float, by hand
+    clock_odd : float, studies/rules.py
         Steps of the clock that differ from the usual one by more than this share of it are
-        remembered.
-    clock_rounded : float, by hand
-        Share of a step by which a clock's rounding makes steps differ; a mean step that
-        differs from the usual one by more is said.
-    even : float, by hand
-        What is off by less than this share of a step, of time or of an encoder, is even.
-    gap : float, by hand
-        A step longer than so many usual ones is a gap.
+        remembered. [÷2 and ×2 change none of 14 answers that reach it]
+    clock_rounded : float, studies/rules.py
+        Share of a step by which a clock's rounding makes steps differ; a mean step that differs
+        from the usual one by more is said. [÷2 and ×2 change none of 8 answers that reach it]
+    even : float, studies/rules.py
+        What is off by less than this share of a step, of time or of an encoder, is even. [÷2
+        and ×2 change none of 8 answers that reach it]
+    gap : float, studies/rules.py
+        A step longer than so many usual ones is a gap. [÷2 and ×2 change none of 8 answers that
+        reach it]
     gap_jitter : float, reasoned
         Nor is a step a gap that is longer than the usual one by less than so many times
         what 95 % of the steps nearer than that deviate by: four standard deviations.
@@ -50,34 +54,36 @@ class Rules(RuleTable):
         times what 95 % of its steps are off by.
     gap_bridged : float, literature
         A gap is bridged up to this share of the period of the cut-off [Nyquist 1928].
-    gap_most : float, by hand
-        More gaps than this share of the samples are lost samples only where half of them
-        are whole steps
+    gap_most : float, studies/rules.py
+        More gaps than this share of the samples are lost samples only where half of them are
+        whole steps [÷2 and ×2 change none of 8 answers that reach it]
     gap_whole : float, reasoned
         up to this share of one, which of uneven steps a quarter is: else the clock is no
         clock.
-    gap_kept : float, by hand
+    gap_kept : float, studies/rules.py
         A log with derivatives of its own is not split at gaps of at most so many steps, nor are
-        they compared across longer ones.
-    repeats_longest : int [samples], by hand
-        Longest run of values that repeat the one before; what lasts longer is a rest or a
-        gap.
+        they compared across longer ones. [÷2 and ×2 change none of 8 answers that reach it]
+    repeats_longest : int [samples], studies/rules.py
+        Longest run of values that repeat the one before; what lasts longer is a rest or a gap.
+        [÷2 and ×2 change none of 7 answers that reach it]
     repeats_steps : float, reasoned
         Across a run of repeated values a joint moves by at least so many steps of its
         encoder, else rounding explains that nothing changed.
-    encoder_exact : float, by hand
-        Changes are whole steps of an encoder up to this share of one, if nearly all are;
-    encoder_coarse : float, by hand
-        a step that is this share of the usual change from sample to sample is worth a
-        note.
-    derivative_unexplained : float, by hand
+    encoder_exact : float, studies/rules.py
+        Changes are whole steps of an encoder up to this share of one, if nearly all are; [÷2
+        and ×2 change none of 6 answers that reach it]
+    encoder_coarse : float, studies/rules.py
+        a step that is this share of the usual change from sample to sample is worth a note. [÷2
+        and ×2 change none of 6 answers that reach it]
+    derivative_unexplained : float, studies/rules.py
         Share of the motion's variance that a given derivative may leave unexplained, and by
-        which it may be too small, or its inverse too large.
+        which it may be too small, or its inverse too large. [÷2 and ×2 change none of 12
+        answers that reach it]
     derivative_visible : float, by hand
         Motion must stand out this much from the noise of single samples to be compared.
-    positions_odd : float, by hand
+    positions_odd : float, studies/rules.py
         Share of the positions that may lie anywhere where it is asked whether limits in degrees
-        would hold all.
+        would hold all. [÷2 and ×2 change none of 7 answers that reach it]
     command_followed : float, by hand
         A command is followed if positions correlate with it so much
     command_late : float [s], by hand
@@ -86,13 +92,14 @@ class Rules(RuleTable):
         and if it does not vary so many times as much, as degrees would (57.3);
     command_still : float [rad or m], by hand
         what varies less stands.
-    rows_lacking : float, by hand
-        A column that lacks less than this share of the rows has broken rows, not another
-        rate.
-    nearly_all : float, by hand
-        Share that counts as nearly all: of the runs of a column that have the usual length up to
-        one sample, so that it has a rate of its own; of the windows of a long log that another one
-        has too; of the samples that are there again where a motion was repeated.
+    rows_lacking : float, studies/rules.py
+        A column that lacks less than this share of the rows has broken rows, not another rate.
+        [÷2 and ×2 change none of 13 answers that reach it]
+    nearly_all : float, studies/rules.py
+        Share that counts as nearly all: of the runs of a column that have the usual length up
+        to one sample, so that it has a rate of its own; of the windows of a long log that
+        another one has too; of the samples that are there again where a motion was repeated.
+        [÷2 and ×2 change none of 6 answers that reach it]
     rate_far : float, by hand
         Nothing is put between samples of a column that lie farther apart than so many of
         its steps.
@@ -104,17 +111,21 @@ class Rules(RuleTable):
     locked_play : float [rad or m], by hand
         A joint that is locked moves less than this, but for less than half of the rows,
         which are left out.
-    copy_agrees : float, by hand
-        Values agree within this share of their standard deviation.
+    copy_agrees : float, studies/rules.py
+        Values agree within this share of their standard deviation. [÷2 and ×2 change none of 12
+        answers that reach it]
     copy_chance : float, level
         A run that chance explains comes less often than this in all the rows.
-    spike_steps : float, by hand
-        A spike is wrong if it is so many times higher than any step,
-    spike_around : float, by hand
-        so many times higher than those around it and than the column's resolution,
-    spike_tail : float, by hand
+    spike_steps : float, studies/rules.py
+        A spike is wrong if it is so many times higher than any step, [÷2 and ×2 change none of
+        12 answers that reach it]
+    spike_around : float, studies/rules.py
+        so many times higher than those around it and than the column's resolution, [÷2 and ×2
+        change none of 12 answers that reach it]
+    spike_tail : float, studies/rules.py
         and so many times higher than where the tail of all spikes begins; at an end of the
-        column, where it is not seen to come back, also than the range of the column.
+        column, where it is not seen to come back, also than the range of the column. [÷2 and ×2
+        change none of 12 answers that reach it]
     wrap_step : float, by hand
         Positions are wrapped where they jump, and else change by at most this share of half
         a turn from sample to sample.
@@ -130,14 +141,16 @@ class Rules(RuleTable):
         Noise may lower the cut-off to this share of either: at three bandwidths few outputs
         are left, and nothing can be judged; gravity and friction are seen in slow motion
         too, whatever its accelerations are, and need outputs.
-    cutoff_highest : float, by hand
-        Largest cut-off as a share of the sampling rate.
+    cutoff_highest : float, studies/rules.py
+        Largest cut-off as a share of the sampling rate. [÷2 changes 6 (numbers: time in
+        minutes), ×2 changes 6 (numbers: time in minutes) of 8 answers that reach it]
     noise_share : float, studies/cutoff.py
         Largest power that noise may have in the acceleration, as a share of the
         acceleration's.
-    noise_still : float, by hand
-        Joints with less than this share of the acceleration of the one that accelerates
-        most (rms) do not lower the cut-off of the others.
+    noise_still : float, studies/rules.py
+        Joints with less than this share of the acceleration of the one that accelerates most
+        (rms) do not lower the cut-off of the others. [÷2 and ×2 change none of 8 answers that
+        reach it]
     motion_seen : float, reasoned
         Where the smoothed spectrum is not so many times the noise, there is no motion to be
         seen: the steps of a coarse encoder fall with the square of the frequency, which is
@@ -155,9 +168,11 @@ class Rules(RuleTable):
     dwell_creep : float, derived
         and 5 %, √(−2 ln .95). The former counts within the errors of a record, this where a
         joint creeps.
-    creep : float, by hand
-        Speed that says nothing, as a share of a joint's largest: nothing but friction at
-        rest is learnt of such motion, and joints creep there where friction is regularised.
+    creep : float, studies/rules.py
+        Speed that says nothing, as a share of a joint's largest: nothing but friction at rest
+        is learnt of such motion, and joints creep there where friction is regularised. [÷2
+        changes 5 (sentences: time in minutes), ×2 changes 2 (numbers: torque at a quarter of
+        the rate) of 8 answers that reach it]
     reversal_blur : float, calibrated
         Periods of the cut-off on each side that the low-pass mixes with a dwell or with a
         reversal: its main lobe. With half as many, values of robots that stick left their

@@ -16,8 +16,9 @@ class Rules(RuleTable):
         Errors on unseen motion, of how much torque varies, up to which they are called very good,
         good, fair and poor; a rule of thumb. A joint that is poor by itself is named where all
         together are good.
-    differs : float, by hand
-        What is so many times as large differs: errors of joints, noise of logs, bands of motion.
+    differs : float, studies/rules.py
+        What is so many times as large differs: errors of joints, noise of logs, bands of
+        motion. [÷2 changes 2 (sentences: two exchanged joints) of 7 answers that reach it]
     joint_hidden : float, by hand
         Share of the smallest error of a joint below which that of all joints says little of
         any.

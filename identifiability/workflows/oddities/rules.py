@@ -18,12 +18,14 @@ class Rules(RuleTable):
     impacts_folded : float, calibrated
         Intervals of a quadruped's trot held (.98) where .02 to .04 of the acceleration was
         folded, and did not (.61 and .69) from .07 on.
-    sign_turned : float, by hand
-        Share of the samples at which noise turns the sign of a velocity that is said.
-    outside_share : float, by hand
-        Share of the samples that must lie outside the limits of a joint,
-    outside_margin : float, by hand
-        by this share of the allowed range.
+    sign_turned : float, studies/rules.py
+        Share of the samples at which noise turns the sign of a velocity that is said. [÷2 and
+        ×2 change none of 6 answers that reach it]
+    outside_share : float, studies/rules.py
+        Share of the samples that must lie outside the limits of a joint, [÷2 changes 1
+        (sentences: two exchanged joints) of 6 answers that reach it]
+    outside_margin : float, studies/rules.py
+        by this share of the allowed range. [÷2 and ×2 change none of 6 answers that reach it]
     stuck_changes : float, by hand
         A column is stuck where over as many samples it usually changes by so many times its
         resolution
@@ -89,12 +91,14 @@ class Rules(RuleTable):
         Predicted torque of a joint must be this share of the largest one among like joints.
     unit_alike : float, by hand
         Factors of all joints are one unit if they lie within this factor of their middle.
-    clipped_share : float, by hand
-        An extreme value is a flat top if the column stays there this often in all
+    clipped_share : float, studies/rules.py
+        An extreme value is a flat top if the column stays there this often in all [÷2 and ×2
+        change none of 6 answers that reach it]
     clipped_crowded : float, by hand
         and it is met so many times as often as the next band of the same width.
-    mixed_bad : float, by hand
-        Relative error of the unpruned model up to which nothing is looked for.
+    mixed_bad : float, studies/rules.py
+        Relative error of the unpruned model up to which nothing is looked for. [×2 changes 1
+        (missed: two exchanged joints) of 5 answers that reach it]
     mixed_error : float, by hand
         The sum of squared errors must fall below this share of that of the log as it is.
     """
