@@ -39,7 +39,7 @@ from identifiability import analyze, diagnose
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.output import plain, write_json
 from identifiability.report import Check, Prose, Section, frame_table, write_page
-from identifiability.report.analysis_report import answer_analysis
+from identifiability.report.results import answer_first
 
 ROOT = Path(__file__).resolve().parents[1]
 #: z from which on an effect counts as visible, and weight from which on a name is sure.
@@ -108,7 +108,7 @@ def examine(path: Path) -> dict[str, Any]:
     card = ""
     if truth["kind"] == "null":
         a = analyze(robot, fitted, unseen, quick=True)
-        card = answer_analysis(a).answers[2].tone
+        card = answer_first(a).answers[2].tone
     row = {
         "case": path.name,
         **{k: truth[k] for k in ("number", "kind", "robot")},

@@ -16,7 +16,6 @@ True
 
 from identifiability.foundation.answers import Cell, Check, Column, Note, Table, frame_table
 from identifiability.report import plot
-from identifiability.report.analysis_report import build_analysis_page, write_analysis_report
 from identifiability.report.blocks import (
     Block,
     Fold,
@@ -31,6 +30,9 @@ from identifiability.report.blocks import (
 )
 from identifiability.report.drawing import COLOURS, canvas, drawn, plain, svg
 from identifiability.report.page import Page, render_page, write_page
+from identifiability.report.results import build_page, write_result
+
+build_analysis_page, write_analysis_report = build_page, write_result
 
 __all__ = [
     "COLOURS",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from operator import itemgetter
-from pathlib import Path
 
 import numpy as np
 
@@ -22,11 +21,10 @@ from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.report.belief import section_bodies, section_posterior, section_standard
 from identifiability.report.blocks import (
     GLOSSARY,
-    Answers,
+    Block,
     Fold,
-    Notes,
-    Prose,
     Section,
+    Sketch,
     Term,
     Terms,
     section,
@@ -38,8 +36,6 @@ from identifiability.report.models import (
     section_physics,
     section_structure,
 )
-from identifiability.report.page import Page
-from identifiability.report.results import write_result
 from identifiability.report.skeleton import sketch_robot
 from identifiability.report.torque import (
     section_budget,
@@ -58,10 +54,9 @@ from identifiability.workflows.answers import count_joints, level_table
 # The answer: what to use, who is who, and what to keep in mind.
 
 
-def answer_analysis(analysis: Analysis) -> Answers:
-    """Return what to use, how good it is, whether to trust it, what to do next."""
-    sketch = sketch_robot(analysis.robot, analysis.samples, analysis.chosen.verdicts)
-    return Answers(analysis.answers(), sketch)
+def sketch(analysis: Analysis) -> Sketch | None:
+    """Return the robot with what was found drawn on it, if it can be drawn."""
+    return sketch_robot(analysis.robot, analysis.samples, analysis.chosen.verdicts)
 
 
 def answer_terms(analysis: Analysis) -> Terms:
@@ -232,7 +227,7 @@ IN_DETAIL = {
 }
 
 
-def choose_sections(analysis: Analysis) -> tuple[Section, ...]:
+def sections(analysis: Analysis) -> tuple[Section, ...]:
     """Return the sections of an analysis in their order."""
     explained = np.isfinite(analysis.chosen.error_ra_validation)
     hidden = set() if explained else OF_TORQUE
@@ -244,33 +239,14 @@ def choose_sections(analysis: Analysis) -> tuple[Section, ...]:
     return tuple(replace(section(analysis), detail=section in IN_DETAIL) for section in shown)
 
 
-def build_analysis_page(analysis: Analysis) -> Page:
-    """Return the report as a page of blocks, to look at or to extend."""
-    robot = analysis.robot
-    logs = format_count(len(analysis.samples), "log")
-    subtitle = (
-        f"{robot.path.name} · {count_joints(robot)} · {logs} with "
-        f"{format_count(analysis.information.samples, 'sample')}"
-    )
-    return Page(
-        title=robot.title or robot.name,
-        sections=choose_sections(analysis),
-        overline="Identifiability report",
-        subtitle=subtitle,
-        summary=(
-            answer_analysis(analysis),
-            answer_terms(analysis),
-            Notes(analysis.cautions()),
-            Fold("The answer in one paragraph", (Prose((analysis.statement,)),)),
-        ),
-    )
+def heading(analysis: Analysis) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    robot, logs = analysis.robot, format_count(len(analysis.samples), "log")
+    samples = format_count(analysis.information.samples, "sample")
+    about = f"{robot.path.name} · {count_joints(robot)} · {logs} with {samples}"
+    return "Identifiability report", about
 
 
-def write_analysis_report(analysis: Analysis, path: str | Path) -> Path:
-    """Write the report on an analysis as one self-contained HTML file, whole or not at all.
-
-    Raises
-    ------
-    OutputError
-    """
-    return write_result(analysis, path)
+def beside(analysis: Analysis) -> list[Block]:
+    """Return what stands beside the answers."""
+    return [answer_terms(analysis)]

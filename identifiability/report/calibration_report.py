@@ -20,9 +20,7 @@ from identifiability.foundation.rounding import (
     whole_percent,
 )
 from identifiability.report.blocks import (
-    Answers,
     Fold,
-    Notes,
     Prose,
     Section,
     Sketch,
@@ -43,9 +41,8 @@ from identifiability.report.drawing import (
     row_canvas,
     whiskers,
 )
-from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, moved_pose, sketch_parts
-from identifiability.workflows.answers import note, sentence, with_hints, words
+from identifiability.workflows.answers import sentence, with_hints, words
 from identifiability.workflows.calibrate.calibration import (
     WORDS,
     Calibration,
@@ -167,12 +164,8 @@ def draw_ranks(counts: Array, band: tuple[float, float], worst: int, name: str) 
 # What a calibration answers first: trust or not, how often wrong, where weakest, what next.
 
 
-def answer_calibration(calibration: Calibration) -> Answers:
-    """Return the first screen of a calibration."""
-    return Answers(calibration.answers(), _sketch(calibration))
-
-
-def _sketch(calibration: Calibration) -> Sketch | None:
+def sketch(calibration: Calibration) -> Sketch | None:
+    """Return the robot with what was found drawn on it, if it can be drawn."""
     analysis, cell = calibration.analysis, calibration.cells[0]
     if analysis is None:
         return None
@@ -191,28 +184,28 @@ def _sketch(calibration: Calibration) -> Sketch | None:
 # The report of a calibration: may intervals and verdicts be trusted on this motion?
 
 
-def build_calibration_page(calibration: Calibration) -> Page:
-    """Return the report as a page of blocks, to look at or to extend."""
-    hints = tuple(note("hint", hint=hint) for hint in calibration.hints)
-    sections = [_coverage(calibration), _each(calibration), _verdicts(calibration)]
+def heading(calibration: Calibration) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    analysis = calibration.analysis
+    robot = calibration.robot if analysis is None else analysis.robot.path.name
+    return "Calibration", f"{robot} · {calibration.model}"
+
+
+def paragraphs(calibration: Calibration) -> tuple[str, ...]:
+    """Return the answer in words."""
+    return (*calibration.lines, *calibration.notes)
+
+
+def sections(calibration: Calibration) -> list[Section]:
+    """Return the sections of the page."""
+    found = [_coverage(calibration), _each(calibration), _verdicts(calibration)]
     if calibration.effects:
-        sections.insert(0, _causes(calibration))
+        found.insert(0, _causes(calibration))
     if calibration.ranks is not None:
-        sections.append(_ranks(calibration.ranks))
+        found.append(_ranks(calibration.ranks))
     if calibration.false_names is not None:
-        sections.append(_names(calibration.false_names))
-    robot = calibration.analysis.robot if calibration.analysis is not None else None
-    return Page(
-        title=calibration.robot if robot is None else robot.title or robot.name,
-        sections=(*sections, _method(calibration)),
-        overline="Calibration",
-        subtitle=f"{calibration.robot if robot is None else robot.path.name} · {calibration.model}",
-        summary=(
-            answer_calibration(calibration),
-            *([Notes(hints)] if hints else []),
-            Fold("The answer in one paragraph", (Prose((*calibration.lines, *calibration.notes)),)),
-        ),
-    )
+        found.append(_names(calibration.false_names))
+    return [*found, _method(calibration)]
 
 
 CAUSES = (

@@ -13,10 +13,6 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rounding import digits, join, rough_percent
 from identifiability.report.blocks import (
-    Answers,
-    Fold,
-    Notes,
-    Prose,
     Section,
     Sketch,
     fold_rows,
@@ -24,9 +20,8 @@ from identifiability.report.blocks import (
     section,
 )
 from identifiability.report.drawing import DASHED, INK, drawn, row_canvas, row_lines, whiskers
-from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, sketch_parts
-from identifiability.workflows.answers import note, with_hints
+from identifiability.workflows.answers import with_hints
 from identifiability.workflows.compare import Comparison, describe
 
 # Values of several things with their intervals, a row each.
@@ -55,12 +50,8 @@ def draw_intervals(
 # What a comparison answers first: what changed, how small a change shows, trust, what next.
 
 
-def answer_comparison(result: Comparison) -> Answers:
-    """Return the first screen of a comparison."""
-    return Answers(result.answers(), _sketch(result))
-
-
-def _sketch(result: Comparison) -> Sketch | None:
+def sketch(result: Comparison) -> Sketch | None:
+    """Return the robot with what was found drawn on it, if it can be drawn."""
     parts = {name: Part("grey", "nothing changed for sure") for name in result.robot.joints}
     for change in result.changes:
         place = change.cause.place
@@ -76,22 +67,17 @@ def _sketch(result: Comparison) -> Sketch | None:
 SHOWN = 24
 
 
-def build_comparison_page(result: Comparison) -> Page:
-    """Return the report as a page of blocks, to look at or to extend."""
+def heading(result: Comparison) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
     kinds = {"pairs": "the same motion", "logs": "different motions", "results": "two results"}
     kind = kinds[result.difference.kind]
-    sections = (section_changes, section_friction, section_parameters, section_method)
-    return Page(
-        title=result.robot.title or result.robot.name,
-        sections=tuple(s for s in (build(result) for build in sections) if s is not None),
-        overline="Comparison report",
-        subtitle=f"{result.robot.path.name} · {result.submodel.name} · {kind}",
-        summary=(
-            answer_comparison(result),
-            *([Notes(tuple(note("hint", hint=h) for h in result.hints))] if result.hints else []),
-            Fold("The answer in one paragraph", (Prose((result.statement,)),)),
-        ),
-    )
+    return "Comparison report", f"{result.robot.path.name} · {result.submodel.name} · {kind}"
+
+
+def sections(result: Comparison) -> list[Section | None]:
+    """Return the sections of the page."""
+    builders = (section_changes, section_friction, section_parameters, section_method)
+    return [build(result) for build in builders]
 
 
 def section_changes(result: Comparison) -> Section | None:

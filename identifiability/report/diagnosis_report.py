@@ -17,10 +17,8 @@ from identifiability.foundation.rounding import (
     rough_percent,
 )
 from identifiability.report.blocks import (
-    Answers,
     Fold,
     Gallery,
-    Notes,
     Picture,
     Prose,
     Section,
@@ -31,7 +29,6 @@ from identifiability.report.blocks import (
     picture,
     section,
 )
-from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, moved_pose, sketch_parts
 from identifiability.report.torque import (
     draw_against,
@@ -55,9 +52,9 @@ from identifiability.workflows.diagnose.words import remarks, weight_text
 # What a diagnosis answers first: what is missing, what it explains, what is left, what next.
 
 
-def answer_missing(d: Diagnosis) -> Answers:
-    """Return the first screen of a diagnosis."""
-    return Answers(d.answers(), _sketch(d), _named(d) if d.curves else None)
+def below(d: Diagnosis) -> Picture | None:
+    """Return what stands below the answers."""
+    return _named(d) if d.curves else None
 
 
 def _named(d: Diagnosis) -> Picture:
@@ -82,7 +79,8 @@ def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
     return f"{_over(c)}{other} [{_unit(d, c)}]", f"torque [{unit}]"
 
 
-def _sketch(d: Diagnosis) -> Sketch | None:
+def sketch(d: Diagnosis) -> Sketch | None:
+    """Return the robot with what was found drawn on it, if it can be drawn."""
     missing: dict[str, list[str]] = {}
     for e in d.effects:
         for p in e.placements:
@@ -172,31 +170,34 @@ def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
 STRETCH = 10.0
 
 
-def build_diagnosis_page(d: Diagnosis) -> Page:
-    """Return the report as a page of blocks, to look at or to extend."""
-    names = ", ".join(d.base)
-    return Page(
-        title=d.robot.title or d.robot.name,
-        sections=(
-            section_effects(d),
-            _section_gap(d),
-            *(() if d.forward is None else (section_forward(d.forward, d.robot.joints),)),
-            _section_where(d),
-            replace(_section_evidence(d), detail=True),
-            _section_aliases(d),
-            *((_section_remainder(d),) if d.remainder.detectable else ()),
-            replace(_section_method(d), detail=True),
-        ),
-        overline="What the model misses",
-        subtitle=f"{d.robot.path.name} · model: {names}{' · values fixed' if d.fixed else ''}",
-        summary=(answer_missing(d), _summary(d)),
-    )
+def heading(d: Diagnosis) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    about = f"{d.robot.path.name} · model: {', '.join(d.base)}"
+    return "What the model misses", f"{about}{' · values fixed' if d.fixed else ''}"
 
 
-def _summary(d: Diagnosis) -> Notes:
+def sections(d: Diagnosis) -> list[Section]:
+    """Return the sections of the page."""
+    return [
+        section_effects(d),
+        _section_gap(d),
+        *(() if d.forward is None else (section_forward(d.forward, d.robot.joints),)),
+        _section_where(d),
+        replace(_section_evidence(d), detail=True),
+        _section_aliases(d),
+        *((_section_remainder(d),) if d.remainder.detectable else ()),
+        replace(_section_method(d), detail=True),
+    ]
+
+
+def notes(d: Diagnosis) -> list[Note]:
     """Return what should be known with the answer."""
-    notes = [Note("good" if r.good else "note", r.title, r.text) for r in remarks(d)]
-    return Notes(tuple(notes))
+    return [Note("good" if r.good else "note", r.title, r.text) for r in remarks(d)]
+
+
+def paragraphs(_: Diagnosis) -> tuple[str, ...]:
+    """Return nothing: the notes say it."""
+    return ()
 
 
 def _section_gap(d: Diagnosis) -> Section:

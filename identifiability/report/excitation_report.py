@@ -18,10 +18,8 @@ from identifiability.foundation.rounding import (
     join,
 )
 from identifiability.report.blocks import (
-    Answers,
     Fold,
     Gallery,
-    Notes,
     Prose,
     Section,
     Sketch,
@@ -44,7 +42,6 @@ from identifiability.report.drawing import (
     row_canvas,
     row_lines,
 )
-from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, actuated_pose, sketch_parts
 from identifiability.workflows.answers import sentence, words
 from identifiability.workflows.excite.result import Excitation
@@ -147,12 +144,8 @@ def _plain_ticks(axis: Axis, low: float, high: float) -> None:
 # What an excitation answers first: what to play, what it tells, whether it is safe, what next.
 
 
-def answer_excitation(result: Excitation) -> Answers:
-    """Return the first screen of an excitation."""
-    return Answers(result.answers(), _sketch(result))
-
-
-def _sketch(result: Excitation) -> Sketch | None:
+def sketch(result: Excitation) -> Sketch | None:
+    """Return the robot with what was found drawn on it, if it can be drawn."""
     owners: dict[str, list[str]] = {}
     known = dict.fromkeys(n.rpartition(".")[0] for n in result.names)
     for name, gain in zip(result.names, result.gain, strict=True):
@@ -180,22 +173,22 @@ TITLES = {
 }
 
 
-def build_excitation_page(result: Excitation) -> Page:
-    """Return the report as a page of blocks, to look at or to extend."""
-    return Page(
-        title=result.robot.title or result.robot.name,
-        sections=(section_motion(result), section_gain(result), section_method(result)),
-        overline="Excitation report",
-        subtitle=(
-            f"{TITLES[result.criterion.name]} · {format_number(result.trajectory.period)} s, "
-            f"{format_count(result.trajectory.samples, 'sample')}"
-        ),
-        summary=(
-            answer_excitation(result),
-            Notes(result.cautions()),
-            Fold("The answer in one paragraph", (Prose((result.statement, *result.hints)),)),
-        ),
+def heading(result: Excitation) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    return "Excitation report", (
+        f"{TITLES[result.criterion.name]} · {format_number(result.trajectory.period)} s, "
+        f"{format_count(result.trajectory.samples, 'sample')}"
     )
+
+
+def paragraphs(result: Excitation) -> tuple[str, ...]:
+    """Return the answer in words."""
+    return (result.statement, *result.hints)
+
+
+def sections(result: Excitation) -> list[Section]:
+    """Return the sections of the page."""
+    return [section_motion(result), section_gain(result), section_method(result)]
 
 
 def section_motion(result: Excitation) -> Section:

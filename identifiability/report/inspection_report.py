@@ -13,10 +13,8 @@ from identifiability.foundation.rounding import (
     format_count,
 )
 from identifiability.report.blocks import (
-    Answers,
     Fold,
     Gallery,
-    Notes,
     Picture,
     Prose,
     Section,
@@ -34,7 +32,6 @@ from identifiability.report.drawing import (
     drawn,
     label_axes,
 )
-from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, actuated_pose, sketch_parts
 from identifiability.report.torque import plot_runs
 from identifiability.workflows.answers import count_joints, note, sentence
@@ -110,12 +107,8 @@ ROLES = {
 }
 
 
-def answer_inspection(result: Inspection) -> Answers:
-    """Return the first screen of an inspection, of logs or of a robot file alone."""
-    return Answers(result.answers(), _sketch(result))
-
-
-def _sketch(result: Inspection) -> Sketch | None:
+def sketch(result: Inspection) -> Sketch | None:
+    """Return the robot with what was found drawn on it, if it can be drawn."""
     robot = result.robot
     roles = {j.name: f"{j.role} {j.remark}".strip() for j in result.joints}
     parts = {j.name: Part(ROLES[j.role], roles[j.name]) for j in result.joints}
@@ -131,39 +124,36 @@ def _sketch(result: Inspection) -> Sketch | None:
 DRAWN = 12
 
 
-def build_inspection_page(result: Inspection) -> Page:
-    """Return the report as a page of blocks, to look at or to extend."""
-    own = [section_joints(result), section_columns(result), section_parameters(result)]
-    own += [section_sidecar(result)] if result.needs else []
-    if result.records:  # what the logs hold comes first, the robot on demand
-        logs = (section_traces, section_motion, section_torque, section_clock)
-        folds = [Fold(part.title, (Prose((part.lead,)), *part.blocks)) for part in own]
-        own = [*(build(result) for build in logs), section("inspection.robot", *folds)]
+def heading(result: Inspection) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
     about = [result.robot.path.name, count_joints(result.robot)]
     about += [format_count(len(result.records), "log")] if result.records else []
-    return Page(
-        title=result.robot.title or result.robot.name,
-        sections=tuple(own),
-        overline="What is in the logs" if result.records else "What the robot file says",
-        subtitle=" · ".join(about),
-        summary=(
-            answer_inspection(result),
-            *([Notes(tuple(_notes(result)))] if result.records else []),
-            Fold("The answer in one paragraph", (Prose((result.statement,)),)),
-        ),
-    )
+    kind = "What is in the logs" if result.records else "What the robot file says"
+    return kind, " · ".join(about)
 
 
-def _notes(result: Inspection) -> list[Note]:
+def sections(result: Inspection) -> list[Section]:
+    """Return the sections of the page: what logs hold comes first, then the robot on demand."""
+    own = [section_joints(result), section_columns(result), section_parameters(result)]
+    own += [section_sidecar(result)] if result.needs else []
+    if not result.records:
+        return own
+    logs = (section_traces, section_motion, section_torque, section_clock)
+    folds = [Fold(part.title, (Prose((part.lead,)), *part.blocks)) for part in own]
+    return [*(build(result) for build in logs), section("inspection.robot", *folds)]
+
+
+def notes(result: Inspection) -> list[Note]:
+    """Return what was odd, or how logs were read."""
+    if not result.records:
+        return []
     refused = {r.refused for r in result.refused}
     odd = find_odd(result)
-    notes = [note("refused", why=why) for why in refused]
-    notes += [
+    return [note("refused", why=why) for why in refused] + [
         note("hint" if hint in odd else "read", hint=hint)
         for hint in result.hints
         if hint not in refused
     ]
-    return notes
 
 
 def section_traces(result: Inspection) -> Section:

@@ -7,30 +7,21 @@ from identifiability.foundation.rounding import (
     join,
 )
 from identifiability.report.blocks import (
-    Answers,
-    Fold,
-    Notes,
-    Prose,
     Section,
     Sketch,
     picture,
     section,
 )
 from identifiability.report.comparison_report import draw_intervals
-from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, sketch_parts
-from identifiability.workflows.answers import note, sentence
+from identifiability.workflows.answers import sentence
 from identifiability.workflows.payload import Load, value_text
 
 # What a payload answers first: how heavy and where, how well known, may I trust it, what next.
 
 
-def answer_load(result: Load) -> Answers:
-    """Return the first screen of a payload."""
-    return Answers(result.answers(), _sketch(result))
-
-
-def _sketch(result: Load) -> Sketch | None:
+def sketch(result: Load) -> Sketch | None:
+    """Return the robot with what was found drawn on it, if it can be drawn."""
     text = value_text(result.mass) if result.mass.told else "the load would hang here"
     return sketch_parts(result.robot, {result.body: Part("vermilion", text)}, "decision.loaded")
 
@@ -38,21 +29,14 @@ def _sketch(result: Load) -> Sketch | None:
 # The report on a `Load`: mass, centre and inertia of what hangs on a body.
 
 
-def build_payload_page(result: Load) -> Page:
-    """Return the report as a page of blocks, to look at or to extend."""
-    return Page(
-        title=result.robot.title or result.robot.name,
-        sections=tuple(
-            s for s in (section_quantities(result), section_logs(result), section_how(result)) if s
-        ),
-        overline="Payload report",
-        subtitle=f"{result.robot.path.name} · {result.model} · {join(result.logs, 3)}",
-        summary=(
-            answer_load(result),
-            *([Notes(tuple(note("hint", hint=h) for h in result.hints))] if result.hints else []),
-            Fold("The answer in one paragraph", (Prose((result.statement,)),)),
-        ),
-    )
+def heading(result: Load) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    return "Payload report", f"{result.robot.path.name} · {result.model} · {join(result.logs, 3)}"
+
+
+def sections(result: Load) -> list[Section | None]:
+    """Return the sections of the page."""
+    return [section_quantities(result), section_logs(result), section_how(result)]
 
 
 def section_quantities(result: Load) -> Section:

@@ -6,16 +6,12 @@ import numpy as np
 
 from identifiability.foundation.rounding import error_text, format_count
 from identifiability.report.blocks import (
-    Answers,
-    Fold,
     Gallery,
-    Prose,
     Section,
     Sketch,
     picture,
     section,
 )
-from identifiability.report.page import Page
 from identifiability.report.skeleton import Part, sketch_parts
 from identifiability.report.torque import LINE_POINTS, choose_stretch, draw_torque, fold_gallery
 from identifiability.workflows.answers import tone_of
@@ -24,12 +20,8 @@ from identifiability.workflows.predict import TorquePrediction
 # What a prediction answers first: of what, how good, may its intervals be trusted, what next.
 
 
-def answer_prediction(result: TorquePrediction) -> Answers:
-    """Return the first screen of a prediction."""
-    return Answers(result.answers(), _sketch(result))
-
-
-def _sketch(result: TorquePrediction) -> Sketch | None:
+def sketch(result: TorquePrediction) -> Sketch | None:
+    """Return the robot with what was found drawn on it, if it can be drawn."""
     errors = result.error_frame()["error"]
     parts = {
         joint: Part(tone_of(error), error_text(error))
@@ -42,19 +34,15 @@ def _sketch(result: TorquePrediction) -> Sketch | None:
 # The report on a `TorquePrediction`: measured and predicted torque along logs.
 
 
-def build_prediction_page(result: TorquePrediction) -> Page:
-    """Return the report as a page of blocks, to look at or to extend."""
+def heading(result: TorquePrediction) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
     count = format_count(len(result.t), "sample")
-    return Page(
-        title=result.robot.title or result.robot.name,
-        sections=(section_torque(result), section_joints(result)),
-        overline="Predicted torque",
-        subtitle=f"{result.robot.path.name} · {result.model} · {count}",
-        summary=(
-            answer_prediction(result),
-            Fold("The answer in one paragraph", (Prose((result.statement,)),)),
-        ),
-    )
+    return "Predicted torque", f"{result.robot.path.name} · {result.model} · {count}"
+
+
+def sections(result: TorquePrediction) -> list[Section]:
+    """Return the sections of the page."""
+    return [section_torque(result), section_joints(result)]
 
 
 def section_torque(result: TorquePrediction) -> Section:

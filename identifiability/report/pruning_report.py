@@ -16,9 +16,8 @@ from identifiability.foundation.rounding import (
     percent_text,
     whole_percent,
 )
-from identifiability.report.blocks import Answers, Fold, Notes, Prose, Section, picture, section
+from identifiability.report.blocks import Fold, Prose, Section, Sketch, picture, section
 from identifiability.report.models import draw_ladder, draw_survival, fold_verdicts, mass_table
-from identifiability.report.page import Page
 from identifiability.report.skeleton import sketch_robot
 from identifiability.report.torque import section_budget, section_correlated
 from identifiability.workflows.analyze.result import label_note
@@ -36,9 +35,16 @@ from identifiability.workflows.answers import (
 from identifiability.workflows.prune.result import Ladder
 
 
-def build_pruning_page(ladder: Ladder) -> Page:
-    """Return the report as a page of blocks, to look at or to extend."""
-    sections = (
+def heading(ladder: Ladder) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    logs = format_count(len(ladder.samples), "log")
+    samples = format_count(ladder.information.samples, "sample")
+    return "Pruning report", f"{ladder.robot.path.name} · {logs} with {samples}"
+
+
+def sections(ladder: Ladder) -> list[Section]:
+    """Return the sections of the page."""
+    return [
         section_survivors(ladder),
         section_ladder(ladder),
         *(() if ladder.nothing else (section_budget(ladder.fit, ladder.samples),)),
@@ -48,26 +54,12 @@ def build_pruning_page(ladder: Ladder) -> Page:
         replace(section_absorption(ladder), detail=True),
         replace(section_refused(ladder), detail=True),
         replace(section_method(ladder), detail=True),
-    )
-    return Page(
-        title=ladder.robot.title or ladder.robot.name,
-        sections=sections,
-        overline="Pruning report",
-        subtitle=(
-            f"{ladder.robot.path.name} · {format_count(len(ladder.samples), 'log')} with "
-            f"{format_count(ladder.information.samples, 'sample')}"
-        ),
-        summary=(
-            answer_pruning(ladder),
-            Notes(ladder.cautions()),
-            Fold("The answer in one paragraph", (Prose((ladder.statement,)),)),
-        ),
-    )
+    ]
 
 
-def answer_pruning(ladder: Ladder) -> Answers:
-    """Return what to use, how good it is, whether to trust it, what to do next."""
-    return Answers(ladder.answers(), sketch_robot(ladder.robot, ladder.samples, ladder.verdicts))
+def sketch(ladder: Ladder) -> Sketch | None:
+    """Return the robot with what was found drawn on it, if it can be drawn."""
+    return sketch_robot(ladder.robot, ladder.samples, ladder.verdicts)
 
 
 def section_ladder(ladder: Ladder) -> Section:

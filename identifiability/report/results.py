@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from importlib import import_module
@@ -21,52 +21,66 @@ from identifiability.foundation.rounding import format_count
 from identifiability.foundation.rules import RuleTable
 from identifiability.report.blocks import Answers, Fold, Notes, Picture, Prose, Section, section
 from identifiability.report.page import Page, page_environment, render_page
-from identifiability.workflows.answers import rule_table
-
-#: Of each kind of result with drawings: module of this room with its page, the functions that build
-#: it and its first screen. The page of any other is what the result says of itself.
-PAGES = {
-    f"identifiability/{kind}/1": names
-    for kind, *names in map(
-        str.split,
-        """
-        analysis analysis_report build_analysis_page answer_analysis
-        pruning pruning_report build_pruning_page answer_pruning
-        diagnosis diagnosis_report build_diagnosis_page answer_missing
-        calibration calibration_report build_calibration_page answer_calibration
-        comparison comparison_report build_comparison_page answer_comparison
-        payload payload_report build_payload_page answer_load
-        rollout rollout_report build_rollout_page
-        prediction prediction_report build_prediction_page answer_prediction
-        inspection inspection_report build_inspection_page answer_inspection
-        excitation excitation_report build_excitation_page answer_excitation
-        """.strip().splitlines(),
-    )
-}
+from identifiability.workflows.answers import note, rule_table
 
 
-def _of_page(result: Result, which: int) -> Callable[[Any], Any] | None:
-    """Return a function of the page of a result by its place in `PAGES`, if it has one."""
-    names = PAGES.get(result.schema, [])
-    if which >= len(names):
-        return None
-    found: Callable[[Any], Any] = getattr(import_module(f".{names[0]}", __package__), names[which])
-    return found
+@cache
+def _drawings(schema: str) -> Any:
+    """Return the module of this room that draws a kind of result, ``<kind>_report``; None without.
+
+    It may have, each a function of the result, `heading` (what kind of page it is and what it is
+    about), `sketch` and `below` (what is drawn with the answers), `beside`, `notes` and
+    `paragraphs` (what stands with them) and `sections`.
+    """
+    name = f"{schema.split('/')[1]}_report"
+    here = Path(__file__).with_name(f"{name}.py").exists()
+    return import_module(f".{name}", __package__) if here else None
+
+
+def _of_page(result: Result, name: str, usual: Any = None) -> Any:
+    """Return what the page of a result has of its own."""
+    own = getattr(_drawings(result.schema), name, None)
+    return usual if own is None else own(result)
 
 
 def answer_first(result: Result) -> Answers:
     """Return what the page of a result answers first."""
-    own = _of_page(result, 2)
-    answers: Answers = Answers(result.answers()) if own is None else own(result)
-    return answers
+    return Answers(result.answers(), _of_page(result, "sketch"), _of_page(result, "below"))
 
 
 def build_page(result: Result) -> Page:
-    """Return the page of a result, and by which numbers it was decided."""
-    own = _of_page(result, 1)
-    page: Page = _plain_page(result) if own is None else own(result)
+    """Return the page of a result: its answers, cautions and tables or drawings, and its rules.
+
+    It is a page of blocks, to look at or to extend.
+    """
+    title, overline, subtitle = result.heading
+    if own := _of_page(result, "heading"):
+        robot = getattr(getattr(result, "analysis", None) or result, "robot", title)
+        title = robot if isinstance(robot, str) else robot.title or robot.name
+        overline, subtitle = own
+    hints = tuple(note("hint", hint=hint) for hint in getattr(result, "hints", ()))
+    notes = tuple(_of_page(result, "notes", result.cautions() or hints))
+    said = _of_page(result, "paragraphs", (result.statement,))
     rules = result.decided_by()
-    return replace(page, sections=(*page.sections, section_rules(rules))) if rules else page
+    tables = [
+        Section(f"table-{k + 1}", table.caption, blocks=(replace(table, caption=""),))
+        for k, table in enumerate(result.tables())
+    ]
+    return Page(
+        title=title,
+        overline=overline,
+        subtitle=subtitle,
+        summary=(
+            answer_first(result),
+            *_of_page(result, "beside", ()),
+            *([Notes(notes)] if notes else []),
+            *([Fold("The answer in one paragraph", (Prose(said),))] if said else []),
+        ),
+        sections=(
+            *filter(None, _of_page(result, "sections", tables)),
+            *([section_rules(rules)] if rules else []),
+        ),
+    )
 
 
 def section_rules(tables: Sequence[RuleTable]) -> Section:
@@ -77,26 +91,6 @@ def section_rules(tables: Sequence[RuleTable]) -> Section:
         count = format_count(len(table.rows), "number")
         folds.append(Fold(f"{table.caption}: {count}", (replace(table, caption=""),)))
     return section("rules", *folds)
-
-
-def _plain_page(result: Result) -> Page:
-    """Return the answers, cautions and tables of a result that has no drawings of its own."""
-    title, overline, subtitle = result.heading
-    notes = result.cautions()
-    return Page(
-        title=title,
-        overline=overline,
-        subtitle=subtitle,
-        summary=(
-            answer_first(result),
-            *([Notes(notes)] if notes else []),
-            Fold("The answer in one paragraph", (Prose((result.statement,)),)),
-        ),
-        sections=tuple(
-            Section(f"table-{k + 1}", table.caption, blocks=(replace(table, caption=""),))
-            for k, table in enumerate(result.tables())
-        ),
-    )
 
 
 def draw_figures(result: Any) -> dict[str, Figure]:

@@ -5,27 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.foundation.rounding import format_count
-from identifiability.report.blocks import Answers, Fold, Prose, Section, Trace, Traces, section
+from identifiability.report.blocks import Section, Trace, Traces, section
 from identifiability.report.drawing import peak_rows
-from identifiability.report.page import Page
 from identifiability.report.skeleton import move_skeletons
 from identifiability.report.torque import LINE_POINTS
 from identifiability.workflows.rollout import RolledOut, moved_words
 
 
-def build_rollout_page(result: RolledOut) -> Page:
-    """Return the report as a page of blocks, to look at or to extend."""
+def heading(result: RolledOut) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
     logs = format_count(len(result.logs), "log")
-    return Page(
-        title=result.robot.title or result.robot.name,
-        sections=(*section_motion(result), section_positions(result), section_joints(result)),
-        overline="Rollout",
-        subtitle=f"{' · '.join(run.name for run in result.runs)} · {logs}",
-        summary=(
-            Answers(result.answers()),
-            Fold("The answer in one paragraph", (Prose((result.statement,)),)),
-        ),
-    )
+    return "Rollout", f"{' · '.join(run.name for run in result.runs)} · {logs}"
+
+
+def sections(result: RolledOut) -> list[Section]:
+    """Return the sections of the page."""
+    return [*section_motion(result), section_positions(result), section_joints(result)]
 
 
 #: Colours of the robots, in their order: those of their lines below (`traces.js`).

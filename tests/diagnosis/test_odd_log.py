@@ -12,7 +12,7 @@ from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.report.diagnosis_report import answer_missing
+from identifiability.report.results import answer_first
 from identifiability.simulation import Noise, random_trajectory, simulate
 from identifiability.workflows.diagnose import BASE_EFFECTS, workflow
 from identifiability.workflows.diagnose.motion import (
@@ -142,7 +142,7 @@ def test_a_mass_gripped_in_the_middle_of_a_log_is_told_with_its_instant_and_left
     assert said in d.statement
     assert f"of {logs[1].name} on another robot was logged. The difference: a mass of" in said
     assert max(len(x.split()) for x in said.split(". ")) <= 25
-    assert f"{title_of('payload')} {change.when}" in answer_missing(d).sketch.markup
+    assert f"{title_of('payload')} {change.when}" in answer_first(d).sketch.markup
     assert d.to_dict()["changes"][0]["from95"][0] == change.began[0]
 
 

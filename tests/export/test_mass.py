@@ -8,7 +8,7 @@ from identifiability import Robot, analyze, prune
 from identifiability.cli import app
 from identifiability.physical.cad_prior import state_mass, state_masses, total_mass
 from identifiability.regression.reduction import LadderEntry, ModelEntry
-from identifiability.report.analysis_report import build_analysis_page
+from identifiability.report import build_analysis_page
 
 FULL = LadderEntry(models=[ModelEntry(name="full")])
 

@@ -13,7 +13,7 @@ from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, random_motion
-from identifiability.report.diagnosis_report import answer_missing
+from identifiability.report.results import answer_first
 from identifiability.robot import complete_motion
 from identifiability.robot.description import Tilt
 from identifiability.robot.kinematics import turn
@@ -132,7 +132,7 @@ def test_a_wall_is_found_stated_written_and_drawn(on_a_wall, tmp_path):
     assert told["robot"]["gravity"]["degrees"] == pytest.approx(90.0, abs=1.0)
     assert told["effects"][0]["gravity"]["degrees_sd"] == pytest.approx(tilt.leaning.sd)
     assert told["model"] == list(found.base)
-    drawing = str(answer_missing(found).sketch.markup)
+    drawing = str(answer_first(found).sketch.markup)
     assert "rotate(" in drawing
     assert "from the file&#39;s" in drawing
     exported = export(robot, found.to_json(tmp_path / "r.json"), tmp_path / "wall.urdf")

@@ -13,8 +13,9 @@ from identifiability import Inspection, Robot, analyze, inspect
 from identifiability.cli import app
 from identifiability.foundation.errors import LogError, OutputError
 from identifiability.logs import Log
-from identifiability.report.inspection_report import ROLES, build_inspection_page
+from identifiability.report.inspection_report import ROLES
 from identifiability.report.page import render_page
+from identifiability.report.results import build_page
 from identifiability.robot.parts import Transmission
 from identifiability.simulation import PrescribedMotion, random_trajectory, simulate
 from identifiability.workflows.inspect import Role, find_odd
@@ -72,7 +73,7 @@ def test_every_role_has_a_colour_and_how_logs_were_read_is_not_odd():
     assert set(get_args(Role)) == set(ROLES)
     found = inspect("walking-quadruped")
     assert "of its floating base" in found.statement
-    build_inspection_page(found)
+    build_page(found)
     read, odd = "How a.csv was read: t in ms.", "The clock of a.csv jumps."
     told = replace(found, hints=(read, odd))
     assert find_odd(told) == (odd,)
@@ -200,7 +201,7 @@ def test_what_cannot_be_prepared_is_a_result_and_what_cannot_be_read_is_refused(
     assert found.excited is None
     assert "cannot be used" in found.statement
     assert found.hints[0] == found.records[0].refused
-    assert render_page(build_inspection_page(found)).count("<svg") == 3  # the robot and its joints
+    assert render_page(build_page(found)).count("<svg") == 3  # the robot and its joints
     torqueless = run.to_frame().drop(columns=["shoulder.tau", "elbow.tau"])
     with pytest.raises(LogError, match="torque"):
         inspect("two-link", torqueless)
@@ -214,7 +215,7 @@ def test_the_result_is_a_table_json_and_a_page(run, tmp_path):
     content = json.loads(text, parse_constant=pytest.fail)
     assert content["logs"][0]["joints"][1]["torque_unit"] == "N·m"
     assert content["parameters"][0].keys() == {"name", "unit", "grouping"}
-    page = build_inspection_page(found)
+    page = build_page(found)
     answers, _, whole = page.summary
     assert answers.answers[0].short == "Yes: nothing is odd."
     assert whole.blocks[0].paragraphs == (found.statement,)
@@ -228,7 +229,7 @@ def test_names_from_files_are_harmless_on_the_page(gripper):
     hostile = "<script>alert(1)</script>"
     quoted = hostile.replace("<", "&lt;")
     gripper.write_text(GRIPPER.replace('"lift"', f'"{quoted}"'))
-    html = render_page(build_inspection_page(inspect(gripper)))
+    html = render_page(build_page(inspect(gripper)))
     assert html.count("<script") == 1
 
 

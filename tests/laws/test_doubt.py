@@ -8,7 +8,7 @@ from identifiability import Log, Robot, analyze, calibrate, export
 from identifiability.estimation.doubt import EVEN, find_size, interpolate, pinned_walk
 from identifiability.estimation.noise import LaggedProducts, RestrictedLikelihood, whiten
 from identifiability.estimation.verdict import Class
-from identifiability.report.analysis_report import answer_analysis
+from identifiability.report.results import answer_first
 from identifiability.simulation import Noise
 from identifiability.simulation.simulator import ar1
 from identifiability.workflows.analyze.result import next_commands
@@ -99,7 +99,7 @@ def test_a_function_that_is_missing_reaches_the_card_the_labels_and_the_next_com
         assert "a function of its velocity in elbow is missing in its model" in said
     exported = export("two-link", tmp_path / "result.json", tmp_path / "fitted.xml")
     assert "a function of its velocity in elbow is missing in its model" in exported.statement
-    answer = answer_analysis(found).answers[2]
+    answer = answer_first(found).answers[2]
     assert answer.short == "Only if nothing is missing."
     assert answer.text.startswith("Elbow errs ")
     assert "× its noise; a function of its velocity explains" in answer.text

@@ -13,7 +13,7 @@ from identifiability import Robot, payload
 from identifiability.cli import app
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.physical.pseudo_inertia import check_body
-from identifiability.report.payload_report import build_payload_page
+from identifiability.report.results import build_page
 
 ARM = "six-dof-arm"
 
@@ -165,7 +165,7 @@ def test_friction_that_follows_the_load_is_not_the_loads(fit, make_logs, planted
 def test_masses_are_said_to_be_proportional_to_the_gains(fit, make_logs, planted):
     found = payload(ARM, fit(ARM), make_logs(ARM, planted, seed=12)[1])
     assert "proportional to the torque constants and gear ratios" in found.statement
-    page = build_payload_page(found)
+    page = build_page(found)
     assert "proportional to the torque constants" in page.summary[0].answers[0].text
 
 
