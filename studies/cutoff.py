@@ -49,8 +49,8 @@ from identifiability.simulation import (
 )
 from identifiability.workflows import instruments
 from identifiability.workflows.analyze import Analysis, analyze
-from identifiability.workflows.band import settle_band
 from identifiability.workflows.diagnose.workflow import usual_effects
+from identifiability.workflows.session import settle_band
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[1]

@@ -12,8 +12,8 @@ from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import Noise, PrescribedMotion, random_trajectory, simulate
-from identifiability.workflows import band
-from identifiability.workflows.band import settle_band
+from identifiability.workflows import session
+from identifiability.workflows.session import settle_band
 
 RATE, SPEED, STEP = 200, 0.1, 0.003
 
@@ -73,7 +73,7 @@ def test_motion_that_is_fast_in_one_joint_keeps_its_band(two_link):
 def test_where_joints_agree_nothing_is_fitted(two_link, monkeypatch, simulated_session):
     robot, structure = two_link
     log = replace(simulated_session("two-link", "a", 0, Noise(torque=0.02)), dq=None, ddq=None)
-    monkeypatch.setattr(band, "_score", None)
+    monkeypatch.setattr(session, "_score", None)
     found = settle_band(structure, [log], None)
     assert found.cutoff == settle_cutoff(robot, [log], None).cutoff
 

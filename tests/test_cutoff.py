@@ -8,7 +8,7 @@ import pytest
 from identifiability import Log, analyze, diagnose, prune
 from identifiability.logs.prepare import Preparation
 from identifiability.simulation import Noise
-from identifiability.workflows import band
+from identifiability.workflows import session
 from identifiability.workflows.analyze import fit as check
 
 
@@ -98,19 +98,19 @@ def test_a_long_log_is_fitted_again_in_windows_with_the_same_answer(positions, m
         return prepare(robot, part, how)
 
     monkeypatch.setattr(check, "prepare_samples", count)
-    monkeypatch.setattr(band, "ENOUGH", 1200)
+    monkeypatch.setattr(session, "ENOUGH", 1200)
     found = analyze("two-link", long, preparation=HIGH, replicates=100)
     assert ".Iyy by" in about_cutoff(found)[0]
     assert sizes == [300] * 12  # four windows, at the cut-off itself, half and double of it
 
 
 def test_of_many_short_logs_some_are_fitted_again_whole():
-    found = check._windows([750] * 30, band.ENOUGH)
+    found = check._windows([750] * 30, session.ENOUGH)
     assert all((a, b) == (0, 750) for _, a, b in found)
     assert len({k for k, _, _ in found}) == len(found) == 15
-    assert sum(b - a for _, a, b in found) <= band.ENOUGH
-    long = check._windows([1_000_000, 500], band.ENOUGH)
-    assert band.ENOUGH / 2 < sum(b - a for _, a, b in long) <= band.ENOUGH
+    assert sum(b - a for _, a, b in found) <= session.ENOUGH
+    long = check._windows([1_000_000, 500], session.ENOUGH)
+    assert session.ENOUGH / 2 < sum(b - a for _, a, b in long) <= session.ENOUGH
 
 
 def test_logs_have_one_cut_off_that_the_fitted_ones_decide(positions):

@@ -55,12 +55,7 @@ def paper(
                 "'studies', not of the installed package; run 'identifiability paper' there."
             )
         sys.path.insert(0, str(STUDIES))
-        from paper_study.command import (  # type: ignore[import-not-found]  # noqa: PLC0415
-            Options,
-            find_studies,
-            print_result,
-            run_studies,
-        )
+        from paper_study.command import Options, find_studies, print_result, run_studies  # type: ignore[import-not-found]  # noqa: PLC0415
 
         try:
             names = find_studies(tables or ())

@@ -13,10 +13,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.instrumental import (
-    InstrumentalVariables,
-    RenoisedLeastSquares,
-)
+from identifiability.estimation.instrumental import InstrumentalVariables, RenoisedLeastSquares
 from identifiability.estimation.least_squares import OrdinaryLeastSquares
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance

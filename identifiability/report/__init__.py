@@ -29,8 +29,7 @@ from identifiability.report.blocks import (
     Tile,
 )
 from identifiability.report.drawing import COLOURS, canvas, drawn, plain, svg
-from identifiability.report.page import Page, render_page, write_page
-from identifiability.report.results import build_page, write_result
+from identifiability.report.results import Page, build_page, render_page, write_page, write_result
 
 build_analysis_page, write_analysis_report = build_page, write_result
 

@@ -45,9 +45,7 @@ from identifiability.report.torque import (
     unseen_samples,
 )
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.result import (
-    MOST_NAMES,
-)
+from identifiability.workflows.analyze.result import MOST_NAMES
 from identifiability.workflows.analyze.words import SeveralLogs
 from identifiability.workflows.answers import count_joints, level_table
 

@@ -19,14 +19,7 @@ from identifiability.foundation.rounding import (
     rough_percent,
     whole_percent,
 )
-from identifiability.report.blocks import (
-    Fold,
-    Prose,
-    Section,
-    Sketch,
-    picture,
-    section,
-)
+from identifiability.report.blocks import Fold, Prose, Section, Sketch, picture, section
 from identifiability.report.drawing import (
     BLUE,
     GREY,
@@ -43,12 +36,7 @@ from identifiability.report.drawing import (
 )
 from identifiability.report.skeleton import Part, moved_pose, sketch_parts
 from identifiability.workflows.answers import sentence, with_hints, words
-from identifiability.workflows.calibrate.calibration import (
-    WORDS,
-    Calibration,
-    _rare,
-    label,
-)
+from identifiability.workflows.calibrate.calibration import WORDS, Calibration, _rare, label
 from identifiability.workflows.calibrate.outcome import PRIOR_WIDTH, RankCheck
 from identifiability.workflows.diagnose import FalseNames
 

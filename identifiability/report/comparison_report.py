@@ -12,13 +12,7 @@ from identifiability.foundation.answers import Column, Table, measured_cells
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rounding import digits, join, rough_percent
-from identifiability.report.blocks import (
-    Section,
-    Sketch,
-    fold_rows,
-    picture,
-    section,
-)
+from identifiability.report.blocks import Section, Sketch, fold_rows, picture, section
 from identifiability.report.drawing import DASHED, INK, drawn, row_canvas, row_lines, whiskers
 from identifiability.report.skeleton import Part, sketch_parts
 from identifiability.workflows.answers import with_hints

@@ -40,10 +40,7 @@ from identifiability.report.torque import (
     draw_shrink,
     velocity_units,
 )
-from identifiability.workflows.answers import (
-    level_table,
-    sentence,
-)
+from identifiability.workflows.answers import level_table, sentence
 from identifiability.workflows.diagnose.findings import Curve, NamedEffect
 from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.result import PLACES, Diagnosis

@@ -11,21 +11,8 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from identifiability.foundation.answers import Column, Table
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import (
-    digits,
-    format_count,
-    format_number,
-    join,
-)
-from identifiability.report.blocks import (
-    Fold,
-    Gallery,
-    Prose,
-    Section,
-    Sketch,
-    picture,
-    section,
-)
+from identifiability.foundation.rounding import digits, format_count, format_number, join
+from identifiability.report.blocks import Fold, Gallery, Prose, Section, Sketch, picture, section
 from identifiability.report.drawing import (
     BLUE,
     COLOURS,

@@ -8,10 +8,7 @@ from matplotlib.figure import Figure
 
 from identifiability.foundation.answers import Column, Note, Table
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import (
-    NONE,
-    format_count,
-)
+from identifiability.foundation.rounding import NONE, format_count
 from identifiability.report.blocks import (
     Fold,
     Gallery,

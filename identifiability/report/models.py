@@ -67,14 +67,8 @@ from identifiability.report.drawing import (
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.assessment import ModelResult
-from identifiability.workflows.analyze.result import (
-    model_title,
-    parameter_table,
-    stated_values,
-)
-from identifiability.workflows.answers import (
-    sentence,
-)
+from identifiability.workflows.analyze.result import model_title, parameter_table, stated_values
+from identifiability.workflows.answers import sentence
 
 # Models beside each other: error, size, condition; the way down to few parameters; the rank.
 

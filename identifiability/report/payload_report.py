@@ -2,16 +2,8 @@
 
 from __future__ import annotations
 
-from identifiability.foundation.rounding import (
-    digits,
-    join,
-)
-from identifiability.report.blocks import (
-    Section,
-    Sketch,
-    picture,
-    section,
-)
+from identifiability.foundation.rounding import digits, join
+from identifiability.report.blocks import Section, Sketch, picture, section
 from identifiability.report.comparison_report import draw_intervals
 from identifiability.report.skeleton import Part, sketch_parts
 from identifiability.workflows.answers import sentence

@@ -5,13 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.foundation.rounding import error_text, format_count
-from identifiability.report.blocks import (
-    Gallery,
-    Section,
-    Sketch,
-    picture,
-    section,
-)
+from identifiability.report.blocks import Gallery, Section, Sketch, picture, section
 from identifiability.report.skeleton import Part, sketch_parts
 from identifiability.report.torque import LINE_POINTS, choose_stretch, draw_torque, fold_gallery
 from identifiability.workflows.answers import tone_of

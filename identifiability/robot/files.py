@@ -28,13 +28,7 @@ from identifiability.robot.description import Description
 from identifiability.robot.floating import BASE_JOINTS
 from identifiability.robot.kinematics import body_names, read_tree
 from identifiability.robot.locate import find_sidecar, locate_robot
-from identifiability.robot.locking import (
-    LockOption,
-    add_couplings,
-    read_locks,
-    settle_locks,
-    weld,
-)
+from identifiability.robot.locking import LockOption, add_couplings, read_locks, settle_locks, weld
 from identifiability.robot.markup import check_magnitudes, check_regular, check_weight, read_markup
 from identifiability.robot.parts import Coupling, Stated
 from identifiability.robot.sidecar import Sidecar, read_sidecar

@@ -30,7 +30,7 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot.description import Tilt
 from identifiability.workflows.oddities import MeasuredLogs
-from identifiability.workflows.oddities.measured_logs import without
+from identifiability.workflows.oddities.check import without
 from identifiability.workflows.rules import RULES
 
 #: A base that leans has all of gravity: of less than this share of it torque that was compensated

@@ -46,12 +46,7 @@ from identifiability.logs.prepare.samples import explain_silence
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum
 from identifiability.physical.feasibility import find_impossible_bodies
-from identifiability.regression.reduction import (
-    ModelLike,
-    choose_model,
-    find_ladder,
-    ladder_model,
-)
+from identifiability.regression.reduction import ModelLike, choose_model, find_ladder, ladder_model
 from identifiability.regression.structure import OfStructure, Structure, group_columns
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.description import stated_speeds
@@ -70,8 +65,8 @@ from identifiability.workflows.opening import (
     quiet,
     running,
     share,
+    state_provenance,
 )
-from identifiability.workflows.provenance import state_provenance
 from identifiability.workflows.session import Session
 
 # What a robot file and logs hold, before anything is fitted.

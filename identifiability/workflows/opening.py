@@ -5,6 +5,8 @@ refuses those that have nothing to explain; `running` and `share` say where that
 it is.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field, replace
@@ -47,6 +49,14 @@ from identifiability.workflows.oddities import (
 if TYPE_CHECKING:
     from identifiability.estimation.rollouts import Rollouts
     from identifiability.workflows.commanded import Moved
+import platform
+from hashlib import sha256
+
+import clarabel
+
+from identifiability.foundation import __version__
+from identifiability.foundation.engines.resume import NUMERICS, find_version
+from identifiability.regression.reduction import LadderSource
 
 #: Why no verdict stands on columns that are read as what they are not, for after "because".
 MISREAD = (
@@ -96,7 +106,7 @@ class Recordings:
     read: tuple[tuple[str, str], ...] = ()
     commands: str = ""
     later: tuple[Mapping[int, Log], ...] = ()
-    rolled: "Rollouts | None" = None
+    rolled: Rollouts | None = None
     values: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -111,7 +121,7 @@ class Recordings:
         rng: np.random.Generator,
         say: Progress,
         values: Mapping[str, float] | None = None,
-    ) -> "Recordings":
+    ) -> Recordings:
         """Return the logs with calibrated torque where it comes from commands; held-out as it was.
 
         What moves by them has the file's bodies, or those of the standard parameters that were
@@ -126,7 +136,7 @@ class Recordings:
 
     def follow_unseen(
         self, structure: Structure, how: Preparation, rng: np.random.Generator
-    ) -> "Recordings":
+    ) -> Recordings:
         """Return the logs with calibrated torque of held-out ones, too, by what followed."""
         if self.rolled is None:
             return self
@@ -136,7 +146,7 @@ class Recordings:
             self, held_out=calibrate(structure, self.held_out, self.values, how, rng, {})
         )
 
-    def measure_rollouts(self, robot: Robot, values: Mapping[str, float]) -> "Moved | None":
+    def measure_rollouts(self, robot: Robot, values: Mapping[str, float]) -> Moved | None:
         """Return how far rollouts of a fitted robot are off, where there are logs of commands."""
         if not self.commanded:
             return None
@@ -173,7 +183,7 @@ class Opening(OfStructure):
     misread: str = ""
     commands: str = ""
 
-    def under(self, structure: Structure, recordings: Sequence[Recording]) -> "Opening":
+    def under(self, structure: Structure, recordings: Sequence[Recording]) -> Opening:
         """Return the opening under another structure, with what is odd about logs then."""
         before, now = (
             find_oddities(MeasuredLogs(s, tuple(recordings), self.samples))
@@ -452,3 +462,56 @@ def require_signal(samples: Sequence[Prepared], done: str) -> None:
             f"Nothing can be {done}, because {why} ({names}); give logs in which the robot moves "
             "and its torque changes."
         )
+
+
+# What decided the numbers of a result: versions, seed, options, and hashes of what went in.
+
+
+_PACKAGES = (*NUMERICS, "pandas")
+
+
+def state_provenance(
+    robot: Robot,
+    samples: Sequence[Prepared],
+    seed: int,
+    source: LadderSource | None = None,
+    options: Mapping[str, object] | None = None,
+) -> dict[str, str]:
+    """Return everything that decided the numbers: versions, seed, options, hashes of the inputs."""
+    out = {"python": platform.python_version(), "identifiability": __version__}
+    for package in _PACKAGES:
+        out[package] = find_version(package) or "not installed"
+    out["seed"] = str(seed)
+    out["solver"] = _solver_settings()
+    out.update({name: str(value) for name, value in (options or {}).items()})
+    out[f"sha256 {robot.path.name}"] = robot.sha256
+    if robot.sidecar is not None:
+        out["sidecar"] = robot.sidecar.name
+        out[f"sha256 {robot.sidecar.name}"] = sha256(robot.sidecar.read_bytes()).hexdigest()
+    if robot.columns:
+        out["columns"] = robot.columns.text
+    if robot.time_unit:
+        out["time unit"] = robot.time_unit
+    if robot.torque.text:
+        out["torque"] = robot.torque.text
+    if robot.known_torque:
+        out["known torque"] = "; ".join(k.text for k in robot.known_torque)
+    if robot.angles is not None:
+        out["angles"] = robot.angles
+    if robot.locked:
+        out["locked"] = ", ".join(f"{name} = {at:g}" for name, at in robot.locked.items())
+    if source is not None:
+        out["ladder"] = source.origin
+        out["sha256 ladder"] = source.sha256
+    for s in samples:
+        out[f"sha256 {s.name}"] = s.sha256
+    return out
+
+
+def _solver_settings() -> str:
+    """Return the solver of the physical set and its tolerances, which are its own defaults."""
+    own = clarabel.DefaultSettings()
+    return (
+        f"clarabel, tol_gap_rel {own.tol_gap_rel:g}, tol_feas {own.tol_feas:g}, "
+        f"max_iter {own.max_iter}"
+    )

@@ -12,15 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from hostile.case import (
-    Hostile,
-    Make,
-    Runs,
-    hostile,
-    listed,
-    no_files,
-    spoilt,
-)
+from hostile.case import Hostile, Make, Runs, hostile, listed, no_files, spoilt
 
 
 def arrays(good: pd.DataFrame) -> list[Hostile]:

@@ -13,16 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from hostile.case import (
-    Hostile,
-    Make,
-    Runs,
-    hostile,
-    listed,
-    no_files,
-    sparse,
-    spoilt,
-)
+from hostile.case import Hostile, Make, Runs, hostile, listed, no_files, sparse, spoilt
 
 
 def good_bag(frame: pd.DataFrame) -> bytes:

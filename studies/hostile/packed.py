@@ -10,15 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from hostile.case import (
-    NAMES,
-    Hostile,
-    Make,
-    hostile,
-    listed,
-    no_files,
-    spoilt,
-)
+from hostile.case import NAMES, Hostile, Make, hostile, listed, no_files, spoilt
 
 
 def parquets(good: pd.DataFrame) -> list[Hostile]:

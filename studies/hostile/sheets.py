@@ -8,13 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from hostile.case import (
-    Hostile,
-    Make,
-    hostile,
-    listed,
-    spoilt,
-)
+from hostile.case import Hostile, Make, hostile, listed, spoilt
 
 
 def sheets(good: pd.DataFrame) -> list[Hostile]:

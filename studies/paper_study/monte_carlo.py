@@ -21,14 +21,7 @@ from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Regression
 from identifiability.robot import Motion
 from paper_study.readings import READINGS, measured_motion
-from paper_study.subject import (
-    SHIPPED,
-    Subject,
-    check_robot,
-    exact_log,
-    load_subject,
-    robot_digest,
-)
+from paper_study.subject import SHIPPED, Subject, check_robot, exact_log, load_subject, robot_digest
 
 Progress = Callable[[str, float], None]
 

@@ -14,8 +14,7 @@ from identifiability.cli import app
 from identifiability.foundation.errors import LogError, OutputError
 from identifiability.logs import Log
 from identifiability.report.inspection_report import ROLES
-from identifiability.report.page import render_page
-from identifiability.report.results import build_page
+from identifiability.report.results import build_page, render_page
 from identifiability.robot.parts import Transmission
 from identifiability.simulation import PrescribedMotion, random_trajectory, simulate
 from identifiability.workflows.inspect import Role, find_odd

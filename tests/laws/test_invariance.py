@@ -7,11 +7,7 @@ from identifiability.estimation.estimate import estimate
 from identifiability.estimation.least_squares import dependence
 from identifiability.foundation.names import Parameter
 from identifiability.regression.information import Information
-from identifiability.regression.structure import (
-    find_base_parameters,
-    group_columns,
-    random_motion,
-)
+from identifiability.regression.structure import find_base_parameters, group_columns, random_motion
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 
 from identifiability import Robot
 from identifiability.report.blocks import Section
-from identifiability.report.page import Page, render_page
+from identifiability.report.results import Page, render_page
 from identifiability.report.skeleton import MOST_FRAMES, move_skeletons
 
 

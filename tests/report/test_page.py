@@ -31,7 +31,7 @@ from identifiability.report import (
     write_page,
 )
 from identifiability.report.blocks import fold_rows
-from identifiability.report.page import set_symbols
+from identifiability.report.results import set_symbols
 
 pytestmark = pytest.mark.pictures
 

@@ -41,10 +41,9 @@ from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
 from identifiability.workflows.analyze.assessment import ModelResult
 from identifiability.workflows.analyze.rules import RULES
-from identifiability.workflows.band import enough_samples, settle_band
 from identifiability.workflows.instruments import follow
 from identifiability.workflows.opening import Opening, Recordings
-from identifiability.workflows.session import Session, Weighed
+from identifiability.workflows.session import Session, Weighed, enough_samples, settle_band
 
 
 @frozen

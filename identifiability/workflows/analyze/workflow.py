@@ -32,11 +32,7 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.analyze.assessment import (
-    assess_ladder,
-    select_model,
-    tell_with_file,
-)
+from identifiability.workflows.analyze.assessment import assess_ladder, select_model, tell_with_file
 from identifiability.workflows.analyze.belief import believe
 from identifiability.workflows.analyze.fit import (
     DelayErrors,

@@ -91,8 +91,8 @@ from identifiability.workflows.opening import (
     quiet,
     read_recordings,
     require_signal,
+    state_provenance,
 )
-from identifiability.workflows.provenance import state_provenance
 from identifiability.workflows.session import Session, settle_gains, settle_prior, weigh_rows
 
 #: Simulated noises, and those without which no p-value falls below 5 %.

@@ -25,12 +25,7 @@ from identifiability.foundation.rounding import format_count
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot, complete_motion
-from identifiability.robot.floating import (
-    SIX,
-    Contact,
-    base_acceleration,
-    contact_jacobian,
-)
+from identifiability.robot.floating import SIX, Contact, base_acceleration, contact_jacobian
 from identifiability.robot.kinematics import Point
 from identifiability.robot.rules import RULES as ROBOT_RULES
 from identifiability.simulation.motion import Trajectory

@@ -28,12 +28,7 @@ from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
 from identifiability.foundation.names import BASE, GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.options import FilePath, checked
-from identifiability.foundation.output import (
-    check_ending,
-    temporary_folder,
-    write_json,
-    write_text,
-)
+from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
 from identifiability.foundation.result import shown
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen

@@ -12,8 +12,7 @@ from pkgutil import iter_modules
 
 from identifiability.foundation.values import frozen
 from identifiability.logs.commands import of_commands
-from identifiability.workflows.oddities.check import CHECKS, Does
-from identifiability.workflows.oddities.measured_logs import MeasuredLogs
+from identifiability.workflows.oddities.check import CHECKS, Does, MeasuredLogs
 from identifiability.workflows.oddities.mends import Reading, mend
 
 for _module in iter_modules(__path__):

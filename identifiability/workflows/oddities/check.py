@@ -2,11 +2,156 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from enum import StrEnum
+from functools import cached_property
 from typing import Any, TypeAlias
 
+import numpy as np
+
+from identifiability.effects.nominal import gravity_torque, has_masses, rigid_torque
+from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.logs import Log
+from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.samples import join_motions
+from identifiability.logs.repeats import Recording
+from identifiability.logs.signals import spread_windows
+from identifiability.regression.structure import Structure
+from identifiability.robot import Motion, Robot
+
+# `MeasuredLogs`: what the finders of oddities look at: raw columns, and what the file predicts.
+
+
+#: Samples, spread over all logs, at which measured torque is compared with the file's.
+ENOUGH = 1000
+
+
+@frozen
+class MeasuredLogs:
+    """Logs as they were measured, and the same prepared.
+
+    Attributes
+    ----------
+    structure : Structure
+    recordings : tuple of Log or LogFile
+        As they were measured.
+    samples : tuple of Samples or LongSamples
+        The same prepared, in the same order.
+    """
+
+    structure: Structure
+    recordings: tuple[Recording, ...]
+    samples: tuple[Prepared, ...]
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.structure.robot
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Its actuated joints."""
+        return self.robot.joints
+
+    def windows(self) -> Iterator[tuple[int, Log]]:
+        """Yield the columns of every log as they were measured, and the row they begin at.
+
+        Long logs are looked at in the windows that decisions about them are made on.
+        """
+        for log in self.recordings:
+            for start, stop in spread_windows(len(log)):
+                yield start, log.rows(start, stop)
+
+    @cached_property
+    def _thinned(self) -> tuple[Motion, Array, np.ndarray]:
+        each = max(1, ENOUGH // len(self.samples))
+        few = [s.thin(max(1, s.survey.kept // each)) for s in self.samples]
+        data = [np.ones(s.tau.shape, bool) if s.dwells is None else ~s.dwells for s in few]
+        motion, tau = join_motions([s.motion for s in few]), np.concatenate([s.tau for s in few])
+        return motion, tau, np.concatenate(data)
+
+    @cached_property
+    def measured(self) -> np.ndarray:
+        """At which joints there is torque that is data, (n,) bool."""
+        found: np.ndarray = np.sum([s.survey.rows for s in self.samples], axis=0) > 0
+        return found
+
+    @property
+    def motion(self) -> Motion:
+        """Some samples of all logs."""
+        return self._thinned[0]
+
+    @property
+    def torque(self) -> Array:
+        """Measured torque at them, (N, n) [N·m or N]."""
+        return self._thinned[1]
+
+    @property
+    def data(self) -> np.ndarray:
+        """Where it is data, (N, n) bool."""
+        return self._thinned[2]
+
+    @cached_property
+    def weighs(self) -> bool:
+        """Whether the robot file states masses to compare with."""
+        return has_masses(self.robot)
+
+    @cached_property
+    def predicted(self) -> Array:
+        """Rigid-body torque by the file's masses at the same samples, (N, n)."""
+        return rigid_torque(self.robot, self.motion)
+
+    @cached_property
+    def gravity(self) -> Array:
+        """The part of it that holds the weight, (N, n)."""
+        return gravity_torque(self.robot, self.motion, self.robot.gravity)
+
+    @cached_property
+    def stated(self) -> Array:
+        """Torque by every value that the file states, friction and rotors too, (N, n).
+
+        NaN at joints whose drive the file says nothing of.
+        """
+        structure = self.structure
+        W = structure.model.regressor(self.robot, self.motion)
+        tau: Array = W @ structure.nominal
+        drives = [n for n, x in zip(structure.columns, structure.nominal, strict=True) if x > 0]
+        known = [any(n.startswith(f"{j}.") for n in drives) for j in self.joints]
+        return np.where(known, tau, np.nan)
+
+    def ordinary(self, joint: int) -> Array:
+        """Return what any drive adds at a joint: friction, rotor inertia, offset, (N, 4)."""
+        v, a = self.motion.actuated_v[:, joint], self.motion.actuated_a[:, joint]
+        return np.column_stack([np.ones(len(v)), v, np.sign(v), a])
+
+
+def without(x: Array, known: Array) -> Array:
+    """Return what is left of x (N, …) when known columns (N, k) are projected out."""
+    size = np.linalg.norm(known, axis=0)
+    Q, R = np.linalg.qr(known / np.where(size > 0, size, 1.0))
+    kept = np.abs(np.diag(R)) > ROUNDOFF
+    Q = Q[:, kept]
+    left: Array = x - Q @ (Q.T @ x)
+    return left
+
+
+def unexplained(W: Array, tau: Array) -> float:
+    """Return what a regressor (m, n, p) and offsets leave of torque (m, n), as a share."""
+    m, n, p = W.shape
+    if m * n < 2 * (p + n):
+        return 0.0
+    A = (W - W.mean(0)).reshape(m * n, p)
+    b = (tau - tau.mean(0)).reshape(-1)
+    length = np.linalg.norm(A, axis=0)
+    A = A[:, length > 0] / length[length > 0]
+    square, V = np.linalg.eigh(A.T @ A)
+    kept = square > ROUNDOFF * square[-1]
+    fit = (V[:, kept].T @ (A.T @ b)) / np.sqrt(square[kept])
+    size, explained = float(b @ b), float(fit @ fit)
+    return float(max(1.0 - explained / size, 0.0) ** 0.5)
+
 
 #: Returns sentences that name the column and the remedy, none for sound logs, of `MeasuredLogs`;
 #: what mends returns logs that are being read with these sentences (`mends.Reading`).

@@ -11,8 +11,7 @@ from identifiability.logs.base import ACC
 from identifiability.logs.prepare import Samples
 from identifiability.logs.signals import sampling_step
 from identifiability.robot.floating import slip_shares
-from identifiability.workflows.oddities.check import Does, check
-from identifiability.workflows.oddities.measured_logs import MeasuredLogs
+from identifiability.workflows.oddities.check import Does, MeasuredLogs, check
 from identifiability.workflows.oddities.rules import RULES
 
 #: and what has so many times the mean of such noise is none.

@@ -8,8 +8,7 @@ from identifiability.foundation.errors import listing
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.samples import stands_still, torque_varies
 from identifiability.physical.feasibility import find_impossible_bodies
-from identifiability.workflows.oddities.check import Does, check
-from identifiability.workflows.oddities.measured_logs import MeasuredLogs
+from identifiability.workflows.oddities.check import Does, MeasuredLogs, check
 from identifiability.workflows.oddities.rules import RULES
 
 

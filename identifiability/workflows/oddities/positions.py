@@ -12,8 +12,7 @@ from identifiability.logs import Log
 from identifiability.logs.gaps import NAMES, smallest_change
 from identifiability.logs.mend import looks_like_degrees
 from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.workflows.oddities.check import Does, check
-from identifiability.workflows.oddities.measured_logs import MeasuredLogs
+from identifiability.workflows.oddities.check import Does, MeasuredLogs, check
 from identifiability.workflows.oddities.rules import RULES
 
 # Positions beyond the limits of the robot file: another unit, zero, sign or joint.

@@ -21,8 +21,7 @@ from identifiability.logs.prepare.plan import joint_log
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.regression.structure import Structure
-from identifiability.workflows.oddities.check import Does, check
-from identifiability.workflows.oddities.measured_logs import MeasuredLogs, without
+from identifiability.workflows.oddities.check import Does, MeasuredLogs, check, without
 from identifiability.workflows.oddities.rules import RULES
 
 # Torque that is late, or early, beside its motion, and positions beside their velocities.

@@ -19,8 +19,7 @@ from identifiability.logs.commands import of_commands
 from identifiability.logs.gaps import smallest_change
 from identifiability.regression.mix_up import find_mix_up
 from identifiability.robot import complete_motion
-from identifiability.workflows.oddities.check import Does, check
-from identifiability.workflows.oddities.measured_logs import MeasuredLogs, unexplained, without
+from identifiability.workflows.oddities.check import Does, MeasuredLogs, check, unexplained, without
 from identifiability.workflows.oddities.rules import RULES
 
 # An "effort" that is no force: it does not carry the weight that the robot file puts on it.

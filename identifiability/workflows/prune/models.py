@@ -21,12 +21,7 @@ from identifiability.estimation.decide import find_left_out
 from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.evidence import (
-    Evidence,
-    Mixture,
-    mix_labels,
-    weigh_models,
-)
+from identifiability.estimation.evidence import Evidence, Mixture, mix_labels, weigh_models
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.estimation.refits import Equations
 from identifiability.estimation.rules import Thresholds

@@ -8,12 +8,7 @@ import pytest
 
 from identifiability.estimation.evidence import choose_folds
 from identifiability.estimation.noise import autocorrelation_time
-from identifiability.estimation.prediction import (
-    Prediction,
-    Task,
-    predict,
-    predict_all,
-)
+from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.torque_errors import (
     STRETCHES,

@@ -8,12 +8,7 @@ from identifiability.physical.feasibility import certify
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares
 from identifiability.physical.project import Projection, project
-from identifiability.physical.pseudo_inertia import (
-    check_body,
-    margin,
-    natural_scale,
-    to_matrix,
-)
+from identifiability.physical.pseudo_inertia import check_body, margin, natural_scale, to_matrix
 
 from ...physical.bodies import to_vector
 
