@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +38,6 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot, forgotten
-from identifiability.workflows.opening import Recordings
 
 #: Recordings of a rollout that differ in where the encoders' steps lie.
 PHASES = 4
@@ -65,12 +65,12 @@ def give_torque(logs: Sequence[Log | LogFile], servo: Servo | None) -> list[Log 
 
 
 def follow_commands(
-    recordings: Recordings,
+    recordings: Any,
     structure: Structure,
     how: Preparation,
     rng: np.random.Generator,
     values: Mapping[str, float],
-) -> Recordings:
+) -> Any:
     """Return recordings whose fitted logs have calibrated torque where it comes from commands.
 
     Parameters

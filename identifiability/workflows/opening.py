@@ -132,7 +132,8 @@ class Recordings:
         from identifiability.workflows.commanded import follow_commands  # noqa: PLC0415 - MuJoCo
 
         say("rolling out commands", 0.1)
-        return follow_commands(self, structure, how, rng, values or {})
+        followed: Recordings = follow_commands(self, structure, how, rng, values or {})
+        return followed
 
     def follow_unseen(
         self, structure: Structure, how: Preparation, rng: np.random.Generator
