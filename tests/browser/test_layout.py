@@ -28,7 +28,8 @@ SORTED = """() => {
 }"""
 
 FILTERED = """() => {
-  const box = document.querySelector("#full-model details details .table");
+  const box = [...document.querySelectorAll("#full-model .table")]
+    .find((table) => table.querySelector(".chip"));
   const chips = [...box.querySelectorAll(".chip")];
   const shown = () => [...box.querySelectorAll("tbody tr")].filter((r) => !r.hidden)
     .map((r) => r.dataset.word);

@@ -59,8 +59,9 @@ def test_actuators_are_weighted_by_their_own_residual_variance(rows):
 
 def test_weights_are_the_method_unless_it_is_named(rows):
     information = gather(*rows)
-    np.testing.assert_array_equal(
-        estimate(information).weights, estimate(information, "wls").weights
+    # A factor is made of that of another fit of the same rows, to rounding.
+    np.testing.assert_allclose(
+        estimate(information).weights, estimate(information, "wls").weights, rtol=1e-12
     )
 
 
