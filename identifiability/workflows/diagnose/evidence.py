@@ -133,7 +133,9 @@ def factor_of(G: Array) -> Array:
     """Return F (r, m) with F'F the pseudo-inverse of products (m, m), whatever their units."""
     if not len(G):
         return np.empty((0, 0))
-    size = np.sqrt(np.maximum(np.diag(G), 1e-300))
+    # What rounding leaves of a column that others explain may have products but no square.
+    square = np.diag(G)
+    size = np.sqrt(np.where(square > 0, square, np.inf))
     values, vectors = np.linalg.eigh(G / np.outer(size, size))
     seen = values > ROUNDING * max(float(values[-1]), 1e-300)
     factor: Array = (vectors[:, seen] / np.sqrt(values[seen])).T / size

@@ -12,6 +12,7 @@ from identifiability.workflows.diagnose.evidence import (
     Options,
     Products,
     View,
+    factor_of,
     step_of,
     tempering,
 )
@@ -194,3 +195,13 @@ def test_what_a_joint_leaves_above_its_noise_divides_its_information(rng):
     assert lasting > 20.0
     assert nothing == 1.0
     assert step_of(0.0, 1.0) == step_of(0.2, 1.0) == 0 < step_of(0.3, 1.0) < step_of(9.0, 1.0)
+
+
+@pytest.mark.parametrize("square", [0.0, -1e-20, -1e9])
+def test_what_rounding_leaves_of_a_column_is_no_direction(square):
+    """Its products with others stay where its square is gone; they were divided by nothing."""
+    G = np.array([[2.0, 1e9, 0.5], [1e9, square, -1e-9], [0.5, -1e-9, 1.0]])
+    F = factor_of(G)
+    expected = np.zeros((3, 3))
+    expected[np.ix_([0, 2], [0, 2])] = np.linalg.inv(G[np.ix_([0, 2], [0, 2])])
+    np.testing.assert_allclose(F.T @ F, expected, rtol=1e-12)
