@@ -28,8 +28,8 @@ SORTED = """() => {
 }"""
 
 FILTERED = """() => {
-  const box = [...document.querySelectorAll("#full-model .table")]
-    .find((table) => table.querySelector(".chip"));
+  const box = [...document.querySelectorAll(".table")]
+    .find((table) => table.querySelector(".chip[data-word]"));
   const chips = [...box.querySelectorAll(".chip")];
   const shown = () => [...box.querySelectorAll("tbody tr")].filter((r) => !r.hidden)
     .map((r) => r.dataset.word);
@@ -75,7 +75,7 @@ def test_tables_sort_by_number_and_say_so(reports, visit):
 
 
 def test_chips_show_only_the_rows_with_their_verdict(reports, visit):
-    with visit(reports["demo"]) as seen:
+    with visit(reports["analysis"]) as seen:
         total, some, said, pressed, back = seen.page.evaluate(FILTERED)
     assert len(set(some)) == 1
     assert said == f"{len(some)} of {total} shown"
