@@ -417,11 +417,6 @@ class Information:
     def _made(self) -> dict[Any, Any]:
         return {}
 
-    @cached_property
-    def _grams(self) -> list[tuple[Array, Array, Array]]:
-        """Weights of a factor, the factor, and Gram matrices in its coordinates; none as yet."""
-        return []
-
     def remember(self, key: Any, make: Callable[[], Any]) -> Any:
         """Return what is made of the sums over all blocks: a fit asks for the same many times."""
         return remember(self._made, key, make, REMEMBERED)
@@ -533,30 +528,35 @@ class Information:
             more, own = self.within
             R: Array = more.factor(weights) @ own
             return triangular_factor(np.pad(R, ((0, max(0, R.shape[1] - len(R))), (0, 0))))
-        for before, root, grams in self._grams:
+        if self._grams is not None:
+            before, root, grams = self._grams
             ratio = weights / before
             if ratio.min() > 0 and ratio.max() < LIKE * ratio.min():
                 return np.asarray(np.linalg.cholesky(np.tensordot(ratio, grams, 1)).T @ root)
-        R = self._factor_rows(weights)
-        self._remember_grams(weights, R)
-        return R
+        return self._factor_rows(weights)
 
-    def _remember_grams(self, weights: Array, root: Array) -> None:
-        """Keep each actuator's Gram matrix in the coordinates of a factor of all of them.
+    @cached_property
+    def _grams(self) -> tuple[Array, Array, Array] | None:
+        """Weights over torque, their factor, and each actuator's Gram matrix in its coordinates.
 
-        There they add up to the unit matrix, so that with weights that are not all too different
-        nothing is lost by squaring, and another factor costs next to nothing.
+        There these add up to the unit matrix, so that with weights that are not all too different
+        nothing is lost by squaring, and another factor costs next to nothing. The weights are
+        always the same, so that a factor does not depend on what was asked before.
         """
+        if not (self.torque > 0).all():
+            return None
+        weights = 1.0 / self.torque
+        root = self._factor_rows(weights)
         small = (np.abs(np.diag(root)) <= FLOOR * np.linalg.norm(root, axis=0)).any()
-        if small or (weights <= 0).any() or SOONER * self.actuators * root.nbytes > MOST_BYTES:
-            return
+        if small or SOONER * self.actuators * root.nbytes > MOST_BYTES:
+            return None
         grams = np.empty((self.actuators, *root.shape))
         for gram, weight, part in zip(grams, weights, self.parts, strict=True):
             own, columns = self._own(part)
             rows = _spread(np.sqrt(weight) * (part.root @ own), columns, np.arange(self.size))
             Z = solve_triangular(root, rows.T, trans=1, check_finite=False)
             gram[:] = Z @ Z.T
-        self._grams[:] = [(weights, root, grams)]
+        return weights, root, grams
 
     def _factor_rows(self, weights: Array) -> Array:
         pairs = zip(np.sqrt(weights), self.parts, strict=True)
