@@ -105,19 +105,11 @@ def motors(robot: Robot) -> range:
 @once
 def nominal_torque(robot: Robot, motion: Motion) -> Array:
     """Return the torque by all values that the robot file states, (N, n)."""
-    stated = any(k.endswith(".Fc+") for k in reference_values(robot))
-    dry = CoulombAsymmetry() if stated else CoulombFriction()
-    return _add_stated(smooth_torque(robot, motion), robot, motion, [dry])
-
-
-def smooth_torque(robot: Robot, motion: Motion) -> Array:
-    """Return the torque by the values that the robot file states, dry friction apart, (N, n)."""
-    effects = [ViscousFriction(), ActuatorInertia(), JointStiffness()]
-    return _add_stated(rigid_torque(robot, motion), robot, motion, effects)
-
-
-def _add_stated(tau: Array, robot: Robot, motion: Motion, effects: Sequence[Effect]) -> Array:
+    tau = rigid_torque(robot, motion)
+    effects: list[Effect] = [ViscousFriction(), ActuatorInertia(), JointStiffness()]
     known = reference_values(robot)
+    stated = any(k.endswith(".Fc+") for k in known)
+    effects.append(CoulombAsymmetry() if stated else CoulombFriction())
     for effect in effects:
         parameters = effect.parameters(robot)
         W = np.zeros((*tau.shape, len(parameters)))
@@ -140,18 +132,17 @@ class TimeDelay(Effect):
     """``τ_measured(t) = τ(t − δ) ≈ τ − δ dτ/dt``: torque and motion are not sampled together.
 
     Linearised in the delay, which must be small beside the fastest motion. The torque that is
-    differentiated is a model's, never the measured one, whose noise would enter the column; and
-    without dry friction, whose jumps have no derivative: they are off for as long as the delay.
+    differentiated is a model's, never the measured one, whose noise would enter the column.
     It looks like actuator inertia and viscous friction at one frequency of motion. A delay is never
     negative: torque that comes before its motion is a `clock_error`.
 
     Attributes
     ----------
     torque : callable(Robot, Motion) -> (N, n)
-        Model torque; by default that of the robot file's values, dry friction apart.
+        Model torque; by default that of the robot file's values.
     """
 
-    torque: Torque = smooth_torque
+    torque: Torque = nominal_torque
     name = "time_delay"
     equation = "τ = −δ dτ/dt"
     source = "[Ljung 1999, Sec. 4.2]"

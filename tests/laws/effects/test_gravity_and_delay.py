@@ -8,13 +8,7 @@ import pytest
 from identifiability.effects import find_families
 from identifiability.effects.gravity import GravityTilt, horizontal_axes
 from identifiability.effects.inertia import Payload, RigidBody
-from identifiability.effects.measurement import (
-    ClockError,
-    CommandDelay,
-    EncoderBias,
-    TimeDelay,
-    nominal_torque,
-)
+from identifiability.effects.measurement import CommandDelay, EncoderBias, TimeDelay, nominal_torque
 from identifiability.logs.prepare import Samples
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot, complete_motion
@@ -240,17 +234,3 @@ def test_the_delayed_torque_has_a_level_for_each_direction_where_the_file_states
     expected = by_hand.polar(m.t, m.actuated_q, v, m.actuated_a)[:, 0]
     expected = expected + dry + 0.7 * v[:, 0] + 0.11 * m.actuated_a[:, 0]
     np.testing.assert_allclose(nominal_torque(robot, m)[:, 0], expected, atol=1e-9)
-
-
-@pytest.mark.parametrize("effect", [TimeDelay(), ClockError()])
-def test_the_files_dry_friction_which_is_fitted_anew_does_not_matter_to_a_delay(
-    make, tables, polar, move, columns, effect
-):
-    """Its jumps at reversals have no derivative: they rang where joints stand."""
-    other = make(tables.POLAR.replace('frictionloss="1.3"', 'frictionloss="6.5"'))
-    assert nominal_torque(other, move(other, T)) != pytest.approx(
-        nominal_torque(polar, move(polar, T))
-    )
-    found, again = (columns(r, move(r, T), effect) for r in (polar, other))
-    for name, (_, column) in found.items():
-        np.testing.assert_array_equal(column, again[name][1])
