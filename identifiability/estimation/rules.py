@@ -59,27 +59,33 @@ class Rules(RuleTable):
         [Khalil 2002, Díaz 2010].
     direction_touched : float, by hand
         A parameter leans on directions that make this share of its variance.
-    body_share : float, by hand
-        How far a body's mass, first and second moments are taken to lie from the robot
-        file's, relative to m, m·r and m·r² with r the rms distance of its mass from its
-        frame.
-    blocks_fewest : int, by hand
-        Fewer blocks than this say nothing about the spread between blocks.
+    body_share : float, studies/rules.py
+        How far a body's mass, first and second moments are taken to lie from the robot file's,
+        relative to m, m·r and m·r² with r the rms distance of its mass from its frame. [÷2
+        changes 1 (numbers: prune five-bar), ×2 changes 2 (numbers: prune two-link) of 6 answers
+        that reach it]
+    blocks_fewest : int, studies/rules.py
+        Fewer blocks than this say nothing about the spread between blocks. [÷2 and ×2 change
+        none of 14 answers that reach it]
     memories : float, literature
         Window of the integrated autocorrelation time, in units of itself [Sokal 1997]; so long
         are stretches of time whose scatter is taken as independent, while there are enough.
-    stretches_fewest : int, by hand
-        Fewest such stretches of scores,
-    errors_fewest : int, by hand
-        and of errors.
+    stretches_fewest : int, studies/rules.py
+        Fewest such stretches of scores, [÷2 changes 2 (sentences: analyze positions two-link),
+        ×2 changes 9 (numbers: analyze two-link) of 12 answers that reach it]
+    errors_fewest : int, studies/rules.py
+        and of errors. [÷2 and ×2 change none of 6 answers that reach it]
     unasked_level : float, level
         Level of a test that nobody asked for: whether a function is missing, the halves of a log
         differ, a suggested move is denied, ranks are uneven.
-    columns_most : float, by hand
-        Columns that explain the noise-free part may take at most this share of a joint's
-        rows.
-    column_short : float, by hand
-        Directions of unit columns below this length are left to the noise.
+    columns_most : float, studies/rules.py
+        Columns that explain the noise-free part may take at most this share of a joint's rows.
+        [÷2 changes 1 (numbers: diagnose two-link), ×2 changes 1 (numbers: diagnose two-link) of
+        7 answers that reach it]
+    column_short : float, studies/rules.py
+        Directions of unit columns below this length are left to the noise. [÷2 changes 1
+        (numbers: diagnose two-link), ×2 changes 1 (numbers: diagnose two-link) of 7 answers
+        that reach it]
     instrument_strong : float, by hand
         A direction follows its instrument from this canonical correlation on,
     instrument_f : float, literature

@@ -13,17 +13,17 @@ class Rules(RuleTable):
     Attributes
     ----------
     fewest : int, studies/rules.py
-        Fewer samples than this say nothing about any robot. [÷2 and ×2 change none of 13
-        answers that reach it]
+        Fewer samples than this say nothing about any robot. [×2 changes 2 (numbers: all columns
+        hang) of 108 answers that reach it]
     largest : float, reasoned
         No time, position or torque in SI units is larger: time since 1970 is 1.7e9 s.
     shortest_step : float [s], studies/rules.py
-        No log is sampled faster than this. [÷2 and ×2 change none of 12 answers that reach it]
+        No log is sampled faster than this. [÷2 and ×2 change none of 65 answers that reach it]
     fastest_step : float [s], studies/rules.py
-        Usual steps of a log of motion are between this [÷2 and ×2 change none of 15 answers
+        Usual steps of a log of motion are between this [÷2 and ×2 change none of 65 answers
         that reach it]
     slowest_step : float [s], studies/rules.py
-        and this. [÷2 and ×2 change none of 15 answers that reach it]
+        and this. [÷2 and ×2 change none of 108 answers that reach it]
     longest_step : float [s], by hand
         Nobody writes a log with longer steps than this.
     speeds : tuple[float, float] [rad/s or m/s], by hand
@@ -36,16 +36,16 @@ class Rules(RuleTable):
         Seconds since 1970 between 2000 and 2100: such times are of a calendar.
     clock_odd : float, studies/rules.py
         Steps of the clock that differ from the usual one by more than this share of it are
-        remembered. [÷2 and ×2 change none of 14 answers that reach it]
+        remembered. [÷2 and ×2 change none of 109 answers that reach it]
     clock_rounded : float, studies/rules.py
         Share of a step by which a clock's rounding makes steps differ; a mean step that differs
-        from the usual one by more is said. [÷2 and ×2 change none of 8 answers that reach it]
+        from the usual one by more is said. [÷2 and ×2 change none of 82 answers that reach it]
     even : float, studies/rules.py
         What is off by less than this share of a step, of time or of an encoder, is even. [÷2
-        and ×2 change none of 8 answers that reach it]
+        and ×2 change none of 92 answers that reach it]
     gap : float, studies/rules.py
-        A step longer than so many usual ones is a gap. [÷2 and ×2 change none of 8 answers that
-        reach it]
+        A step longer than so many usual ones is a gap. [×2 changes 1 (sentences: lost samples
+        here and there) of 92 answers that reach it]
     gap_jitter : float, reasoned
         Nor is a step a gap that is longer than the usual one by less than so many times
         what 95 % of the steps nearer than that deviate by: four standard deviations.
@@ -56,34 +56,36 @@ class Rules(RuleTable):
         A gap is bridged up to this share of the period of the cut-off [Nyquist 1928].
     gap_most : float, studies/rules.py
         More gaps than this share of the samples are lost samples only where half of them are
-        whole steps [÷2 and ×2 change none of 8 answers that reach it]
+        whole steps [÷2 and ×2 change none of 82 answers that reach it]
     gap_whole : float, reasoned
         up to this share of one, which of uneven steps a quarter is: else the clock is no
         clock.
     gap_kept : float, studies/rules.py
         A log with derivatives of its own is not split at gaps of at most so many steps, nor are
-        they compared across longer ones. [÷2 and ×2 change none of 8 answers that reach it]
+        they compared across longer ones. [÷2 and ×2 change none of 92 answers that reach it]
     repeats_longest : int [samples], studies/rules.py
         Longest run of values that repeat the one before; what lasts longer is a rest or a gap.
-        [÷2 and ×2 change none of 7 answers that reach it]
+        [÷2 and ×2 change none of 90 answers that reach it]
     repeats_steps : float, reasoned
         Across a run of repeated values a joint moves by at least so many steps of its
         encoder, else rounding explains that nothing changed.
     encoder_exact : float, studies/rules.py
         Changes are whole steps of an encoder up to this share of one, if nearly all are; [÷2
-        and ×2 change none of 6 answers that reach it]
+        and ×2 change none of 81 answers that reach it]
     encoder_coarse : float, studies/rules.py
         a step that is this share of the usual change from sample to sample is worth a note. [÷2
-        and ×2 change none of 6 answers that reach it]
+        changes 1 (false alarm: five-bar, noise: encoder 1 mrad), ×2 changes 2 (sentences:
+        3-rps, noise: encoder 1 mrad) of 81 answers that reach it]
     derivative_unexplained : float, studies/rules.py
         Share of the motion's variance that a given derivative may leave unexplained, and by
-        which it may be too small, or its inverse too large. [÷2 and ×2 change none of 12
+        which it may be too small, or its inverse too large. [÷2 and ×2 change none of 105
         answers that reach it]
-    derivative_visible : float, by hand
-        Motion must stand out this much from the noise of single samples to be compared.
+    derivative_visible : float, studies/rules.py
+        Motion must stand out this much from the noise of single samples to be compared. [÷2 and
+        ×2 change none of 13 answers that reach it]
     positions_odd : float, studies/rules.py
         Share of the positions that may lie anywhere where it is asked whether limits in degrees
-        would hold all. [÷2 and ×2 change none of 7 answers that reach it]
+        would hold all. [÷2 and ×2 change none of 79 answers that reach it]
     command_followed : float, by hand
         A command is followed if positions correlate with it so much
     command_late : float [s], by hand
@@ -94,12 +96,12 @@ class Rules(RuleTable):
         what varies less stands.
     rows_lacking : float, studies/rules.py
         A column that lacks less than this share of the rows has broken rows, not another rate.
-        [÷2 and ×2 change none of 13 answers that reach it]
+        [÷2 and ×2 change none of 68 answers that reach it]
     nearly_all : float, studies/rules.py
         Share that counts as nearly all: of the runs of a column that have the usual length up
         to one sample, so that it has a rate of its own; of the windows of a long log that
         another one has too; of the samples that are there again where a motion was repeated.
-        [÷2 and ×2 change none of 6 answers that reach it]
+        [÷2 and ×2 change none of 83 answers that reach it]
     rate_far : float, by hand
         Nothing is put between samples of a column that lie farther apart than so many of
         its steps.
@@ -108,24 +110,24 @@ class Rules(RuleTable):
         computed.
     rate_other : float, by hand
         Rates that differ by this share are two.
-    locked_play : float [rad or m], by hand
-        A joint that is locked moves less than this, but for less than half of the rows,
-        which are left out.
+    locked_play : float [rad or m], studies/rules.py
+        A joint that is locked moves less than this, but for less than half of the rows, which
+        are left out. [÷2 and ×2 change none of 6 answers that reach it]
     copy_agrees : float, studies/rules.py
-        Values agree within this share of their standard deviation. [÷2 and ×2 change none of 12
-        answers that reach it]
+        Values agree within this share of their standard deviation. [÷2 and ×2 change none of
+        105 answers that reach it]
     copy_chance : float, level
         A run that chance explains comes less often than this in all the rows.
     spike_steps : float, studies/rules.py
         A spike is wrong if it is so many times higher than any step, [÷2 and ×2 change none of
-        12 answers that reach it]
+        105 answers that reach it]
     spike_around : float, studies/rules.py
         so many times higher than those around it and than the column's resolution, [÷2 and ×2
-        change none of 12 answers that reach it]
+        change none of 105 answers that reach it]
     spike_tail : float, studies/rules.py
         and so many times higher than where the tail of all spikes begins; at an end of the
         column, where it is not seen to come back, also than the range of the column. [÷2 and ×2
-        change none of 12 answers that reach it]
+        change none of 105 answers that reach it]
     wrap_step : float, by hand
         Positions are wrapped where they jump, and else change by at most this share of half
         a turn from sample to sample.
@@ -142,21 +144,22 @@ class Rules(RuleTable):
         are left, and nothing can be judged; gravity and friction are seen in slow motion
         too, whatever its accelerations are, and need outputs.
     cutoff_highest : float, studies/rules.py
-        Largest cut-off as a share of the sampling rate. [÷2 changes 6 (numbers: time in
-        minutes), ×2 changes 6 (numbers: time in minutes) of 8 answers that reach it]
+        Largest cut-off as a share of the sampling rate. [÷2 changes 72 (numbers: time in ns),
+        ×2 changes 67 (numbers: time in ns) of 91 answers that reach it]
     noise_share : float, studies/cutoff.py
         Largest power that noise may have in the acceleration, as a share of the
         acceleration's.
     noise_still : float, studies/rules.py
         Joints with less than this share of the acceleration of the one that accelerates most
-        (rms) do not lower the cut-off of the others. [÷2 and ×2 change none of 8 answers that
+        (rms) do not lower the cut-off of the others. [÷2 and ×2 change none of 91 answers that
         reach it]
     motion_seen : float, reasoned
         Where the smoothed spectrum is not so many times the noise, there is no motion to be
         seen: the steps of a coarse encoder fall with the square of the frequency, which is
         25 times over `noise_above`, positions with the sixth power or faster.
-    noise_negligible : float, by hand
-        Noise below this share of a signal moves no value by what could be seen.
+    noise_negligible : float, studies/rules.py
+        Noise below this share of a signal moves no value by what could be seen. [÷2 and ×2
+        change none of 12 answers that reach it]
     noise_resolved : float, by hand
         Noise at rest of less than this share of that in motion (rms) cannot be told from
         none.
@@ -171,14 +174,15 @@ class Rules(RuleTable):
     creep : float, studies/rules.py
         Speed that says nothing, as a share of a joint's largest: nothing but friction at rest
         is learnt of such motion, and joints creep there where friction is regularised. [÷2
-        changes 5 (sentences: time in minutes), ×2 changes 2 (numbers: torque at a quarter of
-        the rate) of 8 answers that reach it]
+        changes 43 (sentences: time in ns), ×2 changes 28 (numbers: the number of the sample) of
+        92 answers that reach it]
     reversal_blur : float, calibrated
         Periods of the cut-off on each side that the low-pass mixes with a dwell or with a
         reversal: its main lobe. With half as many, values of robots that stick left their
         intervals.
-    echo_nothing : float, by hand
-        Noise with a smaller share of every acceleration (rms) does nothing to values.
+    echo_nothing : float, studies/rules.py
+        Noise with a smaller share of every acceleration (rms) does nothing to values. [÷2 and
+        ×2 change none of 6 answers that reach it]
     echo_explained : float, by hand
         What the smoothed motion leaves out may be so many times what a low-pass leaves out
         of noise.

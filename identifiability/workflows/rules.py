@@ -18,7 +18,8 @@ class Rules(RuleTable):
         together are good.
     differs : float, studies/rules.py
         What is so many times as large differs: errors of joints, noise of logs, bands of
-        motion. [÷2 changes 2 (sentences: two exchanged joints) of 7 answers that reach it]
+        motion. [÷2 changes 20 (sentences: two exchanged positions), ×2 changes 3 (sentences:
+        analyze five-bar) of 58 answers that reach it]
     joint_hidden : float, by hand
         Share of the smallest error of a joint below which that of all joints says little of
         any.

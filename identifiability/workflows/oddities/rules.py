@@ -20,87 +20,100 @@ class Rules(RuleTable):
         folded, and did not (.61 and .69) from .07 on.
     sign_turned : float, studies/rules.py
         Share of the samples at which noise turns the sign of a velocity that is said. [÷2 and
-        ×2 change none of 6 answers that reach it]
+        ×2 change none of 90 answers that reach it]
     outside_share : float, studies/rules.py
-        Share of the samples that must lie outside the limits of a joint, [÷2 changes 1
-        (sentences: two exchanged joints) of 6 answers that reach it]
+        Share of the samples that must lie outside the limits of a joint, [÷2 and ×2 change none
+        of 90 answers that reach it]
     outside_margin : float, studies/rules.py
-        by this share of the allowed range. [÷2 and ×2 change none of 6 answers that reach it]
-    stuck_changes : float, by hand
+        by this share of the allowed range. [÷2 and ×2 change none of 90 answers that reach it]
+    stuck_changes : float, studies/rules.py
         A column is stuck where over as many samples it usually changes by so many times its
-        resolution
+        resolution [÷2 and ×2 change none of 5 answers that reach it]
     stuck_jumps : float, by hand
         and, when it goes on, jumps so many times as far as it usually changes in one
         sample.
     delay_small : float, by hand
         Relative error of the log, unmoved, below which no delay is looked for;
-    delay_left : float, by hand
-        and the largest that may be left of it, moved: a fit that explains little says
-        nothing on time.
-    delay_rows : float, by hand
-        Fewest rows for each column of the model, with which a delay is looked for,
-    delay_fewest : int, by hand
-        and fewest in all.
-    shift_outputs : float, by hand
+    delay_left : float, studies/rules.py
+        and the largest that may be left of it, moved: a fit that explains little says nothing
+        on time. [×2 changes 7 (sentences: a long rest before and after) of 75 answers that
+        reach it]
+    delay_rows : float, studies/rules.py
+        Fewest rows for each column of the model, with which a delay is looked for, [÷2 and ×2
+        change none of 75 answers that reach it]
+    delay_fewest : int, studies/rules.py
+        and fewest in all. [÷2 and ×2 change none of 75 answers that reach it]
+    shift_outputs : float, studies/rules.py
         Fewest outputs for each column, and for each of the stretches between which they
-        scatter, with which a shift of a part of a sample is,
-    shift_samples : int, by hand
-        and fewest samples of such a stretch.
+        scatter, with which a shift of a part of a sample is, [÷2 and ×2 change none of 63
+        answers that reach it]
+    shift_samples : int, studies/rules.py
+        and fewest samples of such a stretch. [÷2 and ×2 change none of 11 answers that reach
+        it]
     shift_chance : float, level
         A shift of a part of a sample is said where chance makes one so seldom,
-    shift_least : float [samples], by hand
-        from this size on
+    shift_least : float [samples], studies/rules.py
+        from this size on [÷2 and ×2 change none of 64 answers that reach it]
     shift_most : float [samples], by hand
         and up to where its slope tells it.
-    speed_beyond : float, by hand
-        Speeds beyond so many times the limit at every joint that has one, or below the
-        inverse square.
-    time_ratio : float, by hand
-        Torque follows acceleration by another factor than weight if their ratio is beyond
-        this.
-    time_varies : float, by hand
-        Torque follows the acceleration where what else the file predicts leaves this share of it.
-    time_follows : float, by hand
-        The measured torque must follow both with this correlation.
-    weight_carried : float, by hand
+    speed_beyond : float, studies/rules.py
+        Speeds beyond so many times the limit at every joint that has one, or below the inverse
+        square. [÷2 and ×2 change none of 86 answers that reach it]
+    time_ratio : float, studies/rules.py
+        Torque follows acceleration by another factor than weight if their ratio is beyond this.
+        [÷2 and ×2 change none of 66 answers that reach it]
+    time_varies : float, studies/rules.py
+        Torque follows the acceleration where what else the file predicts leaves this share of
+        it. [÷2 and ×2 change none of 86 answers that reach it]
+    time_follows : float, studies/rules.py
+        The measured torque must follow both with this correlation. [÷2 and ×2 change none of 86
+        answers that reach it]
+    weight_carried : float, studies/rules.py
         Measured torque is too small if its size is this share of the weight that it has to
-        hold.
-    weight_felt : float, by hand
-        Weight must be this share of the largest one among like joints.
-    factor_widest : float, by hand
-        Half of the widest interval with which the factor of a torque's gravity (−1, 0, ½,
-        1) is named.
-    factor_near : float, by hand
-        Nor is it named as one half where its interval ends farther from it than this.
+        hold. [÷2 and ×2 change none of 78 answers that reach it]
+    weight_felt : float, studies/rules.py
+        Weight must be this share of the largest one among like joints. [÷2 and ×2 change none
+        of 85 answers that reach it]
+    factor_widest : float, studies/rules.py
+        Half of the widest interval with which the factor of a torque's gravity (−1, 0, ½, 1) is
+        named. [÷2 changes 1 (numbers: effort before a gear of 2, 3-rps), ×2 changes 1
+        (sentences: effort before a gear of 2, 3-rps) of 84 answers that reach it]
+    factor_near : float, studies/rules.py
+        Nor is it named as one half where its interval ends farther from it than this. [÷2 and
+        ×2 change none of 83 answers that reach it]
     factor_worse : float, by hand
         How much worse one of two models may fit that is as good.
-    unit_factor : float, by hand
-        A file's masses are hardly wrong by such a factor.
-    unit_apart : float, by hand
-        Nor do factors of two joints differ by more than this.
-    scale_distinct : float, by hand
+    unit_factor : float, studies/rules.py
+        A file's masses are hardly wrong by such a factor. [÷2 changes 1 (sentences: per cent of
+        the rated torque) of 85 answers that reach it]
+    unit_apart : float, studies/rules.py
+        Nor do factors of two joints differ by more than this. [×2 changes 1 (missed: per cent
+        of the rated torque) of 73 answers that reach it]
+    scale_distinct : float, studies/rules.py
         Share of the predicted torque that must not look like friction, rotor inertia and
-        offset.
-    scale_follows : float, by hand
-        The measured torque must follow the predicted one with this correlation, at that
-        joint.
-    scale_agrees : float, by hand
+        offset. [÷2 and ×2 change none of 82 answers that reach it]
+    scale_follows : float, studies/rules.py
+        The measured torque must follow the predicted one with this correlation, at that joint.
+        [÷2 and ×2 change none of 82 answers that reach it]
+    scale_agrees : float, studies/rules.py
         All that the file predicts agrees with the measured torque from this correlation on,
-        where masses alone do not show.
-    scale_felt : float, by hand
-        Predicted torque of a joint must be this share of the largest one among like joints.
+        where masses alone do not show. [÷2 and ×2 change none of 17 answers that reach it]
+    scale_felt : float, studies/rules.py
+        Predicted torque of a joint must be this share of the largest one among like joints. [×2
+        changes 1 (missed: per cent of the rated torque) of 82 answers that reach it]
     unit_alike : float, by hand
         Factors of all joints are one unit if they lie within this factor of their middle.
     clipped_share : float, studies/rules.py
         An extreme value is a flat top if the column stays there this often in all [÷2 and ×2
-        change none of 6 answers that reach it]
+        change none of 90 answers that reach it]
     clipped_crowded : float, by hand
         and it is met so many times as often as the next band of the same width.
     mixed_bad : float, studies/rules.py
-        Relative error of the unpruned model up to which nothing is looked for. [×2 changes 1
-        (missed: two exchanged joints) of 5 answers that reach it]
-    mixed_error : float, by hand
-        The sum of squared errors must fall below this share of that of the log as it is.
+        Relative error of the unpruned model up to which nothing is looked for. [÷2 and ×2
+        change none of 65 answers that reach it]
+    mixed_error : float, studies/rules.py
+        The sum of squared errors must fall below this share of that of the log as it is. [×2
+        changes 1 (missed: one gain of 20) of 15 answers that reach it]
     """
 
     contact_slips: float = 1 / 3
