@@ -218,7 +218,14 @@ def test_the_result_is_a_table_json_and_a_page(run, tmp_path):
     answers, whole = page.summary
     assert answers.answers[0].short == "Yes: nothing is odd."
     assert whole.blocks[0].paragraphs == (found.statement,)
-    assert [s.name for s in page.sections] == ["traces", "motion", "torque", "clock", "robot", "rules"]
+    assert [s.name for s in page.sections] == [
+        "traces",
+        "motion",
+        "torque",
+        "clock",
+        "robot",
+        "rules",
+    ]
     html = found.write_report(tmp_path / "x.html").read_text()
     assert html.count("<svg") == 3
     assert ">nan<" not in html
