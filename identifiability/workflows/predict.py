@@ -311,7 +311,8 @@ class TorquePrediction(Result):
             return [float("nan")] * len(self.logs)
         low, at = self.errors[0], np.maximum(np.cumsum(self.measured) - 1, 0)
         each = [float(low.relative_error(int(k))[0]) for k in at]
-        return np.where(self.measured, each, np.nan).tolist()
+        errors: list[float] = np.where(self.measured, each, np.nan).tolist()
+        return errors
 
     def joint_errors(self, log: int) -> Array:
         """Return each joint's error over its own scale in one log, (n,); nan without torque."""
