@@ -58,7 +58,7 @@ def analysis(simulated_session):
 @pytest.fixture(scope="module")
 def unpruned(analysis):
     """The posterior of Model 1, with enough draws to converge."""
-    return believe(analysis, analysis.full, Effort(walkers=4, draws=120, warmup=20))
+    return believe(analysis, analysis.full, Effort(walkers=8, draws=120, warmup=20))
 
 
 def test_where_no_sign_is_near_the_posterior_is_the_closed_form(analysis):
