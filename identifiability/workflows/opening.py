@@ -7,19 +7,24 @@ it is.
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field, replace
 from functools import cached_property
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
+import clarabel
 import numpy as np
 import pandas as pd
 
 from identifiability.estimation.doubt import NO_DOUBT, Doubt, find_doubt
+from identifiability.foundation import __version__
 from identifiability.foundation.engines.local import Processes
 from identifiability.foundation.engines.mapping import Engine, Steps
+from identifiability.foundation.engines.resume import NUMERICS, find_version
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
@@ -34,6 +39,7 @@ from identifiability.logs.prepare.longsamples import LongSamples, Prepared
 from identifiability.logs.prepare.samples import explain_silence
 from identifiability.logs.repeats import Recording, check_held_out, share_clock
 from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.regression.reduction import LadderSource
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
@@ -49,14 +55,6 @@ from identifiability.workflows.oddities import (
 if TYPE_CHECKING:
     from identifiability.estimation.rollouts import Rollouts
     from identifiability.workflows.commanded import Moved
-import platform
-from hashlib import sha256
-
-import clarabel
-
-from identifiability.foundation import __version__
-from identifiability.foundation.engines.resume import NUMERICS, find_version
-from identifiability.regression.reduction import LadderSource
 
 #: Why no verdict stands on columns that are read as what they are not, for after "because".
 MISREAD = (
