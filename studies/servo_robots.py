@@ -298,6 +298,7 @@ def judge(
     at = found.rolled.delays[0]
     ends = (at - 1.96 * unsure, at + 1.96 * unsure)
     table.loc[len(table)] = ["delay", at, ends, "", late, "delay"]
+    table["seed"] = seed
     out["hints"] = float(any("contradicts that bodies" in hint for hint in found.hints))
     drawn = draw_robots(robot, found.fit, 256, seed=seed).base
     sd = drawn.std(0)
@@ -348,7 +349,13 @@ def summarise(judged: list[Judged]) -> str:
     numbers = pd.DataFrame([j.numbers for j in judged])
     means = ", ".join(f"{k} {x:.3g}" for k, x in numbers.mean().items())
     worst = f"fitted at worst {numbers['fitted'].max():.3g}"
-    return f"  inside: {', '.join(lines)}\n  {means}, {worst}"
+    missed = every[~every["inside"] & (every["told"] | (every["kind"] == "delay"))]
+    rows = "".join(
+        f"\n  outside, seed {row.seed}: {row.name} {row.value:.4g} in "
+        f"[{row.interval95[0]:.4g}, {row.interval95[1]:.4g}], true {row.true:.4g}"
+        for row in missed.itertuples(index=False)
+    )
+    return f"  inside: {', '.join(lines)}\n  {means}, {worst}{rows}"
 
 
 def write_samples(name: str) -> None:
