@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy
+from scipy.linalg.lapack import dtbtrs
 
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
@@ -75,21 +76,44 @@ def spread_windows(samples: int) -> list[tuple[int, int]]:
     return [(int(s), int(s) + WINDOW) for s in starts]
 
 
-def lowpass(x: Array, dt: float, cutoff: float, order: int = 4) -> Array:
-    """Return x (N, …) filtered forwards and backwards by a Butterworth low-pass (no phase)."""
-    sos = scipy.signal.butter(order, cutoff, fs=1.0 / dt, output="sos")
+def lowpass(x: Array, dt: float, cutoff: float) -> Array:
+    """Return x (N, …) filtered forwards and backwards by a Butterworth low-pass (no phase).
+
+    It is of fourth order each way; beyond its ends x goes on point-symmetrically, and before that
+    it is as if it had always been as there.
+    """
     pad = min(len(x) - 1, int(3 / (cutoff * dt)))
-    filtered: Array = scipy.signal.sosfiltfilt(sos, x, axis=0, padlen=pad)
-    return filtered
+    y = np.concatenate([2 * x[0] - x[pad:0:-1], x, 2 * x[-1] - x[-2 : -pad - 2 : -1]])
+    y = np.asfortranarray(y.reshape(len(y), -1))
+    for _ in "there", "back":
+        start = y[0].copy()
+        y = y - start
+        for pole in _poles(dt, cutoff):
+            y *= abs(1 - pole) ** 2 / 4
+            y[1:] += y[:-1]
+            y[1:] += y[:-1]
+            # What recurs is a triangular system of three bands.
+            bands = np.repeat([[abs(pole) ** 2, -2 * pole.real, 1.0]], len(y), axis=0).T
+            y, _ = dtbtrs(bands, y, uplo="U", trans="T", diag="U", overwrite_b=True)
+        y = (y + start)[::-1]
+    return np.ascontiguousarray(y[pad : pad + len(x)]).reshape(x.shape)
 
 
-def settling_rows(dt: float, cutoff: float, order: int = 4) -> int:
+def _poles(dt: float, cutoff: float) -> Array:
+    """Return the poles above the real axis of a Butterworth low-pass of fourth order, (2,)."""
+    if not 0 < cutoff * dt < 0.5:
+        raise ValueError(f"a low-pass is below half of the sampling rate, not at {cutoff * dt:g}")
+    analogue = np.tan(np.pi * cutoff * dt) * np.exp(1j * np.pi * np.array([5, 7]) / 8)
+    found: Array = (1 + analogue) / (1 - analogue)
+    return found
+
+
+def settling_rows(dt: float, cutoff: float) -> int:
     """Return after how many samples `lowpass` has forgotten where its input began.
 
     The slowest pole has decayed to `FORGOTTEN` of what it was.
     """
-    poles = scipy.signal.butter(order, cutoff, fs=1.0 / dt, output="zpk")[1]
-    return int(np.ceil(np.log(FORGOTTEN) / np.log(np.abs(poles).max())))
+    return int(np.ceil(np.log(FORGOTTEN) / np.log(np.abs(_poles(dt, cutoff)).max())))
 
 
 #: Samples on each side that a difference draws on, and as many times that at the ends of a signal.
@@ -148,7 +172,9 @@ class Decimation:
     @cached_property
     def taps(self) -> Array:
         """The symmetric filter, 20 taps a kept sample, cut-off at the new Nyquist frequency."""
-        h: Array = scipy.signal.firwin(2 * self.reach + 1, 1.0 / self.factor, window="hamming")
+        at = np.arange(-self.reach, self.reach + 1)
+        h: Array = np.sinc(at / self.factor) * np.hamming(len(at))
+        h /= h.sum()
         return h
 
     @property

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import clarabel
 import numpy as np
+import scipy.sparse
 
 from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.estimator import settle_signs
@@ -18,7 +20,7 @@ from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import WEAK, WEIGHTS, CadPrior, draw_bodies, state_rows
-from identifiability.physical.feasible_set import ADVICE, PhysicalSet, Program, above, adjoint
+from identifiability.physical.feasible_set import ADVICE, EXACTER, PhysicalSet, adjoint
 from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
 from identifiability.physical.project import FeasibleEstimate, Projection
 from identifiability.physical.pseudo_inertia import BOUNDARY, BodyCheck, check_body
@@ -435,8 +437,6 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
     ValueError
         When shapes disagree, no vector at all maps to `beta`, or the solver finds no answer.
     """
-    import cvxpy as cp  # noqa: PLC0415
-
     if base_map.shape != (beta.size, region.size):
         raise ValueError(
             f"certificate: a map {base_map.shape} and {beta.size} base parameters were given; "
@@ -447,26 +447,67 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
         scale = _column_scale(base_map, beta, region)
         G = base_map * scale
         start, null = _solutions(G, beta)
-        u, t = cp.Variable(null.shape[1]), cp.Variable()
-        x = start + null @ u
-        signs = region.scaled_rows @ x - region.least >= t
+        rows = region.scaled_rows
         cones = np.concatenate([region.cones, region.ellipsoids])
-        bodies = [above(map_, x, t) for map_ in cones]
         try:
-            Program(-t, [signs, t <= ROOM, *bodies]).solve()
+            u, margin, multiplier, Z = _most_room(
+                rows @ null, rows @ start - region.least, cones @ null, cones @ start
+            )
         except ValueError as error:
             raise ValueError(
                 f"certificate: the solver found no answer ({error}); expected one; {ADVICE}."
             ) from error
-        phi, margin = scale * (start + null @ u.value), float(t.value)
+        phi = scale * (start + null @ u)
         if margin >= -BOUNDARY:
             return Certificate(margin, phi, np.zeros_like(beta), 0.0)
-        multiplier = signs.dual_value
-        Z = np.array([body.dual_value.ravel() for body in bodies]).reshape(-1, 16)
-        force = adjoint(cones, Z) + multiplier @ region.scaled_rows
+        force = adjoint(cones, Z) + multiplier @ rows
         combination = np.linalg.lstsq(G.T, force)[0]
         level = float(multiplier @ region.least)
         return Certificate(margin, phi, combination, float(combination @ beta), level)
+
+
+def _most_room(
+    rows: Array, slack: Array, maps: Array, at: Array
+) -> tuple[Array, float, Array, Array]:
+    """Return the u of most room t, t, and what rows and matrices press with.
+
+    maximise t ≤ ROOM over ``rows @ u + slack ≥ t`` and ``maps @ u + at ⪰ t 1``
+
+    This is what Clarabel takes as it stands: cvxpy would take longer to load than it to solve.
+
+    Parameters
+    ----------
+    rows, slack : (m, n) and (m,)
+    maps, at : (k, 16, n) and (k, 16)
+        Symmetric matrices of four by four, flattened.
+
+    Returns
+    -------
+    (n,), float, (m,) and (k, 16)
+    """
+    m, n = rows.shape
+    low, high = np.tril_indices(4)  # the lower triangle by rows is the upper one by columns
+    twice, triangle = np.where(low == high, 1.0, np.sqrt(2.0)), 4 * low + high
+    maps = (twice[:, None] * maps[:, triangle]).reshape(-1, n)
+    unit = np.tile(np.eye(4).ravel()[triangle], len(at))
+    A = -np.vstack([np.zeros(n), rows, maps])
+    b = np.concatenate([[ROOM], slack, (twice * at[:, triangle]).ravel()])
+    A = np.column_stack([A, np.concatenate([np.ones(m + 1), unit])])
+    kinds = [clarabel.NonnegativeConeT(m + 1), *[clarabel.PSDTriangleConeT(4)] * len(at)]
+    none = scipy.sparse.csc_array((n + 1, n + 1))
+    for options in ({}, EXACTER):
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        for name, value in options.items():
+            setattr(settings, name, value)
+        cost, given = -np.eye(n + 1)[n], scipy.sparse.csc_array(A)
+        found = clarabel.DefaultSolver(none, cost, given, b, kinds, settings).solve()
+        if str(found.status) in {"Solved", "AlmostSolved"}:
+            x, z = np.array(found.x), np.array(found.z)
+            Z = np.zeros((len(at), 4, 4))
+            Z[:, low, high] = Z[:, high, low] = z[m + 1 :].reshape(len(at), -1) / twice
+            return x[:n], float(x[n]), z[1 : m + 1], Z.reshape(-1, 16)
+    raise ValueError(str(found.status))
 
 
 def _solutions(G: Array, beta: Array) -> tuple[Array, Array]:

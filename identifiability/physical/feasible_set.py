@@ -399,25 +399,25 @@ class Program:
     ----------
     minimise : cvxpy expression
     constraints : list of cvxpy constraints
-    step : cvxpy.Variable, (p,), optional
-        If data are to change: the first constraint is an equality whose coefficients of the step
-        are all one, and what is minimised needs no constraints of its own.
+    step : cvxpy.Variable, (p,)
+        The first constraint is an equality whose coefficients of the step are all one, and what is
+        minimised needs no constraints of its own.
     """
 
-    def __init__(self, minimise: Any, constraints: list[Any], step: Any = None) -> None:
+    def __init__(self, minimise: Any, constraints: list[Any], step: Any) -> None:
         import cvxpy as cp  # noqa: PLC0415
 
         self._problem, self._step = cp.Problem(cp.Minimize(minimise), constraints), step
         self._compiled = self._problem.get_problem_data(cp.CLARABEL, solver_opts={})
 
-    def solve(self, rows: Array | None = None, start: Array | None = None) -> str:
+    def solve(self, rows: Array, start: Array) -> str:
         """Solve and return the status; cvxpy keeps values and multipliers where they were stated.
 
         Parameters
         ----------
-        rows : (r, p), optional
+        rows : (r, p)
             Coefficients of the step in the first constraint, instead of ones.
-        start : (p,), optional
+        start : (p,)
             Of the step, in all other constraints, instead of zero.
 
         Raises
@@ -428,13 +428,12 @@ class Program:
         import cvxpy as cp  # noqa: PLC0415
 
         data, chain, inverse = self._compiled
-        if rows is not None and start is not None:
-            A, b = data["A"].toarray(), data["b"].copy()
-            first = data["param_prob"].var_id_to_col[self._step.id]
-            own = A[:, first : first + self._step.size]
-            b[len(rows) :] -= own[len(rows) :] @ start
-            own[: len(rows)] *= rows
-            data = {**data, "A": scipy.sparse.csc_array(A), "b": b}
+        A, b = data["A"].toarray(), data["b"].copy()
+        first = data["param_prob"].var_id_to_col[self._step.id]
+        own = A[:, first : first + self._step.size]
+        b[len(rows) :] -= own[len(rows) :] @ start
+        own[: len(rows)] *= rows
+        data = {**data, "A": scipy.sparse.csc_array(A), "b": b}
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Solution may be inaccurate")
             for options in ({}, EXACTER):

@@ -190,6 +190,7 @@ def test_patience_ends_where_haste_does(monkeypatch, pair, rng):
 
 
 def test_what_no_value_satisfies_is_refused_with_the_solver_s_word():
-    x = cp.Variable()
+    x, image = cp.Variable(1), cp.Variable(1)
+    program = Program(cp.sum_squares(image), [np.ones((1, 1)) @ x == image, x >= 1, x <= 0], x)
     with pytest.raises(ValueError, match="infeasible"):
-        Program(cp.square(x), [x >= 1, x <= 0]).solve()
+        program.solve(np.eye(1), np.zeros(1))

@@ -114,7 +114,7 @@ def noise_parts(x: Array) -> tuple[Array, Array]:
         return constant, share
     squares = np.diff(x, ORDER, axis=0) ** 2 / binom(2 * ORDER, ORDER)
     squares = np.minimum(squares, np.quantile(squares, CUT, axis=0))
-    near = scipy.signal.lfilter(WEIGHTS, [1.0], x**2, axis=0)[ORDER:]
+    near = np.lib.stride_tricks.sliding_window_view(x**2, ORDER + 1, axis=0) @ WEIGHTS
     for j in np.flatnonzero(~signals.never_moves(x.min(0), x.max(0))):
         scale = max(float(near[:, j].mean()), 1e-300)
         A = np.column_stack([np.ones(len(near)), near[:, j] / scale])
