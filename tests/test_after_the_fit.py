@@ -61,7 +61,7 @@ def test_each_figure_is_drawn_by_itself(result, prediction, tmp_path):
         assert isinstance(figure, Figure)
         figure.savefig(tmp_path / f"{k}.png")
         assert (tmp_path / f"{k}.png").stat().st_size > 3000
-    rows = {label.get_text() for label in plot.models(result).axes[0].get_yticklabels()}
+    rows = {label.get_text() for label in plot.models(result).axes[0].texts}
     assert {"Model 1", "Model 4"} <= rows
 
 

@@ -26,6 +26,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
+from matplotlib.transforms import ScaledTranslation
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import superscript
@@ -251,11 +252,12 @@ def row_canvas(
     left = min(label_width(names), 0.45 * WIDTH)
     figure, (axes,) = canvas(WIDTH, top + bottom + row * count, (left, right, top, bottom))
     axes.set_ylim(count - 0.5, -0.5)
-    axes.set_yticks(range(len(names)), [plain(n) for n in names], color=INK)
-    for label, name in zip(axes.get_yticklabels(), names, strict=True):
+    axes.set_yticks([])
+    style = {"color": INK, "fontsize": STYLE["ytick.labelsize"], "ha": "right"}
+    beside = axes.get_yaxis_transform() + ScaledTranslation(-6 / 72, 0, figure.dpi_scale_trans)
+    for k, name in enumerate(names):  # as ticks they would take most of the time of a page
+        label = axes.text(0, k, plain(name), transform=beside, va="center_baseline", **style)
         label.set_gid(MARKED + quote(name, safe=""))  # it is not escaped in SVG
-    axes.tick_params(axis="y", pad=6)
-    axes.grid(visible=False, axis="y")
     axes.spines["left"].set_visible(False)
     axes.set_xlabel(xlabel)
     return figure, axes

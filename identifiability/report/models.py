@@ -159,9 +159,8 @@ def draw_conditions(names: Sequence[str], condition: Array, selected: int) -> Fi
 
 def _mark_selected(axes: Axes, selected: int) -> None:
     axes.axhspan(selected - 0.5, selected + 0.5, color=BLUE, alpha=0.09, linewidth=0)
-    labels = axes.get_yticklabels()
-    if 0 <= selected < len(labels):
-        labels[selected].set_fontweight("bold")
+    if 0 <= selected < len(axes.texts):
+        axes.texts[selected].set_fontweight("bold")
 
 
 @drawn
