@@ -467,7 +467,9 @@ class Part:
 
     def takes(self, parameter: Parameter) -> bool:
         """Whether a parameter of the effect belongs to the part."""
-        here = bool(find_named(self.owner, [parameter.owner]))
+        here = parameter.owner == self.owner or (
+            is_pattern(self.owner) and bool(find_named(self.owner, [parameter.owner]))
+        )
         return here and (not self.kinds or parameter.kind in self.kinds)
 
 
@@ -502,15 +504,20 @@ class Elsewhere(AlongAxes):
         return self.effect.curves(at)
 
 
-def _find_place(part: Part, robot: Robot) -> Part:
-    """Return a part where its effect is, if it can be there at all."""
-    effect = part.effect
-    if any(part.takes(p) for p in effect.parameters(robot)):
-        return part
-    if not isinstance(effect, AlongAxes) or type(effect).fill is not AlongAxes.fill:
-        return part
+def _place(part: Part, robot: Robot) -> tuple[Part, dict[int, Parameter]]:
+    """Return a part where its effect is, if it can be there at all, and what it takes by column."""
+    effect, taken = part.effect, _take(part, robot)
+    if taken or not isinstance(effect, AlongAxes) or type(effect).fill is not AlongAxes.fill:
+        return part, taken
     other = Elsewhere(effect, part.owner)
-    return Part(other, part.owner, part.kinds) if other.axes(robot) else part
+    if not other.axes(robot):
+        return part, taken
+    there = Part(other, part.owner, part.kinds)
+    return there, _take(there, robot)
+
+
+def _take(part: Part, robot: Robot) -> dict[int, Parameter]:
+    return {k: p for k, p in enumerate(part.effect.parameters(robot)) if part.takes(p)}
 
 
 class Placed(Effect):
@@ -572,18 +579,15 @@ class Placed(Effect):
 
         What parts name, and the patterns before, go before what fits a pattern.
         """
-        parts = [_find_place(part, robot) for part in self.parts]
-        found = [{p.name for p in self.part_parameters(robot, part)} for part in parts]
-        wide = [is_pattern(part.owner) for part in parts]
+        parts = [self._placed(robot, part) for part in self.parts]
+        found = [{p.name for p in taken.values()} for _, taken in parts]
+        wide = [is_pattern(part.owner) for part in self.parts]
         gone = {name for own, w in zip(found, wide, strict=True) if not w for name in own}
         out = []
-        for part, own, w in zip(parts, found, wide, strict=True):
+        for (part, taken), own, w in zip(parts, found, wide, strict=True):
             left = own - gone if w else own
             gone |= left
-            every = part.effect.parameters(robot)
-            out.append(
-                (part, {k: p for k, p in enumerate(every) if part.takes(p) and p.name in left})
-            )
+            out.append((part, {k: p for k, p in taken.items() if p.name in left}))
         return out
 
     def layout(self, robot: Robot) -> list[tuple[Effect, list[int]]]:
@@ -593,14 +597,18 @@ class Placed(Effect):
     @staticmethod
     def part_parameters(robot: Robot, part: Part) -> list[Parameter]:
         """Return the parameters of one part."""
-        found = [p for p in _find_place(part, robot).effect.parameters(robot) if part.takes(p)]
+        return list(Placed._placed(robot, part)[1].values())
+
+    @staticmethod
+    def _placed(robot: Robot, part: Part) -> tuple[Part, dict[int, Parameter]]:
+        there, found = _place(part, robot)
         if not found:
             owners = dict.fromkeys(p.owner for p in part.effect.parameters(robot))
             raise ModelError(
                 f"{part.effect.name} has no parameter at '{part.owner}' of {robot.name}; it acts "
                 f"at {listing(owners) or 'none of its joints'}."
             )
-        return found
+        return there, found
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write the columns of all parts; each effect is computed once."""

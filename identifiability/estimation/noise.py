@@ -268,34 +268,35 @@ STOP = {"maxiter": 30, "ftol": 1e-6}
 STEP: Tolerance = 1e-4
 
 
-def _lay_out() -> tuple[list[Array], list[Array], dict[tuple[str, int, int], int]]:
+def _lay_out() -> tuple[dict[tuple[int, int], Array], dict[tuple[str, int, int], int]]:
     """Return what lagged products count for in those of filtered rows.
 
-    For each order p, and each number m of first rows that are known: the coefficients of all M
-    lagged products by pairs of lags, (M, (p + 1)²).
+    For each order p, and each length n of stretches: the coefficients of all M lagged products by
+    what number m of rows are known before, and by pairs of lags, (M, (p + 1) · (p + 1)²).
     """
     P = HIGHEST_ORDER
     keys = [("all", 0, d) for d in range(P + 1)]
     keys += [("first", s, d) for s in range(P) for d in range(s + 1)]
     keys += [("last", r, d) for r in range(P) for d in range(P + 1)]
     at = {key: k for k, key in enumerate(keys)}
-    whole = [np.zeros((len(keys), p + 1, p + 1)) for p in range(P + 1)]
-    begun = [np.zeros((len(keys), m + 1, m + 1)) for m in range(P)]
-    for p, out in enumerate(whole):
-        for i, j in np.ndindex(p + 1, p + 1):
+    tables = {}
+    for p, n in np.ndindex(P + 1, P + 1):
+        out = np.zeros((len(keys), p + 1, p + 1, p + 1))
+        for m, i, j in np.ndindex(out.shape[1:]):
             d, late = abs(i - j), min(i, j)
-            out[at["all", 0, d], i, j] += 1.0
-            for s in range(d, p - late):
-                out[at["first", s, d], i, j] -= 1.0
-            for r in range(late):
-                out[at["last", r, d], i, j] -= 1.0
-    for m, out in enumerate(begun):
-        for i, j in np.ndindex(m + 1, m + 1):
-            out[at["first", m - min(i, j), abs(i - j)], i, j] += 1.0
-    return [w.reshape(len(keys), -1) for w in whole], [w.reshape(len(keys), -1) for w in begun], at
+            if m == p <= n:
+                out[at["all", 0, d], m, i, j] += 1.0
+                for s in range(d, p - late):
+                    out[at["first", s, d], m, i, j] -= 1.0
+                for r in range(late):
+                    out[at["last", r, d], m, i, j] -= 1.0
+            elif max(i, j) <= m < min(p, n):
+                out[at["first", m - late, d], m, i, j] += 1.0
+        tables[p, n] = out.reshape(len(keys), -1)
+    return tables, at
 
 
-_WHOLE, _BEGUN, _AT = _lay_out()
+_TABLES, _AT = _lay_out()
 
 
 @frozen
@@ -366,19 +367,22 @@ class LaggedProducts:
             Sum of the squares to be expected of white noise of unit variance in their stead.
         """
         predictors, variances = levinson(pacf)
-        ones = np.ones((1, pacf.shape[1]))
-        filters = [np.concatenate([ones, -a]) for a in predictors]
-        squares = [(c[:, None] * c).reshape(-1, pacf.shape[1]) for c in filters]
-        p, weights = len(pacf), np.zeros((len(self.lengths), len(_AT), pacf.shape[1]))
-        logdet, white = np.zeros((2, pacf.shape[1]))
+        p, B = pacf.shape
+        filters = np.zeros((p + 1, p + 1, B))
+        filters[:, 0] = 1.0
+        for m, a in enumerate(predictors):
+            np.negative(a, out=filters[m, 1 : m + 1])
+        filters /= np.sqrt(variances)[:, None]
+        squares = (filters[:, :, None] * filters[:, None]).reshape(-1, B)
+        lengths, logs = (filters**2).sum(1), np.log(variances)
+        weights = np.empty((len(self.lengths), len(_AT), B))
+        logdet, white = np.zeros((2, B))
         for k, (n, (runs, rows)) in enumerate(zip(self.lengths, self.counts, strict=True)):
+            weights[k], most = _TABLES[p, n] @ squares, min(p, n)
+            logdet += runs * logs[:most].sum(0)
+            white += runs * lengths[:most].sum(0)
             if p <= n:
-                weights[k] += _WHOLE[p] @ squares[p]
-                white += (rows - p * runs) * squares[p][:: p + 2].sum(0)
-            for m in range(min(p, n)):
-                weights[k] += _BEGUN[m] @ squares[m] / variances[m]
-                logdet += runs * np.log(variances[m])
-                white += runs * squares[m][:: m + 2].sum(0) / variances[m]
+                white += (rows - p * runs) * lengths[p]
         return weights.reshape(-1, pacf.shape[1]), logdet, white
 
     def weighed(self, weights: Array) -> Array:
@@ -446,21 +450,21 @@ class RestrictedLikelihood:
         lagged = LaggedProducts.of(np.column_stack([basis, left]), runs)
         return RestrictedLikelihood(lagged, float(left @ left), scale, floor)
 
-    def _factor(self, theta: Array) -> tuple[Array, float]:
-        (weights,), (logdet,), (white,) = (x.T for x in self.lagged.weigh(np.tanh(theta)[:, None]))
+    def _factor(self, weights: Array, white: float) -> Array:
         G = self.lagged.weighed(weights)
         G[-1, -1] += self.floor * white
         for share in ROUNDING:
             G.ravel()[:: len(G) + 1] += share * np.trace(G)
             try:
-                return np.linalg.cholesky(G), logdet
+                return np.linalg.cholesky(G)
             except np.linalg.LinAlgError:  # slow noise leaves nothing of slow columns
                 continue
         raise np.linalg.LinAlgError("The whitened columns are not finite.")
 
     def deviance(self, theta: Array) -> float:
         """Return minus twice the restricted log-likelihood, sigma profiled out."""
-        return self._deviance(*self._factor(theta))
+        weights, (logdet,), (white,) = self.lagged.weigh(np.tanh(theta)[:, None])
+        return self._deviance(self._factor(weights[:, 0], white), logdet)
 
     def _deviance(self, L: Array, logdet: float) -> float:
         diagonal = np.diag(L)
@@ -472,20 +476,22 @@ class RestrictedLikelihood:
 
         Products are met once: what changes with theta is what each of them counts for.
         """
-        L, logdet = self._factor(theta)
-        inverse = scipy.linalg.solve_triangular(L, np.eye(len(L)), lower=True, check_finite=False)
-        inner, last = inverse[:-1], inverse[-1] * np.sqrt(self.dof)
-        toward = inner.T @ inner + np.outer(last, last)  # derivative by the whitened products
-        flat = self.lagged.products.reshape(len(self.lagged.products), -1) @ toward.ravel()
         p, steps = len(theta), STEP * np.eye(len(theta))
-        near = np.tanh(theta[:, None] + np.concatenate([steps, -steps], axis=1))
-        weights, logdets, white = self.lagged.weigh(near)
+        near = theta[:, None] + np.concatenate([np.zeros((p, 1)), steps, -steps], axis=1)
+        weights, logdets, white = self.lagged.weigh(np.tanh(near))
+        L = self._factor(weights[:, 0], white[0])
+        inverse, _ = scipy.linalg.lapack.dtrtri(L, lower=1)
+        inverse[-1] *= np.sqrt(self.dof)
+        toward = inverse.T @ inverse  # derivative by the whitened products
+        flat = self.lagged.products.reshape(len(weights), -1) @ toward.ravel()
         around = flat @ weights + logdets + toward[-1, -1] * self.floor * white
-        return self._deviance(L, logdet), (around[:p] - around[p:]) / (2 * STEP)
+        slope = (around[1 : p + 1] - around[p + 1 :]) / (2 * STEP)
+        return self._deviance(L, float(logdets[0])), slope
 
     def sigma(self, theta: Array) -> float:
         """Return the standard deviation of the innovations."""
-        L, _ = self._factor(theta)
+        weights, _, (white,) = self.lagged.weigh(np.tanh(theta)[:, None])
+        L = self._factor(weights[:, 0], white)
         return max(float(L[-1, -1]) * self.scale / float(np.sqrt(self.dof)), 1e-12 * self.scale)
 
     def spread(self, theta: Array) -> Array:
@@ -507,24 +513,44 @@ class RestrictedLikelihood:
         return covariance
 
     def maximise(self) -> Array:
-        """Return the transformed partial autocorrelations (p,) of the order with the least BIC."""
-        best = theta = np.empty(0)
+        """Return the transformed partial autocorrelations (p,) of the order with the least BIC.
+
+        None explains more than the highest: where that does not pay, nor do those between.
+        """
         if self.silent:
-            return best
-        least = self.deviance(theta)
-        for order in range(1, HIGHEST_ORDER + 1):
-            start, bounds = np.append(theta, 0.3 if order == 1 else 0.0), [(-BOUND, BOUND)] * order
-            try:
-                found = scipy.optimize.minimize(
-                    self.slope, start, method="L-BFGS-B", jac=True, bounds=bounds, options=STOP
-                )
-            except np.linalg.LinAlgError:  # noise that slow leaves nothing of the columns
+            return np.empty(0)
+        price, longest = np.log(self.dof), np.zeros(HIGHEST_ORDER)
+        try:
+            longest, lowest = self._descend(longest)
+            best, least = longest, lowest + HIGHEST_ORDER * price
+        except np.linalg.LinAlgError:  # noise that slow leaves nothing of the columns
+            best, least, lowest = longest[:0], np.inf, -np.inf
+        for order in range(HIGHEST_ORDER):
+            if lowest + order * price >= least:
                 break
-            theta = found.x
-            value = found.fun + order * np.log(self.dof)
-            if value < least - ROUNDOFF:
-                best, least = theta, value
+            try:
+                theta, deviance = self._descend(longest[:order])
+            except np.linalg.LinAlgError:
+                break
+            if deviance + order * price < least + ROUNDOFF:
+                best, least = theta, deviance + order * price
         return best
+
+    def _descend(self, start: Array) -> tuple[Array, float]:
+        """Return where the deviance is least for the order of a start (p,), and how much it is."""
+        if not len(start):
+            return start, self.deviance(start)
+        share = 0.5 / self.dof  # as steep as far: the first step is about as long as it should be
+
+        def slope(theta: Array) -> tuple[float, Array]:
+            value, toward = self.slope(theta)
+            return share * value, share * toward
+
+        bounds = [(-BOUND, BOUND)] * len(start)
+        found = scipy.optimize.minimize(
+            slope, start, method="L-BFGS-B", jac=True, bounds=bounds, options=STOP
+        )
+        return found.x, found.fun / share
 
 
 # `ARNoise`: autoregressive noise of each joint, fitted beside whatever the dictionary explains.
