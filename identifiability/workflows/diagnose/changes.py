@@ -18,7 +18,7 @@ from scipy.special import logsumexp
 
 from identifiability.effects import find_families
 from identifiability.effects.effect import Placed
-from identifiability.estimation.noise import JointRuns, fit_noise
+from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, fit_joint, runs_of
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
@@ -82,6 +82,11 @@ class Stay:
         """Whether it has no instant."""
         return self.log < 0
 
+    @property
+    def key(self) -> tuple[int, bytes]:
+        """What acts, and when."""
+        return self.candidate, self.course.tobytes()
+
     def ends(self, scatter: float) -> tuple[tuple[int, int], tuple[int, int]]:
         """Return between which blocks it began, and ended, in 95 % of what is likely.
 
@@ -132,6 +137,7 @@ class Scan:
         self.block = self.start[at] + own
         sessions = [x.start for x in motions]
         self.drifts = self._drifts([x for x in sessions if x is not None])
+        self._noises: dict[tuple[int, bytes, int], JointNoise] = {}
 
     def whitened(self, view: View) -> Blocks:
         """Return of each joint the block of its rows, torque and model, and candidates."""
@@ -271,28 +277,10 @@ class Scan:
         return [(block, A, C * ratio) for block, A, C in rows]
 
     def reweigh(self, stay: Stay, fit: ChangeFit, view: View) -> View:
-        """Return the rows weighed as a change leaves them, by the noise that there is without it.
-
-        Noise is that of the blocks where it does not act, nor beside these: of a change that is not
-        fitted well yet the rest looks like slow noise, beside which it is none; and it begins and
-        ends where blocks do not. Of what acts nearly everywhere, as drifts do, it is that beside
-        its columns.
-        """
+        """Return the rows weighed as a change leaves them, by the noise that there is without it."""
         p, at = self.problem, list(self.candidates[stay.candidate].columns)
         b, named = self.rows.X.shape[2], p.columns(self.parts)
-        course = stay.course[self.block, None]
-        columns = [
-            np.concatenate(
-                [self.rows.X[:, j], p.rows.D.acting(j, named), self.rows.D.acting(j, at) * course],
-                axis=1,
-            )
-            for j in range(self.rows.joints)
-        ]
-        near = np.convolve(stay.course > 0, np.ones(3), "same")[self.block] > 0
-        rest = self.rows.data & ~near[:, None]
-        most = 2 * rest.sum() > self.rows.data.sum()
-        runs = JointRuns.of(self.rows.runs, rest) if most else self.rows.moving
-        noise = fit_noise(self.rows.tau, lambda j: [columns[j]], runs)
+        course, noise = stay.course[self.block, None], self._noise_without(stay)
         self.model, self.products = Products(p.rows, noise), Products(self.rows, noise)
         left = self.rows.tau + self.rows.X @ fit.whole[1 : 1 + b]
         left += p.rows.D.take(named) @ fit.whole[1 + b : 1 + b + len(named)]
@@ -308,6 +296,30 @@ class Scan:
             steps=steps,
             tempered=tempering(errors, share, rules.lag, rules.usual),
         )
+
+    def _noise_without(self, stay: Stay) -> ARNoise:
+        """Return the noise that there is without a change; each joint's is fitted once.
+
+        Noise is that of the blocks where it does not act, nor beside these: of a change that is not
+        fitted well yet the rest looks like slow noise, beside which it is none; and it begins and
+        ends where blocks do not. Of what acts nearly everywhere, as drifts do, it is that beside
+        its columns.
+        """
+        at, named = self.candidates[stay.candidate].columns, self.problem.columns(self.parts)
+        near = np.convolve(stay.course > 0, np.ones(3), "same")[self.block] > 0
+        rest = self.rows.data & ~near[:, None]
+        most = 2 * rest.sum() > self.rows.data.sum()
+        runs = JointRuns.of(self.rows.runs, rest) if most else self.rows.moving
+        joints = []
+        for j, y in enumerate(self.rows.tau.T):
+            own = self.rows.D.acting(j, at) * stay.course[self.block, None]
+            key = j, stay.course.tobytes(), stay.candidate if own.any() else -1
+            if key not in self._noises:
+                model = [self.rows.X[:, j], self.problem.rows.D.acting(j, named)]
+                columns = np.concatenate([*model, own], axis=1)
+                self._noises[key] = fit_joint(y, [columns], runs_of(runs, j))
+            joints.append(self._noises[key])
+        return ARNoise(tuple(joints))
 
 
 def _evidence(P: Array, z: Array, X: Array, f: Array) -> Array:
@@ -359,6 +371,10 @@ class ChangeFit:
     whole: Array
 
 
+#: What is likeliest beside the noise that a change leaves, the first of it fitted, and rows.
+Settled = tuple[list[Stay], ChangeFit, Blocks]
+
+
 def find_change(
     search: Search, parts: Sequence[int], view: View, families: Collection[str] = CHANGING
 ) -> Change | None:
@@ -383,10 +399,12 @@ def find_change(
     likely = [x for x in scan.likeliest(rows) if x.evidence > 0]
     # Beside noise that has the change in it another one may look likelier.
     starts = [*likely[:STARTS], *[x for x in likely[STARTS:] if x.drifts][:1]]
-    settled = [_settle(scan, x, rows, view) for x in starts]
+    settled: dict[tuple[int, bytes], Settled] = {}
+    for x in starts:
+        _settle(scan, x, rows, view, settled)
     if not settled:
         return None
-    found, fit, rows = max(settled, key=lambda x: _odds(x[0][0], x[1]))
+    found, fit, rows = max(settled.values(), key=lambda x: _odds(x[0][0], x[1]))
     best, odds = found[0], _odds(found[0], fit)
     share = search.problem.setting.rules.level
     level = np.array([x.evidence - x.price for x in found]) / fit.scatter
@@ -435,17 +453,23 @@ def find_change(
 
 
 def _settle(
-    scan: Scan, start: Stay, rows: Blocks, view: View
-) -> tuple[list[Stay], ChangeFit, Blocks]:
-    """Return what is likeliest beside the noise that a change leaves, the first fitted; rows."""
+    scan: Scan,
+    start: Stay,
+    rows: Blocks,
+    view: View,
+    settled: dict[tuple[int, bytes], Settled],
+) -> None:
+    """Note what is likeliest beside the noise that a change leaves, and end where others did."""
     best = start
     for _ in range(SETTLED):
         rows = scan.whitened(scan.reweigh(best, scan.fit(best, rows), view))
         found, before = scan.likeliest(rows), best
         best = found[0]
-        if np.array_equal(best.course, before.course) and best.candidate == before.candidate:
+        if best.key in settled:
+            return
+        if best.key == before.key:
             break
-    return found, scan.fit(best, rows), rows
+    settled[best.key] = found, scan.fit(best, rows), rows
 
 
 def _odds(stay: Stay, fit: ChangeFit) -> float:
