@@ -325,7 +325,7 @@ class FromJoint(Shaped):
             if axis.prismatic != robot.is_prismatic(other):
                 crossed[axis.name] = self.crossed[axis.prismatic]
         every = super().parameters(robot)
-        return tuple(replace(p, unit=crossed.get(p.owner, p.unit)) for p in every)
+        return tuple(replace(p, unit=crossed[p.owner]) if p.owner in crossed else p for p in every)
 
     def origin(self, robot: Robot, axis: Axis) -> int:
         """Return the index of the joint that it comes from.

@@ -7,6 +7,7 @@ that resembles a residual.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -515,31 +516,28 @@ class RestrictedLikelihood:
     def maximise(self) -> Array:
         """Return the transformed partial autocorrelations (p,) of the order with the least BIC.
 
-        None explains more than the highest: where that does not pay, nor do those between.
+        None explains more than the highest: orders between are tried while they may pay by that.
         """
+        best = theta = np.empty(0)
         if self.silent:
-            return np.empty(0)
-        price, longest = np.log(self.dof), np.zeros(HIGHEST_ORDER)
-        try:
-            longest, lowest = self._descend(longest)
-            best, least = longest, lowest + HIGHEST_ORDER * price
-        except np.linalg.LinAlgError:  # noise that slow leaves nothing of the columns
-            best, least, lowest = longest[:0], np.inf, -np.inf
-        for order in range(HIGHEST_ORDER):
+            return best
+        price, least, lowest = np.log(self.dof), self.deviance(best), -np.inf
+        for order in range(1, HIGHEST_ORDER + 1):
             if lowest + order * price >= least:
                 break
             try:
-                theta, deviance = self._descend(longest[:order])
-            except np.linalg.LinAlgError:
+                theta, deviance = self._descend(np.append(theta, 0.3 if order == 1 else 0.0))
+            except np.linalg.LinAlgError:  # noise that slow leaves nothing of the columns
                 break
-            if deviance + order * price < least + ROUNDOFF:
+            if deviance + order * price < least - ROUNDOFF:
                 best, least = theta, deviance + order * price
+            if order == 1:
+                with suppress(np.linalg.LinAlgError):
+                    lowest = self._descend(np.pad(theta, (0, HIGHEST_ORDER - 1)))[1]
         return best
 
     def _descend(self, start: Array) -> tuple[Array, float]:
         """Return where the deviance is least for the order of a start (p,), and how much it is."""
-        if not len(start):
-            return start, self.deviance(start)
         share = 0.5 / self.dof  # as steep as far: the first step is about as long as it should be
 
         def slope(theta: Array) -> tuple[float, Array]:

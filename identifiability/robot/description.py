@@ -341,7 +341,7 @@ class Description:
         named = sorted((j.iv + k, d) for j in self.tree.joints for k, d in enumerate(j.dofs))
         return tuple(d for _, d in named)
 
-    @property
+    @cached_property
     def joints(self) -> tuple[str, ...]:
         """Names of the actuated joints."""
         return tuple(self.dofs[k] for k in self.actuated)

@@ -277,7 +277,7 @@ class Scan:
         return [(block, A, C * ratio) for block, A, C in rows]
 
     def reweigh(self, stay: Stay, fit: ChangeFit, view: View) -> View:
-        """Return the rows weighed as a change leaves them, by the noise that there is without it."""
+        """Return the rows weighed as a change leaves them, by the noise without it."""
         p, at = self.problem, list(self.candidates[stay.candidate].columns)
         b, named = self.rows.X.shape[2], p.columns(self.parts)
         course, noise = stay.course[self.block, None], self._noise_without(stay)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 
@@ -402,23 +403,37 @@ def find_aliases(
     share : float
         Remaining share below which a candidate is structurally aliased.
     """
+    out: dict[tuple[str, str], Alias] = {}
+    for _, family in groupby(candidates, key=lambda c: c.family.name):
+        for alias in _family_aliases(rows, list(family), names, share):
+            known = out.setdefault((alias.family, alias.place), alias)
+            if round(known.remaining, DECIMALS) < round(alias.remaining, DECIMALS):
+                out[alias.family, alias.place] = alias
+    for c in candidates:  # what never acts along this motion
+        out.setdefault(c.group, Alias(*c.group, 0.0, (), True))
+    return list(out.values())
+
+
+def _family_aliases(
+    rows: Rows, candidates: Sequence[Candidate], names: Sequence[str], share: float
+) -> Iterator[Alias]:
+    """Yield one entry for every candidate of a family that acts along this motion."""
     # Values with known errors hide nothing for ever: a larger effect shows.
     b = rows.X.shape[2] if rows.root is None else 0
-    G = np.zeros((b + rows.D.width,) * 2)
+    every = [k for c in candidates for k in c.columns]
+    G = np.zeros((b + len(every),) * 2)
     for j in range(rows.joints):
         scale = float(np.sqrt(np.sum(rows.tau[:, j] ** 2) / rows.counts[j])) or 1.0
-        block = rows.D.block(j)
-        A = np.concatenate([rows.X[:, j, :b], block.values], axis=1) / scale
-        at = np.r_[:b, b + block.columns]
-        G[np.ix_(at, at)] += A.T @ A
+        A = np.concatenate([rows.X[:, j, :b], rows.D.acting(j, every)], axis=1) / scale
+        G += A.T @ A
     length = np.sqrt(np.maximum(np.diag(G), 1e-300))
     G /= length
     G /= length[:, None]
     F = factor_of(G[:b, :b])
     C = F @ G[:b, b:]
-    out: dict[tuple[str, str], Alias] = {}
+    end = 0
     for c in candidates:
-        at = np.array(c.columns)
+        at = np.arange(end, end := end + len(c.columns))
         values, vectors = np.linalg.eigh(G[np.ix_(b + at, b + at)])
         seen = values > RANK_TOLERANCE * max(float(values[-1]), 1e-300)
         if not seen.any() or not values[-1] > ROUNDOFF:
@@ -426,13 +441,8 @@ def find_aliases(
         V = vectors[:, seen] / np.sqrt(values[seen])
         inside = C[:, at] @ V
         left = float(np.sqrt(max(1.0 - float(np.linalg.eigvalsh(inside.T @ inside)[0]), 0.0)))
-        if c.group in out and round(out[c.group].remaining, DECIMALS) >= round(left, DECIMALS):
-            continue
         size = np.linalg.norm(F.T @ inside, axis=1)
         size = np.round(size / (size.max(initial=0.0) or 1.0), DECIMALS)
         order = [k for k in np.argsort(-size, kind="stable")[:BEHIND] if size[k] > SHARE]
         behind = tuple(names[k] for k in order)
-        out[c.group] = Alias(*c.group, left, behind, left < share)
-    for c in candidates:  # what never acts along this motion
-        out.setdefault(c.group, Alias(*c.group, 0.0, (), True))
-    return list(out.values())
+        yield Alias(*c.group, left, behind, left < share)
