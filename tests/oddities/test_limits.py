@@ -145,7 +145,7 @@ def exchange(given, read):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(exchanged, "_error", lambda *_: next(errors))
         patch.setattr(exchanged, "_candidates", lambda *_: [SimpleNamespace(says="Exchanged")])
-        return exchanged.find_exchanged(logs())
+        return exchanged.find_exchanged(logs(motion=np.zeros(N), torque=np.zeros((N, 2))))
 
 
 # Columns at rates of their own.

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import lru_cache, partial
 from itertools import combinations
 
 import numpy as np
@@ -18,7 +19,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.commands import of_commands
 from identifiability.logs.gaps import smallest_change
 from identifiability.regression.mix_up import find_mix_up
-from identifiability.robot import complete_motion
+from identifiability.robot import Motion, complete_motion
 from identifiability.workflows.oddities.check import Does, MeasuredLogs, check, unexplained, without
 from identifiability.workflows.oddities.rules import RULES
 
@@ -544,10 +545,14 @@ def find_exchanged(logs: MeasuredLogs) -> tuple[str, ...]:
     if robot.closed or n < 2:
         return ()
     plain = _Change(tuple(range(n)), (1.0,) * n, tuple(range(n)), (1.0,) * n)
-    given = _error(logs, plain)
+    stride = max(1, len(logs.torque) // ENOUGH_ROWS)
+    some, torque = logs.motion[::stride], logs.torque[::stride]
+    # Of positions as they stand, and of those that were asked for last.
+    regressor = lru_cache(maxsize=2)(partial(_regressor, logs, some))
+    given = _error(regressor, torque, plain)
     if not given > RULES.mixed_bad:
         return ()
-    tried = [(_error(logs, c), c) for c in _candidates(logs, plain)]
+    tried = [(_error(regressor, torque, c), c) for c in _candidates(logs, plain)]
     least, best = min(tried, key=lambda pair: pair[0])
     if least**2 >= RULES.mixed_error * given**2 or not best.says:
         return ()
@@ -591,26 +596,30 @@ def _candidates(logs: MeasuredLogs, plain: _Change) -> Iterator[_Change]:
         yield _Change(same, one, same[shift:] + same[:shift], one)
 
 
-def _error(logs: MeasuredLogs, change: _Change) -> float:
+def _regressor(
+    logs: MeasuredLogs, some: Motion, order: tuple[int, ...], factor: tuple[float, ...]
+) -> Array | None:
+    """Return the regressor of other positions, None where no motion has them."""
+    motion = some
+    if order != tuple(range(len(order))) or set(factor) != {1.0}:
+        given = some.actuated_q, some.actuated_v, some.actuated_a
+        try:
+            moved = [x[:, list(order)] * np.array(factor) for x in given]
+            motion = complete_motion(logs.robot, some.t, *moved)
+        except ClosureError:
+            return None
+    structure = logs.structure
+    return structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
+
+
+def _error(regressor: Callable[..., Array | None], tau: Array, change: _Change) -> float:
     """Return the relative error of the unpruned model with an offset a joint, joints alike."""
-    stride = max(1, len(logs.torque) // ENOUGH_ROWS)
-    some, tau = logs.motion[::stride], logs.torque[::stride]
-    order, factor = list(change.order), np.array(change.factor)
     tau = tau[:, list(change.torques)] * change.signs
     spread = tau.std(0)
     if not (spread > 0).all():
         return 0.0
-    if change.order == tuple(range(len(order))) and (factor == 1.0).all():
-        motion = some
-    else:
-        moved = [x[:, order] * factor for x in (some.actuated_q, some.actuated_v, some.actuated_a)]
-        try:
-            motion = complete_motion(logs.robot, some.t, *moved)
-        except ClosureError:
-            return np.inf
-    structure = logs.structure
-    W = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
-    return unexplained(W / spread[:, None], tau / spread)
+    W = regressor(change.order, change.factor)
+    return np.inf if W is None else unexplained(W / spread[:, None], tau / spread)
 
 
 # Torque columns that are exchanged or have the wrong sign (`regression.mix_up`).
