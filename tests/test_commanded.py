@@ -44,6 +44,7 @@ from identifiability.workflows.diagnose.known_values import near_file, share_spr
 from identifiability.workflows.opening import read_recordings
 from identifiability.workflows.rollout import rollout
 from identifiability.workflows.servo_gains import Bodies, learn_gains, state_gains
+from identifiability.workflows.servo_limits import learn_limits
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 sys.path.insert(0, str(MODELS.parent / "studies"))
@@ -262,6 +263,36 @@ def test_torque_is_the_servos_law_and_saturated_torque_no_data():
     assert 0.2 < inside.mean() < 0.95
     np.testing.assert_allclose(made.tau[inside], raw[inside], atol=1e-6)
     np.testing.assert_array_equal(made.unmeasured, ~inside)
+
+
+def open_limits(robot):
+    endless = np.full(len(robot.joints), np.inf)
+    servo = replace(robot.servo, low=-endless, high=endless, limit_open=np.isinf(endless))
+    return replace(robot, servo=servo)
+
+
+def test_a_limit_that_nobody_states_is_found_where_the_drive_reaches_it(arm, frames):
+    anyone = open_limits(arm)
+    assert learn_limits(anyone, [read(arm, frames[0])]) is anyone
+    limit = np.array([220.0, np.inf])
+    rng = np.random.default_rng(8)
+    how = servos.Recorder(rate=200.0, delay=0.007, bits=14)
+    commands = servos.draw_commands(arm, 6.0, how.command_rate, 0.5, rng)
+    limited = replace(anyone.servo, low=-limit, high=limit)
+    log = read(arm, servos.record(arm, TRUTH, commands, 6.0, how, rng, limited))
+    found = learn_limits(anyone, [log]).servo
+    np.testing.assert_allclose(found.high, limit, rtol=0.03)
+    assert "at one: shoulder 2" in found.found
+    assert learn_limits(arm, [log]) is arm  # which is stated
+
+
+def test_a_torque_limit_that_a_urdf_states_of_a_joint_does_not_act_unsaid(tmp_path):
+    path = tmp_path / "arm.urdf"
+    text = Robot.load("six-dof-arm").path.read_text()
+    assert "effort=" in text
+    path.write_text(re.sub(r'effort="[^"]*"', 'effort="1e-3"', text))
+    (tmp_path / "arm.toml").write_text("[servo]\nkp = 100\n")
+    assert not CommandedRobot(Robot.load(path), {}).model.jnt_actfrclimited.any()
 
 
 def test_reversals_are_data_where_a_rollout_turns_by_the_same_friction(arm, frames):

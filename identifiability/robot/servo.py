@@ -32,6 +32,9 @@ FIT = "fit"
 #: At which servos measure where nobody says it [Hz].
 RATE: Tolerance = 1000.0
 
+#: What stands for no limit among limits that are numbers [N·m or N].
+ENDLESS: Tolerance = 1e12
+
 
 @frozen
 class JointServo:
@@ -75,6 +78,10 @@ class Servo:
         How gains were found, and what fixes their scale, where logs told them.
     doubt : (g, n)
         By what share kp is others if each of g independent doubts is one standard deviation.
+    limit_open : (n,) bool
+        Where neither sidecar nor actuator states a limit, so that logs may show another one.
+    limit_found : bool
+        Whether they did.
     """
 
     kp: Array
@@ -87,6 +94,8 @@ class Servo:
     assumed: bool = True
     found: str = ""
     doubt: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    limit_open: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    limit_found: bool = False
 
     @property
     def unknown(self) -> np.ndarray:
@@ -94,13 +103,23 @@ class Servo:
         return np.isnan(self.kp) | np.isnan(self.kv)
 
     def having(self, gains: Mapping[str, Array]) -> Servo:
-        """Return the servos with other gains, ``kp`` and ``kv``, each (n,), as far as given."""
-        return replace(self, kp=gains.get("kp", self.kp), kv=gains.get("kv", self.kv))
+        """Return the servos with other ``kp``, ``kv`` and ``limit``, each (n,), as far as given."""
+        other = replace(self, kp=gains.get("kp", self.kp), kv=gains.get("kv", self.kv))
+        return other.at_most(gains["limit"]) if "limit" in gains else other
+
+    def at_most(self, limit: Array, found: str = "") -> Servo:
+        """Return the servos with limits (n,) that logs told, in some words."""
+        told = replace(self, low=-limit, high=limit, limit_found=True)
+        return replace(told, found=found or self.found)
 
     def by_joint(self, joints: Sequence[str]) -> dict[str, dict[str, float]]:
-        """Return gains that logs told, ``kp`` and ``kv`` by joint; nothing where none did."""
+        """Return what logs told, ``kp``, ``kv`` and ``limit`` by joint; nothing where none did."""
         each = {"kp": self.kp, "kv": self.kv} if self.source == FOUND else {}
-        return {k: dict(zip(joints, x.tolist(), strict=True)) for k, x in each.items()}
+        each |= {"limit": self.high} if self.limit_found else {}
+        return {
+            k: {j: v for j, v in zip(joints, x.tolist(), strict=True) if np.isfinite(v)}
+            for k, x in each.items()
+        }
 
     @property
     def age(self) -> float:
@@ -206,11 +225,14 @@ def read_servo(
         for j, f in zip(joints, files, strict=True)
     ]
     low, high = np.array(ends).T
+    limit_open = np.array([np.isinf(h) for _, h in ends])
     delay = None if entry is None or entry.delay == "auto" else float(entry.delay)
     own = entry is not None and (entry.kp is not None or bool(np.isnan(kp).any()))
     rate = None if entry is None else entry.rate
     source = SIDECAR if own else "the robot file"
-    return Servo(kp, kv, low, high, delay, source, rate or RATE, rate is None)
+    return Servo(
+        kp, kv, low, high, delay, source, rate or RATE, rate is None, limit_open=limit_open
+    )
 
 
 def _by_joint(path: Path, key: str, entry: Any, joints: tuple[str, ...]) -> dict[str, float]:

@@ -266,7 +266,9 @@ class ServoEntry(_Strict):
         '[N·m·s/rad or N·s/m]; one number, or by joint, or "fit".', {"*_knee": 2, "*": 1}, None
     )
     limit: Length | dict[str, Length] | None = described(
-        "Torque beyond which it is saturated [N·m or N].", 30, None
+        "Torque beyond which it is saturated [N·m or N]; where none is stated logs tell it.",
+        30,
+        None,
     )
     delay: Literal["auto"] | Annotated[float, Field(ge=0, le=1)] = described(
         "Of commands [s]; auto: logs tell it.", 0.004, "auto"

@@ -160,9 +160,10 @@ def write_robot(
         clear_mjcf(top)
         write_axes(top, robot, joints)
         write_gravity(top, robot.gravity)
-        told = robot.servo is not None and robot.servo.source in (SIDECAR, FOUND)
-        if robot.servo is not None and told and not robot.servo.unknown.any():
-            write_servos(top, robot.joints, robot.servo)
+        servo = robot.servo
+        told = servo is not None and (servo.source in (SIDECAR, FOUND) or servo.limit_found)
+        if servo is not None and told and not servo.unknown.any():
+            write_servos(top, robot.joints, servo)
     else:
         _turn_base(top, robot)
     cables = {e.get("name"): e for e in top.iter("spatial")}
@@ -331,6 +332,7 @@ _MEANING = {
     "rest": "where the springs of joints are relaxed",
     "servo.kp": "found in logs [N·m/rad or N/m]",
     "servo.kv": "found in logs [N·m·s/rad or N·s/m]",
+    "servo.limit": "found in logs [N·m or N]",
     "locked": "joints that do not move, and where they are held",
 }
 
@@ -355,8 +357,8 @@ def _sidecar_text(robot: Description, tables: Mapping[str, Mapping[str, float]])
     if robot.base_option is not None:
         given = re.sub(r"^base\s*=.*\n", "", given, flags=re.MULTILINE)
         given = f'base = "{robot.base_option}"\n{given}'
-    # In place of what said that logs shall tell them.
-    given = re.sub(r"^(kp|kv)\s*=.*\n?", "", given, flags=re.MULTILINE) if gains else given
+    for key in gains:  # in place of what said that logs shall tell them
+        given = re.sub(rf"^{key}\s*=.*\n?", "", given, flags=re.MULTILINE)
     heads = {f"[{key}]" for key in tables}
     lines, skipping = [], False
     for line in given.splitlines():

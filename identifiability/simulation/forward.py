@@ -26,7 +26,7 @@ from identifiability.robot.closure import count_independent
 from identifiability.robot.kinematics import Point
 from identifiability.robot.mjcf import bolt_down, leave_out, quiet
 from identifiability.robot.parts import Axis, Coupling
-from identifiability.robot.servo import Servo
+from identifiability.robot.servo import ENDLESS, Servo
 from identifiability.robot.write import write_robot
 from identifiability.simulation.forces import JointTerms, both_directions
 from identifiability.simulation.mujoco_robot import MujocoRobot, bare_urdf, reason_of
@@ -125,6 +125,7 @@ def compile_forward(
         ) from None
     for joint, curve in couplings.items():
         _set_coupling(model, joint, curve)
+    model.jnt_actfrclimited[:] = 0  # logged torque acted as it is, and servos have limits of theirs
     return model
 
 
@@ -204,8 +205,8 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
         "gainprm": [kp if kp > 0 else kv, *[0] * 9],
         "biastype": mujoco.mjtBias.mjBIAS_AFFINE,
         "biasprm": [0, -kp, -kv, *[0] * 7],
-        "forcelimited": bool(np.isfinite(servo.high[k])),
-        "forcerange": np.nan_to_num([servo.low[k], servo.high[k]], posinf=0, neginf=0),
+        "forcelimited": True,
+        "forcerange": np.nan_to_num([servo.low[k], servo.high[k]], posinf=ENDLESS, neginf=-ENDLESS),
     }
     spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT, **options)
 

@@ -242,14 +242,10 @@ class CommandedRobot:
                 model.actuator_biasprm[actuator, 1] = -servo.kp[k]
             model.actuator_biasprm[actuator, 0] = -offset
             model.actuator_biasprm[actuator, 2] = -late[joint]
-            model.actuator_forcerange[actuator] = less[joint] * (self._ends[joint] - offset)
+            ends = np.array([servo.low[k], servo.high[k]])
+            model.actuator_forcerange[actuator] = less[joint] * (ends - offset)
         mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
-
-    @property
-    def _ends(self) -> dict[str, Array]:
-        pairs = np.stack([self.servo.low, self.servo.high], 1)
-        return dict(zip(self.robot.joints, pairs, strict=True))
 
 
 def starting_speeds(log: Log) -> Array:

@@ -41,6 +41,7 @@ from identifiability.simulation.walking import BasePath, WalkingRobot
 from identifiability.workflows.answers import hides_joints, list_worst
 from identifiability.workflows.opening import Logs, in_memory, list_logs, read_recordings
 from identifiability.workflows.servo_gains import learn_gains, read_commanded
+from identifiability.workflows.servo_limits import learn_limits
 
 #: Length of a window [s], and of one of a robot that floats which logged torque moves, as nothing
 #: brings it back to where it was.
@@ -343,7 +344,7 @@ def rollout(
                     f"{next(x.name for x in learnt if x.sha256 in shared)} is fitted and rolled "
                     "out; give logs that were not fitted."
                 )
-            robot = learn_gains(robot, learnt)
+            robot = learn_limits(learn_gains(robot, learnt), learnt)
             assert robot.servo is not None
             found = fit_rollouts(robot, learnt, delay=robot.servo.delay)
             others.insert(0, robot.with_values(found.parameters(robot)))

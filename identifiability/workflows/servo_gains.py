@@ -31,6 +31,7 @@ from identifiability.robot import Robot
 from identifiability.robot.servo import FOUND
 from identifiability.workflows.opening import Logs, in_memory, list_logs, read_recordings
 from identifiability.workflows.rules import RULES
+from identifiability.workflows.servo_limits import learn_limits
 
 #: Length of logs that gains are found from, all together [s]: more says little more of them.
 LONG: Tolerance = 60.0
@@ -152,9 +153,9 @@ def read_commanded(
 
 
 def find_gains(robot: Robot, logs: Logs) -> Robot:
-    """Return a robot whose servos have gains; those that nobody states are found from logs.
+    """Return a robot whose servos have gains and limits; logs tell those that nobody states.
 
-    It is the same robot where every gain is stated, or no log is of commands alone.
+    It is the same robot where all are stated, or no log is of commands alone.
 
     Raises
     ------
@@ -163,9 +164,8 @@ def find_gains(robot: Robot, logs: Logs) -> Robot:
     RobotError
         If it cannot be rolled out.
     """
-    if robot.servo is None or not robot.servo.unknown.any():
-        return robot
-    return learn_gains(robot, read_commanded(robot, logs, torque=True)[0])
+    read = read_commanded(robot, logs, torque=True)[0]
+    return learn_limits(learn_gains(robot, read), read)
 
 
 def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:

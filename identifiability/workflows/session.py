@@ -502,15 +502,15 @@ def _times(samples: Prepared, first: int, last: int) -> Array:
 
 
 def settle_gains(robot: Robot, logs: Logs) -> Robot:
-    """Return a robot whose servos have gains; logs tell those that nobody states.
+    """Return a robot whose servos have gains and limits; logs tell those that nobody states.
 
-    Where logs hold torque nobody asks for gains.
+    Where logs hold torque nobody asks for them.
 
     Raises
     ------
     LogError
     """
-    if robot.servo is None or not robot.servo.unknown.any():
+    if robot.servo is None or not (robot.servo.unknown | robot.servo.limit_open).any():
         return robot
     from identifiability.workflows.servo_gains import find_gains  # noqa: PLC0415 - MuJoCo
 

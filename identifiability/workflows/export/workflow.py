@@ -99,11 +99,12 @@ class RolloutEntry(Entry):
     gains: dict[str, dict[str, float]] = Field(default_factory=dict)
 
     def settle(self, servo: Servo, joints: Sequence[str]) -> Servo:
-        """Return servos with the gains that logs told."""
+        """Return servos with the gains and limits that logs told."""
         if not self.gains:
             return servo
-        own = {k: np.array([of[j] for j in joints]) for k, of in self.gains.items()}
-        return replace(servo.having(own), source=FOUND)
+        own = {k: np.array([of.get(j, np.inf) for j in joints]) for k, of in self.gains.items()}
+        source = FOUND if "kp" in own else servo.source
+        return replace(servo.having(own), source=source)
 
     @property
     def delay(self) -> float:
@@ -284,7 +285,8 @@ def write_parameters(
         with temporary_folder() as folder:  # the same robot in the other format is the template
             beside = Path(folder) / f"{path.stem}{path.suffix.lower()}"
             write_converted(robot, beside)
-            converted = replace(Robot.load(beside), rest=robot.rest).turned(robot.gravity)
+            there = replace(Robot.load(beside), rest=robot.rest, servo=robot.servo)
+            converted = there.turned(robot.gravity)
             shapes = robot.shapes if shapes is None else shapes
             reference = robot.reference if reference is None else reference
             whole = complete_values(robot, parameters, keep=keep)
