@@ -17,6 +17,7 @@ from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, signals
+from identifiability.logs.base import GYRO
 from identifiability.logs.gaps import StaleRule
 from identifiability.logs.prepare.instruments import complete_along
 from identifiability.logs.prepare.plan import (
@@ -25,6 +26,7 @@ from identifiability.logs.prepare.plan import (
     lowest_cutoff,
     noise_level,
     resolution,
+    usual_noise,
 )
 from identifiability.logs.prepare.preparation import SHORT, Preparation, make_plan
 from identifiability.logs.prepare.samples import Samples
@@ -33,6 +35,9 @@ from identifiability.robot import Robot
 
 #: The cut-off of the smoothed motion is found within this factor.
 WIDER: Tolerance = 1.1
+
+#: Relative standard error of a level that a median tells, times the root of the samples: simulated.
+LEVEL_ERROR: Tolerance = 1.8
 
 #: Outputs of a log at which noise is tried at most, and the windows in which they lie.
 ENOUGH, WINDOWS = 2048, 16
@@ -130,6 +135,15 @@ def _draw(log: Log, plan: Plan, rng: np.random.Generator) -> tuple[Log, tuple[Lo
         for sign, moved in zip((1.0, -1.0), noisy, strict=True):
             rounded = whole * (np.rint(smooth[name] / whole + sign * zero) - sign * zero)
             moved[name] = np.where(step > 0, rounded, smooth[name] + sign * white)
+    if log.base is not None:  # its sensor has noise, too, and rings where feet hit the ground
+        assert plan.cutoff is not None
+        record = log.base[:, : GYRO.stop]
+        level = usual_noise(record, log.t)
+        most = level * (1.0 + 2.0 * LEVEL_ERROR / np.sqrt(len(record)))  # each of six channels
+        slow = _smooth(record, most, plan.step, plan.cutoff)
+        white = level * rng.standard_normal(record.shape)
+        for sign, into in ((0.0, smooth), (1.0, noisy[0]), (-1.0, noisy[1])):
+            into["base"] = np.hstack([slow + sign * white, log.base[:, GYRO.stop :]])
     return replace(log, **smooth), (replace(log, **noisy[0]), replace(log, **noisy[1]))
 
 

@@ -61,13 +61,27 @@ def noise_level(x: Array, t: Array | None = None) -> Array:
     """
     if len(x) <= ORDER:
         return np.zeros(x.shape[1])
+    level: Array = np.sqrt(np.mean(_rough(x, t) ** 2, axis=0))
+    return level
+
+
+def usual_noise(x: Array, t: Array) -> Array:
+    """Return the same of signals that are not smooth now and then, by the median."""
+    if len(x) <= ORDER:
+        return np.zeros(x.shape[1])
+    level: Array = np.median(np.abs(_rough(x, t)), axis=0) / scipy.stats.norm.ppf(0.75)
+    return level
+
+
+def _rough(x: Array, t: Array | None) -> Array:
+    """Return differences that leave noise as large as it is, and of smooth signals nothing."""
     differences = np.diff(x, ORDER, axis=0)
     if t is not None:
         gaps = np.concatenate([[0], np.cumsum(signals.has_gap(t))])
         whole = gaps[ORDER:] == gaps[:-ORDER]
         differences = differences[whole] if whole.any() and not whole.all() else differences
-    level: Array = np.sqrt(np.mean(differences**2, axis=0) / binom(2 * ORDER, ORDER))
-    return level
+    rough: Array = differences / np.sqrt(binom(2 * ORDER, ORDER))
+    return rough
 
 
 def resolution(x: Array) -> Array:
