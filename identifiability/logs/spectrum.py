@@ -192,6 +192,8 @@ class Band:
         Why outputs end there, for the report; nothing where the cut-off was given.
     joints : (n,) [Hz]
         Bandwidth of each joint, of the fastest log.
+    rate : float [Hz]
+        At which the slowest log was sampled.
     """
 
     cutoff: float
@@ -201,6 +203,7 @@ class Band:
     noise: float
     reason: str
     joints: Array
+    rate: float = np.inf
 
 
 def choose_band(
@@ -230,7 +233,8 @@ def choose_band(
     joints = np.max([s.bandwidths() for s in spectra], axis=0)
     asked = joints <= fastest
     band = float(joints[asked].max(initial=0.0))
-    highest = RULES.cutoff_highest * min(s.rate for s in spectra)
+    rate = min(s.rate for s in spectra)
+    highest = RULES.cutoff_highest * rate
     most = max(RULES.cutoff_wide * band, RULES.cutoff_lowest)
     signal = np.sum([s.acceleration(most) for s in spectra], axis=0)
     kinds = np.array(sliding or [False] * len(signal), bool)
@@ -245,7 +249,7 @@ def choose_band(
     loud = np.flatnonzero([noise(at) > RULES.noise_share for at in tried])
     limit = float(tried[max(loud[0] - 1, 0)] if len(loud) else tried[-1])
     if cutoff is not None:
-        return Band(cutoff, cutoff, band, limit, noise(cutoff), "", joints)
+        return Band(cutoff, cutoff, band, limit, noise(cutoff), "", joints, rate)
     chosen, reason = most, f"{RULES.cutoff_wide:g} × the motion's band of {band:.3g} Hz"
     if most == RULES.cutoff_lowest:
         reason = f"the least there is, the motion's band is {band:.2g} Hz"
@@ -263,4 +267,4 @@ def choose_band(
         )
     # What a joint without a say has above is noise, which no spectrum tells.
     wide = max(chosen, min(limit, highest)) if asked.all() else chosen
-    return Band(wide, chosen, band, limit, noise(wide), reason, joints)
+    return Band(wide, chosen, band, limit, noise(wide), reason, joints, rate)

@@ -354,10 +354,12 @@ def _say_cut(band: Band, whose: str) -> str:
     if band.cutoff >= RULES.cutoff_inside * band.bandwidth:
         return ""
     least = LOG_RULES.cutoff_lowered * LOG_RULES.cutoff_wide * band.bandwidth
+    remedy = f"set it to {least:.2g} Hz or more (--cutoff)"
+    if least > LOG_RULES.cutoff_highest * band.rate:
+        remedy = f"sample at {least / LOG_RULES.cutoff_highest:.2g} Hz or faster, or move slower"
     return (
         f"The cut-off of {band.cutoff:.3g} Hz cuts into the motion of {whose}, which reaches "
-        f"{band.bandwidth:.3g} Hz: accelerations are missing, and values are wrong; set it to "
-        f"{least:.2g} Hz or more (--cutoff)."
+        f"{band.bandwidth:.3g} Hz: accelerations are missing, and values are wrong; {remedy}."
     )
 
 
