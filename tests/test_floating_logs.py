@@ -23,7 +23,12 @@ from identifiability.workflows.analyze import analyze
 from identifiability.workflows.analyze.assessment import state_limbs
 from identifiability.workflows.excite import excite
 from identifiability.workflows.oddities import MeasuredLogs, find_always
-from identifiability.workflows.oddities.contacts import find_aliases
+from identifiability.workflows.oddities.contacts import (
+    find_aliases,
+    find_soles,
+    find_turned_base,
+    find_unheld,
+)
 
 RIGID = Model.of("rigid_body")
 BODY = """<mujoco model="body"><option timestep="0.001" integrator="RK4"/><worldbody>
@@ -344,11 +349,77 @@ def test_contacts_that_contradict_the_motion_are_told(tmp_path):
     flags = "".join(told.format(leg, f"flag = '{leg}_flag'") for leg in legs)
     always = "".join(told.format(leg, "schedule = [[0, 9]]") for leg in legs)
     for text, wrong in ((flags, False), (always, True)):
-        robot = walker(tmp_path, text)
-        log = read(robot, steps())
-        structure = Structure.of(robot, Model.of("rigid_body"))
-        hints = find_always(MeasuredLogs(structure, (log,), (prepare_samples(robot, log),)))
+        hints = find_always(looked_at(walker(tmp_path, text), steps()))
         assert any("against the other closed contacts" in hint for hint in hints) == wrong
+
+
+def looked_at(robot, frame):
+    log = read(robot, frame)
+    structure = Structure.of(robot, Model.of("rigid_body"))
+    return MeasuredLogs(structure, (log,), (prepare_samples(robot, log),))
+
+
+ANKLE = """<mujoco model="ankle"><worldbody><body name="trunk"><freejoint/><inertial pos="0 0 0"
+mass="3" diaginertia=".1 .1 .1"/><body name="foot" pos="0 0 -.5"><joint name="x" axis="1 0 0"/>
+<joint name="y" axis="0 1 0"/><joint name="z" axis="0 0 1"/><inertial pos="0 0 0" mass="1"
+diaginertia=".01 .01 .01"/></body></body></worldbody><actuator><motor joint="x"/><motor joint="y"/>
+<motor joint="z"/></actuator></mujoco>"""
+SOLE = '[[contacts]]\nframe = "foot"\nkind = "surface"\n'
+
+
+@pytest.mark.parametrize(
+    ("angle", "unit", "said"),
+    [(0, 1, ""), (0.1, 1, ""), (2, 1, "turned by 11"), (0, 57.3, "in degrees: convert")],
+)
+def test_a_foot_that_stands_tells_how_the_sensor_is_turned(angle, unit, said, tmp_path):
+    """The foot stands, so the trunk turns against it as the ankle does, the other way round."""
+    path = tmp_path / "ankle.xml"
+    path.write_text(ANKLE)
+    path.with_suffix(".toml").write_text(SOLE)
+    t, w = np.linspace(0, 1.9, 380), np.array([5.0, 7.0, 4.0])  # too short to miss gravity
+    q, v = 0.1 * np.sin(t[:, None] * w), 0.1 * w * np.cos(t[:, None] * w)
+    bent = Rotation.from_euler("X", q[:, :1])
+    both = Rotation.from_euler("XY", q[:, :2])
+    omega = v[:, :1] * [1, 0, 0] + v[:, 1:2] * bent.apply([0, 1, 0])
+    omega = -(omega + v[:, 2:] * both.apply([0, 0, 1]))
+    acc = Rotation.from_euler("XYZ", q).apply([0, 0, 9.81])  # along the axes of the trunk
+    sensor = Rotation.from_rotvec(angle * np.array([0.6, 0.0, 0.8]))
+    frame = pd.DataFrame({"t": t})
+    for k, name in enumerate("xyz"):
+        frame[f"{name}.q"], frame[f"{name}.tau"] = q[:, k], np.sin(9 * t + k)
+    frame[axes("base.acc.")] = sensor.apply(acc, inverse=True)
+    frame[axes("base.gyro.")] = unit * sensor.apply(omega, inverse=True)
+    found = find_turned_base(looked_at(Robot.load(path), frame))
+    if not said:
+        assert not found
+        assert not find_soles(looked_at(Robot.load(path), frame))
+        path.with_suffix(".toml").write_text(SOLE.replace("surface", "point"))
+        (flat,) = find_soles(looked_at(Robot.load(path), frame))
+        assert flat.startswith("foot stays flat on the ground while its leg turns")
+        return
+    assert said in found[0]
+    if "[" in found[0]:  # what is to be written says so of the same log no more
+        rpy = found[0].partition("write ")[2].partition("],")[0] + "]"
+        path.with_suffix(".toml").write_text(f"{SOLE}[imu]\n{rpy}\n")
+        assert not find_turned_base(looked_at(Robot.load(path), frame))
+
+
+def test_what_does_not_fall_is_held_by_what_is_stated(thrown, body, tmp_path):
+    frame = table(thrown, **sensor(thrown))
+    forces = ["fx", "fy", "fz", "mx", "my", "mz"]
+    assert not find_unheld(looked_at(body, frame))
+    (said,) = find_unheld(looked_at(body, frame.assign(**{c: -frame[c] for c in forces})))
+    assert "give them the opposite sign" in said
+    body.path.with_suffix(".toml").write_text("")
+    (said,) = find_unheld(looked_at(Robot.load(body.path), frame))
+    assert "Nothing is said to touch body" in said
+    told = "[[contacts]]\nframe = '{0}_foot'\nflag = '{0}_flag'\n"
+    robot = walker(tmp_path, told.format("left") + told.format("right"))
+    walk = steps()
+    flags = ["left_flag", "right_flag"]
+    assert not find_unheld(looked_at(robot, walk))
+    (said,) = find_unheld(looked_at(robot, walk.assign(**{c: 0.4 * walk[c] for c in flags})))
+    assert "flags are late (margin) or say the opposite" in said
 
 
 def test_what_does_not_know_bases_that_move_says_so(body, tmp_path):

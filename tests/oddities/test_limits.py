@@ -29,7 +29,7 @@ def logs(**given):
     """What is odd about two joints that turn, of which only this is looked at."""
     robot = SimpleNamespace(
         limits=np.array([[-1.0, 1.0]] * 2), actuated=np.array([0, 1]), angles="rad", closed=False,
-        is_prismatic=lambda _: False, torque_units=("N·m",) * 2, speed_limits=[1.0, 2.0],
+        base=None, is_prismatic=lambda _: False, torque_units=("N·m",) * 2, speed_limits=[1.0, 2.0],
     )  # fmt: skip
     usual = {"robot": robot, "joints": ("a", "b"), "weighs": False, "recordings": ()}
     usual["measured"] = np.ones(2, bool)
@@ -185,7 +185,7 @@ def derived(scale=1.0, unexplained=0.0, stands_out=1e9):
 
 def band(cutoff=5.0, noise=0.0):
     """A band of one hertz."""
-    found = SimpleNamespace(cutoff=cutoff, bandwidth=1.0, noise=noise, limit=9.0)
+    found = SimpleNamespace(cutoff=cutoff, bandwidth=1.0, noise=noise, limit=9.0, rate=100.0)
     return fit._say_cut(found, "x") or fit._say_noise(found)
 
 

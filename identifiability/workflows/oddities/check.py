@@ -177,7 +177,7 @@ class Check:
         What it looks for.
     does : Does
     find : callable(MeasuredLogs) -> tuple of str, or callable(Reading) -> Reading
-    rank : int
+    rank : float
         Of two explanations the one of lower rank is given; hints are said in this order.
     always : bool
         Whether it also looks at logs that have nothing to explain; what it says is of the robot
@@ -190,7 +190,7 @@ class Check:
     title: str
     does: Does
     find: Find
-    rank: int
+    rank: float
     always: bool = False
     says: str = ""
     means: str = ""
@@ -204,7 +204,7 @@ CHECKS: list[Check] = []
 def check(
     title: str,
     does: Does,
-    rank: int,
+    rank: float,
     *,
     always: bool = False,
     says: str = "",

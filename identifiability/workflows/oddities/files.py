@@ -8,6 +8,7 @@ from identifiability.foundation.errors import listing
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.samples import stands_still, torque_varies
 from identifiability.physical.feasibility import find_impossible_bodies
+from identifiability.robot.floating import BASE_JOINTS
 from identifiability.workflows.oddities.check import Does, MeasuredLogs, check
 from identifiability.workflows.oddities.rules import RULES
 
@@ -107,6 +108,7 @@ def find_dead(logs: MeasuredLogs) -> tuple[str, ...]:
     surveys = [s.survey for s in logs.samples]
     varies, rows = torque_varies(surveys), np.sum([s.rows for s in surveys], axis=0)
     dead = [j for j, v, r in zip(logs.joints, varies, rows, strict=True) if r and not v]
+    dead = [j for j in dead if j not in BASE_JOINTS]  # of which it is known that nothing drives
     if not (dead and varies.any()):
         return ()
     columns = listing([f"'{j}.tau'" for j in dead], 6)

@@ -542,7 +542,7 @@ class _Change:
 def find_exchanged(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on joints that are exchanged, turned, or in degrees, or none."""
     robot, n = logs.robot, len(logs.joints)
-    if robot.closed or n < 2:
+    if robot.closed or robot.base is not None or n < 2:
         return ()
     plain = _Change(tuple(range(n)), (1.0,) * n, tuple(range(n)), (1.0,) * n)
     stride = max(1, len(logs.torque) // ENOUGH_ROWS)
@@ -637,5 +637,7 @@ def _error(regressor: Callable[..., Array | None], tau: Array, change: _Change) 
 def find_turned_torque(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque columns that are mixed up, or none."""
     structure = logs.structure
+    if logs.robot.base is not None:  # whose rows are no columns, but combinations of them
+        return ()
     regression = structure.regression(logs.samples)
     return tuple(filter(None, [find_mix_up(regression, structure.base.nonnegative)]))
