@@ -150,7 +150,7 @@ def _aligned(told: Array, own: Array) -> tuple[Array, float, float, float]:
     "a sole that is said to be a point",
     Does.MISREADS,
     1.8,
-    says="… stays flat on the ground while its leg turns against it: …",
+    says="… flat on the ground while … against it: a sole transmits a moment, too",
     means="The contact transmits a moment, too, which enters the equations as if nothing did.",
     do='Write kind = "surface" for that contact.',
 )
@@ -178,7 +178,7 @@ def find_soles(logs: MeasuredLogs) -> tuple[str, ...]:
     "what holds a base that does not fall",
     Does.MISREADS,
     1.4,
-    says="For … % of the time nothing but … holds …, and yet it does not fall",
+    says="…, and yet it does not fall: …",
     means="A contact or a measured force is not stated, flags are late or say the opposite, or a "
     "measured wrench is what the robot does to the ground.",
     do="State every `[[contacts]]` and `[[wrench]]`; look at flags, threshold, margin and signs.",
