@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -90,3 +92,14 @@ def test_what_tools_need_is_public():
         assert name in identifiability.__all__
         assert getattr(identifiability, name) is not None
     assert identifiability.Thresholds().sigma_percent == 20
+
+
+def test_intervals_hold_over_the_nearest_real_robot_where_it_predicts_as_well(result):
+    as_good = [m for m in result.models if m.physical_as_good]
+    assert as_good
+    for model in as_good:
+        apart = np.abs(model.physical.value - model.estimate.value)
+        robust = model.uncertainty.robust
+        assert (robust >= apart)[model.estimate.determined].all()
+        without = replace(model.uncertainty, real=None).robust
+        np.testing.assert_allclose(np.hypot(without, apart), robust, rtol=1e-9)

@@ -127,9 +127,7 @@ def measure_spread(
     swallowed = np.sqrt(independent / dof)
     low, raw = (np.fmax(own * swallowed, other) for own, other in zip(rms, unseen, strict=True))
     covariance, unknown = measure_errors(information, fit, widening(information, fit, uncertainty))
-    for shared in (uncertainty.late, uncertainty.bias):
-        if shared is not None:
-            covariance = covariance + shared.T @ shared
+    covariance = covariance + uncertainty.shared.T @ uncertainty.shared
     return TorqueUncertainty(covariance=covariance, unknown=unknown, low=low, raw=raw, dof=dof)
 
 

@@ -354,6 +354,9 @@ class Uncertainty:
         share.
     bias : (w, k) or None
         What the bias that noise in the motion leaves may move, which resampling keeps.
+    real : (1, k) or None
+        How far the nearest real robot lies, where the estimate does not surely predict better: of
+        two that are not told apart, labels hold over both.
     """
 
     white: Array
@@ -365,14 +368,18 @@ class Uncertainty:
     motions: Motions | None = None
     late: Array | None = None
     bias: Array | None = None
+    real: Array | None = None
+
+    @property
+    def shared(self) -> Array:
+        """What moves all samples alike, which none of them can show, (w, k)."""
+        rows = [x for x in (self.late, self.bias, self.real) if x is not None]
+        return np.vstack(rows) if rows else np.empty((0, len(self.white)))
 
     @property
     def robust(self) -> Array:
-        """What noise, delays, logs and noise in the motion leave open, (k,)."""
-        shared = [x for x in (self.late, self.bias) if x is not None]
-        if not shared:
-            return self.scatter
-        together: Array = np.linalg.norm([self.scatter, *np.vstack(shared)], axis=0)
+        """What noise, delays, logs, noise in the motion and physics leave open, (k,)."""
+        together: Array = np.linalg.norm([self.scatter, *self.shared], axis=0)
         return together
 
     @property

@@ -315,6 +315,10 @@ def assess_ladder(
         if late is not None:
             uncertainty = replace(uncertainty, late=late(submodel))
             reported_uncertainty = replace(reported_uncertainty, late=late(reported.submodel))
+        as_good = stands_for(held_out if veto else None, real, k, m + k)
+        if as_good:
+            uncertainty = hold_over(uncertainty, model, real)
+            reported_uncertainty = hold_over(reported_uncertainty, reported, real)
         result = ModelResult(
             submodel=submodel,
             estimate=fit,
@@ -336,10 +340,18 @@ def assess_ladder(
             error_real_joints=each[:, [m + k, 2 * m + k, 3 * m + k]],
             infeasible=forbidden_signs(reported.submodel, reported.information, reported.estimate),
             physical=real,
-            physical_as_good=stands_for(held_out if veto else None, real, k, m + k),
+            physical_as_good=as_good,
         )
         results.append(result)
     return tuple(results)
+
+
+def hold_over(uncertainty: Uncertainty, model: FittedModel, real: PhysicalResult) -> Uncertainty:
+    """Return what is not known of a model's values if its nearest real robot may be right, too."""
+    if real.nearest is None:
+        return uncertainty
+    apart = model.to_x @ real.nearest.phi - model.estimate.value
+    return replace(uncertainty, real=np.where(model.estimate.determined, apart, 0.0)[None])
 
 
 def decide_reported(

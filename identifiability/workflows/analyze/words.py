@@ -263,9 +263,11 @@ def state_physics(chosen: ModelResult) -> str:
         return "It is no real robot; these logs are too short to say how much the nearest one errs."
     near = f"The nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %."
     if chosen.physical_used:
+        less = chosen.error_ra_physical < chosen.error_ra_validation
         near = (
-            f"The nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %, not surely "
-            "more. Its values are those to use, and predictions and exports have them."
+            f"The nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %, "
+            f"{'less' if less else 'not surely more'}. Its values are those to use, and "
+            "predictions and exports have them."
         )
         if chosen.physical.elsewhere:
             near = (

@@ -49,6 +49,7 @@ from identifiability.workflows.analyze.assessment import (
     assess_ladder,
     decide_reported,
     forbidden_signs,
+    hold_over,
     tell_with_file,
 )
 from identifiability.workflows.analyze.fit import DelayErrors
@@ -584,6 +585,8 @@ def measure_models(
         for reported in (model.reported for model in starmap(question.recall, fits))
     ]
     own_reported = own_model[0].reported
+    if result.physical_as_good:
+        spreads[chosen] = hold_over(spreads[chosen], own_reported, physical)
     models = _mix(question, fits, spreads, weights, own_reported) if replicates else None
     torque = float(np.sqrt(np.mean(own.rms**2)))
     result = replace(
