@@ -404,6 +404,18 @@ def test_a_foot_that_stands_tells_how_the_sensor_is_turned(angle, unit, said, tm
         assert not find_turned_base(looked_at(Robot.load(path), frame))
 
 
+def test_a_sensor_on_a_base_that_is_taken_to_be_bolted_down_is_told(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(ANKLE.replace("<freejoint/>", ""))
+    robot, t = Robot.load(path), np.linspace(0, 4, 400)
+    frame = pd.DataFrame({"t": t})
+    for k, name in enumerate("xyz"):
+        frame[f"{name}.q"], frame[f"{name}.tau"] = np.sin((3 + k) * t), np.cos((3 + k) * t)
+    assert not read(robot, frame).notes
+    (note,) = read(robot, frame.assign(**{c: 0.1 for c in axes("imu.gyro.")})).notes
+    assert note.startswith("'imu.gyro.x' … is not used, as the base is taken to be bolted down")
+
+
 def test_what_does_not_fall_is_held_by_what_is_stated(thrown, body, tmp_path):
     frame = table(thrown, **sensor(thrown))
     forces = ["fx", "fy", "fz", "mx", "my", "mz"]

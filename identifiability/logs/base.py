@@ -79,6 +79,18 @@ class BaseColumns:
         return list(dict.fromkeys(self.named.values()))
 
 
+def moving_base(columns: Sequence[str]) -> str:
+    """Return half a sentence on what the log of a robot that stands says of its base, or none."""
+    found = BaseColumns.find(columns, Base("", "", np.zeros(3)), Renames()).named
+    turns = [found[key] for key in (f"gyro.{k}" for k in range(3)) if key in found]
+    if len(turns) < 3:
+        return ""
+    return (
+        f"'{turns[0]}' … is not used, as the base is taken to be bolted down; if nothing held it, "
+        'say base = "floating" in the sidecar'
+    )
+
+
 def _key(name: str, base: Base) -> str:
     """Return what a column says of the base, as `BaseColumns` has it; empty if nothing."""
     entry = re.fullmatch(r"(?:.*[./_ ])?(qpos|qvel)[\[(_. ]*(\d+)[\])]*", name)

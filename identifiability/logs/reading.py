@@ -15,7 +15,7 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.logs.aliases import INDEX, guess_column
-from identifiability.logs.base import BaseColumns, RawBase
+from identifiability.logs.base import BaseColumns, RawBase, moving_base
 from identifiability.logs.checks import Clock, Numbers, to_floats
 from identifiability.logs.command_names import Command, choose_commands
 from identifiability.logs.conventions import Conventions
@@ -451,6 +451,8 @@ class Reading:
             called, self.source, self.known, units, first, currents=currents, made=self.made
         )
         naming = settle_naming(naming, sources, frame, self.source, self.known)
+        unread = "" if self.known.base is not None else moving_base(list(frame.columns))
+        naming = replace(naming, notes=(*naming.notes, unread)) if unread else naming
         self._naming = naming
         names = [c.name for c in naming.columns]
         self.numbers = {c: Numbers(c, self.source) for c in names}

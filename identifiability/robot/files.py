@@ -270,6 +270,7 @@ def _six_joints() -> Any:
 #: What links and joints of legs are called, and a root link that is the ground.
 _LEG = re.compile(
     r"(?i)(?<![a-z])(?:leg|hip|thigh|knee|calf|shank|shin|ankle|foot|feet|toe|haa|hfe|kfe)s?"
+    r"(?:yaw|roll|pitch)?"
     r"(?![a-z])"
 )
 GROUND = ("world", "map", "ground", "earth")
