@@ -412,7 +412,7 @@ def test_a_sensor_on_a_base_that_is_taken_to_be_bolted_down_is_told(tmp_path):
     for k, name in enumerate("xyz"):
         frame[f"{name}.q"], frame[f"{name}.tau"] = np.sin((3 + k) * t), np.cos((3 + k) * t)
     assert not read(robot, frame).notes
-    (note,) = read(robot, frame.assign(**{c: 0.1 for c in axes("imu.gyro.")})).notes
+    (note,) = read(robot, frame.assign(**dict.fromkeys(axes("imu.gyro."), 0.1))).notes
     assert note.startswith("'imu.gyro.x' … is not used, as the base is taken to be bolted down")
 
 
