@@ -14,7 +14,7 @@ import scipy
 
 from identifiability.effects.nominal import rigid_torque
 from identifiability.estimation.noise import autocorrelation_time
-from identifiability.estimation.rollouts import LATEST, fit_limits
+from identifiability.estimation.rollouts import FAR, LATEST, fit_limits
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
@@ -130,14 +130,15 @@ class _Asked:
     def find_limit(self, k: int) -> float:
         """Return the limit of a joint that explains most; infinite if none does surely.
 
-        Sure is a ratio of likelihoods that none of as many limits reaches by chance.
+        Sure is a ratio of likelihoods that none of as many limits reaches by chance, and one that
+        leaves less than half of what is unexplained: rollouts, which cost more, ask for that, too.
         """
         size = np.abs(self.raw[:, k])
         levels = np.quantile(size, np.linspace(LOWEST, 1, LEVELS, endpoint=False))
         levels = np.array([np.inf, *levels[levels > 0]])
         share, left = self.unexplained(k, levels)
         best = int(np.argmin(share))
-        if not share[best] > 0:
+        if not 0 < share[best] < FAR * share[0]:
             return np.inf
         count = len(left) / autocorrelation_time(left[:, [best]])[0]
         tests = len(levels) * self.raw.shape[1]
