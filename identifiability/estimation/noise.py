@@ -529,8 +529,9 @@ class RestrictedLikelihood:
                 theta, deviance = self._descend(np.append(theta, 0.3 if order == 1 else 0.0))
             except np.linalg.LinAlgError:  # noise that slow leaves nothing of the columns
                 break
-            if deviance + order * price < least - ROUNDOFF:
-                best, least = theta, deviance + order * price
+            value = deviance + order * price
+            if value < least - ROUNDOFF:
+                best, least = theta, value
             if order == 1:
                 with suppress(np.linalg.LinAlgError):
                     lowest = self._descend(np.pad(theta, (0, HIGHEST_ORDER - 1)))[1]
