@@ -407,7 +407,8 @@ def find_aliases(
     for _, family in groupby(candidates, key=lambda c: c.family.name):
         for alias in _family_aliases(rows, list(family), names, share):
             known = out.setdefault((alias.family, alias.place), alias)
-            if round(known.remaining, DECIMALS) < round(alias.remaining, DECIMALS):
+            # Rounding is of squares: of what is wholly hidden a root of it may remain.
+            if round(known.remaining**2, DECIMALS) < round(alias.remaining**2, DECIMALS):
                 out[alias.family, alias.place] = alias
     for c in candidates:  # what never acts along this motion
         out.setdefault(c.group, Alias(*c.group, 0.0, (), True))
