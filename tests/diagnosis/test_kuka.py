@@ -58,7 +58,7 @@ def test_friction_and_offset_are_named_and_the_classic_mistakes_are_not(
     study, data, diagnosed, train, test, effects, shrink
 ):
     d = (
-        study.run(data, [train], [test], effects=effects, quick=True)
+        study.run(data, [train], [test], effects=effects, quick=True, forward=False)
         if effects
         else diagnosed(train, test)
     )

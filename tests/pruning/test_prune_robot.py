@@ -112,27 +112,31 @@ def test_json_and_report_hold_the_ladder(pruned, tmp_path):
 
 
 def test_the_user_can_keep_and_drop_parameters(simulated):
-    log = simulated("3-rps", "601", 0)
-    out = prune("3-rps", log, forbid=["platform.mz"], force=["slider1.Jr"], replicates=0)
-    assert "platform.mz" in out.chosen.columns
-    assert "slider1.Jr" not in out.chosen.columns
-    with pytest.raises(ModelError, match=r"did you mean 'platform\.mz'"):
-        prune("3-rps", log, forbid=["platform.mzz"])
+    log = simulated("five-bar", "a", 0)
+    plain = prune("five-bar", log, replicates=0).chosen.columns
+    assert "left_proximal.mz" not in plain
+    assert "right_shoulder.Fv" in plain
+    kept, gone = {"forbid": ["left_proximal.mz"]}, {"force": ["right_shoulder.Fv"]}
+    out = prune("five-bar", log, **kept, **gone, replicates=0)
+    assert "left_proximal.mz" in out.chosen.columns
+    assert "right_shoulder.Fv" not in out.chosen.columns
+    with pytest.raises(ModelError, match=r"did you mean 'left_proximal\.mz'"):
+        prune("five-bar", log, forbid=["left_proximal.mzz"])
     with pytest.raises(ModelError, match="to be kept and to be dropped"):
-        prune("3-rps", log, forbid=["platform.mz"], force=["platform.mz"])
+        prune("five-bar", log, **kept, force=kept["forbid"])
 
 
 def test_pruning_starts_from_the_users_own_ladder(simulated, tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(
         '[[models]]\nname = "mine"\neffects = ["rigid_body", "viscous_friction", '
-        '"coulomb_friction"]\nzero = ["platform.mz"]\n'
+        '"coulomb_friction"]\nzero = ["left_distal.mz"]\n'
     )
-    log = simulated("3-rps", "601", 0)
-    out = prune("3-rps", log, ladder=path, replicates=0)
-    assert len(out.full) == 30
-    assert "platform.mz" not in out.full.columns
-    again = analyze("3-rps", log, ladder=out.write_model(tmp_path / "p.toml"), replicates=0)
+    log = simulated("five-bar", "a", 0)
+    out = prune("five-bar", log, ladder=path, replicates=0)
+    assert len(out.full) == 14
+    assert "left_distal.mz" not in out.full.columns
+    again = analyze("five-bar", log, ladder=out.write_model(tmp_path / "p.toml"), replicates=0)
     assert set(again.models[1].submodel.columns) == set(out.chosen.columns)
 
 
