@@ -250,13 +250,13 @@ def test_a_scheduler_that_is_stopped_is_one_sentence(monkeypatch):
             with contextlib.suppress(EngineError):
                 engine = choose_engine(scheduler=address, patience=1.0)
                 break
-        results = engine.map(time.sleep, [0.1, 30.0])
+        results = engine.map(time.sleep, [0.1, 600.0])
         next(results)
         scheduler.send_signal(signal.SIGSTOP)
         start = time.monotonic()
         with pytest.raises(EngineError, match="has not answered for 1 s"):
             next(results)
-        assert time.monotonic() - start < 25  # not the time that the item would take
+        assert time.monotonic() - start < 300  # not the time that the item would take
     finally:
         for process in (scheduler, worker):
             process.kill()
