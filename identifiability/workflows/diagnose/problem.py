@@ -407,8 +407,7 @@ def find_aliases(
     for _, family in groupby(candidates, key=lambda c: c.family.name):
         for alias in _family_aliases(rows, list(family), names, share):
             known = out.setdefault((alias.family, alias.place), alias)
-            # Rounding is of squares: of what is wholly hidden a root of it may remain.
-            if round(known.remaining**2, DECIMALS) < round(alias.remaining**2, DECIMALS):
+            if known.remaining < alias.remaining:
                 out[alias.family, alias.place] = alias
     for c in candidates:  # what never acts along this motion
         out.setdefault(c.group, Alias(*c.group, 0.0, (), True))
@@ -441,7 +440,9 @@ def _family_aliases(
             continue
         V = vectors[:, seen] / np.sqrt(values[seen])
         inside = C[:, at] @ V
-        left = float(np.sqrt(max(1.0 - float(np.linalg.eigvalsh(inside.T @ inside)[0]), 0.0)))
+        # Rounding is of squares: of what is wholly hidden a root of it would remain.
+        square = round(1.0 - float(np.linalg.eigvalsh(inside.T @ inside)[0]), DECIMALS)
+        left = float(np.sqrt(max(0.0, square)))  # no minus before a zero
         size = np.linalg.norm(F.T @ inside, axis=1)
         size = np.round(size / (size.max(initial=0.0) or 1.0), DECIMALS)
         order = [k for k in np.argsort(-size, kind="stable")[:BEHIND] if size[k] > SHARE]
