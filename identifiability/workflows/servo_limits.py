@@ -101,8 +101,9 @@ class _Asked:
             q, v, a = (_smooth(log.q, rows, order, dt) for order in range(3))
             bodies = rigid_torque(robot, complete_motion(robot, log.t, q, v, a))
             own.append(np.stack([np.ones(q.shape), v, a, np.sign(v), bodies]))
+            calm = replace(log, dq=v, unmeasured=None)  # steps of encoders are no torque that ends
             for raw, delay in zip(raws, late, strict=True):
-                raw.append(servo_log(replace(log, unmeasured=None), free, float(delay)).tau)
+                raw.append(servo_log(calm, free, float(delay)).tau)
             windows.append((start, rows))
             start += len(log)
         columns = np.linalg.qr(np.concatenate(own, 1).transpose(2, 1, 0))[0]
