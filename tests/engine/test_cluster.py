@@ -11,6 +11,7 @@ import time
 from functools import partial
 from types import SimpleNamespace
 
+import cloudpickle
 import numpy as np
 import pytest
 
@@ -136,18 +137,17 @@ def test_without_dask_one_sentence_says_what_to_install(monkeypatch):
 
 def test_a_worker_that_joins_late_with_another_program_is_refused(monkeypatch):
     monkeypatch.setattr(clusters, "source_digest", lambda _: "mine")
-    with pytest.raises(clusters.OtherProgramError):
-        clusters.run_checked("theirs", abs, -1)
-    assert clusters.run_checked("mine", abs, -1) == 1
+    function = cloudpickle.dumps(abs)
+    with pytest.raises(EngineError, match="do not have this version of identifiability"):
+        clusters.run_checked("theirs", function, -1)
+    assert clusters.run_checked("mine", function, -1) == 1
 
 
 @needs_dask
 def test_the_word_of_such_a_worker_is_one_sentence(cluster, monkeypatch):
-    def foreign(_item):
-        raise clusters.OtherProgramError
-
-    with pytest.raises(EngineError, match="had another version of identifiability"):
-        list(cluster.map(foreign, range(3)))
+    monkeypatch.setattr(clusters, "source_digest", lambda _: "mine")
+    with pytest.raises(EngineError, match=r"do not have this version .* is not done again"):
+        list(cluster.map(abs, range(3)))
 
 
 @needs_dask
@@ -174,29 +174,30 @@ class Late:
         raise TimeoutError
 
 
-def test_while_one_waits_the_scheduler_is_asked_whether_it_is_there():
+@needs_dask
+def test_while_one_waits_the_scheduler_is_asked_whether_it_is_there(cluster, monkeypatch):
     asked = []
-    watched = clusters._Watched(Late(), lambda: asked.append(1))
-    assert watched.result() == "late"
+    monkeypatch.setattr(cluster, "_await", asked.append)
+    assert cluster._fetch(Late()) == "late"
     assert len(asked) == 2
 
 
-def silent():
-    raise EngineError("The scheduler has not answered.")
+async def never(*_, **__):
+    await asyncio.sleep(60.0)
 
 
-def test_a_scheduler_that_is_not_there_any_more_ends_the_waiting():
-    with pytest.raises(EngineError, match="has not answered"):
-        clusters._Watched(Late(), silent).result()
+@needs_dask
+def test_a_scheduler_that_is_not_there_any_more_ends_the_waiting(cluster, monkeypatch):
+    monkeypatch.setattr(cluster, "patience", 0.1)
+    monkeypatch.setattr(cluster.client, "scheduler", SimpleNamespace(identity=never))
+    with pytest.raises(EngineError, match=r"has not answered for 0\.1 s"):
+        cluster._fetch(Late())
 
 
 @needs_dask
 def test_a_scheduler_that_falls_silent_before_the_work_is_one_sentence(cluster, monkeypatch):
-    async def never(*_):
-        await asyncio.sleep(60.0)
-
     monkeypatch.setattr(cluster, "patience", 0.1)
-    monkeypatch.setattr(cluster.client, "run", never)
+    monkeypatch.setattr(cluster.client, "ncores", never)
     with pytest.raises(EngineError, match=r"has not answered for 0\.1 s"):
         cluster._check()
 
@@ -219,7 +220,7 @@ def test_what_interrupts_the_start_of_a_cluster_ends_it_once_it_is_there(monkeyp
         time.sleep(0.1)
         os.kill(os.getpid(), signal.SIGINT)
         time.sleep(0.1)
-        return SimpleNamespace(close=lambda: ended.append("closed"), sync=ended.append, workers={})
+        return SimpleNamespace(close=lambda timeout: ended.append("closed"), workers={})
 
     monkeypatch.setattr(distributed, "LocalCluster", start)
     usual = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
@@ -228,7 +229,28 @@ def test_what_interrupts_the_start_of_a_cluster_ends_it_once_it_is_there(monkeyp
             choose_engine("dask", workers=1)
     finally:
         signal.signal(signal.SIGINT, usual)
-    assert ended[-1] == "closed"
+    assert ended == ["closed"]
+
+
+@needs_dask
+def test_the_end_of_a_cluster_is_not_waited_for(monkeypatch):
+    """Neither an item at work nor what Dask waits for."""
+    assert clusters.ENDING <= 10
+    monkeypatch.setattr(clusters, "ENDING", 0.5)
+    engine = choose_engine("dask", workers=1)
+    results = engine.map(time.sleep, [0.0, 600.0])
+    next(results)
+    local = engine.client.cluster
+    pids = [nanny.pid for nanny in local.workers.values()]
+    with monkeypatch.context() as patch:
+        patch.setattr(local, "_close", never)
+        start = time.monotonic()
+        engine.close()
+        assert time.monotonic() - start < 300
+    local.close(timeout=300)
+    for pid in pids:
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
 
 
 @needs_dask

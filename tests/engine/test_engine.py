@@ -71,14 +71,14 @@ def test_results_that_nobody_fetches_do_not_pile_up():
             return True
 
     started, abandoned = [], []
-    results = in_order(Done, range(100), 5, abandoned.append)
+    results = in_order(Done, range(100), 5, Done.result, lambda: abandoned.append(1))
     assert next(results) == 0
     assert started == [0, 1, 2, 3, 4]
     assert [next(results) for _ in range(3)] == [1, 2, 3]
     assert len(started) == 8
     results.close()
     assert not abandoned
-    assert list(in_order(Done, range(3), 5, abandoned.append)) == [0, 1, 2]
+    assert list(in_order(Done, range(3), 5, Done.result)) == [0, 1, 2]
 
 
 def test_a_caller_that_wants_no_more_ends_the_work(two):

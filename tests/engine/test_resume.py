@@ -1,5 +1,6 @@
 """What was finished is not done again; what is damaged or different is."""
 
+import importlib
 import signal
 import sys
 import time
@@ -131,6 +132,7 @@ def test_the_digest_of_a_package_is_that_of_its_files(tmp_path, monkeypatch):
     (package / "__init__.py").write_text("")
     (package / "part.py").write_text("x = 1\n")
     monkeypatch.syspath_prepend(tmp_path)
+    importlib.import_module("some_study")
     prints.source_digest.cache_clear()
     first = prints.source_digest("some_study")
     prints.source_digest.cache_clear()

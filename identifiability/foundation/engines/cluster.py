@@ -6,15 +6,16 @@ this package, in the same version; modules of a study go with what is sent.
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import logging
+import os
+import signal
 import sys
 import sysconfig
-import warnings
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ from identifiability.foundation.engines.mapping import (
     Result,
     count_cores,
     in_order,
-    run_limited,
+    run_pickled,
     uninterrupted,
 )
 from identifiability.foundation.engines.resume import root_module, source_digest
@@ -38,11 +39,14 @@ from identifiability.foundation.output import temporary_folder
 #: Seconds to wait for a scheduler, and for its first worker: a busy machine starts one in tens.
 PATIENCE, JOINING = 5.0, 60.0
 
+#: Seconds between looks at whether a worker has joined.
+ASKING = 0.1
+
 #: Seconds without a result after which the scheduler is asked whether it is still there.
 SILENCE = 10.0
 
-#: Seconds in which workers that were started here may end by themselves.
-GRACE = 0.5
+#: Seconds in which a cluster whose workers were ended is closed: Dask may wait for ever.
+ENDING = 10.0
 
 #: Run by workers that were started here: Ctrl-C is for the program that started them.
 _DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
@@ -52,15 +56,10 @@ _INSTALL = (
     "pip install 'robot-identifiability[distributed]', here and on every worker."
 )
 
-
-class OtherProgramError(EngineError):
-    """A worker would compute something else."""
-
-    def __init__(self, _sentence: str = "") -> None:
-        super().__init__(
-            "A worker of the cluster had another version of identifiability; install the same one "
-            "on every worker and run again. Work that a resume folder holds is not done again."
-        )
+_OTHER = (
+    "Workers of the cluster do not have this version of identifiability; install the same one on "
+    "every worker and start them again. Work that a resume folder holds is not done again."
+)
 
 
 class Dask(Engine):
@@ -99,8 +98,7 @@ class Dask(Engine):
         try:
             target = scheduler or self._stack.enter_context(_local_cluster(workers))
             self.client: Any = self._stack.enter_context(_connect(distributed, target))
-            with self._reached(OSError):
-                self._check()
+            self._check()
         except BaseException:
             self.close()
             raise
@@ -109,20 +107,16 @@ class Dask(Engine):
         from distributed import KilledWorker  # noqa: PLC0415
         from distributed.core import CommClosedError, RPCClosed  # noqa: PLC0415
 
-        with self._reached(OSError):
-            task = partial(run_pickled, source_digest("identifiability"))
-            sent = self._send(function)
-            window = AHEAD * max(1, sum(self._await(self.client.ncores).values()))
-
-        def submit(item: Item) -> _Watched:
-            return _Watched(self.client.submit(task, sent, item, pure=False), self._ask)
-
+        task = partial(run_checked, source_digest("identifiability"))
+        window = AHEAD * max(1, sum(self._await(self.client.ncores).values()))
         try:
-            with self._reached(CancelledError, CommClosedError, RPCClosed):
-                yield from in_order(submit, items, window, self._abandon)
+            sent = self._send(function)
+            submit = partial(self.client.submit, task, sent, pure=False)
+            yield from in_order(submit, items, window, self._fetch)
+        except (CancelledError, CommClosedError, RPCClosed):
+            raise self._lost() from None
         except (ImportError, AttributeError):
-            with self._reached(OSError):
-                self._check()  # a worker of another version has joined, or the work itself fails
+            self._check()  # a worker of another version has joined, or the work itself fails
             raise
         except KilledWorker:
             raise EngineError(
@@ -136,72 +130,61 @@ class Dask(Engine):
         A large one, such as a regressor in a partial, is sent once. Small ones go with each item:
         the scheduler prefers workers that have what an item needs, and a new worker has nothing.
         """
-        name, path = root_module(function)
-        if (
-            path is not None
-            and name not in ("__main__", "identifiability")
-            and not _installed(path)
-        ):
+        import dask  # noqa: PLC0415
+
+        name = root_module(function)
+        if name not in ("__main__", "identifiability") and not _installed(name):
             cloudpickle.register_pickle_by_value(sys.modules[name])
         pickled = cloudpickle.dumps(function)
         if len(pickled) <= LARGE:
             return pickled
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
+        with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1PB"}):
             return self.client.submit(bytes, pickled, pure=False)
 
-    def _ask(self) -> None:
-        """Say in a sentence that the scheduler is silent, if it is."""
-        self._await(self.client.scheduler.identity)
+    def _fetch(self, future: Any) -> Any:
+        """Return a result; meanwhile the scheduler is asked whether it is there."""
+        while True:
+            try:
+                return future.result(timeout=SILENCE)
+            except TimeoutError:
+                if future.done():  # it is the work's own
+                    raise
+                self._await(self.client.scheduler.identity)
 
-    def _await(self, call: Callable[[], Any], longer: float = 0.0) -> Any:
+    def _await(self, call: Callable[[], Any]) -> Any:
         """Return what a call of the client gives; a scheduler that is silent is given up."""
         try:
-            return self.client.sync(call, callback_timeout=self.patience + longer)
+            return self.client.sync(call, callback_timeout=self.patience)
         except TimeoutError:
             raise EngineError(
                 f"The scheduler at {self.scheduler} has not answered for {self.patience:g} s; look "
                 "whether it is stopped, or give it longer (--patience). Work that a resume folder "
                 "holds is not done again."
             ) from None
+        except OSError:
+            raise self._lost() from None
 
-    @contextlib.contextmanager
-    def _reached(self, *lost: type[Exception]) -> Iterator[None]:
-        """Say in a sentence that the scheduler is gone."""
-        try:
-            yield
-        except lost:
-            raise EngineError(
-                f"The connection to the cluster at {self.scheduler} was lost; run again when it "
-                "is back. Work that a resume folder holds is not done again."
-            ) from None
-
-    def _abandon(self, waiting: Sequence[_Watched]) -> None:
-        with contextlib.suppress(CancelledError, OSError):
-            self.client.cancel([w.future for w in waiting])
+    def _lost(self) -> EngineError:
+        return EngineError(
+            f"The connection to the cluster at {self.scheduler} was lost; run again when it is "
+            "back. Work that a resume folder holds is not done again."
+        )
 
     def _check(self) -> None:
         """Refuse a cluster without workers, or whose workers would compute something else."""
-
-        async def wait() -> bool:
-            with contextlib.suppress(TimeoutError):
-                await self.client.wait_for_workers(1, timeout=JOINING)
-                return True
-            return False
-
-        if not self._await(wait, JOINING):
-            raise EngineError(
-                f"The scheduler at {self.scheduler} has no workers; start some with "
-                f"'dask worker {self.scheduler}'."
-            )
+        until = time.monotonic() + JOINING
+        while not self._await(self.client.ncores):
+            if time.monotonic() > until:
+                raise EngineError(
+                    f"The scheduler at {self.scheduler} has no workers; start some with "
+                    f"'dask worker {self.scheduler}'."
+                )
+            time.sleep(ASKING)
         with contextlib.suppress(ImportError, AttributeError):
             asked = partial(self.client.run, source_digest, "identifiability")
             if set(self._await(asked).values()) == {source_digest("identifiability")}:
                 return
-        raise EngineError(
-            f"Workers of the cluster at {self.scheduler} do not have this version of "
-            "identifiability; install the same one on every worker and start them again."
-        )
+        raise EngineError(_OTHER)
 
     def close(self) -> None:
         """Leave the cluster; end it if it was started here."""
@@ -209,45 +192,21 @@ class Dask(Engine):
             self._stack.close()
 
 
-def run_checked(digest: str, function: Callable[[Item], Result], item: Item) -> Result:
-    """Call a function with one BLAS thread, if this package is the one that sent it.
+def run_checked(digest: str, function: bytes, item: Any) -> Any:
+    """Call a pickled function, if this package is the one that sent it.
 
     Workers may join at any time: each piece of work is checked where it is done.
     """
     if source_digest("identifiability") != digest:
-        raise OtherProgramError
-    return run_limited(function, item)
+        raise EngineError(_OTHER)
+    return run_pickled(function, item)
 
 
-def run_pickled(digest: str, function: bytes, item: Any) -> Any:
-    """Call a pickled function; a worker reads it, and the robot in it, once."""
-    return run_checked(digest, _read(function), item)
-
-
-_read = lru_cache(maxsize=2)(cloudpickle.loads)
-
-
-class _Watched:
-    """A future whose scheduler is asked whether it is there while one waits for the result."""
-
-    def __init__(self, future: Any, ask: Callable[[], None]) -> None:
-        self.future, self.done = future, future.done
-        self._ask = ask
-
-    def result(self) -> Any:
-        while True:
-            try:
-                return self.future.result(timeout=SILENCE)
-            except TimeoutError:
-                if self.future.done():  # it is the work's own
-                    raise
-                self._ask()
-
-
-def _installed(path: Path) -> bool:
-    """Return whether a file belongs to the installation, which workers have as well."""
+def _installed(name: str) -> bool:
+    """Return whether a module belongs to the installation, which workers have as well."""
+    file = getattr(sys.modules.get(name), "__file__", None)
     library = [Path(sysconfig.get_path(k)).resolve() for k in ("stdlib", "purelib", "platlib")]
-    return any(place in path.resolve().parents for place in library)
+    return file is None or any(place in Path(file).resolve().parents for place in library)
 
 
 def _connect(distributed: Any, target: Any) -> Any:
@@ -277,9 +236,6 @@ def _local_cluster(workers: int | None) -> Iterator[Any]:
     import dask  # noqa: PLC0415
     import distributed  # noqa: PLC0415
 
-    async def end() -> None:
-        await asyncio.gather(*(n.close(timeout=GRACE) for n in cluster.workers.values()))
-
     with (
         temporary_folder() as folder,  # else Dask leaves one of its own
         dask.config.set({"temporary-directory": folder}),
@@ -290,16 +246,28 @@ def _local_cluster(workers: int | None) -> Iterator[Any]:
                 cluster = distributed.LocalCluster(
                     n_workers=workers or count_cores(),
                     threads_per_worker=1,
-                    processes=True,
                     dashboard_address="127.0.0.1:0",
                     silence_logs=logging.CRITICAL,
                     preload=[_DEAF],
                 )
-                ending.callback(cluster.close)
-                ending.callback(cluster.sync, end)  # an item at work is not waited for
+                ending.callback(_end, cluster)
         except (OSError, RuntimeError):
             raise EngineError(
                 "The cluster of this machine could not be started: a worker ended before it was "
                 "there, most likely for lack of memory; give fewer (--workers) or run again."
             ) from None
         yield cluster
+
+
+def _end(cluster: Any) -> None:
+    """End the workers of a cluster at once, whatever they do, and close it.
+
+    A nanny that cannot end its worker in the time it is given never ends itself (distributed
+    2024.12), and who closes it a second time waits for it: so the processes are ended first.
+    """
+    for nanny in cluster.workers.values():
+        nanny.close_gracefully()  # it starts no other worker
+        if nanny.pid:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(nanny.pid, signal.SIGTERM)
+    cluster.close(timeout=ENDING)

@@ -12,8 +12,8 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor
-from functools import cached_property, lru_cache, partial
+from concurrent.futures import BrokenExecutor, Future
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -28,6 +28,7 @@ from identifiability.foundation.engines.mapping import (
     count_cores,
     in_order,
     run_limited,
+    run_pickled,
     uninterrupted,
 )
 from identifiability.foundation.engines.resume import Resumed
@@ -91,38 +92,33 @@ class Processes(Engine):
             result = run_limited(function, items[done])
             spent, done = spent + time.thread_time() - begin, done + 1
             yield result
-        yield from self._run_there(function, items[done:])
+        if done < len(items):
+            yield from self._run_there(function, items[done:])
 
     def _run_there(
         self, function: Callable[[Item], Result], items: Sequence[Item]
     ) -> Iterator[Result]:
-        if not items:
-            return
+        """Yield results; after a lost worker, go on behind the last one that was fetched."""
+        window, done, losses = AHEAD * self.workers, 0, 0
         with temporary_folder() as folder:
             path = Path(folder, "function")
             path.write_bytes(cloudpickle.dumps(function))
-            yield from self._restarted(partial(_run_stored, str(path)), items)
-
-    def _restarted(
-        self, function: Callable[[Item], Result], items: Sequence[Item]
-    ) -> Iterator[Result]:
-        """Yield results; after a lost worker, go on behind the last one that was fetched."""
-        window, done, losses = AHEAD * self.workers, 0, 0
-        while done < len(items):
-            before = done
-            try:
-                submit = partial(self._started().submit, function)
-                for result in in_order(submit, items[done:], window, lambda _: self.close()):
-                    yield result
-                    done += 1
-            except BrokenExecutor:
-                self.close()
-                losses = losses + 1 if done == before else 1
-                if losses > RESTARTS:
-                    raise EngineError(
-                        f"A worker process was lost {losses} times in a row, most likely for lack "
-                        f"of memory; give fewer than {self.workers} workers, or the serial engine."
-                    ) from None
+            while done < len(items):
+                before = done
+                try:
+                    submit = partial(self._started().submit, run_pickled, path)
+                    for result in in_order(submit, items[done:], window, Future.result, self.close):
+                        yield result
+                        done += 1
+                except BrokenExecutor:
+                    self.close()
+                    losses = losses + 1 if done == before else 1
+                    if losses > RESTARTS:
+                        raise EngineError(
+                            f"A worker process was lost {losses} times in a row, most likely for "
+                            f"lack of memory; give fewer than {self.workers} workers, or the "
+                            "serial engine."
+                        ) from None
 
     def _started(self) -> Any:
         """Return the pool of workers."""
@@ -159,16 +155,6 @@ def _start_worker(parent: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-def _run_stored(path: str, item: Any) -> Any:
-    return run_limited(_load(path), item)
-
-
-@lru_cache(maxsize=1)
-def _load(path: str) -> Callable[[Any], Any]:
-    function: Callable[[Any], Any] = cloudpickle.loads(Path(path).read_bytes())
-    return function
 
 
 @checked

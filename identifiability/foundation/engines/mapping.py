@@ -10,8 +10,10 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
+import cloudpickle
 from threadpoolctl import ThreadpoolController
 
 # One thread for linear algebra: threads fight over the small matrices of this project.
@@ -65,11 +67,24 @@ def run_limited(function: Callable[[Item], Result], item: Item) -> Result:
         return function(item)
 
 
+def run_pickled(function: bytes | Path, item: Any) -> Any:
+    """Call a pickled function, or one in a file; it, and the robot in it, is read once."""
+    return run_limited(_read(function), item)
+
+
+@lru_cache(maxsize=2)
+def _read(function: bytes | Path) -> Callable[[Any], Any]:
+    content = function if isinstance(function, bytes) else function.read_bytes()
+    found: Callable[[Any], Any] = cloudpickle.loads(content)
+    return found
+
+
 def in_order(
     submit: Callable[[Item], Any],
     items: Sequence[Item],
     window: int,
-    abandon: Callable[[Sequence[Any]], None],
+    fetch: Callable[[Any], Any],
+    abandon: Callable[[], None] | None = None,
 ) -> Iterator[Any]:
     """Yield results in the order of the items; at most `window` are under way or unfetched.
 
@@ -79,21 +94,24 @@ def in_order(
         Starts the work on one item and returns its future.
     items : sequence
     window : int
-    abandon : callable
-        Called with work that nobody will fetch, some of it under way: after Ctrl-C or an error, or
-        when the caller wants no more.
+    fetch : callable
+        Waits for a future and returns its result.
+    abandon : callable, optional
+        Called if work is under way that nobody will fetch: after Ctrl-C or an error, or when the
+        caller wants no more. Where a future that is let go of is cancelled, nothing need be done.
     """
     waiting: deque[Any] = deque()
     try:
         for k, item in enumerate(items, 1):
             waiting.append(submit(item))
             while waiting and (len(waiting) >= window or k == len(items)):
-                result = waiting[0].result()  # stays in the queue while we wait for it
+                result = fetch(waiting[0])  # stays in the queue while we wait for it
                 waiting.popleft()
                 yield result
     finally:
-        if not all(f.done() for f in waiting):
-            abandon(list(waiting))
+        if abandon is not None and not all(f.done() for f in waiting):
+            abandon()
+        waiting.clear()  # else the traceback of an error keeps it
 
 
 @contextmanager

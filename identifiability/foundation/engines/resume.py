@@ -16,9 +16,10 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import cache, partial
-from importlib import metadata, util
+from importlib import metadata
 from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import cloudpickle
@@ -57,15 +58,12 @@ def user_key() -> bytes:
             return _read(path)
         except FileNotFoundError:
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            fresh = path.with_name(f".{secrets.token_hex(8)}.tmp")
-            try:
-                descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-                with os.fdopen(descriptor, "wb") as stream:
-                    stream.write(secrets.token_bytes(SIZE))
+            with TemporaryDirectory(dir=path.parent) as folder:
+                fresh = Path(folder, path.name)
+                fresh.touch(0o600)
+                fresh.write_bytes(secrets.token_bytes(SIZE))
                 with suppress(FileExistsError):  # the first of several programs wins
                     path.hardlink_to(fresh)
-            finally:
-                fresh.unlink(missing_ok=True)
             return _read(path)
     except (OSError, RuntimeError) as error:  # RuntimeError: a user without a home
         reason = getattr(error, "strerror", None) or error
@@ -188,7 +186,7 @@ def fingerprint(function: Callable[..., Any]) -> str:
         function = function.func
     module, name = _module(function), getattr(function, "__qualname__", "")
     # Of a folder without __init__, the file.
-    text = source_digest(module.partition(".")[0]) or source_digest(module)
+    text = source_digest(root_module(function)) or source_digest(module)
     parts += [module, name, text, source_digest("identifiability")]
     if module == "__main__" or getattr(sys.modules.get(module), name, None) is not function:
         # A notebook's, a lambda's or an object's text and values are in no file.
@@ -203,13 +201,11 @@ def content_digest(held: Any) -> str:
     return str(joblib.hash(held, "sha1"))
 
 
-def root_module(function: Callable[..., Any]) -> tuple[str, Path | None]:
-    """Return the package or module at whose root a function lives, and its file if it has one."""
+def root_module(function: Callable[..., Any]) -> str:
+    """Return the package or module at whose root a function lives."""
     while isinstance(function, partial):
         function = function.func
-    name = _module(function).partition(".")[0]
-    file = getattr(sys.modules.get(name), "__file__", None)
-    return name, None if file is None else Path(file)
+    return _module(function).partition(".")[0]
 
 
 def _module(function: Callable[..., Any]) -> str:
@@ -219,20 +215,13 @@ def _module(function: Callable[..., Any]) -> str:
 
 @cache
 def source_digest(name: str) -> str:
-    """Return a digest of the program text of a package or module; empty if it has no files."""
-    file = getattr(sys.modules.get(name), "__file__", None)
-    if file is None and name not in sys.modules:
-        with suppress(ImportError, ValueError):
-            file = getattr(util.find_spec(name), "origin", None)
-    if file is None:
-        return ""
-    path = Path(file)
-    files = sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
+    """Return a digest of the text of a loaded package or module; empty if it has no files."""
     found = hashlib.sha256()
     try:
-        for f in files:
+        path = Path(getattr(sys.modules.get(name), "__file__", None) or "")
+        for f in sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]:
             found.update(f"{f.relative_to(path.parent).as_posix()}\n".encode() + f.read_bytes())
-    except OSError:  # inside an archive
+    except OSError:  # without a file, or inside an archive
         return ""
     return found.hexdigest()
 
@@ -253,7 +242,6 @@ def find_version(name: str) -> str:
 # answer.
 
 
-_MAGIC = b"identifiability result 2\n"
 _DIGEST = hashlib.sha256().digest_size
 
 
@@ -326,8 +314,7 @@ class Resumed(Engine):
 
     def _sign(self, path: Path, content: bytes) -> bytes:
         """Return what stands before a content: it is believed under the name of its work only."""
-        signed = hmac.digest(self._key, path.name.encode() + content, "sha256")
-        return _MAGIC + signed
+        return hmac.digest(self._key, path.name.encode() + content, "sha256")
 
     def _read(self, path: Path) -> bytes | None:
         """Return the pickled result, or None if there is none that can be believed."""
@@ -337,6 +324,5 @@ class Resumed(Engine):
             whole = path.read_bytes()
         except OSError:
             return None
-        start = len(_MAGIC) + _DIGEST
-        content = whole[start:]
-        return content if hmac.compare_digest(whole[:start], self._sign(path, content)) else None
+        signed, content = whole[:_DIGEST], whole[_DIGEST:]
+        return content if hmac.compare_digest(signed, self._sign(path, content)) else None
