@@ -97,11 +97,15 @@ def test_what_others_left_there_is_done_again(folder):
     list(first.map(work, range(3)))
     planted, linked, _ = sorted(folder.rglob("*.result"))
     planted.chmod(0o666)
+    whole = linked.read_bytes()
     linked.rename(folder / "elsewhere")
     linked.symlink_to(folder / "elsewhere")
+    (folder / "elsewhere").write_bytes(b"mine")
     again = Resumed(Serial(), folder)
     assert list(again.map(work, range(3))) == [1, 2, 3]
     assert (again.found, again.done) == (1, 2)
+    assert (folder / "elsewhere").read_bytes() == b"mine"  # nothing is written through a link
+    assert linked.read_bytes() == whole
 
 
 def test_users_that_cannot_be_told_apart_are_no_error(folder, monkeypatch):

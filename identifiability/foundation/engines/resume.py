@@ -307,8 +307,7 @@ class Resumed(Engine):
     def _keep(self, path: Path, result: Any) -> None:
         content = pickle.dumps(result, protocol=5)
         path.parent.mkdir(mode=0o700, exist_ok=True)
-        if not path.is_file():  # a pipe, or a link that leads nowhere
-            path.unlink(missing_ok=True)
+        path.unlink(missing_ok=True)  # nothing is written through a link
         write_bytes(path, self._sign(path, content) + content).chmod(0o600)
         self.done += 1
 
