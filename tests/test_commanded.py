@@ -130,7 +130,8 @@ def test_a_motor_is_no_servo_and_a_sidecar_states_one_by_joint_and_pattern(arm):
         ("[servo]\nkp = {shoulder = 3}\n", "gives no kp of elbow"),
         ('[servo]\nkp = 3\nkv = {"wrist" = 1}\n', "no actuated joint"),
         ("[servo]\nkp = 0\n", "neither kp nor kv"),
-        ("[servo]\nkp = -1\n", "greater than or equal to 0"),
+        ("[servo]\nkp = -1\n", "'servo.kp': input should be greater than or equal to 0, or .*'fit'"),
+        ("[servo]\nkp = {shoulder = -1}\n", r"'servo\.kp\.shoulder': .*equal to 0"),
         ('[servo]\nkp = {shoulder = "fit"}\n', '"fit" where logs shall tell it'),
     ],
 )
@@ -201,6 +202,27 @@ def test_commands_hold_until_the_next_comes(arm, frames):
 def test_a_log_with_neither_torque_nor_command_is_refused(arm, frames):
     with pytest.raises(LogError, match="neither torque nor commands"):
         read(arm, frames[1][["t", "shoulder.q", "elbow.q"]])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"elbow.cmd": None}, r"'\.cmd'\) of shoulder and none of elbow; give 'elbow\.cmd'.*--lock"),
+        ({"shoulder.tau_ff": "elbow.q"}, r"'\.tau_ff'\) of shoulder and none of elbow"),
+        (
+            {"shoulder.cmd": None, "elbow.cmd": None, "waist.action": "elbow.cmd"},
+            r"\('waist\.action'\) that are not those of .*--map 'waist=shoulder'",
+        ),
+        (
+            {"shoulder.cmd": None, "elbow.cmd": None, "action_0": "elbow.cmd"},
+            r"--map 'action_0=shoulder\.cmd'",
+        ),
+    ],
+)
+def test_commands_of_some_joints_or_of_others_are_no_missing_commands(arm, frames, change, said):
+    frame = frames[1].assign(**{k: frames[1][v] for k, v in change.items() if v})
+    with pytest.raises(LogError, match=said):
+        read(arm, frame.drop(columns=[k for k, v in change.items() if v is None]))
 
 
 def test_commands_without_gains_are_refused(frames):

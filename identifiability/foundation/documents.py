@@ -133,8 +133,11 @@ def _check_lengths(content: dict[str, Any]) -> None:
 
 def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
     """Return the first problem of a validation as the sentence ``'key': what was expected``."""
-    problem = error.errors(include_url=False)[0]
-    *above, last = problem["loc"] or ("file",)
+    problems = error.errors(include_url=False)
+    first = _keys_of(problems[0]["loc"])
+    within = (p for p in problems if _keys_of(p["loc"])[: len(first)] == first)
+    problem = max(within, key=lambda p: len(_keys_of(p["loc"])))  # of several types the likeliest
+    *above, last = _keys_of(problem["loc"]) or ("file",)
     where = ".".join(str(part) for part in (*above, last))
     if problem["type"] == "extra_forbidden":
         known = _known_keys(schema, above)
@@ -142,8 +145,18 @@ def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
             f"'{where}' is not a key that is known here{near_match(str(last), known)} "
             f"The keys are {listing(known, 20)}."
         )
-    text = problem["msg"].removeprefix("Value error, ")
-    return f"'{where}': {text[0].lower()}{text[1:]}."
+    here = [p["msg"] for p in problems if _keys_of(p["loc"]) == _keys_of(problem["loc"])]
+    said = [text.removeprefix("Value error, ") for text in dict.fromkeys(here)]
+    return f"'{where}': {', or '.join(text[0].lower() + text[1:] for text in said)}."
+
+
+def _keys_of(place: tuple[str | int, ...]) -> tuple[str | int, ...]:
+    """Return the keys that lead to a place, without the types of which it may be any."""
+    return tuple(part for part in place if not (isinstance(part, str) and _TYPE.fullmatch(part)))
+
+
+#: What stands in a place for one of several types that a value may have.
+_TYPE = re.compile(r"constrained-\w+|(?:literal|dict|list|tuple|union)\[.*\]|float|int|str|bool")
 
 
 def _known_keys(schema: type[BaseModel], place: Sequence[str | int]) -> list[str]:

@@ -5,7 +5,8 @@ A name is read as that of a measurement is, with a word for what was wanted in i
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping, Sequence
+from typing import NoReturn
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.aliases import Guess, Unit, guess_command, split_unit
 from identifiability.logs.checks import COMMANDS
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.naming import find_entries, rename
+from identifiability.logs.naming import find_entries, propose_locks, rename
 from identifiability.logs.to_si import ANGULAR, DEGREE, has_torque
 
 #: Endings that say it in one word.
@@ -73,9 +74,12 @@ def choose_commands(
     columns = list(columns)
     if not known.joints or known.motion_alone or known.raw_torque:
         return {}, False
-    found = find_commands(columns, source, known)
+    meant = _read_names(columns, source, known)
+    found = _of_all(meant, known)
     whole = any(f.name.endswith((".q_ref", ".dq_ref")) for f in found.values())
-    torque = has_torque([c for c in columns if c not in found], known)
+    torque = has_torque([c for c in columns if c not in meant], known)
+    if known.servo is not None and not torque and len(found) < len(meant):
+        _refuse_part([f.name for c, f in meant.items() if c not in found], source, known)
     if whole and (known.commands or not torque):
         if not torque and known.servo is None and known.base is not None:
             raise LogError(
@@ -94,12 +98,47 @@ def choose_commands(
             )
         return found, not torque
     if known.servo is not None and not (torque or found):
+        others = [c.strip() for c in columns if _is_command(c)]
+        if others:
+            owner, of = others[0].rpartition(".")[0], known.joints[0]
+            rule = f"{owner}={of}" if owner else f"{others[0]}={of}.cmd"
+            raise LogError(
+                f"{source} has commands ({listing([repr(c) for c in others], 3)}) that are not "
+                f"those of the robot's joints, {listing(known.joints)}; say which is which, as in "
+                f"--map '{rule}' (or under [columns] in the sidecar)."
+            )
         raise LogError(
             f"{source} has neither torque nor commands; give what was measured of every actuated "
             f"joint, '{known.joints[0]}.tau', or the positions that its servo was told, "
             f"'{known.joints[0]}.cmd'."
         )
     return {c: f for c, f in found.items() if _is_plain(c, f)}, False
+
+
+def _refuse_part(names: Sequence[str], source: str, known: Conventions) -> NoReturn:
+    """Refuse commands of some joints, where those of the others are missing.
+
+    Raises
+    ------
+    LogError
+    """
+    kind = names[0].rpartition(".")[2]
+    given = [j for j in (*known.motors, *known.joints, *known.locked) if f"{j}.{kind}" in names]
+    own = known.motors if {*given} & {*known.motors} else known.joints
+    end = min((end for end, what in _SHORT.items() if what == kind), key=len)
+    lacking = [j for j in own if j not in given]
+    mend = propose_locks(lacking, own) if kind == "q_ref" else ", or leave them out"
+    raise LogError(
+        f"{source} has commands ('.{end}') of {listing(dict.fromkeys(given))} and none of "
+        f"{listing(lacking)}; give '{lacking[0]}.{end}' as well{mend}."
+    )
+
+
+def _is_command(column: str) -> bool:
+    """Whether a name says that a column holds a command, of whichever joint."""
+    name, _ = split_unit(column.strip())
+    owner, _, end = name.rpartition(".")
+    return end in _SHORT or guess_command(column, name, [owner] if owner else []) is not None
 
 
 def _is_plain(column: str, command: Command) -> bool:
@@ -127,6 +166,17 @@ def find_commands(columns: Iterable[str], source: str, known: Conventions) -> di
     LogError
         If several columns may be one command.
     """
+    return _of_all(_read_names(columns, source, known), known)
+
+
+def _of_all(found: Mapping[str, Command], known: Conventions) -> dict[str, Command]:
+    """Return the commands of the kinds that are there of all joints, or all motors."""
+    names = {command.name for command in found.values()}
+    return {c: command for c, command in found.items() if _whole(command.name, names, known)}
+
+
+def _read_names(columns: Iterable[str], source: str, known: Conventions) -> dict[str, Command]:
+    """Return the columns that hold commands of any of the robot's joints."""
     own = tuple(dict.fromkeys((*known.motors, *known.joints, *known.locked)))
     found: dict[str, Command] = {}
     numbered: dict[str, dict[int, str]] = {}
@@ -168,7 +218,7 @@ def find_commands(columns: Iterable[str], source: str, known: Conventions) -> di
                 f"{listing(several, 4)}; say which it is, as in --map "
                 f"'{several[0].strip()}={name}'."
             )
-    return {c: command for c, command in found.items() if _whole(command.name, by_name, known)}
+    return found
 
 
 def _factor(
@@ -186,7 +236,7 @@ def _factor(
     return unit.factor / (DEGREE if joint in known.degrees and kind in ANGULAR else 1.0)
 
 
-def _whole(name: str, found: Mapping[str, object], known: Conventions) -> bool:
+def _whole(name: str, found: Container[str], known: Conventions) -> bool:
     """Whether a kind of command is there of all joints, or all motors."""
     kind = name.rpartition(".")[2]
     return any(

@@ -270,7 +270,8 @@ def combine_with_file(
     share : float
     """
     B, prior, of = state_rows(structure, share)
-    size = np.maximum(np.linalg.norm(np.vstack([A, B]), axis=0), 1e-300)
+    size = np.linalg.norm(np.vstack([A, B]), axis=0)
+    size[size == 0] = 1.0  # of what neither says anything about
     U, s, Vt = np.linalg.svd(np.vstack([A, B]) / size, full_matrices=False)
     known = s > ROUNDOFF * s[0]
     root = (Vt[known].T / s[known]) / size[:, None]
