@@ -273,6 +273,8 @@ def test_what_is_missing_or_no_orientation_is_said_in_one_sentence(thrown, body)
         read(body, table(thrown))
     with pytest.raises(LogError, match="it has angular velocity"):
         read(body, table(thrown, g=(axes("base.gyro."), thrown["gyro"])))
+    with pytest.raises(LogError, match=r"lacks 'base\.acc\.z' beside the other axes"):
+        read(body, table(thrown, **sensor(thrown)).drop(columns="base.acc.z"))
     with pytest.raises(LogError, match="lacks the column fz of a measured wrench"):
         read(body, table(thrown, **sensor(thrown)).drop(columns="fz"))
     bad = {"p": (axes("base."), thrown["pos"]), "q": (axes("base.q", "wxyz"), 1.1 * thrown["quat"])}

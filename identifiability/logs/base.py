@@ -187,6 +187,15 @@ def _unit(x: Array) -> Array:
 
 
 def _refuse(raw: RawBase, source: str) -> NoReturn:
+    for key, kind in (("acc", "acc."), ("gyro", "gyro."), ("pos", "")):
+        lacking = [
+            f"'base.{kind}{a}'" for k, a in enumerate("xyz") if f"{key}.{k}" not in raw.values
+        ]
+        if 0 < len(lacking) < 3:
+            raise LogError(
+                f"{source} lacks {listing(lacking)} beside the other axes, and does not say how "
+                "the base moved without it; give all three."
+            )
     has = sorted({key.partition(".")[0] for key in raw.values} & {*_KINDS.values()})
     words = {
         "acc": "acceleration", "gyro": "angular velocity", "pos": "position",

@@ -107,7 +107,7 @@ def find_dead(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque columns of one value, or none."""
     surveys = [s.survey for s in logs.samples]
     varies, rows = torque_varies(surveys), np.sum([s.rows for s in surveys], axis=0)
-    dead = [j for j, v, r in zip(logs.joints, varies, rows, strict=True) if r and not v]
+    dead = [j for j, v, r in zip(logs.joints, varies, rows, strict=True) if r > 1 and not v]
     dead = [j for j in dead if j not in BASE_JOINTS]  # of which it is known that nothing drives
     if not (dead and varies.any()):
         return ()

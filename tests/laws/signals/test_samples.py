@@ -1,6 +1,7 @@
 """From a log to samples: the grid, gaps, and columns that contradict each other."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -13,6 +14,7 @@ from identifiability.logs.prepare import Preparation, Samples, prepare_samples
 from identifiability.logs.prepare.samples import Survey, explain_silence, find_signal
 from identifiability.logs.signals import Decimation
 from identifiability.robot import Robot, complete_motion
+from identifiability.workflows.oddities.files import find_dead
 
 
 @pytest.fixture(scope="module")
@@ -151,6 +153,12 @@ def test_the_survey_of_two_parts_is_that_of_both(two):
     assert find_signal([still, elsewhere]).tolist() == [True, False]  # at rest at two places
     constant = replace(whole, torque_range=np.array([[-1.0, 3.0], [-1.0, 3.0]]))
     assert "torque never changes" in explain_silence([constant])
+    # Of one sample nothing can be said to change.
+    for rows, said in (([50, 50], ("b",)), ([50, 1], ())):
+        sample = SimpleNamespace(survey=replace(whole, rows=np.array(rows)))
+        hint = find_dead(SimpleNamespace(samples=[sample], joints=("a", "b")))
+        assert len(hint) == len(said)
+        assert all(f"'{j}.tau'" in hint[0] for j in said)
 
 
 # --- contradictions and units -----------------------------------------------------------------
@@ -217,8 +225,6 @@ def test_columns_of_another_joint_or_late_by_a_fifth_of_a_period_contradict():
     ],
 )
 def test_positions_in_another_unit_are_named_by_the_limits(joint, unit, factor, kind):
-    from types import SimpleNamespace
-
     robot = SimpleNamespace(
         actuated=[0],
         is_prismatic=lambda k: joint == "slide",
