@@ -199,7 +199,7 @@ def _describe(robot: Robot, *, torque: bool) -> str:
     _add(bodies[SIX - 1], "freejoint")
     parts = robot.inertia_parts
     for k, joint in enumerate(robot.tree.joints[SIX:], SIX):
-        quat = Rotation.from_matrix(joint.rotation).as_quat()[[3, 0, 1, 2]]
+        quat = Rotation.from_matrix(joint.rotation.copy()).as_quat()[[3, 0, 1, 2]]
         own = _add(bodies[joint.parent], "body", name=f"behind {joint.dofs[0]}",
                             pos=_row(joint.translation), quat=_row(quat))  # fmt: skip
         numbers = stated_numbers(JointTerms.of(dict(robot.nominal), joint.dofs[0], parts))
