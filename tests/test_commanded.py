@@ -314,6 +314,17 @@ def test_a_limit_that_nobody_states_is_found_where_the_drive_reaches_it(arm, fra
     assert learn_limits(arm, [log]) is arm  # which is stated
 
 
+def test_a_stated_limit_that_is_another_to_either_side_stays_when_logs_tell_one(arm):
+    low, high = np.array([-np.inf, -35.0]), np.array([np.inf, 10.0])
+    servo = replace(arm.servo, low=low, high=high, limit_open=np.array([True, False]))
+    told = servo.at_most(np.array([20.0, 10.0]))
+    assert told.low.tolist() == [-20.0, -35.0]
+    assert told.high.tolist() == [20.0, 10.0]
+    again = servo.having({"limit": np.array([20.0, np.inf])})  # as a result's JSON holds it
+    assert (again.low == told.low).all()
+    assert (again.high == told.high).all()
+
+
 def test_a_torque_limit_that_a_urdf_states_of_a_joint_does_not_act_unsaid(tmp_path):
     path = tmp_path / "arm.urdf"
     text = Robot.load("six-dof-arm").path.read_text()

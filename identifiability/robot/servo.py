@@ -108,14 +108,17 @@ class Servo:
         return other.at_most(gains["limit"]) if "limit" in gains else other
 
     def at_most(self, limit: Array, found: str = "") -> Servo:
-        """Return the servos with limits (n,) that logs told, in some words."""
-        told = replace(self, low=-limit, high=limit, limit_found=True)
+        """Return the servos with limits (n,) that logs told, in some words; stated ones stay."""
+        low = np.where(self.limit_open, -limit, self.low)
+        high = np.where(self.limit_open, limit, self.high)
+        told = replace(self, low=low, high=high, limit_found=True)
         return replace(told, found=found or self.found)
 
     def by_joint(self, joints: Sequence[str]) -> dict[str, dict[str, float]]:
         """Return what logs told, ``kp``, ``kv`` and ``limit`` by joint; nothing where none did."""
         each = {"kp": self.kp, "kv": self.kv} if self.source == FOUND else {}
-        each |= {"limit": self.high} if self.limit_found else {}
+        if self.limit_found:
+            each["limit"] = np.where(self.limit_open, self.high, np.inf)
         return {
             k: {j: v for j, v in zip(joints, x.tolist(), strict=True) if np.isfinite(v)}
             for k, x in each.items()
