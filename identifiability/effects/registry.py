@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import cloudpickle
 
 from identifiability.effects.effect import Effect, Family, Law, joint_places
-from identifiability.foundation.errors import ModelError, near_match
+from identifiability.foundation.errors import ModelError, listing, near_match
 from identifiability.robot import Robot
 
 #: Modules that workers have, or that are sent to them with what is defined there.
@@ -98,7 +98,7 @@ def find_family(name: str) -> Family:
     except KeyError:
         raise ModelError(
             f"There is no effect '{name}'{near_match(name, FAMILIES)} "
-            f"The effects are {', '.join(FAMILIES)}."
+            f"The effects are {listing(FAMILIES, 30)}."
         ) from None
 
 

@@ -70,8 +70,8 @@ def near_match(name: str, known: Iterable[str]) -> str:
     return f", did you mean '{folded[close[0]]}'?" if close else "."
 
 
-def listing(names: Iterable[str], most: int = 12) -> str:
+def listing(names: Iterable[str], most: int = 12, between: str = ", ") -> str:
     """Return the names as ``a, b, c`` and say how many were left out past `most`."""
     names = list(names)
-    text = ", ".join(names[:most])
+    text = between.join(names[:most])
     return text if len(names) <= most else f"{text} and {len(names) - most} more"

@@ -360,7 +360,7 @@ def _refuse_loose(robot: Description, count: int) -> NoReturn:
 
 def _propose_locks(joints: Sequence[str]) -> str:
     """Return what to write of joints that may stand still."""
-    locks = " ".join(f"--lock {joint}" for joint in joints)
+    locks = listing([f"--lock {joint}" for joint in joints], between=" ")
     where = f"--lock {joints[0]}=0.02 where that is not at home" if joints else ""
     return f"What stands still, as a gripper may, is locked: {locks} ({where})."
 

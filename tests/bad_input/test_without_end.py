@@ -22,7 +22,7 @@ from identifiability.logs.formats import bags
 from identifiability.logs.formats import reader as sizes
 from identifiability.logs.formats.reader import find_parts
 from identifiability.logs.tables import LONGEST_CELL
-from identifiability.regression.reduction import read_ladder
+from identifiability.regression.reduction import ladder_model, read_ladder
 from identifiability.robot import markup as magnitudes
 from identifiability.robot import markup as xml
 from identifiability.robot.dh import convert_dh
@@ -32,6 +32,9 @@ from identifiability.workflows.predict import read_fit
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 COLUMNS = ("t", "shoulder.q", "elbow.q", "shoulder.tau", "elbow.tau")
+
+#: Letters of the longest sentence that anybody reads.
+READABLE = 800
 
 
 @pytest.fixture
@@ -44,8 +47,9 @@ def refuses(tmp_path, at_once):
             content(path)
         else:
             path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        with at_once(), pytest.raises(IdentifiabilityError, match=sentence):
+        with at_once(), pytest.raises(IdentifiabilityError, match=sentence) as caught:
             read(path)
+        assert len(str(caught.value)) <= READABLE
 
     return check
 
@@ -60,6 +64,17 @@ def arm(inside="", head="", name="j", mass="1"):
     inertial = f'<inertial pos="0 0 0" mass="{mass}" diaginertia="1 1 1"/>'
     body = f'<body name="b"><joint name="{name}"/>{inertial}{inside}</body>'
     return f"<mujoco>{head}<worldbody>{body}</worldbody></mujoco>"
+
+
+def ring(count):
+    """Return so many joints of which each follows the next one and the last the first."""
+    weighs = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    joints = "".join(f'<body><joint name="follower{k}"/>{weighs}</body>' for k in range(count))
+    ties = "".join(
+        f'<joint joint1="follower{k}" joint2="follower{(k + 1) % count}"/>' for k in range(count)
+    )
+    told = f'<equality>{ties}</equality><actuator><motor joint="j"/></actuator>'
+    return arm(joints).replace("</mujoco>", f"{told}</mujoco>")
 
 
 def chain(count):
@@ -119,6 +134,7 @@ ROBOTS = {
     "a name on two lines": (arm(name="a&#10;b"), "has control characters"),
     "mass": (arm(mass="1e16"), "is no number of a robot"),
     "gravity": (arm(head='<option gravity="0 0 1e16"/>'), "states a gravity that is none"),
+    "advice": (ring(60), r"joints have no actuator .*--lock follower\d+ and \d+ more"),
 }
 
 
@@ -220,6 +236,8 @@ def test_limits_of_ladders_and_tables(refuses, tmp_path):
     many = "[[models]]\n" * (MOST_TABLES + 1)
     refuses(read_ladder, "ladder.toml", many, f"more than {MOST_TABLES}")
     link = f'[[links]]\nname = "a"\nalpha = "{"9" * 50_000}*"\n'
+    unknown = f'[[models]]\nname = "{"m" * 60}"\neffects = ["{"x" * 60}"]'
+    refuses(lambda p: ladder_model(read_ladder(p)), "ladder.toml", unknown, "There is no effect")
     table = f'convention = "standard"\n{link}'
     refuses(lambda p: convert_dh(p, tmp_path / "o.xml"), "dh.toml", table, "is no part of pi")
 
