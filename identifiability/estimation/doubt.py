@@ -50,7 +50,7 @@ from identifiability.robot import Motion, Robot
 #: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
 EXCERPT = (6_000, 6, 1_000)
 
-#: Input samples that columns are computed of at a time, and folds that take turns.
+#: Samples that columns are computed of at a time, and folds that take turns.
 PIECE, FOLDS = 8_192, 10
 
 #: Values of a function over its range; of speed they lie closer at rest, where friction bends.
@@ -211,7 +211,7 @@ class Rows:
         for part in parts:
             start = part.start
             for piece in part.samples.pieces(PIECE):
-                stop = start + len(piece.tau[piece.at])
+                stop = start + len(piece.motion.t[piece.at])
                 seen = [rows for _, rows in inside(windows[part.log], start, stop)]
                 pieces += [(piece, seen)] if seen else []
                 start = stop

@@ -18,6 +18,7 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
+from identifiability.logs import signals
 from identifiability.logs.rules import RULES
 
 #: Windows that are shorter than this share of the longest show no slow motion.
@@ -217,7 +218,8 @@ def choose_band(
     Torque and columns are kept up to ten times the band of the motion, at least `cutoff_lowest`;
     less where noise would have more than `noise_share` of the power of an acceleration, but never
     less than `cutoff_lowered` of that; and a fifth of the sampling rate at most. The
-    motion is low-passed there, or wherever above that noise and sampling rate allow.
+    motion is low-passed there, or wherever above that noise and the rate of samples that columns
+    are computed of allow.
 
     Parameters
     ----------
@@ -265,6 +267,8 @@ def choose_band(
             highest,
             f"{RULES.cutoff_highest:g} × the sampling rate, the motion reaches {band:.3g} Hz",
         )
+    # Columns are computed of so many samples for each output, which the low-pass must suit.
+    highest /= max(1, int(0.5 * rate / chosen) // signals.DENSE)
     # What a joint without a say has above is noise, which no spectrum tells.
     wide = max(chosen, min(limit, highest)) if asked.all() else chosen
     return Band(wide, chosen, band, limit, noise(wide), reason, joints, rate)

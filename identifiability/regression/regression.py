@@ -489,7 +489,8 @@ class LogPart:
         buffer, before = Buffer(shape), None
         if isinstance(samples, Samples) and samples.decimation is not None:
             # Beside few samples a strong filter would draw on many more, for each piece anew.
-            size = min(max(size, REACHES * samples.decimation.reach), max(size, most_rows(shape)))
+            reach = samples.decimation.coarse.reach
+            size = min(max(size, REACHES * reach), max(size, most_rows(shape)))
         for piece in samples.pieces(size):
             yield piece, partial(self._regressor, piece, before, buffer, widths)
             before = piece

@@ -90,7 +90,7 @@ class Stretch:
             yield prepare_rows(self.robot, log, origin, self.plan, own, anywhere=False)
 
     def pieces(self, size: int) -> Iterator[Piece]:
-        """Yield pieces of about `size` input samples."""
+        """Yield pieces of about `size` samples of the motion."""
         for part in self.parts():
             yield from part.pieces(size)
 
@@ -151,7 +151,7 @@ class LongSamples:
         return self.stretches[0].plan.band
 
     def pieces(self, size: int) -> Iterator[Piece]:
-        """Yield pieces of about `size` input samples."""
+        """Yield pieces of about `size` samples of the motion."""
         for stretch in self.stretches:
             yield from stretch.pieces(size)
 

@@ -273,7 +273,7 @@ class DwellRule:
                 span = _largest(log.q[:, j], least) + _largest(-log.q[:, j], least)
             out[:, j] = _in_any(span <= self.width[j], least)
             for limit, slow in zip(self.creep[:, j], self.slow[:, j].tolist(), strict=True):
-                out[:, j] |= _in_any(_largest(speed[:, j], slow) <= limit, slow)
+                out[:, j] |= _lasting(speed[:, j] <= limit, slow)
             out[:, j] |= binary_propagation(
                 out[:, j], mask=out[:, j] | (speed[:, j] <= self.creep[0, j])
             )
@@ -297,6 +297,15 @@ def _largest(x: Array, window: int) -> Array:
     if len(x) > 2 * half:
         found = maximum_filter1d(x, 2 * half + 1)
         out[half : len(x) - half] = found[half : len(x) - half]
+    return out
+
+
+def _lasting(x: np.ndarray, window: int) -> np.ndarray:
+    """Return where x (N,) bool is true for at least a window about some sample."""
+    edges = np.flatnonzero(np.diff(x, prepend=False, append=False))
+    out = np.zeros(len(x), bool)
+    for start, stop in edges.reshape(-1, 2)[np.diff(edges)[::2] > 2 * (window // 2)].tolist():
+        out[start:stop] = True
     return out
 
 
@@ -434,6 +443,8 @@ class Plan:
         What to say of it where every reader looks.
     band : float or None [Hz]
         Up to where torque and columns are kept beside computed derivatives; None without these.
+    spare : int
+        Of every so many samples all is known that columns are made of.
     """
 
     step: float
@@ -449,11 +460,12 @@ class Plan:
     smoothing: Smoothing | None = None
     hints: tuple[str, ...] = ()
     band: float | None = None
+    spare: int = 1
 
     @property
     def decimation(self) -> signals.Decimation | None:
         """The decimation, if there is any."""
-        return signals.Decimation(self.factor) if self.factor > 1 else None
+        return signals.Decimation(self.factor, self.spare) if self.factor > 1 else None
 
     @property
     def band_notes(self) -> list[str]:

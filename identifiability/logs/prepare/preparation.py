@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.options import Positive, at_least, check_fields
 from identifiability.foundation.values import frozen
 from identifiability.logs import fourier, signals
@@ -298,6 +299,9 @@ def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
             "(compensated): what gravity tells of masses is the file's"
         )
     plan = replace(plan, factor=_choose_factor(plan, how), stale=stale)
+    if plan.cutoff is not None and robot.base is None:  # a base's own sensor is not low-passed
+        spare = RULES.cutoff_highest / (plan.cutoff * plan.step)
+        plan = replace(plan, spare=int(spare * (1 + ROUNDOFF)))
     dwells = None
     if not how.keep_rest:
         stays = Stays.of(plan, windows, raw.origins)
@@ -413,4 +417,5 @@ def _choose_factor(plan: Plan, how: Preparation) -> int:
         return how.decimate
     if plan.band is None:
         return 1
-    return max(1, int(0.5 / (plan.band * plan.step)))
+    factor = max(1, int(0.5 / (plan.band * plan.step)))
+    return factor - factor % max(1, factor // signals.DENSE)  # for `Decimation.every`

@@ -222,7 +222,9 @@ class Piece:
     Attributes
     ----------
     motion : Motion
-    tau : (N, n) [N·m or N]
+        Of those N that columns are computed of.
+    tau : ((N - 1) e + 1, n) [N·m or N]
+        Of every sample: e are between two of the motion's.
     decimation : Decimation or None
     again : int
         How many of its first samples are the last ones of the piece before.
@@ -236,9 +238,13 @@ class Piece:
     again: int = 0
     dwells: np.ndarray | None = None
 
+    @property
+    def _coarse(self) -> signals.Decimation | None:
+        return self.decimation and self.decimation.coarse
+
     def down(self, x: Array) -> Array:
         """Return x (N, …) low-passed and decimated, if there is any decimation."""
-        return x if self.decimation is None else self.decimation.apply(x)
+        return x if self._coarse is None else self._coarse.apply(x)
 
     @property
     def moves(self) -> np.ndarray | None:
@@ -248,12 +254,19 @@ class Piece:
     @property
     def torque(self) -> Array:
         """Torque at its outputs, zero where it is no data, (m, n)."""
-        return self.masked(np.array(self.down(self.silenced(np.array(self.tau)))))
+        tau, d = np.array(self.tau), self.decimation
+        if d is None:
+            return self.masked(tau)
+        if self.dwells is not None:
+            # A sample of the columns stands for those around it.
+            tau[self.dwells[(np.arange(len(tau)) + d.every // 2) // d.every]] = 0.0
+        return self.masked(d.apply(tau))
 
     @property
     def raw(self) -> Array:
         """The same as it was measured, not low-passed, (m, n)."""
-        return self.masked(np.array(self.tau[self.at]))
+        every = 1 if self.decimation is None else self.decimation.every
+        return self.masked(np.array(self.tau[::every][self.at]))
 
     def silenced(self, x: Array, joint: int | None = None) -> Array:
         """Return inputs (N, n, …), or (N, …) of a joint, that are zero where torque is no data.
@@ -276,9 +289,9 @@ class Piece:
 
     @property
     def at(self) -> slice:
-        """The input samples at which the outputs are."""
-        d = self.decimation
-        return slice(None) if d is None else slice(d.reach, len(self.tau) - d.reach, d.factor)
+        """The samples of the motion at which the outputs are."""
+        d = self._coarse
+        return slice(None) if d is None else slice(d.reach, len(self.motion) - d.reach, d.factor)
 
 
 @frozen
@@ -405,22 +418,26 @@ class Samples:
         return replace(survey, lost=self.lost, rows=where.sum(0))
 
     def pieces(self, size: int) -> Iterator[Piece]:
-        """Yield pieces of about `size` input samples."""
+        """Yield pieces of about `size` samples of the motion."""
         d = self.decimation
         if d is None:
             for start in range(0, len(self.tau), size):
                 rows = slice(start, start + size)
                 yield Piece(self.motion[rows], self.tau[rows], None, 0, self._dwells_in(rows))
             return
-        step = max(1, size // d.factor)
+        step = max(1, size // d.coarse.factor)
         for start, _, count in self._stretches:
             for first in range(0, count, step):
                 last = min(first + step, count)
                 begin = start + first * d.factor
-                rows = slice(begin, begin + (last - 1 - first) * d.factor + 2 * d.reach + 1)
-                again = 2 * d.reach + 1 - d.factor if first else 0
-                dwells = self._dwells_in(rows)
-                yield Piece(self.motion[rows], self.tau[rows], d, again, dwells)
+                end = begin + (last - 1 - first) * d.factor + 2 * d.reach + 1
+                some = slice(begin, end, d.every)
+                again = 2 * d.coarse.reach + 1 - d.coarse.factor if first else 0
+                motion, tau = self.motion[some], self.tau[begin:end]
+                if d.every > 1:
+                    span = d.every * (motion.t[-1] - motion.t[0]) / (end - 1 - begin)
+                    motion = replace(motion, span=float(span))
+                yield Piece(motion, tau, d, again, self._dwells_in(some))
 
     def take(self, rows: slice | np.ndarray) -> Samples:
         """Return some of the samples."""

@@ -526,7 +526,7 @@ def compute_entries(
     entries: Entries = {}
     start = 0
     for piece in pieces:
-        outputs, samples_here = len(piece.tau[piece.at]), len(piece.motion)
+        outputs, samples_here = len(piece.motion.t[piece.at]), len(piece.motion)
         found: Entries = {}
         for effect, width, columns in layout:
             W = space[:, :width, :samples_here]
@@ -553,7 +553,7 @@ def _pieces(samples: Samples) -> tuple[Piece, ...]:
     """
     if samples not in _KNOWN:
         d = samples.decimation
-        size = PIECE if d is None else max(PIECE, REACHES * d.reach)
+        size = PIECE if d is None else max(PIECE, REACHES * d.coarse.reach)
         _KNOWN[samples] = tuple(samples.pieces(size))
     return _KNOWN[samples]
 
