@@ -85,10 +85,13 @@ class Form:
         return piece
 
     def split(self, line: str) -> list[str]:
-        """Return the fields of a line."""
-        if self.separator == " ":
-            return next(csv.reader([" ".join(line.split())], delimiter=" "), [])
-        return next(csv.reader([line], delimiter=self.separator, skipinitialspace=True), [])
+        """Return the fields of a line; one field if one is longer than any table's."""
+        blank = self.separator == " "
+        one = " ".join(line.split()) if blank else line
+        try:
+            return next(csv.reader([one], delimiter=self.separator, skipinitialspace=not blank), [])
+        except csv.Error:  # of a long line, tried with a separator that it does not have
+            return [line]
 
     def is_number(self, field: str) -> bool:
         """Whether a field is a number in this form."""
@@ -249,6 +252,8 @@ def judge_end(line: str, others: Sequence[str], form: Form) -> End:
     fields = form.split(line)
     if len(fields) < len(form.columns) or line.count('"') % 2:
         return "cut"
+    if len(fields) > len(form.columns):  # too long, which no cut makes a line
+        return "whole"
     last = fields[-1].strip()
     before = [row[-1].strip() for row in map(form.split, others) if len(row) == len(fields)]
     numbers = [match for text in before if text and (match := _NUMBER.fullmatch(text))]

@@ -20,7 +20,7 @@ from identifiability.foundation.output import check_ending, csv_text, write_byte
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import to_floats
 from identifiability.logs.form import PLAIN, Form
-from identifiability.logs.formats.reader import check_columns, find_reader
+from identifiability.logs.formats.reader import MOST_COLUMNS, check_columns, find_reader
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -85,7 +85,7 @@ class Table:
     columns : tuple of str
     pieces : tuple of (int, int)
         Row and place at which each piece begins; last the number of rows and the end. Places are
-        bytes of a CSV and groups of rows of a Parquet file.
+        bytes of a CSV and groups of rows of a Parquet file, small ones together.
     header : bytes
         What is put before rows of a CSV: its own header, or one that was made of it.
     form : Form
@@ -163,7 +163,14 @@ class Table:
         """
         import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
 
-        text = BytesIO(self.header + self.form.plain_text(piece))
+        plain = self.form.plain_text(piece)
+        # The first row says how many columns pandas makes, whatever the header does.
+        first = re.match(rb"\s*([^\r\n]*)", plain)
+        mark = self.form.separator.strip().encode() or None
+        longer = LogError(f"{self.path} has rows with more fields than its header; repair it.")
+        if first is not None and len(first[1].split(mark)) > MOST_COLUMNS + 1:
+            raise longer
+        text = BytesIO(self.header + plain)
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
             warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text is reported by row later
@@ -176,9 +183,7 @@ class Table:
                     sep=r"\s+" if self.form.separator == " " else self.form.separator,
                 )
             except pd.errors.ParserWarning:
-                raise LogError(
-                    f"{self.path} has rows with more fields than its header; repair it."
-                ) from None
+                raise longer from None
             except pd.errors.ParserError as error:  # it counts from the start of the piece
                 number = r"(?<=line )\d+|(?<=row )\d+"
                 shifted = re.sub(number, lambda m: str(int(m[0]) + row), str(error))
@@ -211,8 +216,11 @@ def open_parquet(path: Path, whole: bytes | None = None) -> Table:
         check_columns(path, len(file.schema_arrow.names))
         _check_texts(path, meta)
         names = file.schema_arrow.empty_table().to_pandas().columns
-    pieces = tuple((row, k) for k, row in enumerate(accumulate(sizes, initial=0)))
-    return Table(path, tuple(str(n) for n in names), pieces)
+    pieces = [(0, 0)]
+    for k, row in enumerate(accumulate(sizes), 1):
+        if k == len(sizes) or row - pieces[-1][0] >= PIECE_ROWS:  # small groups are read together
+            pieces.append((row, k))
+    return Table(path, tuple(str(n) for n in names), tuple(pieces))
 
 
 def _check_texts(path: Path, meta: Any) -> None:

@@ -301,7 +301,7 @@ def _follow_couplings(robot: Description) -> Array:
     """Return the home at which coupled passive joints are where the others put them, (nq,)."""
     home, single = np.array(robot.home), robot.tree.single
     passive = set(robot.passive)
-    for c in robot.couplings * len(robot.couplings):  # each may follow another
+    for c in robot.couplings * len(passive):  # each may follow another
         poly = np.polynomial.Polynomial(c.polynomial)
         if c.joint in passive and c.joint not in c.sources:
             value = 0.0

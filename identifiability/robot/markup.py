@@ -101,6 +101,12 @@ MOST_ELEMENTS = 20_000
 MOST_ATTRIBUTES = 1_000  # of an element; MuJoCo takes their square in time
 DEEPEST = 250
 
+#: Closures and couplings: five for each degree of freedom that a robot may have.
+MOST_EQUALITIES = 500
+
+#: Bytes in which the first element begins: all that declarations of a document could cost.
+PROLOG = 65_536
+
 #: Files that are included, and how deep in each other.
 MOST_INCLUDES, DEEPEST_INCLUDE = 100, 20
 
@@ -142,12 +148,20 @@ class _Bounded(ET.TreeBuilder):
 
     def __init__(self, path: Path) -> None:
         super().__init__()
-        self._path, self._elements, self._depth, self._spaces = path, 0, 0, 0
+        self._path, self.elements, self._depth, self._spaces = path, 0, 0, 0
+
+    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
+        """Refuse declarations, whose attributes and entities multiply what a file holds."""
+        del name, pubid, system
+        raise RobotError(
+            f"{self._path} declares a document type, <!DOCTYPE …>; no robot needs one: take it "
+            "out, and write its entities where they are used."
+        )
 
     def start(self, tag: Any, attrs: Mapping[Any, Any]) -> ET.Element:
-        self._elements += 1
+        self.elements += 1
         self._depth += 1
-        if self._elements > MOST_ELEMENTS:
+        if self.elements > MOST_ELEMENTS:
             raise _too_many(self._path)
         if self._depth > DEEPEST:
             raise _too_deep(self._path)
@@ -190,9 +204,14 @@ def parse_xml(path: Path, roots: tuple[str, ...]) -> ET.Element:
     check_regular(path)
     check_weight(path, [path])
     try:
-        # In one piece: what has no end is looked at again from its start with each piece.
-        parser = ET.XMLParser(target=_Bounded(path))
-        parser.feed(path.read_bytes())
+        # What has no end is looked at again from its start with each piece, and what a handler
+        # refuses is read on to the end of the piece: declarations are in the first, of a few bytes.
+        tree, content = _Bounded(path), path.read_bytes()
+        parser = ET.XMLParser(target=tree)
+        parser.feed(content[:PROLOG])
+        if len(content) > PROLOG and not tree.elements:
+            raise RobotError(f"{path} has no element in its first {PROLOG // 1000} kB.")
+        parser.feed(content[PROLOG:])
         root: ET.Element = parser.close()
     except ET.ParseError as error:
         raise RobotError(f"{path} is not an MJCF or URDF file: it is not XML ({error}).") from None

@@ -30,6 +30,10 @@ HANGS, GONE = 180.0, 15.0
 #: Seconds in which Python itself may still be starting: no line of this program has run.
 EARLY = 1.0
 
+#: In tracebacks from before this program runs: Python opens its streams, imports what the
+#: installation names, then looks for the package.
+STARTING = ("init_sys_streams", "init_import_site", "_get_module_details")
+
 ROOT = Path(__file__).resolve().parents[2]
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)
@@ -143,7 +147,7 @@ class Days:
         text = (root / "said").read_text(errors="replace")
         if code not in codes:
             problems.append(f"exit code {code}: {' '.join(text.split())[-200:]}")
-        if "Traceback" in text and "init_import_site" not in text:  # that is Python's own
+        if "Traceback" in text and not any(frame in text for frame in STARTING):
             problems.append("traceback: " + " ".join(text.split())[-300:])
         start = time.monotonic()
         while members(process.pid) and time.monotonic() - start < GONE:

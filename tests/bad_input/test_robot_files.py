@@ -35,7 +35,7 @@ NO_ROBOT = {
     "URDF of one link": ('<robot name="x"><link name="a"/></robot>', "no joint that moves"),
     "entity bomb": (
         f'<!DOCTYPE m [<!ENTITY a "aaaaaaaaaa">{BOMB}]><mujoco model="&i;"/>',
-        "is not an MJCF or URDF file",
+        "declares a document type, <!DOCTYPE",
     ),
     "deep": (
         f"<mujoco>{'<custom>' * 30000}{'</custom>' * 30000}</mujoco>",

@@ -21,7 +21,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats import bags
 from identifiability.logs.formats import reader as sizes
 from identifiability.logs.formats.reader import find_parts
-from identifiability.logs.tables import LONGEST_CELL
+from identifiability.logs.tables import LONGEST_CELL, open_parquet
 from identifiability.regression.reduction import ladder_model, read_ladder
 from identifiability.robot import markup as magnitudes
 from identifiability.robot import markup as xml
@@ -66,6 +66,14 @@ def arm(inside="", head="", name="j", mass="1"):
     return f"<mujoco>{head}<worldbody>{body}</worldbody></mujoco>"
 
 
+def followers(count):
+    """Return a joint that follows another one so many times."""
+    body = '<body><joint name="k"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>'
+    told = "<equality>" + '<joint joint1="k" joint2="j"/>' * count + "</equality>"
+    told += '<actuator><motor joint="j"/></actuator>'
+    return arm(body).replace("</mujoco>", f"{told}</mujoco>")
+
+
 def ring(count):
     """Return so many joints of which each follows the next one and the last the first."""
     weighs = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
@@ -106,8 +114,11 @@ def including(count, deep):
 
 def many(attribute):
     """Return a file with an element of so many attributes."""
-    return f"<mujoco {' '.join(attribute.format(k) for k in range(50_000))}/>"
+    return f"<mujoco><a {' '.join(attribute.format(k) for k in range(50_000))}/></mujoco>"
 
+
+#: Attributes that each element of a kind would have.
+DECLARED = " ".join(f'a{k} CDATA "1"' for k in range(500_000))
 
 ROBOTS = {
     "elements": (arm("<site/>" * xml.MOST_ELEMENTS), "more than 20000 elements"),
@@ -117,7 +128,13 @@ ROBOTS = {
     "namespaces": (many('xmlns:a{0}="u{0}"'), "declares more than 1000 namespaces"),
     "bodies": (arm("<body/>" * xml.MOST_BODIES), "more bodies than 200"),
     "bytes": (sparse, "larger than 50 MB"),
-    "a tag that never ends": (b'<mujoco a="' + b"x" * 40_000_000, "it is not XML"),
+    "a tag that never ends": (b'<mujoco a="' + b"x" * 40_000_000, "no element in its first 65 kB"),
+    "a tag in it that never ends": (b'<mujoco><a b="' + b"x" * 40_000_000, "it is not XML"),
+    "declared attributes": (
+        f"<!DOCTYPE mujoco [<!ATTLIST site {DECLARED}>]>" + arm("<site/>" * 10_000),
+        "declares a document type, <!DOCTYPE",
+    ),
+    "equalities": (followers(xml.MOST_EQUALITIES + 1), "has 501 equalities that hold; robots of"),
     "includes": (including(xml.MOST_INCLUDES + 1, deep=False), "includes more than 100 files"),
     "includes in includes": (including(30, deep=True), "deeper in each other than 20 levels"),
     "idle": (arm(head="<asset>" + "<material/>" * 2001 + "</asset>"), "more than 2000 sensors"),
@@ -152,7 +169,11 @@ NOT_READ = {
         "<sdf><include><uri>file:///dev/zero</uri></include></sdf>",
         "sdf",
     ),
-    "SDF that laughs": ("sdf", f'<!DOCTYPE x [<!ENTITY a "ha">{LAUGHS}]><sdf>&i;</sdf>', "not XML"),
+    "SDF that laughs": (
+        "sdf",
+        f'<!DOCTYPE x [<!ENTITY a "ha">{LAUGHS}]><sdf>&i;</sdf>',
+        "no robot needs one",
+    ),
     "xacro": ("xacro", XACRO.format('<xacro:include filename="/dev/zero"/>'), "not expanded"),
     "xacro in a ring": (
         "urdf",
@@ -275,6 +296,8 @@ AT = {
     "idle": arm(head="<asset>" + "<material/>" * xml.MOST_IDLE + "</asset>"),
     "users": arm(head='<size nuser_geom="100"/>'),
     "name": arm(name="x" * 500),
+    "equalities": followers(xml.MOST_EQUALITIES),
+    "prolog": f"<!--{'x' * (xml.PROLOG - 40)}-->{arm()}",
 }  # fmt: skip
 
 
@@ -372,6 +395,25 @@ def test_limits_of_logs(refuses, what, monkeypatch):
     monkeypatch.setattr(sizes, "MOST_COLUMNS", 500)
     name, content, sentence = LOGS[what]
     refuses(Log.read, name, content, sentence)
+
+
+def test_a_header_of_many_long_names_is_read(tmp_path, at_once):
+    """No separator but its own parts a line of 140 kB into fields of a length that is read."""
+    extra = [f"{'x' * 90}{k}" for k in range(1500)]
+    rows = [",".join(["0"] * 1505).replace("0", f"{k / 8}", 1) for k in range(40)]
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join([",".join([*COLUMNS, *extra]), *rows, ""]))
+    with at_once():
+        assert Log.read(path).q.shape == (40, 2)
+
+
+def test_small_groups_of_parquet_are_read_together(tmp_path):
+    path = tmp_path / "run.parquet"
+    t = np.arange(1000) / 64
+    frame = pd.DataFrame({c: t * k for k, c in enumerate(COLUMNS, 1)})
+    frame.to_parquet(path, row_group_size=1)
+    assert open_parquet(path).pieces == ((0, 0), (1000, 1000))
+    np.testing.assert_array_equal(Log.read(path).tau, frame[list(COLUMNS[3:])])
 
 
 def sheet(inside, part="xl/worksheets/sheet1.xml"):
@@ -502,14 +544,14 @@ def test_a_ring_of_links_is_one_sentence(tmp_path):
 
 
 def test_a_line_of_a_table_has_an_end(refuses):
-    rows = ",".join(COLUMNS) + "\n" + "".join(f"{k},0,0,0,0\n" for k in range(30))
+    rows = ",".join(COLUMNS) + "\n" + "".join(f"{k / 10},0,0,0,0\n" for k in range(30))
     refuses(Log.read, "run.csv", rows + "1," * 9_000_000, "more fields than its header|cannot be")
 
 
 def test_entities_of_other_files_are_not_fetched(refuses, tmp_path):
     (tmp_path / "secret").write_text("1")
     entity = f'<!DOCTYPE mujoco [<!ENTITY x SYSTEM "{(tmp_path / "secret").as_uri()}">]>'
-    refuses(Robot.load, "robot.xml", entity + arm(mass="&x;"), "reference to external entity")
+    refuses(Robot.load, "robot.xml", entity + arm(mass="&x;"), "no robot needs one")
 
 
 def test_as_many_values_as_are_held():
