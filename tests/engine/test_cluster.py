@@ -182,6 +182,15 @@ def test_while_one_waits_the_scheduler_is_asked_whether_it_is_there(cluster, mon
     assert len(asked) == 2
 
 
+@needs_dask
+def test_who_takes_a_connection_and_says_nothing_is_given_up():
+    """As a scheduler that is stopped: the system takes connections for it."""
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        with pytest.raises(EngineError, match=f"no Dask scheduler at '{address}' .nothing answers"):
+            clusters.Dask(address, patience=0.5)
+
+
 async def never(*_, **__):
     await asyncio.sleep(60.0)
 

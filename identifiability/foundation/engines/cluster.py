@@ -15,7 +15,7 @@ import sysconfig
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
-from functools import partial
+from functools import partial, partialmethod
 from pathlib import Path
 from typing import Any
 
@@ -97,7 +97,7 @@ class Dask(Engine):
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         try:
             target = scheduler or self._stack.enter_context(_local_cluster(workers))
-            self.client: Any = self._stack.enter_context(_connect(distributed, target))
+            self.client: Any = self._stack.enter_context(_connect(distributed, target, patience))
             self._check()
         except BaseException:
             self.close()
@@ -209,16 +209,19 @@ def _installed(name: str) -> bool:
     return file is None or any(place in Path(file).resolve().parents for place in library)
 
 
-def _connect(distributed: Any, target: Any) -> Any:
-    """Return a client.
+def _connect(distributed: Any, target: Any, patience: float) -> Any:
+    """Return a client; who takes the connection and says nothing is given up after `patience` [s].
 
     Raises
     ------
     EngineError
         If no scheduler answers.
     """
+    # Dask's own timeout does not hold while it waits for the first words.
+    start = partialmethod(distributed.Client.start, callback_timeout=patience)
+    patient = type("Client", (distributed.Client,), {"start": start})
     try:
-        return distributed.Client(target, timeout=PATIENCE, set_as_default=False)
+        return patient(target, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, RuntimeError, TypeError) as error:  # TypeError: no certificate
         over_tls = str(target).startswith("tls://")
         shown = " to this machine's certificates (see the how-to of clusters)" if over_tls else ""
