@@ -287,10 +287,10 @@ def count_outcomes(
         What was simulated.
     """
     value = np.array([t.value for t in trials])
-    off = np.abs(value - truth)
-    white = off <= REACH * np.array([t.white for t in trials])
-    robust = off <= REACH * np.array([t.robust for t in trials])
-    wrong = off > 0.5 * np.abs(truth)
+    each = np.broadcast_to(truth, value.shape)
+    white = np.abs(value - each) <= REACH * np.array([t.white for t in trials])
+    robust = np.array([t.holds(x) for t, x in zip(trials, each, strict=True)])
+    wrong = np.array([t.wrong(x) for t, x in zip(trials, each, strict=True)])
     called = np.array([t.identifiable for t in trials])
     paper = np.array([t.paper for t in trials])
     share = clustered_share(wrong, called, ~robust)

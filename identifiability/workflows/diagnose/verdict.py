@@ -85,14 +85,15 @@ def judge_parts(search: Search, h: Hypothesis, view: View) -> dict[int, Judged]:
     out: dict[int, Judged] = {}
     for own in alike.values():
         found = np.array([fitted.scatter(k) for k in own])
-        for k, scatter, blocks in zip(own, *moderate(*found.T), strict=True):
-            odds = _odds_of(search, k, h, view, max(1.0, scatter), blocks)
+        for k, scattered, blocks in zip(own, *moderate(*found.T), strict=True):
+            scatter = max(1.0, float(scattered))  # no less than noise lets them
+            odds = _odds_of(search, k, h, view, scatter, blocks)
             asked = bool(moves[list(p.acts(k))].any())
             rest = h.without({k}).parts
             price = catalogue.price(h.parts) - catalogue.price(rest)
-            alone = fitted.foretold(k, alone=True) / max(1.0, scatter) - price
+            alone = fitted.foretold(k, alone=True) / scatter - price
             seen = fitted.foretold(k)
-            out[k] = Judged(odds, max(1.0, float(scatter)), seen, asked, float(alone))
+            out[k] = Judged(odds, scatter, seen, asked, float(alone))
     return {k: out[k] for k in h.parts}
 
 

@@ -1,5 +1,7 @@
 """Logs that agree change nothing; what scatters between logs is in the interval, and is named."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import binom, norm, ttest_ind_from_stats
@@ -11,6 +13,7 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import (
     MOST_STRETCHES,
     Uncertainty,
+    _excess,
     _pool,
     _welch,
     compare_halves,
@@ -115,6 +118,16 @@ def test_the_variance_ratio_is_that_of_the_values():
         truth.append(9.0)
     assert 4.5 < np.median(ratios) < 12.0  # few logs: χ² of 8 degrees, spread of 50 %
     assert again.ratio_dof == pytest.approx(8, abs=2)
+
+
+def test_what_all_motions_scatter_more_than_noise_is_their_variance_times_the_excess():
+    """Of three equally well known motions: as much more than one's own variance, not the mean's."""
+    m, _ = compare(np.tile(VALUES, (3, 1)), 7)
+    sd = np.full((3, 4), 0.2)
+    alike = replace(
+        m, values=np.tile(VALUES, (3, 1)), sd=sd, p=np.ones(4), ratio=3.5, ratio_dof=1e9
+    )
+    np.testing.assert_allclose(_excess(alike, np.ones(4), VALUES), 0.2**2 * 2.5, rtol=1e-4)
 
 
 def test_two_logs_are_compared_by_welchs_t_test():
