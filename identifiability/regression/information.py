@@ -543,12 +543,12 @@ class Information:
         nothing is lost by squaring, and another factor costs next to nothing. The weights are
         always the same, so that a factor does not depend on what was asked before.
         """
-        if not (self.torque > 0).all():
+        bytes_ = 8 * self.actuators * (self.size + 1) ** 2
+        if SOONER * bytes_ > MOST_BYTES or not (self.torque > 0).all():
             return None
         weights = 1.0 / self.torque
         root = self._factor_rows(weights)
-        small = (np.abs(np.diag(root)) <= FLOOR * np.linalg.norm(root, axis=0)).any()
-        if small or SOONER * self.actuators * root.nbytes > MOST_BYTES:
+        if (np.abs(np.diag(root)) <= FLOOR * np.linalg.norm(root, axis=0)).any():
             return None
         grams = np.empty((self.actuators, *root.shape))
         for gram, weight, part in zip(grams, weights, self.parts, strict=True):

@@ -143,7 +143,7 @@ class _Asked:
             return np.inf
         count = len(left) / autocorrelation_time(left[:, [best]])[0]
         tests = len(levels) * self.raw.shape[1]
-        sure = float(scipy.stats.chi2.isf(RULES.unasked_level / tests, 1))
+        sure = float(scipy.special.chdtri(1, RULES.unasked_level / tests))
         return float(levels[best]) if count * np.log(share[0] / share[best]) > sure else np.inf
 
 

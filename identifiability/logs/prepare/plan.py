@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import scipy
 from scipy.ndimage import binary_propagation, maximum_filter1d
-from scipy.special import bdtrc, binom
+from scipy.special import bdtrc, binom, ndtri
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.linalg import ROUNDOFF
@@ -69,7 +69,7 @@ def usual_noise(x: Array, t: Array) -> Array:
     """Return the same of signals that are not smooth now and then, by the median."""
     if len(x) <= ORDER:
         return np.zeros(x.shape[1])
-    level: Array = np.median(np.abs(_rough(x, t)), axis=0) / scipy.stats.norm.ppf(0.75)
+    level: Array = np.median(np.abs(_rough(x, t)), axis=0) / ndtri(0.75)
     return level
 
 

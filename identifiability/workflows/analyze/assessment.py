@@ -710,7 +710,7 @@ class Laddered(Result, Opening, Predicts):
             preparation=settled(self.settings.get("preparation"), self.samples),
             base_covariance=M @ covariance @ M.T + self.late.T @ self.late,
             base_unknown=M @ unknown,
-            errors=(self._real_robot["error_ra"], self._real_robot["error_ra_files"]["mjcf"]),
+            errors=self.exported[1],
             missing=tuple(f.text for f in self.missing.functions),
         )
 
@@ -729,6 +729,12 @@ class Laddered(Result, Opening, Predicts):
         torque does not vary.
         """
         return tell_errors(self.robot, self.samples, self.validation, *self._alone)
+
+    @property
+    def exported(self) -> tuple[tuple[str, ...], tuple[float, float]]:
+        """Parameters of the model to use, and errors of all and of those that an MJCF holds."""
+        real = self._real_robot
+        return self._used.submodel.columns, (real["error_ra"], real["error_ra_files"]["mjcf"])
 
     @cached_property
     def _real_robot(self) -> dict[str, Any]:

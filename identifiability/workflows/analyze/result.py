@@ -296,8 +296,7 @@ def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
         out.append((text, f"identifiability excite {robot} {begun} --out next.json"))
     again = f"identifiability analyze {robot} {logs}{held}"
     again += f"{ladder_option(analysis.robot, analysis.source)} --json"
-    fit = analysis.fit
-    text, name = name_export(analysis.robot, fit.names, fit.errors)
+    text, name = name_export(analysis.robot, *analysis.exported)
     use = f"identifiability export {robot} {{file}} --out {name}"
     line = on_file(analysis, "json", "result.json", again, use)
     out.append((text, line))

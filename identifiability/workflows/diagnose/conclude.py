@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
 from scipy.linalg import block_diag
-from scipy.special import logsumexp
+from scipy.special import chdtrc, logsumexp
 
 from identifiability.effects import Part, Placed
 from identifiability.estimation.noise import ARNoise, runs_of, take_data, whiten
@@ -478,7 +477,7 @@ def lack_of_fit(search: Search, h: Hypothesis, view: View, j: int) -> Left | Non
         P = evidence.among(np.array([at]))[0] - C.T @ C
         z = evidence.z[at] - C.T @ (F @ evidence.z[beside])
         square, directions = explain(P, z, evidence.own[at], p.setting.rules.alias)
-        least = min(least, float(stats.chi2.sf(square, max(directions, 1))))
+        least = min(least, float(chdtrc(max(directions, 1), max(square, 0.0))))
         most = max(most, square - directions)
     share = float(np.clip(most / whole, 0.0, 1.0)) if whole > 0 else 0.0
     return Left(share, min(1.0, len(kinds) * least))

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+import scipy
 
 from identifiability.effects import Family, bring, find_families
 from identifiability.estimation.estimate import estimate
@@ -63,7 +63,7 @@ class FalseNames:
     @property
     def interval(self) -> tuple[float, float]:
         """95 % interval of the rate from the number of trials [Clopper & Pearson 1934]."""
-        ci = stats.binomtest(len(self.named), self.trials).proportion_ci()
+        ci = scipy.stats.binomtest(len(self.named), self.trials).proportion_ci()
         return float(ci.low), float(ci.high)
 
     @property
@@ -74,7 +74,7 @@ class FalseNames:
     def detectable_interval(self, family: str) -> tuple[float, float]:
         """Return the 95 % interval of that median from order statistics, as far as trials allow."""
         x = np.sort(self.sizes[family])
-        low = int(stats.binom.ppf(0.025, len(x), 0.5))
+        low = int(scipy.stats.binom.ppf(0.025, len(x), 0.5))
         return float(x[max(low - 1, 0)]), float(x[min(len(x) - low, len(x) - 1)])
 
     def to_frame(self) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from scipy import stats
+from scipy.special import ndtr
 
 from identifiability.effects import Part, Placed, find_family, title_of
 from identifiability.effects.effect import measure_spans
@@ -410,7 +410,7 @@ def ask_hidden(d: Findings, series: Series, seed: int) -> Asked | None:
     reach = float(np.sqrt(2.0 * (d.rules.odds + d.rules.price)))
 
     def chance(G: Array) -> float:
-        return float(np.mean(stats.norm.sf(reach - np.sqrt(aim.squares(G[None])[:, 0]))))
+        return float(np.mean(ndtr(np.sqrt(aim.squares(G[None])[:, 0]) - reach)))
 
     names = tuple(p.texts[0] for p, s in zip(placed, shown, strict=True) if s)
     return Asked(

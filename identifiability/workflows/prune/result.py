@@ -243,7 +243,7 @@ def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
         return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
     again = f"identifiability prune {robot} {logs}{held}"
     another = name_logs(ladder.robot, [s.name for s in (ladder.validation or ladder.samples)])
-    text, name = name_export(ladder.robot, ladder.fit.names, ladder.fit.errors)
+    text, name = name_export(ladder.robot, *ladder.exported)
     export = f"identifiability export {robot} {{file}} --out {name}"
     predict = f"identifiability predict {robot} {{file}} {another} --out torque.csv"
     diagnose = f"identifiability diagnose {robot} {logs}{held} --model {{file}}"
