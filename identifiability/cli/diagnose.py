@@ -75,13 +75,13 @@ def diagnose(
             progress=say,
             **own,
         )
-        model_file = [] if out is None else [result.write_model(out)]  # of which the page knows
-        written = [*model_file, *outputs.write(result, say)]
+        # The page knows of the file of the model.
+        written = outputs.write(result, say, (result.write_model, out))
         told = [result.statement]
         if motion is not None:
             found = find_next(result, limits=limits, seed=own["seed"], progress=say)
             told.append(found.statement)
             if not found.same:
-                written.append(found.to_json(motion))
+                written += options.write_all((found.to_json, motion))
     typed = [machine.robot, *logs, *own["validate"]]
     common.print_result(result, told, written, typed)

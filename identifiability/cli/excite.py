@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import astuple
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -96,7 +97,8 @@ def excite(
                 scale=scale,
                 seed=own["seed"],
             )
-            common.print_end([found.statement], [found.write(out)])
+            written = options.write_all((found.write, out))
+            common.print_end([found.statement], written)
             return
         check_ending(out, ".json", ".csv", ".mcap")
         rate = rate or 500.0
@@ -108,8 +110,9 @@ def excite(
             **own,
         )
         json = out.suffix.lower() == ".json"
-        first = result.to_json(out) if json else result.write_motion(out, rate, periods)
-        written = [first, *options.Outputs(report).write(result, say)]
+        play = partial(result.write_motion, rate=rate, periods=periods)
+        first = result.to_json if json else play
+        written = options.Outputs(report).write(result, say, (first, out))
     rest = "" if json else f"{out.name} begins and ends at rest: {state_rest(result, rate)}."
     texts = [result.statement, *filter(None, [rest]), *result.hints]
     title = f"{result.robot.title}: the motion [SI units]"

@@ -57,8 +57,7 @@ def inspect(
             engine=runner if any(astuple(place)) else None,
             **own,
         )
-        written = [result.write_template(template)] if template is not None else []
-        written += outputs.write(result, say)
+        written = outputs.write(result, say, (result.write_template, template))
     print_inspection(result, written, [machine.robot, *given])
 
 

@@ -621,19 +621,47 @@ class Outputs:
     report: Report = None
     json: Annotated[Path | None, Option(), Writes(".json")] = None
 
-    def write(self, result: Result, say: Callable[[str, float], None]) -> list[Path]:
-        """Write what was asked for and return the paths, the report last.
+    def write(
+        self,
+        result: Result,
+        say: Callable[[str, float], None],
+        *first: tuple[Callable[[Path], Path], Path | None],
+    ) -> list[Path]:
+        """Write what was asked for, `first` by its own functions, and return the paths.
 
         Raises
         ------
         OutputError
             If something cannot be written where it should; it is then elsewhere, and that is said.
         """
-        written = [_write(result.to_json, self.json)] if self.json else []
-        if self.report is not None:
+
+        def draw(path: Path) -> Path:
             say("drawing the report", 0.95)
-            written.append(_write(result.write_report, self.report))
-        return written
+            return result.write_report(path)
+
+        return write_all(*first, (result.to_json, self.json), (draw, self.report))
+
+
+def write_all(*asked: tuple[Callable[[Path], Path], Path | None]) -> list[Path]:
+    """Call functions that write with their paths, and return these; those of no path are not asked.
+
+    Raises
+    ------
+    OutputError
+        As `Outputs.write`, after all others were written.
+    """
+    from identifiability.foundation.errors import OutputError  # noqa: PLC0415
+
+    written, failed = [], []
+    for write, path in asked:
+        if path is not None:
+            try:
+                written.append(_write(write, path))
+            except OutputError as error:
+                failed.append(str(error))
+    if failed:
+        raise OutputError(" ".join(failed))
+    return written
 
 
 def _write(write: Callable[[Path], Path], path: Path) -> Path:

@@ -52,6 +52,6 @@ def predict(
         fit = read_fit(result, machine.load(recorded))
         say("predicting torque", 0.2)
         found = fit.predict(logs)
-        written = ([] if out is None else [found.write(out)]) + outputs.write(found, say)
+        written = outputs.write(found, say, (found.write, out))
     typed = [machine.robot, str(result), *logs]
     common.print_result(found, [found.statement], written, typed, "Predicted torque by joint")

@@ -59,8 +59,8 @@ def prune(
             preparation=derived.preparation(),
             **own,
         )
-        model_file = [] if out is None else [result.write_model(out)]  # of which the page knows
-        written = [*model_file, *outputs.write(result, say)]
+        # The page knows of the file of the model.
+        written = outputs.write(result, say, (result.write_model, out))
     print_pruning(result, written, [machine.robot, *logs, *own["validate"]])
 
 

@@ -59,9 +59,7 @@ def rollout(
         if fitted is not None and not own["fit"]:
             raise OptionError("--fitted writes what --fit finds; give logs to fit to.")
         found = run(robot, logs, **own)
-        written = [] if out is None else [found.write(out)]
-        if fitted is not None and found.fitted is not None:
-            written.append(found.fitted.save(fitted))
-        written += outputs.write(found, say)
+        more = [] if found.fitted is None else [(found.fitted.save, fitted)]
+        written = outputs.write(found, say, (found.write, out), *more)
     typed = [machine.robot, *logs, *filter(None, [own["against"]])]
     common.print_result(found, [found.statement], written, typed, "Error of positions (rms)")

@@ -52,6 +52,17 @@ def test_a_result_that_cannot_be_written_is_written_elsewhere(tmp_path, monkeypa
     assert Path(place).read_text() == "{}"
 
 
+def test_what_else_was_found_is_written_where_one_file_cannot_be(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    gone, found = tmp_path / "gone", Found(tmp_path / "gone")
+    with pytest.raises(OutputError, match=r"model.toml' cannot .*is not lost: it is in '") as said:
+        Outputs(json=tmp_path / "r.json").write(
+            found, lambda *_: None, (found.to_json, gone / "model.toml"), (found.to_json, None)
+        )
+    assert Path(str(said.value).split("'")[-2]).read_text() == "{}"
+    assert (tmp_path / "r.json").read_text() == "{}"
+
+
 def test_where_nothing_can_be_written_nothing_is_left(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
 
