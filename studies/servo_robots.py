@@ -4,6 +4,9 @@ A servo measures at its own rate and holds its torque, friction sticks, encoders
 commands are held and come late, logs have a clock of their own. MuJoCo gives inertia, gravity and
 Coriolis forces; the step is the trapezoid's, exact for torque that is held, and friction is
 Coulomb's law on the velocities behind it (Gauss–Seidel, as in `hidden_physics`).
+
+    python studies/servo_robots.py --seeds 12
+    python studies/servo_robots.py --faults --seeds 4
 """
 
 from __future__ import annotations
@@ -14,14 +17,14 @@ import shutil
 import tempfile
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pandas as pd
 
-from identifiability import Log, analyze, rollout
+from identifiability import Log, analyze, diagnose, rollout
 from identifiability.estimation.rollouts import roll_late
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.logs.conventions import Conventions
@@ -33,6 +36,9 @@ from identifiability.workflows.export import draw_robots
 
 #: Step of the simulation [s], and rounds in which it is settled which joints stand.
 STEP, ROUNDS = 5e-4, 6
+
+#: Stiffness of a gear's teeth, by rotor and step, and the damping ratio where they touch.
+TEETH, RUB = 0.04, 0.3
 
 #: Who draws a machine.
 Draw = Callable[[Robot, float, np.random.Generator], dict[str, float]]
@@ -68,6 +74,32 @@ class Recorder:
     speeds: bool = False
 
 
+@dataclass(frozen=True)
+class Fault:
+    """What is hidden in one joint of a machine.
+
+    Attributes
+    ----------
+    joint : int
+    kind : str
+        Of `FAULTS`: what the size is.
+    size : float
+    """
+
+    joint: int
+    kind: str
+    size: float
+
+    def at(self, kind: str, n: int) -> Array:
+        """Return the size at its joint, (n,), if it is of this kind; else zeros."""
+        out = np.zeros(n)
+        out[self.joint] = self.size * (kind == self.kind)
+        return out
+
+
+NONE = Fault(0, "", 0.0)
+
+
 def draw_commands(
     robot: Robot, duration: float, rate: float, size: float, rng: np.random.Generator
 ) -> Array:
@@ -90,8 +122,12 @@ def record(
     how: Recorder,
     rng: np.random.Generator,
     servo: Servo | None = None,
+    fault: Fault = NONE,
 ) -> pd.DataFrame:
     """Return a log: ``t``, and of each joint ``.q`` and ``.cmd``.
+
+    Where a gear has play, its motor, which has the encoder and the friction, is a body of its own
+    behind stiff teeth.
 
     Parameters
     ----------
@@ -107,49 +143,34 @@ def record(
         Of the phases of encoders and clock.
     servo : Servo, optional
         By default the robot's.
+    fault : Fault, optional
     """
     servo = servo or robot.servo
     assert servo is not None
     joints, n = robot.joints, len(robot.joints)
-    own = {k: np.array([truth.get(f"{j}.{k}", 0.0) for j in joints]) for k in KINDS}
-    bodies = {k: v for k, v in truth.items() if k.rpartition(".")[0] not in joints}
-    bare = {f"{j}.{k}": 0.0 for j in joints for k in KINDS}
-    machine = ForwardRobot(robot, bodies | bare)
-    m = machine.model
-    dofs = np.array([m.joint(j).dofadr[0] for j in joints])
-    at = np.array([m.joint(j).qposadr[0] for j in joints])
-    m.opt.timestep, m.opt.disableflags = STEP, m.opt.disableflags | int(_UNCONSTRAINED)
-    m.dof_armature[dofs], m.dof_damping[:], m.dof_frictionloss[:] = own["Ia"], 0.0, 0.0
-    data, M, damping = mujoco.MjData(m), np.zeros((m.nv, m.nv)), np.zeros((m.nv, m.nv))
-    damping[dofs, dofs] = own["Fv"]
-    data.qpos[:] = machine.home()
+    servo = replace(servo, kp=servo.kp * (1 + fault.at("gain", n)))
+    if fault.kind == "limit":
+        limit = np.where(fault.at("limit", n) > 0, fault.size, servo.high)
+        servo = replace(servo, low=-limit, high=limit)
+    zero, late = fault.at("zero", n), how.delay + fault.at("late", n)
+    machine = Machine(robot, truth, fault)
     every, step = round(1 / (how.servo_rate * STEP)), 2 * np.pi / 2**how.bits
     phase, following = rng.uniform(size=n), rng.uniform(0, 1 / how.rate)
     tau, rows = np.zeros(n), []
     speeds = np.gradient(commands, 1 / how.command_rate, axis=0) * how.speeds
     for k in range(round(duration / STEP)):
-        t, q, v = k * STEP, data.qpos[at], data.qvel[dofs]
+        t, q, v = k * STEP, machine.q, machine.v
         if k % every == 0:
-            target = _held(commands, t - how.delay, how.command_rate)
-            speed = _held(speeds, t - how.delay, how.command_rate)
-            raw = servo.kp * (target - q) + servo.kv * (speed - v)
+            target = _held(commands, t - late, how.command_rate) - zero
+            wanted = _held(speeds, t - late, how.command_rate)
+            raw = servo.kp * (target - q) + servo.kv * (wanted - v)
             tau = np.clip(raw, servo.low, servo.high)
         if t >= following - 1e-9:
-            seen = (np.floor(q / step + phase) + 0.5 - phase) * step
-            told = (commands, speeds)[: 1 + how.speeds]
-            rows.append((t, *seen, *(x for c in told for x in _held(c, t, how.command_rate))))
+            seen = (np.floor((q + zero) / step + phase) + 0.5 - phase) * step
+            now, told = np.full(n, t), (commands, speeds)[: 1 + how.speeds]
+            rows.append((t, *seen, *(x for c in told for x in _held(c, now, how.command_rate))))
             following += 1 / how.rate
-        data.qfrc_applied[dofs] = tau - own["off"] - own["Fv"] * v
-        mujoco.mj_forward(m, data)
-        mujoco.mj_fullM(m, data, M)
-        # Damping acts with the mean speed of the step: with that before it, it would take h Fv / 2
-        # off the inertia, and a tenth of a step off the delay.
-        A = np.linalg.inv(M + 0.5 * STEP * damping)
-        after = _stick(A, data.qvel + STEP * (A @ (M @ data.qacc)), STEP * own["Fc"], dofs)
-        between = 0.5 * (data.qvel + after)
-        data.qvel[:] = after
-        mujoco.mj_integratePos(m, data.qpos, between, STEP)
-        data.time += STEP
+        machine.advance(tau)
     kinds = ("q", "cmd", "dq_cmd")[: 2 + how.speeds]
     names = [f"{j}.{kind}" for kind in kinds for j in joints]
     return pd.DataFrame(rows, columns=["t", *names])
@@ -158,20 +179,99 @@ def record(
 _UNCONSTRAINED = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 
 
-def _held(commands: Array, t: float, rate: float) -> Array:
-    """Return the commands that hold at a time, (n,)."""
-    return commands[min(max(int(np.floor(t * rate + 1e-9)), 0), len(commands) - 1)]
+class Machine:
+    """Links, and motors with friction, whose torque is held over each step.
+
+    Parameters
+    ----------
+    robot, truth, fault
+        As of `record`.
+    """
+
+    def __init__(self, robot: Robot, truth: Mapping[str, float], fault: Fault) -> None:
+        joints, n = robot.joints, len(robot.joints)
+        self.own = {k: np.array([truth.get(f"{j}.{k}", 0.0) for j in joints]) for k in KINDS}
+        bodies = {k: v for k, v in truth.items() if k.rpartition(".")[0] not in joints}
+        machine = ForwardRobot(robot, bodies | {f"{j}.{k}": 0.0 for j in joints for k in KINDS})
+        self.model = m = machine.model
+        self.dofs = np.array([m.joint(j).dofadr[0] for j in joints])
+        self.at = np.array([m.joint(j).qposadr[0] for j in joints])
+        m.opt.timestep, m.opt.disableflags = STEP, m.opt.disableflags | int(_UNCONSTRAINED)
+        m.dof_damping[:], m.dof_frictionloss[:] = 0.0, 0.0
+        self.play, self.load = fault.at("play", n), fault.at("load", n)
+        (self.apart,) = np.nonzero(self.play)  # motors that are bodies of their own
+        m.dof_armature[self.dofs] = np.where(self.play > 0, 0.0, self.own["Ia"])
+        self.data = mujoco.MjData(m)
+        self.data.qpos[:] = machine.home()
+        mujoco.mj_forward(m, self.data)
+        rotors, size = self.own["Ia"][self.apart], m.nv + len(self.apart)
+        self.motor = self.dofs.copy()
+        self.motor[self.apart] = m.nv + np.arange(len(self.apart))
+        self.M, self.damping = np.zeros((size, size)), np.zeros((size, size))
+        self.M[self.motor[self.apart], self.motor[self.apart]] = rotors
+        self.damping[self.motor, self.motor] = self.own["Fv"]
+        self.stiff = TEETH * rotors / STEP**2
+        self.rub = 2 * RUB * np.sqrt(self.stiff * rotors)
+        self.turned, self.speed = self.data.qpos[self.at][self.apart], np.zeros(size)
+        self.carried = np.zeros(n)
+
+    @property
+    def q(self) -> Array:
+        """Positions of the motors, (n,)."""
+        q = self.data.qpos[self.at]
+        q[self.apart] = self.turned
+        return q
+
+    @property
+    def v(self) -> Array:
+        """Their velocities, (n,)."""
+        return self.speed[self.motor]
+
+    def advance(self, tau: Array) -> None:
+        """Go on by one step with some torque of the motors, (n,)."""
+        m, data, apart, nv = self.model, self.data, self.apart, self.model.nv
+        drive = tau - self.own["off"] - self.own["Fv"] * self.v
+        over = self.turned - data.qpos[self.at][apart]
+        over -= np.clip(over, -0.5 * self.play[apart], 0.5 * self.play[apart])
+        teeth = self.stiff * over + self.rub * (self.v - self.speed[self.dofs])[apart]
+        teeth = np.where(over * teeth > 0, teeth, 0.0)
+        data.qfrc_applied[self.dofs] = drive
+        data.qfrc_applied[self.dofs[apart]] = teeth
+        mujoco.mj_forward(m, data)
+        links = np.zeros((nv, nv))
+        mujoco.mj_fullM(m, data, links)
+        self.M[:nv, :nv] = links
+        force = np.concatenate([links @ data.qacc, drive[apart] - teeth])
+        # Damping acts with the mean speed of the step: with that before it, it would take h Fv / 2
+        # off the inertia, and a tenth of a step off the delay.
+        A = np.linalg.inv(self.M + 0.5 * STEP * self.damping)
+        level = STEP * (self.own["Fc"] + self.load * np.abs(self.carried))
+        after, pushed = _stick(A, self.speed + STEP * (A @ force), level, self.motor)
+        # What the gear carries rubs at the next step.
+        gained = (after - self.speed)[self.motor]
+        self.carried = drive + (pushed - self.own["Ia"] * gained) / STEP
+        between = 0.5 * (self.speed + after)
+        self.speed, data.qvel[:] = after, after[:nv]
+        mujoco.mj_integratePos(m, data.qpos, between[:nv], STEP)
+        self.turned = self.turned + STEP * between[nv:]
+        data.time += STEP
 
 
-def _stick(A: Array, v: Array, level: Array, dofs: np.ndarray) -> Array:
-    """Return velocities after dry friction, whose impulses are within their level, (nv,)."""
+def _held(commands: Array, t: Array, rate: float) -> Array:
+    """Return the commands that hold at the time of each joint, (n,)."""
+    row = np.clip(np.floor(t * rate + 1e-9).astype(int), 0, len(commands) - 1)
+    return commands[row, np.arange(len(row))]
+
+
+def _stick(A: Array, v: Array, level: Array, dofs: np.ndarray) -> tuple[Array, Array]:
+    """Return velocities (nv,) after dry friction, and its impulses (n,), within their level."""
     pushed = np.zeros(len(dofs))
     for _ in range(ROUNDS):
         for i, d in enumerate(dofs):
             new = np.clip(pushed[i] - v[d] / A[d, d], -level[i], level[i])
             v = v + A[:, d] * (new - pushed[i])
             pushed[i] = new
-    return v
+    return v, pushed
 
 
 #: Rotors of a quadruped's hips, thighs and calves [kg·m²].
@@ -362,6 +462,94 @@ def summarise(judged: list[Judged]) -> str:
     return f"  inside: {', '.join(lines)}\n  {means}, {worst}{rows}"
 
 
+#: What is hidden, by kind: the names that say it, and sizes from clear to half as clear. Limits are
+#: shares of the torque that is reached; kp is off by a share; plays and zeros are angles [rad];
+#: commands act later [s]; friction grows with what the gear carries.
+FAULTS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
+    "": ((), (0.0, 0.0)),
+    "limit": (("limit",), (0.6, 0.8)),
+    "play": (("backlash",), (0.03, 0.015)),
+    "gain": (("torque_scale",), (0.2, 0.1)),
+    "load": (("load_dependent_friction",), (0.2, 0.1)),
+    "late": (("command_delay",), (0.006, 0.003)),
+    "zero": (("encoder_bias",), (0.1, 0.05)),
+}
+
+#: Of the torque of a servo, what is reached and hardly more.
+REACHED = 0.99
+
+
+def hide(
+    robot: Robot, draw: Draw, how: Recorder, size: float, kind: str, big: float, seed: int
+) -> dict[str, object]:
+    """Hide something in one joint of a drawn robot, and return what `diagnose` names.
+
+    Logs of limits are told nothing of any.
+    """
+    rng = np.random.default_rng([seed, *kind.encode()])
+    truth, n = draw(robot, 0.1, rng), len(robot.joints)
+    commands = [draw_commands(robot, 10.0, how.command_rate, size, rng) for _ in range(3)]
+    fault, told = Fault(int(rng.integers(n)), kind, big), robot
+    if kind == "limit":
+        assert robot.servo is not None
+        log = record(robot, truth, commands[0], 10.0, how, rng)
+        e, servo = log[[f"{j}.cmd" for j in robot.joints]].to_numpy(), robot.servo
+        e = e - log[[f"{j}.q" for j in robot.joints]].to_numpy()
+        reached = np.quantile(servo.kp * np.abs(e), REACHED, axis=0)[fault.joint]
+        fault, ends = replace(fault, size=big * reached), np.full(n, np.inf)
+        free = replace(servo, low=-ends, high=ends, limit_open=np.ones(n, bool))
+        told = replace(robot, servo=free)
+    logs = [record(robot, truth, c, 10.0, how, rng, fault=fault) for c in commands]
+    began = time.process_time()
+    found = diagnose(told, logs[:2], logs[2], forward=False)
+    seconds = time.process_time() - began
+    named = [
+        {(e.name, p.place), *((r.family, r.place) for r in p.rivals if r.undecided)}
+        for e in found.effects
+        for p in e.placements
+    ]
+    named += [{(c.family, c.place), *c.others} for c in found.changes]
+    limits = found.robot.servo.by_joint(robot.joints).get("limit", {})
+    named += [{("limit", j)} for j in limits] if kind == "limit" else []
+    true = {(name, robot.joints[fault.joint]) for name in FAULTS[kind][0]}
+    right = [bool(x & true) for x in named]
+    return {
+        "kind": kind or "nothing",
+        "size": big,
+        "right": any(right),
+        "more": any(right) and not all(right),
+        "wrong": bool(named) and not any(right),
+        "silent": not named,
+        "error": found.held_after / found.held_before,
+        "seed": seed,
+        "place": robot.joints[fault.joint],
+        "named": "; ".join(" or ".join(f"{a}@{b}" for a, b in sorted(x)) for x in named),
+        "cpu": seconds,
+    }
+
+
+def examine_faults(given: argparse.Namespace) -> None:
+    """Print what is named of what is hidden, by robot and rate."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name, rate in itertools.product(given.robot, given.rate):
+            robot, (draw, commands, size) = load(name, Path(folder)), JUDGED[name]
+            rows = []
+            for seed, (kind, (_, sizes)) in itertools.product(
+                range(given.first, given.first + given.seeds), FAULTS.items()
+            ):
+                if given.kind and kind not in given.kind:
+                    continue
+                delay = np.random.default_rng([seed, 1]).uniform(0, 0.015)
+                how = Recorder(rate, commands, delay, given.bits)
+                rows.append(hide(robot, draw, how, size, kind, sizes[seed % 2], seed))
+                if rows[-1]["wrong"] or rows[-1]["more"]:
+                    said = ("seed", "kind", "size", "place", "named")
+                    print("  ", *(rows[-1][k] for k in said), flush=True)
+            table = pd.DataFrame(rows).groupby(["kind", "size"])
+            marks = table[["right", "more", "wrong", "silent", "error", "cpu"]].mean().round(2)
+            print(f"{name}, {rate:g} Hz:\n{marks.assign(robots=table.size())}", flush=True)
+
+
 def write_samples(name: str) -> None:
     """Write the logs of a shipped robot: of a machine whose bodies are the file's ± 10 %."""
     robot, rng = Robot.load(name), np.random.default_rng(2024)
@@ -388,7 +576,12 @@ def main() -> None:
     parser.add_argument("--bits", type=int, default=12)
     parser.add_argument("--wrong", nargs="+", type=float, default=[0.0, 0.2])
     parser.add_argument("--prior", type=float, help="share of the file's bodies; as analyze has it")
+    parser.add_argument("--faults", action="store_true", help="hide something, and diagnose")
+    parser.add_argument("--kind", nargs="+", choices=list(FAULTS), help="of what is hidden")
     given = parser.parse_args()
+    if given.faults:
+        examine_faults(given)
+        return
     if given.logs:
         for name in SAMPLES:
             write_samples(name)

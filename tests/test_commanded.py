@@ -573,6 +573,35 @@ def test_a_diagnosis_knows_bodies_within_a_share_and_nothing_of_joints(arm):
     assert 0.2 < off @ off < 1.0 + 1e-9
 
 
+def test_what_is_known_of_bodies_says_nothing_of_rotors_that_stand_in_their_inertia():
+    """Of parallel axes a rotor's inertia is grouped with its body's, whose friction is beside."""
+    robot = Robot.load("quadruped")
+    usual = ("viscous_friction", "coulomb_friction", "actuator_inertia", "torque_offset")
+    structure = Structure.of(robot, Model.of("rigid_body", *usual))
+    near, rng = near_file(0.2, structure), np.random.default_rng(0)
+    own = np.array([p.owner in robot.joints for p in structure.parameters])
+    assert not any(n == "FL_hip_joint.Ia" for n in structure.base.names)
+    joints = structure.G @ np.where(own, rng.uniform(size=len(own)), 0.0)
+    assert np.linalg.norm(near.root @ joints) < 1e-6 * np.linalg.norm(near.root)
+    bodies = structure.G @ np.where(own, 0.0, 0.1 * structure.nominal)
+    assert 0.5 < np.linalg.norm(near.root @ bodies) < 2.0
+
+
+@pytest.mark.parametrize("late", [0.0, 0.004])
+def test_the_joint_that_is_late_is_named_and_not_those_that_its_delay_made_early(arm, late):
+    rng, how = np.random.default_rng(1), servos.Recorder(200.0, 50.0, 0.006, 12)
+    moves = [servos.draw_commands(arm, 8.0, 50.0, 0.35, rng) for _ in range(2)]
+    fault = servos.Fault(1, "late", late)
+    fitted, unseen = (servos.record(arm, TRUTH, c, 8.0, how, rng, fault=fault) for c in moves)
+    few = ["command_delay", "torque_scale", "stribeck_friction", "velocity_leak"]
+    found = diagnose(arm, fitted, unseen, effects=few, quick=True, forward=False)
+    named = {p.place: p for e in found.effects for p in e.placements}
+    assert [e.name for e in found.effects] == ["command_delay"] * bool(late)
+    assert list(named) == [arm.joints[1]] * bool(late)
+    for p in named.values():
+        assert abs(p.values[0] - late) < 4 * p.errors[0] + 2e-4
+
+
 def biased(frame, zeros):
     """A log whose encoders, and so whose commands, count from elsewhere [rad]."""
     shifts = {f"{j}.{k}": b for j, b in zeros.items() for k in ("q", "cmd")}

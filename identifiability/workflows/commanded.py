@@ -172,7 +172,7 @@ def moved(log: Log, servo: Servo, other: Servo, more: float = 0.0) -> Log:
     before, after = (
         servo_log(log, one, log.servo_delay + d).tau for one, d in ((servo, 0.0), (other, more))
     )
-    return replace(log, tau=log.tau + after - before)
+    return replace(log, tau=log.tau + after - before, servo_delay=log.servo_delay + more)
 
 
 def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:

@@ -114,7 +114,7 @@ def near_file(share: float, structure: Structure) -> NearFile:
     standard = structure.nominal + np.linalg.pinv(rows / size) @ (aim - rows @ structure.nominal)
     spread = (structure.G / size) @ (Vt[:rank].T / s[:rank])
     free = (structure.G / size) @ Vt[rank:].T
-    unit = np.maximum(np.linalg.norm(spread, axis=1), 1e-300)
+    unit = np.maximum(np.linalg.norm(np.hstack([spread, free]), axis=1), 1e-300)
     U, own, _ = np.linalg.svd(free / unit[:, None])
     across = U[:, int(np.sum(own > ROUNDOFF * own.max(initial=0.0))) :].T / unit
     values, axes = np.linalg.eigh(across @ spread @ spread.T @ across.T)

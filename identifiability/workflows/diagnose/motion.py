@@ -13,7 +13,7 @@ motion alone shows an effect is odd, too: where what is named with it explains i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -30,6 +30,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Preparation, Samples
+from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.longsamples import Prepared, prepare_samples
 from identifiability.logs.prepare.preparation import make_plan
 from identifiability.logs.prepare.samples import check_left, join_motions
@@ -180,6 +181,44 @@ def prepare_rows(
             factor -= 1
         how = Preparation(decimate=max(factor, 1))
     return prepare_thin(robot, log, how or Preparation(), most=most)
+
+
+def along_rollouts(
+    structure: Structure,
+    samples: Sequence[Prepared],
+    logs: Sequence[Recording],
+    values: Mapping[str, float],
+) -> tuple[Prepared, ...]:
+    """Return samples of logs of commands along the motion of their rollouts.
+
+    Torque of commands is made of the very positions that columns are made of, so that steps of
+    encoders stand in both, and columns that no fit was calibrated for look like them. What torque
+    is more than the rolled out robot's along the measured motion is put upon what it is along the
+    rollout, which differs little from it and has no steps.
+
+    Parameters
+    ----------
+    structure : Structure
+    samples : sequence of Samples
+    logs : sequence of Log or LogFile
+        What they were prepared from.
+    values : mapping
+        Standard parameters by name of what was rolled out.
+    """
+    robot, model = structure.robot, structure.model
+    known = {**robot.nominal, **values}
+    phi = np.array([known.get(name, 0.0) for name in structure.columns])
+    out = list[Prepared]()
+    for own, log in zip(samples, logs, strict=True):
+        found = None
+        if isinstance(own, Samples) and isinstance(log, Log) and log.rollout is not None:
+            found = add_instrument(robot, log, own)
+        if isinstance(own, Samples) and found is not None and found.instrument is not None:
+            moved = found.instrument
+            more = (model.regressor(robot, moved) - model.regressor(robot, own.motion)) @ phi
+            own = replace(own, motion=moved, tau=own.tau + more)  # noqa: PLW2901 - the same
+        out.append(own)
+    return tuple(out)
 
 
 def thin(samples: Samples, most: int = MOST_SAMPLES) -> Samples:

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from identifiability.effects import default_effects, find_families
 from identifiability.effects.gravity import TILTS, GravityTilt, horizontal_axes
+from identifiability.effects.measurement import CommandDelay
 from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.registry import title_of
 from identifiability.estimation.estimate import estimate, find_estimator
@@ -68,6 +69,7 @@ from identifiability.workflows.diagnose.known_values import (
 )
 from identifiability.workflows.diagnose.motion import (
     OddLog,
+    along_rollouts,
     assign_roles,
     describe_odd_log,
     prepare_rows,
@@ -197,18 +199,23 @@ def diagnose(
         session = Session(structure, given, preparation, say, engine or Serial())
         weight = share_weight(near) if near else None
         given = session.follow_fitted(np.random.default_rng(seed), cad_weight=weight).recordings
-        setting, opening, leaning = _open(session, given, rules, fixed=fixed is not False)
-        setting = replace(
-            setting,
+        opened = partial(
+            _open,
+            session,
+            rules=rules,
+            fixed=fixed is not False,
             known=known,
-            near=near_file(near, setting.structure) if near else None,
-            seed=seed,
+            near=near,
             commanded=commanded,
+            seed=seed,
         )
-        # Values that are kept are those of the file, and a wrong scale or sign is an effect.
-        nothing = "" if setting.fixed else opening.misread
-        asked = _Asked(() if nothing else effects, say, draws, streams, before)
-        found, doubts = _name(asked, setting, opening)
+        asked = _Asked(effects, say, draws, streams, before)
+        looked = asked.look(opened(given))
+        later = common_delay(looked.found)
+        if later and robot.servo is not None:
+            given = given.acting_later(robot.servo, later)
+            looked = asked.look(opened(given))
+        found, doubts, setting, opening, leaning = looked
         found = (
             settle_named(found)
             if leaning is None
@@ -230,7 +237,7 @@ def diagnose(
         hints = (*kept, *believed, *doubts, *opening.hints, *say_band(setting.preparation))
         found = replace(
             found,
-            nothing=nothing,
+            nothing="" if setting.fixed else opening.misread,
             hints=(*hints, *free_again(model), *unused_ladder(robot, model)),
             provenance=state_provenance(robot, used, seed, None, options),
         ).moved_by(given)
@@ -240,10 +247,36 @@ def diagnose(
         return replace(found, forward=simulate_forward(found, streams[3]))
 
 
+class _Opened(NamedTuple):
+    """What is diagnosed, from what, and where gravity points if not where the file says."""
+
+    setting: Setting
+    opening: Opening
+    leaning: Leaning | None
+
+
+class _Looked(NamedTuple):
+    """A diagnosis, which logs and stretches of them are doubted, and of what it is."""
+
+    found: Diagnosis
+    doubts: list[str]
+    setting: Setting
+    opening: Opening
+    leaning: Leaning | None
+
+
 def _open(
-    session: Session, given: Recordings, rules: Rules, *, fixed: bool
-) -> tuple[Setting, Opening, Leaning | None]:
-    """Return what is diagnosed, from what, and where gravity points if not where the file says.
+    session: Session,
+    given: Recordings,
+    rules: Rules,
+    *,
+    fixed: bool,
+    known: KnownValues | None,
+    near: float,
+    commanded: bool,
+    seed: int,
+) -> _Opened:
+    """Return what is diagnosed.
 
     Values that are fixed are those of the file, and its direction of gravity is one of them.
     """
@@ -253,6 +286,10 @@ def _open(
     how = session.preparation if session.how.cutoff is None else session.how
     most = samples_each(map(len, roles.fit))
     opening = session.open("diagnosed", partial(prepare_rows, robot, how=how, most=most))
+    if given.rolled is not None:
+        both = ((opening.samples, roles.fit), (opening.validation, roles.verify))
+        along = [along_rollouts(opening.structure, s, logs, given.values) for s, logs in both]
+        opening = replace(opening, samples=along[0], validation=along[1])
     fit, verify = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
     require_signal(verify, "verified")
     leaning = None
@@ -270,8 +307,12 @@ def _open(
         verified_on=roles.verified_on,
         rules=rules,
         preparation=how or Preparation(),
+        known=known,
+        near=near_file(near, opening.structure) if near else None,
+        commanded=commanded,
+        seed=seed,
     )
-    return setting, opening, leaning
+    return _Opened(setting, opening, leaning)
 
 
 def _name(asked: _Asked, setting: Setting, opening: Opening) -> tuple[Diagnosis, list[str]]:
@@ -306,6 +347,13 @@ class _Asked:
     draws: int = DRAWS
     streams: tuple[np.random.Generator, ...] = ()
     earlier: Earlier | None = None
+
+    def look(self, opened: _Opened) -> _Looked:
+        """Name what is missing in opened logs."""
+        setting, opening, leaning = opened
+        # Values that are kept are those of the file, and a wrong scale or sign is an effect.
+        asked = self if setting.fixed or not opening.misread else replace(self, effects=())
+        return _Looked(*_name(asked, setting, opening), setting, opening, leaning)
 
     def run(self, setting: Setting) -> Diagnosis:
         """Name what is missing, add it, verify."""
@@ -413,6 +461,22 @@ def usual_effects(robot: Robot, *, commanded: bool = False) -> tuple[str, ...]:
     """
     offsets = ("torque_offset",) if commanded else ()
     return default_effects(robot, (*BASE_EFFECTS, *offsets))
+
+
+def common_delay(found: Diagnosis) -> float:
+    """Return by how much commands act later at most joints than was taken of their logs [s].
+
+    A log's delay is found of all joints together, so that one that is late, or whose gain is wrong,
+    makes the others early. What most of them have is the log's.
+    """
+    named = {
+        p.place: float(p.values[0])
+        for e in found.effects
+        if e.name == CommandDelay.name
+        for p in e.placements
+    }
+    every = sorted(named.get(j, 0.0) for j in found.robot.motor_joints)
+    return every[(len(every) - 1) // 2]
 
 
 def settle_named(found: Diagnosis) -> Diagnosis:
