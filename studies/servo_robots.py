@@ -489,19 +489,22 @@ def hide(
     rng = np.random.default_rng([seed, *kind.encode()])
     truth, n = draw(robot, 0.1, rng), len(robot.joints)
     commands = [draw_commands(robot, 10.0, how.command_rate, size, rng) for _ in range(3)]
-    fault, told = Fault(int(rng.integers(n)), kind, big), robot
+    fault, known = Fault(int(rng.integers(n)), kind, big), robot
     if kind == "limit":
         assert robot.servo is not None
         log = record(robot, truth, commands[0], 10.0, how, rng)
-        e, servo = log[[f"{j}.cmd" for j in robot.joints]].to_numpy(), robot.servo
-        e = e - log[[f"{j}.q" for j in robot.joints]].to_numpy()
-        reached = np.quantile(servo.kp * np.abs(e), REACHED, axis=0)[fault.joint]
+        servo, (q, told) = (
+            robot.servo,
+            (log[[f"{j}.{kind}" for j in robot.joints]].to_numpy() for kind in ("q", "cmd")),
+        )
+        tau = servo.kp * (told - q) - servo.kv * np.gradient(q, log["t"], axis=0)
+        reached = np.quantile(np.abs(tau), REACHED, axis=0)[fault.joint]
         fault, ends = replace(fault, size=big * reached), np.full(n, np.inf)
         free = replace(servo, low=-ends, high=ends, limit_open=np.ones(n, bool))
-        told = replace(robot, servo=free)
+        known = replace(robot, servo=free)
     logs = [record(robot, truth, c, 10.0, how, rng, fault=fault) for c in commands]
     began = time.process_time()
-    found = diagnose(told, logs[:2], logs[2], forward=False)
+    found = diagnose(known, logs[:2], logs[2], forward=False)
     seconds = time.process_time() - began
     named = [
         {(e.name, p.place), *((r.family, r.place) for r in p.rivals if r.undecided)}
@@ -513,16 +516,19 @@ def hide(
     named += [{("limit", j)} for j in limits] if kind == "limit" else []
     true = {(name, robot.joints[fault.joint]) for name in FAULTS[kind][0]}
     right = [bool(x & true) for x in named]
+    place = robot.joints[fault.joint]
+    near = any(e.unnamed and place in e.joints for e in found.effects) and not any(right)
     return {
         "kind": kind or "nothing",
         "size": big,
         "right": any(right),
         "more": any(right) and not all(right),
-        "wrong": bool(named) and not any(right),
+        "function": near,
+        "wrong": bool(named) and not any(right) and not near,
         "silent": not named,
         "error": found.held_after / found.held_before,
         "seed": seed,
-        "place": robot.joints[fault.joint],
+        "place": place,
         "named": "; ".join(" or ".join(f"{a}@{b}" for a, b in sorted(x)) for x in named),
         "cpu": seconds,
     }
@@ -546,7 +552,11 @@ def examine_faults(given: argparse.Namespace) -> None:
                     said = ("seed", "kind", "size", "place", "named")
                     print("  ", *(rows[-1][k] for k in said), flush=True)
             table = pd.DataFrame(rows).groupby(["kind", "size"])
-            marks = table[["right", "more", "wrong", "silent", "error", "cpu"]].mean().round(2)
+            marks = (
+                table[["right", "more", "function", "wrong", "silent", "error", "cpu"]]
+                .mean()
+                .round(2)
+            )
             print(f"{name}, {rate:g} Hz:\n{marks.assign(robots=table.size())}", flush=True)
 
 

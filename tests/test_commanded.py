@@ -840,3 +840,10 @@ def test_the_time_step_is_part_of_the_model_and_taken_off():
     plain, taken = swing(0.02, 0.004), swing(0.02 - 0.5 * 0.004 * 0.5, 0.004)
     apart = [np.abs(x[40:] - exact[40 : len(x)]).max() for x in (plain, taken)]
     assert apart[1] < 0.35 * apart[0]
+
+
+def test_one_joint_in_degrees_is_said_where_its_gains_contradict(arm, frames, tmp_path):
+    name = arm.joints[1]
+    turned = frames[1].assign(**{c: np.degrees(frames[1][c]) for c in (f"{name}.q", f"{name}.cmd")})
+    with pytest.raises(LogError, match=rf"'{name}' are within .* degrees alone .* {name} = "):
+        analyze(arm, turned, quick=True)

@@ -11,7 +11,8 @@ from identifiability.cli import common, options
 
 
 @options.command(
-    "workflows/calibrate/calibration.py", "workflows/analyze/workflow.py:analyze ladder estimator"
+    "workflows/calibrate/calibration.py",
+    "workflows/analyze/workflow.py:analyze ladder estimator prior",
 )
 def calibrate(
     machine: options.Machine,
@@ -54,6 +55,7 @@ def calibrate(
             (),
             own.pop("ladder"),
             estimator=own.pop("estimator"),
+            prior=own.pop("prior"),
             preparation=derived.preparation(),
             seed=own["seed"],
             progress=lambda text, share: say(text, 0.2 * share),

@@ -31,6 +31,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import check_commands, of_commands, servo_log
 from identifiability.logs.logfile import LogFile
+from identifiability.logs.mend import looks_like_degrees
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.plan import noise_level, resolution
 from identifiability.logs.repeats import Recording
@@ -191,8 +192,8 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
             f"{listing([log.name for log in logs], 4)}: moved by the commands, '{robot.joints[k]}' "
             f"errs by {100 * share[k]:.0f} % of how far it is from its command, merely delayed, "
             f"whatever its friction and rotor are; "
-            f"check its gains (kp = {robot.servo.kp[k]:.4g}, kv = {robot.servo.kv[k]:.4g}) and the "
-            "sign and zero of its command."
+            f"{doubt_unit(robot, logs)}check its gains (kp = {robot.servo.kp[k]:.4g}, "
+            f"kv = {robot.servo.kv[k]:.4g}) and the sign and zero of its command."
         )
     (lost,) = np.nonzero(share > ESTIMATION_RULES.rollout_contradicted)
     if not len(lost):
@@ -202,6 +203,23 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
         f"Do not use what is said of {listing(each, 4)}: moved by the commands, it errs by that "
         "share of how far it is from its command, merely delayed, whatever its friction and rotor "
         "are; check its gains, limit and sign, or whether something holds it. "
+    )
+
+
+def doubt_unit(robot: Robot, logs: Sequence[Log]) -> str:
+    """Return which joints' positions are within the file's limits in degrees alone, as a clause."""
+    odd = [
+        joint
+        for k, joint in enumerate(robot.joints)
+        if not robot.is_prismatic(int(robot.actuated[k]))
+        and any(looks_like_degrees(log.q[:, k], *robot.limits[k]) for log in logs)
+    ]
+    if not odd:
+        return ""
+    return (
+        f"positions of {listing([repr(j) for j in odd], 4)} are within the limits of the robot "
+        f"file in degrees alone (the sidecar's [columns] {odd[0]} = {{scale = 0.0174533}} reads "
+        "them); else "
     )
 
 
@@ -240,8 +258,9 @@ def refuse_scale(structure: Structure, logs: Sequence[Log], how: Preparation) ->
         raise LogError(
             f"The servos of {servo.source} contradict the motion in "
             f"{listing([log.name for log in logs], 4)}: they make {many:.2g} times the torque that "
-            f"the bodies of {robot.path.name} need; check gains (kp = {servo.kp[0]:.4g}, "
-            f"kv = {servo.kv[0]:.4g} of '{robot.joints[0]}') and masses, and their units."
+            f"the bodies of {robot.path.name} need; {doubt_unit(robot, logs)}check gains "
+            f"(kp = {servo.kp[0]:.4g}, kv = {servo.kv[0]:.4g} of '{robot.joints[0]}') and masses, "
+            "and their units."
         )
 
 
