@@ -26,7 +26,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare.plan import noise_level, resolution
 from identifiability.robot import Robot
-from identifiability.robot.servo import ENDLESS, Servo
+from identifiability.robot.servo import UNLIMITED, Servo
 from identifiability.simulation.rollout import STEP, CommandedRobot, forgotten
 
 #: Length of blocks of time whose errors are taken to be independent [s].
@@ -178,7 +178,7 @@ def fit_limits(robot: Robot, logs: Sequence[Log], limit: Array, free: np.ndarray
     machine = CommandedRobot(robot, {}, robot.servo.at_most(limit))
     kinds = (*KINDS, "limit")
     delay = robot.servo.delay
-    start = {**machine.numbers(), "limit": np.minimum(limit, ENDLESS)}
+    start = {**machine.numbers(), "limit": np.minimum(limit, UNLIMITED)}
     x = np.concatenate([*(start[k] for k in kinds), np.full(len(logs), delay or 0.0)])
     thirds = tuple(_middle(log) for log in logs)
     long = all(t[-1] - t[0] > ENOUGH for t in (log.t for log in thirds))
@@ -187,7 +187,7 @@ def fit_limits(robot: Robot, logs: Sequence[Log], limit: Array, free: np.ndarray
     whole = Problem(machine, tuple(logs), delay, kinds, {"limit": free})
     at = kinds.index("limit") * len(limit) + np.flatnonzero(free)
     without = np.tile(x, (len(at), 1))
-    without[range(len(at)), at] = ENDLESS
+    without[range(len(at)), at] = UNLIMITED
     errors = [whole.errors(q) for q in whole.roll([x, *without], COARSE)]
     out = np.full(len(limit), np.inf)
     for k, column, lacking in zip(np.flatnonzero(free), at, errors[1:], strict=True):
@@ -492,7 +492,7 @@ class Problem:
         )
         damping = servo.kv + inertia / 0.1  # of a servo that takes a tenth of a second
         each = {"Ia": inertia, "Fv": damping, "Fc": torque, "off": torque}
-        each |= {"kp": servo.kp, "kv": damping, "limit": np.minimum(servo.high, ENDLESS)}
+        each |= {"kp": servo.kp, "kv": damping, "limit": np.minimum(servo.high, UNLIMITED)}
         bodies = believed.bodies if believed else ()
         #: Where the coordinates of bodies begin, and where delays do.
         self.at = len(kinds) * self.n, len(kinds) * self.n + len(bodies)

@@ -514,7 +514,7 @@ class Description:
 # Limits of speed that files of a robot state: the sidecar, else the velocities of a URDF.
 
 
-#: A speed from which on a file means that there is no limit [rad/s or m/s].
+#: A position or speed from which on a file means that there is no limit [rad or m, and per s].
 ENDLESS: Tolerance = 1e6
 
 

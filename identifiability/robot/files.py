@@ -320,10 +320,6 @@ def _spaced(name: str) -> str:
     return re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
 
 
-#: How files write a limit that is none.
-ENDLESS = ("inf", "+inf", "-inf", "infinity", "-infinity", ".inf", "-.inf")
-
-
 def plain_urdf(root: ET.Element, name: str) -> str:
     """Return a URDF whose continuous joints are revolute ones, as far as they like.
 
@@ -341,14 +337,19 @@ def plain_urdf(root: ET.Element, name: str) -> str:
         limit = ET.SubElement(joint, "limit") if limit is None else limit
         for key in ("effort", "velocity"):
             limit.attrib.setdefault(key, "0")
-            if limit.get(key, "").strip().lower() in ENDLESS:
+            if _is_endless(limit, key):
                 limit.set(key, "0")
         for key, far in (("lower", "-1e9"), ("upper", "1e9")):
-            if endless or limit.get(key, "").strip().lower() in ENDLESS:
+            if endless or _is_endless(limit, key):
                 limit.set(key, far)
         if kind == "continuous":
             joint.set("type", "revolute")
     return ET.tostring(plain, encoding="unicode")
+
+
+def _is_endless(limit: ET.Element, key: str) -> bool:
+    """Return whether a limit is written as one that is none."""
+    return limit.get(key, "").strip().lower().lstrip("+-.") in ("inf", "infinity")
 
 
 def _check_mimics(path: Path, mimics: Sequence[Coupling], joints: Collection[str]) -> None:

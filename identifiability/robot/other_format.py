@@ -16,17 +16,13 @@ from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_text
 from identifiability.foundation.rules import Tolerance
-from identifiability.robot.description import Bound, Description
+from identifiability.robot.description import ENDLESS, Bound, Description
 from identifiability.robot.files import PLACEHOLDER
 from identifiability.robot.kinematics import WORLD, Joint, Point
 from identifiability.robot.markup import numbers
 from identifiability.robot.parts import Coupling
 
 # What both formats of a robot are written from.
-
-
-#: Positions beyond which a limit is none [rad or m].
-ENDLESS: Tolerance = 1e8
 
 
 def body_joints(robot: Description) -> Iterator[tuple[str, list[Joint]]]:

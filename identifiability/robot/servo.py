@@ -33,7 +33,7 @@ FIT = "fit"
 RATE: Tolerance = 1000.0
 
 #: What stands for no limit among limits that are numbers [N·m or N].
-ENDLESS: Tolerance = 1e12
+UNLIMITED: Tolerance = 1e12
 
 
 @frozen

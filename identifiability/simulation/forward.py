@@ -26,7 +26,7 @@ from identifiability.robot.closure import count_independent
 from identifiability.robot.kinematics import Point
 from identifiability.robot.mjcf import bolt_down, leave_out, quiet
 from identifiability.robot.parts import Axis, Coupling
-from identifiability.robot.servo import ENDLESS, Servo
+from identifiability.robot.servo import UNLIMITED, Servo
 from identifiability.robot.write import write_robot
 from identifiability.simulation.forces import JointTerms, both_directions
 from identifiability.simulation.mujoco_robot import MujocoRobot, bare_urdf, reason_of
@@ -206,7 +206,9 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
         "biastype": mujoco.mjtBias.mjBIAS_AFFINE,
         "biasprm": [0, -kp, -kv, *[0] * 7],
         "forcelimited": True,
-        "forcerange": np.nan_to_num([servo.low[k], servo.high[k]], posinf=ENDLESS, neginf=-ENDLESS),
+        "forcerange": np.nan_to_num(
+            [servo.low[k], servo.high[k]], posinf=UNLIMITED, neginf=-UNLIMITED
+        ),
     }
     spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT, **options)
 

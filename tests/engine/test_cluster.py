@@ -244,8 +244,8 @@ def test_what_interrupts_the_start_of_a_cluster_ends_it_once_it_is_there(monkeyp
 @needs_dask
 def test_the_end_of_a_cluster_is_not_waited_for(monkeypatch):
     """Neither an item at work nor what Dask waits for."""
-    assert clusters.ENDING <= 10
-    monkeypatch.setattr(clusters, "ENDING", 0.5)
+    assert clusters.SILENCE <= 10
+    monkeypatch.setattr(clusters, "SILENCE", 0.5)
     engine = choose_engine("dask", workers=1)
     results = engine.map(time.sleep, [0.0, 600.0])
     next(results)

@@ -42,11 +42,9 @@ PATIENCE, JOINING = 5.0, 60.0
 #: Seconds between looks at whether a worker has joined.
 ASKING = 0.1
 
-#: Seconds without a result after which the scheduler is asked whether it is still there.
+#: Seconds without a result after which the scheduler is asked whether it is still there, and in
+#: which a cluster whose workers were ended is closed: Dask may wait for ever.
 SILENCE = 10.0
-
-#: Seconds in which a cluster whose workers were ended is closed: Dask may wait for ever.
-ENDING = 10.0
 
 #: Run by workers that were started here: Ctrl-C is for the program that started them.
 _DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
@@ -273,4 +271,4 @@ def _end(cluster: Any) -> None:
         if nanny.pid:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(nanny.pid, signal.SIGTERM)
-    cluster.close(timeout=ENDING)
+    cluster.close(timeout=SILENCE)

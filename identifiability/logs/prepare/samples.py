@@ -431,7 +431,9 @@ class Samples:
                 last = min(first + step, count)
                 begin = start + first * d.factor
                 end = begin + (last - 1 - first) * d.factor + 2 * d.reach + 1
-                some = slice(begin, end, d.every)
+                some: slice | np.ndarray = slice(begin, end)
+                if d.every > 1:  # a copy, that does not keep what lies between
+                    some = np.arange(begin, end, d.every)
                 again = 2 * d.coarse.reach + 1 - d.coarse.factor if first else 0
                 motion, tau = self.motion[some], self.tau[begin:end]
                 if d.every > 1:

@@ -88,6 +88,7 @@ def test_columns_are_computed_of_at_least_32_samples_for_each_output(two, factor
         np.testing.assert_allclose(down, 0.01 * rows, atol=1e-9)
         for p in pieces:
             assert (np.diff(p.motion.kept) == every).all()
+            assert every == 1 or not np.shares_memory(p.motion.q, s.motion.q)
             assert p.motion.span == pytest.approx(0.01 * every if every > 1 else 0.0)
 
 
