@@ -77,8 +77,13 @@ class Cone:
         hit = time < limit
         inward[hit, row[hit]] = 1.0
         time = np.minimum(time, limit)
+        if m == y.shape[1]:
+            return time, hit, inward
         J, D = self._matrices(y), self._matrices(dy)
-        chain, body, when, null = _crossings(J, D, time)
+        out = ~positive(J + time[:, None, None, None] * D)
+        if not out.any():
+            return time, hit, inward
+        chain, body, when, null = _crossings(J, D, time, out)
         if chain.size:
             first = np.lexsort((when, chain))
             first = first[np.unique(chain[first], return_index=True)[1]]
@@ -141,14 +146,16 @@ def exit_through_rows(y: Array, dy: Array) -> tuple[Array, np.ndarray]:
     return times[np.arange(len(row)), row], row
 
 
-def _crossings(J: Array, D: Array, time: Array) -> tuple[np.ndarray, np.ndarray, Array, Array]:
-    """Chains, bodies, times and null vectors of all exits before `time`.
+def _crossings(
+    J: Array, D: Array, time: Array, out: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, Array, Array]:
+    """Chains, bodies, times and null vectors of all exits of those that are `out` at `time`.
 
     From a point R inside, ``R + s D = L (1 + s M) Lᵀ`` first turns singular at −1 over the smallest
     eigenvalue of M. A point at least a third of the way there makes that good to all digits, also
     where the path starts on the boundary.
     """
-    chain, body = np.nonzero(~positive(J + time[:, None, None, None] * D))
+    chain, body = np.nonzero(out)
     J, D, inner = J[chain, body], D[chain, body], time[chain]
     outside = np.arange(len(chain))
     for _ in range(CUTS):
