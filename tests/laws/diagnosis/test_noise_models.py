@@ -143,6 +143,14 @@ def test_a_misfit_is_white_noise_on_top(misfit):
     np.testing.assert_allclose(alone @ V @ alone.T, np.eye(70), atol=1e-2)
 
 
+def test_what_is_no_more_than_twice_what_noise_leaves_is_no_misfit():
+    noise = JointNoise(theta=np.zeros(1), covariance=np.eye(1), sigma=2.0, dof=9.0, left=4.0)
+    residual = np.full((50, 2), [np.sqrt(7.9), 5.0])
+    np.testing.assert_allclose(ARNoise((noise, noise)).misfit(residual), [0.0, 25.0 - 8.0])
+    half = np.array([25, 50])  # rows that are data
+    np.testing.assert_allclose(ARNoise((noise, noise)).misfit(residual, half), [7.8, 17.0])
+
+
 def test_simulated_noise_starts_anew_at_every_gap_and_in_every_joint():
     joints = tuple(
         JointNoise(theta=np.arctanh([0.95]), covariance=np.array([[1e-6]]), sigma=s, dof=1e6,
