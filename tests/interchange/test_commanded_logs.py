@@ -64,6 +64,15 @@ def test_every_episode_of_a_dataset_is_the_log_that_was_recorded(version, arm):
     assert rollout(arm, f"{DATASETS / version}:1").totals[0] < 0.5
 
 
+def test_an_episode_with_a_file_of_its_own_is_read_from_that_alone(arm, tmp_path):
+    folder = tmp_path / "v2.1"
+    shutil.copytree(DATASETS / "v2.1", folder)
+    (file,) = folder.rglob("episode_000001.parquet")
+    file.write_bytes(b"no Parquet")
+    assert len(read(arm, f"{folder}:0")) == 75
+    assert "cannot be read as a LeRobot dataset" in refused(arm, f"{folder}:1")
+
+
 def test_units_of_a_dataset_are_stated_by_joint(arm, tmp_path):
     """Normalised units, ticks and degrees in one table; patterns, and names of its own."""
     plain = read(arm, DATASETS / "v3.0:0")
