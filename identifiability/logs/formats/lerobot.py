@@ -135,7 +135,7 @@ def read_episode(path: str | Path) -> pd.DataFrame:
         )
     number = int(split_episodes(episodes[0])[1])
     info = _read_info(folder)
-    # In v2 each has a file of its own: with all of them a thousand would be opened a thousand times.
+    # In v2 each has a file of its own: else a thousand files are opened a thousand times.
     files = [str(f) for f in (folder / "data").glob(f"*/episode_{number:06d}.parquet")]
     data = ds.dataset(files or folder / "data", format="parquet")
     wanted = [name for name in FEATURES if name in data.schema.names]

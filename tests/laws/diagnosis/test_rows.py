@@ -141,6 +141,15 @@ def test_a_table_computes_a_column_once_under_whatever_number(made, asked):
     assert len(asked) == 0
 
 
+def test_each_shape_has_columns_of_its_own(made):
+    structure, samples = made
+    listed = candidates_of(structure, samples, ("stribeck_friction",))
+    one, other = [c for c in listed if c.place == "elbow"][:2]
+    assert one.shape != other.shape
+    taken = Table.of(structure, [samples]).rows(listed).D.take([*one.columns, *other.columns])
+    assert np.abs(np.diff(taken, axis=2)).max() > 0.05
+
+
 def test_what_is_not_looked_at_is_not_computed(made, asked):
     structure, samples = made
     listed = candidates_of(structure, samples, FIRST)

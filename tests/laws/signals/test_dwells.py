@@ -74,6 +74,18 @@ def test_beside_a_joint_that_stands_all_reversals_are_no_data(two, error):
     assert 0 < near.mean() < 0.2
 
 
+def test_what_the_filters_mix_with_a_stop_on_the_way_is_no_data(two):
+    """A joint that goes on as it came reverses nowhere."""
+    t, q, stands = stop_and_go()
+    onward = np.cumsum(np.abs(np.diff(q, prepend=0.0)))
+    how = Preparation(cutoff=5.0)
+    s = samples_of(two, t, onward, 0.6 * np.sin(2 * np.pi * 0.9 * t), how)
+    mixed = 2 * (round(0.5 * RATE / s.cutoff) - 2) + 1
+    near = np.convolve(stands, np.ones(mixed), "same") > 0.5
+    assert near.sum() > stands.sum() + 5 * (mixed - 1)
+    assert s.dwells[s.motion.kept][near, 0].mean() > 0.98
+
+
 def test_reversals_are_data_where_no_joint_ever_stands(two):
     t = np.arange(0, 8, 1 / RATE)
     swings = [0.6 * np.sin(2 * np.pi * f * t) for f in (0.7, 0.9)]
