@@ -367,7 +367,15 @@ def matlab(path):
     savemat(path, {"t": np.zeros(4_000_001, np.int8)}, do_compression=True)
 
 
+def cut(path):
+    from scipy.io import savemat
+
+    savemat(path, {"run": {"t": np.zeros(9)}})
+    path.write_bytes(path.read_bytes()[:-8])
+
+
 LOGS = {
+    "a part of MATLAB": ("run.mat", cut, "a part of it is longer than what holds it"),
     "a line": ("run.csv", b"t,q," * 100_000, "no end of a line in its first 262 kB"),
     "columns of a CSV": (
         "run.csv",

@@ -269,30 +269,59 @@ def _check_places(path: Path, sheet: bytes) -> None:
 
 
 def check_elements(path: Path, content: bytes) -> None:
-    """Refuse a MATLAB file (version 5) that unpacks to more than is held in memory.
+    """Refuse a MATLAB file (version 5) that is larger than memory, or whose parts do not fit.
+
+    What reads it believes the lengths that it states, and may read what lies beyond the file.
 
     Raises
     ------
     LogError
     """
-    unpacked = 0
-    for element in _compressed(content):
-        unpacking, left = zlib.decompressobj(), element
-        while left and unpacked <= MOST_BYTES:
-            unpacked += len(unpacking.decompress(left, 1_000_000))
-            left = unpacking.unconsumed_tail
-        _check_unpacked(path, unpacked, MOST_BYTES)
+    order = {b"MI": ">", b"IM": "<"}.get(content[126:128])
+    if order is None:  # of version 4; its own reader says what else it may be
+        return
+    try:
+        unpacked = 0
+        for kind, element in _elements(memoryview(content)[128:], order):
+            if kind == _COMPRESSED:
+                unpacking, left, pieces = zlib.decompressobj(), bytes(element), list[bytes]()
+                while left and unpacked <= MOST_BYTES:
+                    pieces.append(unpacking.decompress(left, 1_000_000))
+                    unpacked, left = unpacked + len(pieces[-1]), unpacking.unconsumed_tail
+                _check_unpacked(path, unpacked, MOST_BYTES)
+                _check_nested(memoryview(b"".join(pieces)), order)
+            elif kind == _MATRIX:
+                _check_nested(element, order)
+    except struct.error:
+        raise LogError(
+            f"{path} is damaged: a part of it is longer than what holds it; copy it again, or save "
+            "it anew."
+        ) from None
 
 
-def _compressed(content: bytes) -> Iterator[bytes]:
-    """Yield the compressed elements of a MATLAB file; its own reader says what is damaged."""
-    order = ">" if content[126:128] == b"MI" else "<"
-    at = 128
-    while at + 8 <= len(content):
+#: Types of elements of a MATLAB file that hold others.
+_MATRIX, _COMPRESSED = 14, 15
+
+
+def _elements(content: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
+    """Yield type and content of the elements of a MATLAB file; struct.error if one does not fit."""
+    at = 0
+    while at < len(content):
         kind, size = struct.unpack_from(f"{order}II", content, at)
-        if kind == 15:
-            yield content[at + 8 : at + 8 + size]
-        at += 8 + size
+        if kind >> 16:  # up to four bytes stand beside their length
+            at += 8
+            continue
+        inside = content[at + 8 : at + 8 + size]
+        if len(inside) < size:
+            raise struct.error
+        yield kind, inside
+        at += 8 + size + (0 if kind == _COMPRESSED else -size % 8)
+
+
+def _check_nested(content: memoryview, order: str) -> None:
+    for kind, element in _elements(content, order):
+        if kind == _MATRIX:
+            _check_nested(element, order)
 
 
 def _check_unpacked(path: Path, size: int, most: int) -> None:

@@ -311,7 +311,8 @@ def _lasting(x: np.ndarray, window: int) -> np.ndarray:
 
 def _in_any(centres: np.ndarray, window: int) -> np.ndarray:
     """Return the samples that lie in the window about any of some (N,) bool."""
-    found: np.ndarray = maximum_filter1d(centres, 2 * (window // 2) + 1)
+    half = min(window // 2, len(centres))  # of a joint that hardly moves it has no bound
+    found: np.ndarray = maximum_filter1d(centres, 2 * half + 1)
     return found
 
 
@@ -602,7 +603,7 @@ class Plan:
 
 def _reached(x: np.ndarray, reach: int) -> np.ndarray:
     """Return (N, n) bool true within some samples of where it is."""
-    out: np.ndarray = maximum_filter1d(x, 2 * reach + 1, axis=0)
+    out: np.ndarray = maximum_filter1d(x, 2 * min(reach, len(x)) + 1, axis=0)
     return out
 
 
