@@ -274,9 +274,9 @@ class DwellRule:
             out[:, j] = _in_any(span <= self.width[j], least)
             for limit, slow in zip(self.creep[:, j], self.slow[:, j].tolist(), strict=True):
                 out[:, j] |= _lasting(speed[:, j] <= limit, slow)
-            out[:, j] |= binary_propagation(
-                out[:, j], mask=out[:, j] | (speed[:, j] <= self.creep[0, j])
-            )
+            if out[:, j].any():
+                still = out[:, j] | (speed[:, j] <= self.creep[0, j])
+                out[:, j] = binary_propagation(out[:, j], mask=still)
         out = _reached(out, self.beside)
         if self.turning:
             out |= _reached(_reversals(dq), self.turning)
@@ -302,8 +302,9 @@ def _largest(x: Array, window: int) -> Array:
 
 def _lasting(x: np.ndarray, window: int) -> np.ndarray:
     """Return where x (N,) bool is true for at least a window about some sample."""
-    edges = np.flatnonzero(np.diff(x, prepend=False, append=False))
-    out = np.zeros(len(x), bool)
+    out, wide = np.zeros(len(x), bool), np.zeros(len(x) + 2, bool)
+    wide[1:-1] = x
+    edges = np.flatnonzero(wide[1:] != wide[:-1])
     for start, stop in edges.reshape(-1, 2)[np.diff(edges)[::2] > 2 * (window // 2)].tolist():
         out[start:stop] = True
     return out
