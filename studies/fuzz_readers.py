@@ -34,6 +34,8 @@ FILES = {
     "bag": "ROS bag (MCAP)",
     "csv": "log, CSV",
     "parquet": "log, Parquet",
+    "npz": "log, .npz",
+    "mat": "log, MATLAB",
     "ladder": "ladder, TOML",
     "sidecar": "sidecar, TOML",
     "result": "result, JSON",

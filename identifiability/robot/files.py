@@ -283,8 +283,11 @@ def _ask_for_base(path: Path, root: ET.Element) -> None:
     ------
     RobotError
     """
-    ends = {
-        joint: tuple(end.get("link", "") for end in joint if end.tag in ("parent", "child"))
+    ends = {  # in the order of the file either may stand first
+        joint: [
+            "" if (end := joint.find(tag)) is None else end.get("link", "")
+            for tag in ("parent", "child")
+        ]
         for joint in root.findall("joint")
     }
     children = {child for _, child in ends.values()}

@@ -62,6 +62,12 @@ def test_a_body_that_cannot_exist_is_refused(tmp_path):
     with pytest.raises(IdentifiabilityError, match=r"link2: .*triangle.*without --fixed"):
         export(result.robot, path, tmp_path / "x.xml")
     assert not (tmp_path / "x.xml").exists()
+    for name, value in (("link1.my", 1e300), ("link2.m", 1e-320)):
+        content["physical"]["parameters"] |= {"link2.Ixx": 0.1, name: value}
+        path.write_text(json.dumps(content))
+        with pytest.raises(IdentifiabilityError, match=f"'{name}' = .* is no number of a robot"):
+            export(result.robot, path, tmp_path / "x.xml")
+        del content["physical"]["parameters"][name]
 
 
 def test_a_result_without_a_real_robot_says_why(tmp_path):

@@ -1,5 +1,6 @@
 """URDFs as people have them: what is not needed may be missing, what would be lost is refused."""
 
+import re
 from importlib.metadata import PackageNotFoundError, distribution
 
 import numpy as np
@@ -200,6 +201,13 @@ def test_a_robot_on_legs_whose_root_hangs_on_nothing_is_asked_about(tmp_path):
             RobotError, match=r'its root link \'trunk\'.* write base = "fixed" into'
         ):
             Robot.load(path)
+    # Either end of a joint may stand first, and twice.
+    turned = re.sub(r"(<parent[^>]*>)(<child[^>]*>)", r"\2\1", legged())
+    for text in (turned, re.sub(r"(<parent[^>]*>)", r"\1\1", legged())):
+        path.write_text(text)
+        with pytest.raises(RobotError, match=r"its root link 'trunk'"):
+            Robot.load(path)
+    path.write_text(legged(words=("thigh_pitch", "calf")))
     path.with_suffix(".toml").write_text('base = "fixed"')
     assert Robot.load(path).joints[0] == "l_thigh_pitch"
 

@@ -39,6 +39,7 @@ from identifiability.physical.feasibility import is_another
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.robot import Robot, RobotLike
+from identifiability.robot.markup import LARGEST, SMALLEST
 from identifiability.robot.other_format import write_converted
 from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.robot.write import write_robot
@@ -140,7 +141,13 @@ def check_result(robot: Robot, path: Path, content: Result, known: set[str]) -> 
     """
     given = content.physical.parameters
     content.robot.check_locked(robot, path)
-    for name in given:
+    for name, value in given.items():
+        none = name.endswith(".m") and 0 < abs(value) < SMALLEST
+        if none or not abs(value) < LARGEST:
+            raise IdentifiabilityError(
+                f"{path}: '{name}' = {value:g} is no number of a robot in SI units; make the "
+                "result anew."
+            )
         if name not in known:
             raise IdentifiabilityError(
                 f"{path} is about '{content.robot.name}' and has the parameter '{name}', which "
