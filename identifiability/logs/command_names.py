@@ -148,6 +148,16 @@ def _is_plain(column: str, command: Command) -> bool:
     return f"{owner}.{_SHORT.get(kind)}" == command.name
 
 
+def state_commands(found: Mapping[str, Command]) -> tuple[str, ...]:
+    """Return which columns were taken for commands by what their names usually mean, if any."""
+    told = []
+    for column, command in found.items():
+        joint, _, kind = command.name.rpartition(".")
+        end = min((end for end, what in _SHORT.items() if what == kind), key=len)
+        told += [] if _is_plain(column, command) else [f"{column.strip()!r} as {joint}.{end}"]
+    return (f"commands are {listing(told, 4)}",) if told else ()
+
+
 def find_commands(columns: Iterable[str], source: str, known: Conventions) -> dict[str, Command]:
     """Return the columns that hold commands of the robot's joints.
 

@@ -17,7 +17,7 @@ from identifiability.foundation.names import Array
 from identifiability.logs.aliases import INDEX, guess_column
 from identifiability.logs.base import BaseColumns, RawBase, moving_base
 from identifiability.logs.checks import Clock, Numbers, to_floats
-from identifiability.logs.command_names import Command, choose_commands
+from identifiability.logs.command_names import Command, choose_commands, state_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
 from identifiability.logs.naming import Column, Naming, name_columns
@@ -437,7 +437,8 @@ class Reading:
     @property
     def naming(self) -> Naming:
         """Which columns are which; empty before the first rows."""
-        return replace(self._naming, notes=(*self._form.notes, *self._naming.notes))
+        notes = (*self._form.notes, *self._naming.notes, *state_commands(self._commands or {}))
+        return replace(self._naming, notes=notes)
 
     def _begin(self, frame: pd.DataFrame) -> None:
         """Decide which columns are which, by the first rows."""

@@ -290,7 +290,9 @@ def find_servos(m: Any, driven: Mapping[int, tuple[int, float]]) -> dict[str, Jo
         ends = (-np.inf, np.inf)
         if m.actuator_forcelimited[a]:
             ends = tuple(sorted(m.actuator_forcerange[a] * gear))
-        own = JointServo(gear**2 * -bias[1], gear**2 * -bias[2], float(ends[0]), float(ends[1]))
+        own = JointServo(
+            0.0 - gear**2 * bias[1], 0.0 - gear**2 * bias[2], float(ends[0]), float(ends[1])
+        )
         other = found.get(name)
         found[name] = own if other is None else _add(own, other)
     return {name: servo for name, servo in found.items() if name not in motors}
