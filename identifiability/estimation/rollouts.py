@@ -180,11 +180,9 @@ def fit_limits(robot: Robot, logs: Sequence[Log], limit: Array, free: np.ndarray
     delay = robot.servo.delay
     start = {**machine.numbers(), "limit": np.minimum(limit, UNLIMITED)}
     x = np.concatenate([*(start[k] for k in kinds), np.full(len(logs), delay or 0.0)])
-    thirds = tuple(_middle(log) for log in logs)
-    long = all(t[-1] - t[0] > ENOUGH for t in (log.t for log in thirds))
-    part = thirds if long else tuple(logs)
-    x, *_ = _descend(Problem(machine, part, delay, kinds, {"limit": free}), x, STEPS)
+    # Of a part, which may hardly reach the limit, the search may leave where it can be felt.
     whole = Problem(machine, tuple(logs), delay, kinds, {"limit": free})
+    x, *_ = _descend(whole, x, STEPS)
     at = kinds.index("limit") * len(limit) + np.flatnonzero(free)
     without = np.tile(x, (len(at), 1))
     without[range(len(at)), at] = UNLIMITED
