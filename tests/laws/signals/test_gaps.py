@@ -99,7 +99,7 @@ def test_stretches_are_what_they_are_by_themselves(two):
         first = 1 if a else 0  # that of a later stretch is left out, which tells the others
         for name in ("actuated_q", "actuated_v", "actuated_a"):
             np.testing.assert_allclose(
-                getattr(own, name), getattr(alone, name)[first:], rtol=0, atol=1e-9
+                getattr(own, name), getattr(alone, name)[first:], rtol=0, atol=1e-8
             )
     assert np.flatnonzero(np.diff(s.motion.kept) > 1).tolist() == [1499, 3098]
 
