@@ -230,6 +230,11 @@ def scan_file(
             frame, form, digest = found.read(path, known or Conventions())
             each(frame, form)
             return digest, None
+        if path.is_dir():
+            raise LogError(
+                f"{path} is a folder, and none of a bag (metadata.yaml) or of LeRobot "
+                "(meta/info.json); name the files in it."
+            )
         if not path.is_file():
             raise LogError(MISSING.format(path))
         check_suffix(path)

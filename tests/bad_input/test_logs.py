@@ -20,7 +20,7 @@ def cell(frame, row, column, value):
 def test_a_missing_log_is_refused(refused, write):
     assert "There is no log file 'no.csv'; give a CSV" in refused("analyze", "two-link", "no.csv")
     folder = write("log.csv", "").parent
-    assert "There is no log file" in refused("analyze", "two-link", folder)
+    assert "is a folder, and none of a bag" in refused("analyze", "two-link", folder)
     assert "cannot be read as CSV: " in refused("analyze", "two-link", "a" * 5000)
 
 

@@ -538,6 +538,13 @@ def test_a_pipe_is_not_waited_for(refuses, name):
     refuses(read, name, os.mkfifo, r"no file|no log file|no robot file")
 
 
+def test_what_is_no_log_is_named(tmp_path, refuses):
+    for ending, kind in (("h5", "HDF5"), ("jsonl", "JSON"), ("yaml", "YAML"), ("xml", "XML")):
+        refuses(Log.read, f"run.{ending}", "t: 1\n", f"is {kind}; write its")
+    refuses(Log.read, "run.ulg", b"ULog\0", "holds no text, .* folders of LeRobot are read")
+    refuses(Log.read, "folder", lambda path: path.mkdir(), "is a folder, and none of a bag")
+
+
 def test_a_header_of_a_pipe_is_left_to_its_reader(tmp_path):
     os.mkfifo(tmp_path / "run.csv")
     source.check_header(tmp_path / "run.csv", Conventions())
