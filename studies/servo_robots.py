@@ -43,6 +43,9 @@ TEETH, RUB = 0.04, 0.3
 #: Who draws a machine.
 Draw = Callable[[Robot, float, np.random.Generator], dict[str, float]]
 
+#: Draws that tell a joint set, many times the numbers of a quadruped.
+DRAWS = 4096
+
 #: What a servo's joint has beside its body.
 KINDS = ("Ia", "Fv", "Fc", "off")
 
@@ -404,10 +407,11 @@ def judge(
     table.loc[len(table)] = ["delay", at, ends, "", late, "delay"]
     table["seed"] = seed
     out["hints"] = float(any("contradicts that bodies" in hint for hint in found.hints))
-    drawn = draw_robots(robot, found.fit, 256, seed=seed).base
+    # Half of them say how far is far; the others are as new to that as the truth.
+    drawn, others = np.split(draw_robots(robot, found.fit, DRAWS, seed=seed).base, 2)
     sd = drawn.std(0)
     turn = np.linalg.pinv(np.corrcoef(drawn.T), 1e-9, hermitian=True)
-    far, true = (((x - drawn.mean(0)) / sd) for x in (drawn, structure.G @ phi))
+    far, true = (((x - drawn.mean(0)) / sd) for x in (others, structure.G @ phi))
     edge = np.quantile(np.einsum("ki,ij,kj->k", far, turn, far), 0.95)
     out["joint set"] = float(true @ turn @ true <= edge)
     log = Log.from_frame(frames[1], conventions=Conventions.of(robot)).select(robot.joints)

@@ -371,6 +371,18 @@ def test_a_rollout_does_not_depend_on_the_integrators_step(arm, frames, monkeypa
     assert np.sqrt(np.mean((coarse - fine) ** 2)) < 3e-4 * np.ptp(fine)
 
 
+@pytest.mark.parametrize("most", [900.0, 60.0])  # [N·m], the second of which commands exceed
+def test_commands_that_act_later_by_less_than_a_step_move_a_robot_later_by_that(arm, frames, most):
+    log = read(arm, frames[1])
+    limit = np.array([most, 0.2 * most])
+    machine = CommandedRobot(arm, {}, replace(arm.servo, low=-limit, high=limit))
+    before, after = (machine.roll(log, delay=d)[0] for d in (0.0040, 0.0043))
+    slope = (machine.roll(log, delay=0.003)[0] - machine.roll(log, delay=0.005)[0]) / 0.002
+    rows = slice(len(log) // 2, None)  # those of a start are not later
+    apart = (after - before + 3e-4 * slope)[rows]
+    assert np.sqrt(np.mean(apart**2)) < 0.01 * np.sqrt(np.mean((3e-4 * slope[rows]) ** 2))
+
+
 def test_rollouts_of_several_robots_are_those_of_each(arm, frames):
     log, machine = read(arm, frames[1]), CommandedRobot(arm, {})
     own = machine.numbers()
@@ -381,7 +393,7 @@ def test_rollouts_of_several_robots_are_those_of_each(arm, frames):
     windows = [(0, 300), (300, len(log))]
     parts = machine.roll(log, windows=windows)[0]
     np.testing.assert_array_equal(parts[:300], both[0][:300])
-    np.testing.assert_allclose(parts[300], log.q[300])
+    np.testing.assert_allclose(parts[300], log.q[300], atol=2e-5)
 
 
 def test_joints_and_delay_are_found_from_rollouts_of_another_physics(arm, frames):
@@ -423,7 +435,8 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     sure = table[table["verdict"] == "identifiable"]
     assert len(sure) >= 8
     for name, row in sure.iterrows():
-        assert abs(row["value"] - true[name]) < 0.12 * abs(true[name]) + 0.01
+        low, high = row["interval95"]
+        assert abs(row["value"] - true[name]) < 0.6 * (high - low), name
     path = result.to_json(tmp_path / "result.json")
     found = rollout(arm, frames[1], against=result)
     np.testing.assert_allclose(found.errors, rollout(arm, frames[1], against=path).errors)
@@ -753,7 +766,7 @@ def test_commands_and_positions_say_nothing_of_the_scale_of_all_numbers(unstated
     x = problem.extended(np.concatenate([*(numbers[k] for k in kinds), [0.006]]))
     one, other = problem.roll([x, problem.scaled(x, 1.5)])
     np.testing.assert_allclose(one[0], other[0], atol=1e-9)
-    J = problem.linearise(x, problem.weights(one))[: -problem.believed_rows]
+    J = problem.linearise(x, problem.weights(one)[0])[: -problem.believed_rows]
     along = problem.scaled(x, 1 + 1e-6) - x
     assert np.linalg.norm(J @ along) < 1e-6 * np.linalg.norm(J * along)
 

@@ -32,6 +32,9 @@ from identifiability.simulation.rollout import STEP, CommandedRobot, forgotten
 #: Length of blocks of time whose errors are taken to be independent [s].
 TOGETHER: Tolerance = 1.0
 
+#: How many other records of the same motion tell what the steps of encoders do to a delay.
+RECORDS = 100
+
 #: No delay that is looked for is longer [s].
 LATEST: Tolerance = 0.06
 
@@ -43,8 +46,9 @@ KINDS = ("Ia", "Fv", "Fc", "off")
 VARIED: Tolerance = 0.02
 LATER: Tolerance = 0.05
 
-#: Step of rollouts whose differences alone are looked at [s].
+#: Step of rollouts whose differences alone are looked at [s], and of those that tell numbers.
 COARSE: Tolerance = 2.5 * STEP
+FINE: Tolerance = 0.25 * STEP
 
 #: Where a third of a log is so long, the search begins on that: steps there cost a third [s].
 ENOUGH: Tolerance = 2.0
@@ -62,10 +66,11 @@ SHIFTS, SHIFTED = 16, 3
 SETTLED: Tolerance = 1e-3
 
 #: A step is taken again, more damped, so often; and the search ends where one promises less than
-#: this share of the error, or after so many derivatives, which are used again while steps gain this
-#: share of what they promise; and at its end the error is no less than this share of theirs.
+#: this share of what noise makes of one number (σ²), or after so many derivatives, which are used
+#: again while steps gain this share of what they promise; and at its end the error is no less than
+#: this share of theirs.
 TRIED = 6
-GAIN: Tolerance = 5e-3
+GAIN: Tolerance = 0.1
 STEPS = 8
 KEPT: Tolerance = 0.5
 FAR: Tolerance = 0.5
@@ -147,9 +152,9 @@ def fit_rollouts(
         if contradicted(share_missed(errors, logs)):  # nor will whole logs be followed
             numbers, delays, _ = problem.unpack(x)
             return Rollouts(numbers, delays, errors, before, taken, np.zeros(len(logs)))
-    x, errors, taken, J, r = _descend(problem, x, steps)
+    x, errors, taken, J, r = _descend(problem, x, steps, FINE)
     numbers, delays, _ = problem.unpack(x)
-    sure = np.zeros(len(logs)) if delay is not None else problem.delay_errors(J, r)
+    sure = np.zeros(len(logs)) if delay is not None else problem.delay_errors(J, r, x)
     return Rollouts(numbers, delays, errors, before, taken, sure)
 
 
@@ -343,6 +348,16 @@ def _unexplained(log: Log) -> Array:
     return np.asarray(np.minimum(np.maximum(np.min(apart, axis=0), noise**2), moved))
 
 
+def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
+    """Return positions (N, n) with the steps of a log's encoders, and what else is its noise."""
+    finest = resolution(log.q)
+    noise = np.sqrt(np.maximum(noise_level(log.q, log.t) ** 2 - finest**2 / 12, 0.0))
+    at = rng.uniform(size=q.shape[1])
+    width = np.where(finest > 0, finest, 1.0)
+    rounded = np.where(finest > 0, (np.floor(q / width + at) + 0.5 - at) * width, q)
+    return np.asarray(rounded + noise * rng.standard_normal(q.shape))
+
+
 def _middle(log: Log) -> Log:
     """Return the middle third of a log, as they often begin and end at rest."""
     return log.rows(len(log) // 3, 2 * len(log) // 3)
@@ -353,16 +368,19 @@ def _pack(numbers: Mapping[str, Array], delays: Array) -> Array:
     return np.concatenate([*(numbers[k] for k in KINDS), delays])
 
 
-def _descend(problem: Problem, x: Array, steps: int) -> tuple[Array, Array, int, Array, Array]:
+def _descend(
+    problem: Problem, x: Array, steps: int, width: float = STEP
+) -> tuple[Array, Array, int, Array, Array]:
     """Return the vector after damped Gauss–Newton steps, errors (n,), and how many were taken.
 
-    Then the last derivative of the residual (r, p), and the last residual (r,).
+    Then the last derivative of the residual (r, p), and the last residual (r,). Rollouts are of
+    that width [s].
     """
-    q = problem.roll([x])[0]
+    q = problem.roll([x], width)[0]
     taken, damping = 0, 1e-3
     J, r = np.zeros((0, len(x))), np.zeros(0)
     for _ in range(steps):
-        weights = problem.weights(q)
+        weights, memory = problem.weights(q)
         J, r = problem.linearise(x, weights), problem.residual(q, weights, x)
         Q, R = np.linalg.qr(J)
         size = np.sqrt((R**2).sum(0)) + 1e-12
@@ -375,11 +393,11 @@ def _descend(problem: Problem, x: Array, steps: int) -> tuple[Array, Array, int,
             step = scipy.optimize.lsq_linear(rows, wanted, (low, high), method="bvls").x
             cost, left = float(r @ r), right + R @ step
             promised = float(right @ right - left @ left)
-            if promised <= GAIN * cost:
+            if promised <= GAIN * memory * cost / len(r):
                 if fresh or cost > FAR * begun:
                     return x, problem.errors(q), taken, J, r
                 break  # derivatives are those of another place
-            moved = problem.roll([x + step])[0]
+            moved = problem.roll([x + step], width)[0]
             found = problem.residual(moved, weights, x + step)
             gained = cost - float(found @ found)
             if gained > 0:
@@ -548,16 +566,33 @@ class Problem:
             low[late], high[late] = -1e-12, 1e-12
         return np.minimum(low, -1e-12), high
 
-    def delay_errors(self, J: Array, r: Array) -> Array:
-        """Return standard deviations of the delays, (L,) [s]: a sandwich of blocks of time."""
+    def delay_errors(self, J: Array, r: Array, x: Array) -> Array:
+        """Return standard deviations of the delays, (L,) [s].
+
+        The larger one of two: that of a jackknife over blocks of time, as residuals of few blocks
+        are small where many numbers follow them, and that of other records of the same rollouts,
+        as where steps of encoders lie is the same in every block.
+        """
         if not len(r):
             return np.zeros(len(self.logs))
-        a = np.linalg.pinv(J)[self.at[1] :]
-        scores = (a * r).reshape(len(a), -1, self.n).sum(2)
-        rows = max(1, round(TOGETHER / self.dt))
-        starts = np.arange(0, scores.shape[1], rows)
-        out: Array = np.sqrt((np.add.reduceat(scores, starts, axis=1) ** 2).sum(1))
-        return out
+        size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
+        scaled, late = J / size, slice(self.at[1], None)
+        rows = self.n * max(1, round(TOGETHER / self.dt))
+        parts = [slice(k, k + rows) for k in range(0, len(r), rows)]
+        whole = scaled.T @ scaled
+        moved = [
+            np.linalg.pinv(whole - scaled[k].T @ scaled[k], hermitian=True) @ (scaled[k].T @ r[k])
+            for k in parts
+        ]
+        blocks = np.sum(np.square(moved), axis=0)[late] * (len(parts) - 1) / len(parts)
+        rng, q = np.random.default_rng(RECORDS), self.roll([x])[0]
+        weights, _ = self.weights(q)
+        follows = np.linalg.pinv(scaled)[late]
+        others = []
+        for _ in range(RECORDS):
+            again = [record(p, log, rng) for p, log in zip(q, self.logs, strict=True)]
+            others.append(follows @ self.residual(again, weights, x))
+        return np.asarray(np.sqrt(np.maximum(blocks, np.var(others, axis=0))) / size[late])
 
     def roll(self, xs: Sequence[Array], step: float = STEP) -> list[list[Array]]:
         """Return positions along every log, for several vectors."""
@@ -575,17 +610,18 @@ class Problem:
                     out[k].append(q)
         return out
 
-    def weights(self, q: list[Array]) -> Array:
-        """Return weights of errors of positions, (n,): errors count as rarely as they are new.
+    def weights(self, q: list[Array]) -> tuple[Array, float]:
+        """Return weights of errors of positions, (n,), and of how many samples each is new.
 
-        Beside what is believed of bodies they do; alone it makes no difference.
+        Beside what is believed of bodies errors count as rarely as they are new; alone it makes no
+        difference.
         """
         errors = np.maximum(self.errors(q), 1e-9)
-        if self.believed is None:
-            return np.asarray(1.0 / errors)
         pairs = zip(q, self.logs, strict=True)
         times = [autocorrelation_time(np.nan_to_num(x - log.q)) for x, log in pairs]
-        return np.asarray(1.0 / (errors * np.sqrt(np.max(times, axis=0))))
+        most = np.max(times, axis=0)
+        rarely = 1.0 if self.believed is None else np.sqrt(most)
+        return np.asarray(1.0 / (errors * rarely)), float(most.mean())
 
     def residual(self, q: list[Array], weights: Array, x: Array) -> Array:
         """Return weighted errors of positions, flat; what diverged is far off.

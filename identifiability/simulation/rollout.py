@@ -43,9 +43,9 @@ LEAST: Tolerance = 2e-4
 #: Share of the inertia of a joint that is taken off for time steps, at most.
 MOST_TAKEN: Tolerance = 0.5
 
-#: Time in which the speed of a start is seen [s], and after which it is forgotten by most servos.
+#: Time in which the speed of a start is seen [s], and after which soft servos have forgotten it.
 AROUND: Tolerance = 0.05
-FORGOTTEN: Tolerance = 0.25
+FORGOTTEN: Tolerance = 0.75
 
 
 class CommandedRobot:
@@ -180,7 +180,10 @@ class CommandedRobot:
         speed = starting_speeds(log)
         models = [self._with(own, h) for own in numbers]
         windows = list(windows) or [(0, len(log))]
-        steps = max(int(np.ceil((log.t[b - 1] - log.t[a]) / h)) + 1 for a, b in windows)
+        steps = max(int(np.ceil((log.t[b - 1] - log.t[a]) / h)) + 2 for a, b in windows)
+        # Held commands change between two steps, so that no step holds a share of a change, of
+        # which a servo at its limit would make another share of torque.
+        begins = (delays / h % 1.0 - 0.5) * h
         runs = [(k, w) for k in range(len(models)) for w in windows]
         start = np.zeros((len(runs), mujoco.mj_stateSize(self.model, _STATE)))
         controls = np.empty((len(runs), steps, self.model.nu))
@@ -188,9 +191,12 @@ class CommandedRobot:
         for r, (k, (a, _)) in enumerate(runs):
             q, v = home.copy(), np.zeros(self.model.nv)
             q[self.at], v[self.dofs] = log.q[a], speed[a]
-            times = log.t[a] + h * np.arange(steps)
+            begin = float(begins[k])
+            times = log.t[a] + begin + h * np.arange(steps)
             controls[r] = acting(log, self._servo(numbers[k]), times, h, float(delays[k]))
-            v -= 0.5 * h * self._acceleration(models[k], q, v, controls[r, 0])
+            a0 = self._acceleration(models[k], q, v, controls[r, 0])
+            q[self.at] += begin * speed[a] + (0.5 * begin**2 - h**2 / 8) * a0[self.dofs]
+            v += (begin - 0.5 * h) * a0
             start[r, 1 : 1 + self.model.nq], start[r, 1 + self.model.nq :][: len(v)] = q, v
         states, _ = rollout.rollout(
             [models[k] for k, _ in runs],
@@ -203,8 +209,9 @@ class CommandedRobot:
         places = 1 + self.at
         limit = RULES.diverged * (np.abs(log.q).max() + 1.0)
         for r, (k, (a, b)) in enumerate(runs):
-            path = np.concatenate([log.q[None, a], states[r][:, places]])
-            sampled = _sample(path, (log.t[a:b] - log.t[a]) / h)
+            first, speeds = start[r, places], start[r, 1 + self.model.nq + self.dofs]
+            path = np.concatenate([[first - h * speeds, first], states[r][:, places]])
+            sampled = _sample(path, (log.t[a:b] - log.t[a] - begins[k]) / h + 1)
             sampled[np.cumsum(~(np.abs(sampled).max(1) < limit)) > 0] = np.nan
             out[k, a:b] = sampled
         return out
@@ -260,9 +267,9 @@ def starting_speeds(log: Log) -> Array:
 
 
 def forgotten(log: Log) -> int:
-    """Return the row of a log from which on its start is forgotten; 0 where it is short."""
+    """Return the row of a log from which on its start is forgotten, or tells least of it."""
     row = int(np.searchsorted(log.t, log.t[0] + FORGOTTEN))
-    return row if row < RULES.start_most * len(log) else 0
+    return min(row, int(RULES.start_most * len(log)))
 
 
 #: What a robot lacks that has no servo, after its path.
@@ -280,8 +287,14 @@ def _copy(model: Any) -> Any:
 
 
 def _sample(path: Array, at: Array) -> Array:
-    """Return rows of a path (S, n) at fractional steps (m,), on straight lines between."""
-    low = np.clip(at.astype(int), 0, len(path) - 2)
-    part = (at - low)[:, None]
-    out: Array = (1 - part) * path[low] + part * path[low + 1]
+    """Return positions at fractional steps (m,) of a path (S, n).
+
+    Accelerations hold from half a step before a row until half a step behind it, and rows, between
+    which the speed is that of their middle, lie an eighth of what that makes of a step below.
+    """
+    k = np.clip(np.rint(at).astype(int), 1, len(path) - 2)
+    part = (at - k)[:, None]
+    before, here, after = path[k - 1], path[k], path[k + 1]
+    bent = after - 2 * here + before
+    out: Array = here + 0.5 * part * (after - before) + (0.5 * part**2 + 0.125) * bent
     return out

@@ -16,8 +16,8 @@ class Rules(RuleTable):
         Positions farther than this many times the range of the motion, and a metre or
         radian, have diverged.
     start_most : float, by hand
-        A rollout is judged from where its start is forgotten, if that is less than this
-        share of the log.
+        A rollout is judged from where its start is forgotten, and from this share of the log on at
+        the latest.
     noise_loudest : float, by hand
         Noise and hidden effects of so many times the torque are no measurement any more.
     """

@@ -21,19 +21,18 @@ from identifiability.estimation.rollouts import (
     Rollouts,
     contradicted,
     fit_rollouts,
+    record,
     roll_late,
     share_missed,
 )
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
-from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import check_commands, of_commands, servo_log
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.mend import looks_like_degrees
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.logs.prepare.plan import noise_level, resolution
 from identifiability.logs.repeats import Recording
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -285,7 +284,7 @@ def _calibrate(
     left, count = np.zeros(q.shape), np.zeros(q.shape)
     for _ in range(PHASES):
         again = servo_log(
-            replace(given, q=_recorded(q, log, rng), unmeasured=None), machine.servo, delay
+            replace(given, q=record(q, log, rng), unmeasured=None), machine.servo, delay
         )
         samples = prepare_samples(robot, again, how)
         rows = samples.motion.kept
@@ -297,16 +296,6 @@ def _calibrate(
     lost[: forgotten(log)] = True
     tau = given.tau - left / np.maximum(count, 1)
     return replace(given, tau=tau, unmeasured=lost if lost.any() else None, rollout=q)
-
-
-def _recorded(q: Array, log: Log, rng: np.random.Generator) -> Array:
-    """Return positions (N, n) with the steps of a log's encoders, and what else is its noise."""
-    finest = resolution(log.q)
-    noise = np.sqrt(np.maximum(noise_level(log.q, log.t) ** 2 - finest**2 / 12, 0.0))
-    at = rng.uniform(size=q.shape[1])
-    width = np.where(finest > 0, finest, 1.0)
-    rounded = np.where(finest > 0, (np.floor(q / width + at) + 0.5 - at) * width, q)
-    return np.asarray(rounded + noise * rng.standard_normal(q.shape))
 
 
 @frozen
