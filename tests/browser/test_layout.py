@@ -2,6 +2,9 @@
 
 import pytest
 
+from identifiability.robot.locate import locate_robot
+from identifiability.workflows.rollout import rollout
+
 WIDE = """() => {
   for (const fold of document.querySelectorAll("details")) fold.open = true;
   return [...document.querySelectorAll(".table-box")].map((e) => e.scrollWidth - e.clientWidth);
@@ -81,6 +84,25 @@ def test_chips_show_only_the_rows_with_their_verdict(reports, visit):
     assert said == f"{len(some)} of {total} shown"
     assert pressed == "true"
     assert back == total
+
+
+@pytest.mark.everything
+def test_a_robot_of_a_rollout_is_hidden_by_its_button_and_moves_when_played(tmp_path, visit):
+    log = locate_robot("hobby-arm").parent / "logs" / "run1.csv"
+    path = rollout("hobby-arm", log).write_report(tmp_path / "rollout.html")
+    with visit(path) as seen:
+        button, time = seen.page.locator("[data-robot]").last, seen.page.locator("output").first
+        pressed = [button.get_attribute("aria-pressed")]
+        for _ in range(2):
+            button.click()
+            pressed.append(button.get_attribute("aria-pressed"))
+        begun = time.text_content()
+        seen.page.locator(".play").first.click()
+        seen.page.wait_for_timeout(300)
+        played = time.text_content()
+    assert pressed == ["true", "false", "true"]
+    assert played != begun
+    assert seen.complaints == []
 
 
 @pytest.mark.parametrize("kind", ["demo", "analysis"])

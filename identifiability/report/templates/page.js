@@ -47,7 +47,7 @@ for (const [tags, role] of [
 for (const button of document.querySelectorAll("thead button")) {
   button.addEventListener("click", () => sortTable(button.closest("th")));
 }
-for (const chip of document.querySelectorAll(".chip")) {
+for (const chip of document.querySelectorAll(".chip[data-word]")) {
   chip.addEventListener("click", () => {
     chip.setAttribute("aria-pressed", String(chip.getAttribute("aria-pressed") !== "true"));
     filterTable(chip.closest(".chips"));
