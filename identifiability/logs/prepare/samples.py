@@ -438,7 +438,8 @@ class Samples:
                 motion, tau = self.motion[some], self.tau[begin:end]
                 if d.every > 1:
                     span = d.every * (motion.t[-1] - motion.t[0]) / (end - 1 - begin)
-                    motion = replace(motion, span=float(span))
+                    # None is missing between them: they are rows of a log that has no others.
+                    motion = replace(motion, span=float(span), kept=motion.kept // d.every)
                 yield Piece(motion, tau, d, again, self._dwells_in(some))
 
     def take(self, rows: slice | np.ndarray) -> Samples:

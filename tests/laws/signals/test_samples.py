@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from identifiability.effects.transmission import split_runs
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.mend import check_units, find_contradictions
@@ -79,7 +80,7 @@ def test_columns_are_computed_of_at_least_32_samples_for_each_output(two, factor
     s = replace(samples_of(two, np.arange(3, 24 * factor), 1), decimation=Decimation(factor, spare))
     for size in (1, 70, 10**6):
         pieces = list(s.pieces(size))
-        rows = np.concatenate([p.motion.kept[p.at] for p in pieces])
+        rows = every * np.concatenate([p.motion.kept[p.at] for p in pieces])
         np.testing.assert_array_equal(rows, factor * np.arange(11, 14))
         torque, raw = (np.concatenate([getattr(p, k) for p in pieces]) for k in ("torque", "raw"))
         np.testing.assert_allclose(torque[:, 0], rows, atol=1e-9)
@@ -87,7 +88,9 @@ def test_columns_are_computed_of_at_least_32_samples_for_each_output(two, factor
         down = np.concatenate([p.down(p.motion.t) for p in pieces])
         np.testing.assert_allclose(down, 0.01 * rows, atol=1e-9)
         for p in pieces:
-            assert (np.diff(p.motion.kept) == every).all()
+            # Effects that remember where they came from see no gap.
+            assert (np.diff(p.motion.kept) == 1).all()
+            assert len(split_runs(p.motion)) == 1
             assert every == 1 or not np.shares_memory(p.motion.q, s.motion.q)
             assert p.motion.span == pytest.approx(0.01 * every if every > 1 else 0.0)
 
