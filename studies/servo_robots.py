@@ -213,8 +213,12 @@ class Machine:
         self.M, self.damping = np.zeros((size, size)), np.zeros((size, size))
         self.M[self.motor[self.apart], self.motor[self.apart]] = rotors
         self.damping[self.motor, self.motor] = self.own["Fv"]
-        self.stiff = TEETH * rotors / STEP**2
-        self.rub = 2 * RUB * np.sqrt(self.stiff * rotors)
+        links = np.zeros((m.nv, m.nv))
+        mujoco.mj_fullM(m, self.data, links)
+        # Teeth that are stiffer than the lighter side bears at this step would throw it away.
+        light = np.minimum(rotors, 1 / np.diag(np.linalg.inv(links))[self.dofs[self.apart]])
+        self.stiff = TEETH * light / STEP**2
+        self.rub = 2 * RUB * np.sqrt(self.stiff * light)
         self.turned, self.speed = self.data.qpos[self.at][self.apart], np.zeros(size)
         self.carried = np.zeros(n)
 
