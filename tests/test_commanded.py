@@ -383,6 +383,16 @@ def test_commands_that_act_later_by_less_than_a_step_move_a_robot_later_by_that(
     assert np.sqrt(np.mean(apart**2)) < 0.01 * np.sqrt(np.mean((3e-4 * slope[rows]) ** 2))
 
 
+def test_commands_on_another_clock_than_rows_are_followed_as_closely(arm):
+    rng = np.random.default_rng(8)
+    how = servos.Recorder(rate=125.0, command_rate=50.0, delay=0.006, bits=14)
+    commands = servos.draw_commands(arm, 8.0, how.command_rate, 0.35, rng)
+    log = read(arm, servos.record(arm, TRUTH, commands, 8.0, how, rng))
+    found = fit_rollouts(arm, [log])
+    np.testing.assert_array_less(found.errors, 1.2 * 2 * np.pi / 2**14 / np.sqrt(12) + 2e-5)
+    np.testing.assert_allclose(found.numbers["Ia"], [0.11, 0.05], rtol=0.02)
+
+
 def test_rollouts_of_several_robots_are_those_of_each(arm, frames):
     log, machine = read(arm, frames[1]), CommandedRobot(arm, {})
     own = machine.numbers()

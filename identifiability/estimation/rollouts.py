@@ -66,11 +66,12 @@ SHIFTS, SHIFTED = 16, 3
 SETTLED: Tolerance = 1e-3
 
 #: A step is taken again, more damped, so often; and the search ends where one promises less than
-#: this share of what noise makes of one number (σ²), or after so many derivatives, which are used
-#: again while steps gain this share of what they promise; and at its end the error is no less than
-#: this share of theirs.
+#: these shares of the error and of what noise makes of one number (σ²), or after so many
+#: derivatives, which are used again while steps gain this share of what they promise; and at its
+#: end the error is no less than this share of theirs.
 TRIED = 6
-GAIN: Tolerance = 0.1
+GAIN: Tolerance = 5e-3
+CLOSE: Tolerance = 0.1
 STEPS = 8
 KEPT: Tolerance = 0.5
 FAR: Tolerance = 0.5
@@ -148,6 +149,8 @@ def fit_rollouts(
     before = problem.errors(problem.roll([x])[0])
     thirds = tuple(_middle(log) for log in logs)
     if not fitted and all(t[-1] - t[0] > ENOUGH for t in (log.t for log in thirds)):
+        # Begun anew all the time, a rollout follows even where numbers are far from the robot's.
+        x, *_ = _descend(Problem(machine, thirds, delay, anew=TOGETHER), x, steps)
         x, errors, taken, *_ = _descend(Problem(machine, thirds, delay), x, steps)
         if contradicted(share_missed(errors, logs)):  # nor will whole logs be followed
             numbers, delays, _ = problem.unpack(x)
@@ -393,7 +396,7 @@ def _descend(
             step = scipy.optimize.lsq_linear(rows, wanted, (low, high), method="bvls").x
             cost, left = float(r @ r), right + R @ step
             promised = float(right @ right - left @ left)
-            if promised <= GAIN * memory * cost / len(r):
+            if promised <= min(GAIN, CLOSE * memory / len(r)) * cost:
                 if fresh or cost > FAR * begun:
                     return x, problem.errors(q), taken, J, r
                 break  # derivatives are those of another place
@@ -485,6 +488,8 @@ class Problem:
         Kinds that are varied at some joints only.
     believed : Believed, optional
         Of bodies that are varied, too.
+    anew : float [s]
+        After which rollouts begin from the log again; by default never.
     """
 
     def __init__(
@@ -495,11 +500,13 @@ class Problem:
         kinds: tuple[str, ...] = KINDS,
         free: Mapping[str, np.ndarray] | None = None,
         believed: Believed | None = None,
+        anew: float = np.inf,
     ) -> None:
         self.machine, self.logs, self.known = machine, logs, delay
         self.kinds, self.believed, robot = kinds, believed, machine.robot
         self.n = len(robot.joints)
         self.dt = min(signals.sampling_step(log.t) for log in logs)
+        self.rows = [int(min(anew / self.dt, len(log))) for log in logs]
         inertia = machine.inertia(logs[0].q.mean(0))
         servo = machine.servo
         moved = np.max([log.q.std(0) for log in logs], axis=0) + 1e-3
@@ -606,7 +613,10 @@ class Problem:
             numbers = [every[k][0] for k in own]
             for i, log in enumerate(self.logs):
                 late = [every[k][1][i] for k in own]
-                for k, q in zip(own, machine.roll(log, numbers, late, step=step), strict=True):
+                starts = range(0, len(log) - 1, self.rows[i])
+                windows = [(a, min(a + self.rows[i], len(log))) for a in starts]
+                rolled = machine.roll(log, numbers, late, windows, step)
+                for k, q in zip(own, rolled, strict=True):
                     out[k].append(q)
         return out
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -95,6 +96,15 @@ class Log:
 
     def __len__(self) -> int:
         return len(self.t)
+
+    @cached_property
+    def commands_since(self) -> Array:
+        """Since when the commands of each row are held, (N,) [s]: they may have another clock."""
+        told = [x for x in (self.q_ref, self.dq_ref, self.tau_ff) if x is not None]
+        changes = np.zeros(len(self), bool)
+        for x in told:
+            changes[1:] |= (np.diff(x, axis=0) != 0).any(1)
+        return signals.held_since(self.t, changes)
 
     @staticmethod
     @checked

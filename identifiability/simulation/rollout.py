@@ -181,17 +181,23 @@ class CommandedRobot:
         models = [self._with(own, h) for own in numbers]
         windows = list(windows) or [(0, len(log))]
         steps = max(int(np.ceil((log.t[b - 1] - log.t[a]) / h)) + 2 for a, b in windows)
+        runs = [(k, w) for k in range(len(models)) for w in windows]
         # Held commands change between two steps, so that no step holds a share of a change, of
         # which a servo at its limit would make another share of torque.
-        begins = (delays / h % 1.0 - 0.5) * h
-        runs = [(k, w) for k in range(len(models)) for w in windows]
+        since = log.commands_since
+        ahead = [
+            next(iter((since[a:b] - log.t[a:b])[since[a:b] < log.t[a:b]]), 0.0) for a, b in windows
+        ]
+        begins = [
+            (float((delays[k] + x) / h) % 1.0 - 0.5) * h for k in range(len(models)) for x in ahead
+        ]
         start = np.zeros((len(runs), mujoco.mj_stateSize(self.model, _STATE)))
         controls = np.empty((len(runs), steps, self.model.nu))
         home = self._forward.home()
         for r, (k, (a, _)) in enumerate(runs):
             q, v = home.copy(), np.zeros(self.model.nv)
             q[self.at], v[self.dofs] = log.q[a], speed[a]
-            begin = float(begins[k])
+            begin = begins[r]
             times = log.t[a] + begin + h * np.arange(steps)
             controls[r] = acting(log, self._servo(numbers[k]), times, h, float(delays[k]))
             a0 = self._acceleration(models[k], q, v, controls[r, 0])
@@ -211,7 +217,7 @@ class CommandedRobot:
         for r, (k, (a, b)) in enumerate(runs):
             first, speeds = start[r, places], start[r, 1 + self.model.nq + self.dofs]
             path = np.concatenate([[first - h * speeds, first], states[r][:, places]])
-            sampled = _sample(path, (log.t[a:b] - log.t[a] - begins[k]) / h + 1)
+            sampled = _sample(path, (log.t[a:b] - log.t[a] - begins[r]) / h + 1)
             sampled[np.cumsum(~(np.abs(sampled).max(1) < limit)) > 0] = np.nan
             out[k, a:b] = sampled
         return out
