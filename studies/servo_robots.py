@@ -26,6 +26,7 @@ import pandas as pd
 
 from identifiability import Log, analyze, diagnose, rollout
 from identifiability.estimation.rollouts import roll_late
+from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.logs.conventions import Conventions
 from identifiability.robot import Robot
@@ -555,13 +556,19 @@ def examine_faults(given: argparse.Namespace) -> None:
                     continue
                 delay = np.random.default_rng([seed, 1]).uniform(0, 0.015)
                 how = Recorder(rate, commands, delay, given.bits)
-                rows.append(hide(robot, draw, how, size, kind, sizes[seed % 2], seed))
+                big = sizes[seed % 2]
+                try:
+                    rows.append(hide(robot, draw, how, size, kind, big, seed) | {"refused": False})
+                except LogError as error:
+                    print("  ", seed, kind, big, error, flush=True)
+                    none = dict.fromkeys(("right", "more", "function", "wrong", "silent"), False)
+                    rows.append({"kind": kind, "size": big, "refused": True, **none})
                 if rows[-1]["wrong"] or rows[-1]["more"]:
                     said = ("seed", "kind", "size", "place", "named")
                     print("  ", *(rows[-1][k] for k in said), flush=True)
             table = pd.DataFrame(rows).groupby(["kind", "size"])
             marks = (
-                table[["right", "more", "function", "wrong", "silent", "error", "cpu"]]
+                table[["right", "more", "function", "wrong", "silent", "refused", "error", "cpu"]]
                 .mean()
                 .round(2)
             )

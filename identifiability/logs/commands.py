@@ -148,7 +148,8 @@ def check_commands(log: Log) -> None:
             meant = "; it looks like degrees"
         raise LogError(
             f"{log.name}: '{joint}' does not follow its command{meant}: say which column is its "
-            f"command, as in --map 'COLUMN={joint}.cmd', and in which unit."
+            f"command, as in --map 'COLUMN={joint}.cmd', and in which unit; if that is right, its "
+            "servo is too weak for this motion: leave the log out."
         )
 
 
