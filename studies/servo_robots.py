@@ -572,7 +572,8 @@ def examine_faults(given: argparse.Namespace) -> None:
                 .mean()
                 .round(2)
             )
-            print(f"{name}, {rate:g} Hz:\n{marks.assign(robots=table.size())}", flush=True)
+            whole = marks.assign(robots=table.size()).to_string()
+            print(f"{name}, {rate:g} Hz:\n{whole}", flush=True)
 
 
 def write_samples(name: str) -> None:
