@@ -383,6 +383,17 @@ def test_commands_that_act_later_by_less_than_a_step_move_a_robot_later_by_that(
     assert np.sqrt(np.mean(apart**2)) < 0.01 * np.sqrt(np.mean((3e-4 * slope[rows]) ** 2))
 
 
+@pytest.mark.parametrize("rows", [398, 399, 400, 401])
+def test_rollouts_that_begin_anew_leave_no_row_out(arm, frames, rows):
+    log = read(arm, frames[1]).rows(0, rows)
+    machine = CommandedRobot(arm, {})
+    problem = Problem(machine, (log,), 0.0, anew=1.0)
+    (rolled,) = problem.roll([np.concatenate([*(machine.numbers()[k] for k in KINDS), [0.0]])])
+    assert np.isfinite(rolled[0]).all()
+    begins = [0, problem.rows[0]]
+    np.testing.assert_allclose(rolled[0][begins], log.q[begins], atol=1e-3)
+
+
 def test_commands_on_another_clock_than_rows_are_followed_as_closely(arm):
     rng = np.random.default_rng(8)
     how = servos.Recorder(rate=125.0, command_rate=50.0, delay=0.006, bits=14)

@@ -29,7 +29,8 @@ from identifiability.robot import Robot
 from identifiability.robot.servo import UNLIMITED, Servo
 from identifiability.simulation.rollout import STEP, CommandedRobot, forgotten
 
-#: Length of blocks of time whose errors are taken to be independent [s].
+#: Length of blocks of time whose errors are taken to be independent, and of the windows in which a
+#: search begins [s].
 TOGETHER: Tolerance = 1.0
 
 #: How many other records of the same motion tell what the steps of encoders do to a delay.
@@ -613,8 +614,7 @@ class Problem:
             numbers = [every[k][0] for k in own]
             for i, log in enumerate(self.logs):
                 late = [every[k][1][i] for k in own]
-                starts = range(0, len(log) - 1, self.rows[i])
-                windows = [(a, min(a + self.rows[i], len(log))) for a in starts]
+                windows = [*pairwise([*range(0, len(log) - 1, self.rows[i]), len(log)])]
                 rolled = machine.roll(log, numbers, late, windows, step)
                 for k, q in zip(own, rolled, strict=True):
                     out[k].append(q)
