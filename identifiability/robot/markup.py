@@ -457,8 +457,13 @@ def _check_urdf(path: Path, root: ET.Element) -> None:
                 f"'{kind}'{near_match(kind, _URDF_JOINTS)} The types are {', '.join(_URDF_JOINTS)}."
             )
         for end in ("parent", "child"):
-            element = joint.find(end)
-            link = "" if element is None else element.get("link", "")
+            named = {e.get("link", "") for e in joint.findall(end)}
+            if len(named) > 1:
+                raise RobotError(
+                    f"{path}: joint '{joint.get('name', '')}' names {len(named)} {end} links, "
+                    f"{listing(sorted(named))}; a joint has one: keep the right one."
+                )
+            link = next(iter(named), "")
             if link not in known:
                 raise RobotError(
                     f"{path}: joint '{joint.get('name', '')}' names the {end} link '{link}', which "

@@ -143,6 +143,10 @@ URDF = {
         ('<child link="link_2"/>', '<child link="link_1"/>'),
         "the links base_link, link_2 hang on no joint",
     ),
+    "a joint of two parents": (
+        ('<child link="link_2"/>', '<parent link="base_link"/><child link="link_2"/>'),
+        "joint 'joint_2' names 2 parent links, base_link, link_1; a joint has one",
+    ),
     "unknown child": (
         ('<child link="link_2"/>', '<child link="link2"/>'),
         "joint 'joint_2' names the child link 'link2', which is not there, did you mean 'link_2'",
