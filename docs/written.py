@@ -7,6 +7,7 @@ numbers from the tables of the rooms.
 
 from __future__ import annotations
 
+import ast
 import inspect
 import io
 import sys
@@ -284,6 +285,37 @@ def write_rules() -> str:
     return "\n".join(out)
 
 
+def tolerances() -> Iterator[tuple[str, str, str, str]]:
+    """Yield file, name, value and meaning of every `Tolerance`: what stands above its assignment."""
+    for path in sorted((DOCS.parent / "identifiability").rglob("*.py")):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        for node in ast.parse("\n".join(lines)).body:
+            if not isinstance(node, ast.AnnAssign) or node.value is None:
+                continue
+            if ast.unparse(node.annotation) != "Tolerance":
+                continue
+            above = node.lineno - 2
+            while lines[above] and not lines[above].startswith("#"):  # one text of several numbers
+                above -= 1
+            first = above
+            while lines[first - 1].startswith("#"):
+                first -= 1
+            said = " ".join(line.lstrip("#: ") for line in lines[first : above + 1])
+            value = ast.unparse(node.value).replace("**", "^").replace("*", "·")
+            where = path.relative_to(DOCS.parent / "identifiability").as_posix()
+            yield where, ast.unparse(node.target), value, said
+
+
+def write_tolerances() -> str:
+    """Return the numbers of algorithms, by their file."""
+    out = [TOLERANCES, "| file | number | value | meaning |", "|---|---|---|---|"]
+    out += [
+        f"| {' | '.join(map(_cell, (f'`{where}`', f'`{name}`', value, said)))} |"
+        for where, name, value, said in tolerances()
+    ]
+    return "\n".join(out)
+
+
 def _basis(basis: str) -> str:
     return f"`{basis}`" if "/" in basis else basis
 
@@ -331,6 +363,12 @@ that is `studies/rules.py`, the number was halved and doubled: brackets say in h
 answers that reach it another sentence, or another number in one, followed, and in which first. A
 number whose meaning begins with "and" goes on with the one above it.
 """
+TOLERANCES = """## Numbers of algorithms
+
+Steps, widths, roundings and what is taken where nothing is stated: they are meant to say how an
+answer is found, and not which. That was not tried by halving and doubling them, but for those whose
+text says so.
+"""
 
 
 def pages() -> dict[Path, str]:
@@ -346,7 +384,7 @@ def pages() -> dict[Path, str]:
         "effects": (EFFECTS, effects),
         "messages": (MESSAGES, write_messages()),
         "log-words": (LOG_WORDS, write_words()),
-        "rules": (NUMBERS, write_rules()),
+        "rules": (NUMBERS, write_rules(), write_tolerances()),
     }
     return {
         **{

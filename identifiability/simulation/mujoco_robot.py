@@ -303,6 +303,7 @@ def find_couplings(model: Any, robot: Robot) -> list[JointCoupling]:
 # test.
 
 
+#: Newton stops below this loop error [m or rad], as `robot.closure` does.
 TOLERANCE: Tolerance = 1e-12
 _MAX_STEPS = 30
 
