@@ -286,7 +286,7 @@ def write_rules() -> str:
 
 
 def tolerances() -> Iterator[tuple[str, str, str, str]]:
-    """Yield file, name, value and meaning of every `Tolerance`: what stands above its assignment."""
+    """Yield file, name, value and meaning of every `Tolerance`: its text stands above it."""
     for path in sorted((DOCS.parent / "identifiability").rglob("*.py")):
         lines = path.read_text(encoding="utf-8").splitlines()
         for node in ast.parse("\n".join(lines)).body:
