@@ -38,6 +38,9 @@ from identifiability.workflows.export import draw_robots
 #: Step of the simulation [s], and rounds in which it is settled which joints stand.
 STEP, ROUNDS = 5e-4, 6
 
+#: How often servos measure, which no file states [Hz].
+SERVO_RATES = (500.0, 1000.0, 2000.0)
+
 #: Stiffness of a gear's teeth, by rotor and step, and the damping ratio where they touch.
 TEETH, RUB = 0.04, 0.3
 
@@ -619,7 +622,8 @@ def main() -> None:
             judged = []
             for seed in range(given.first, given.first + given.seeds):
                 delay = np.random.default_rng([seed, 1]).uniform(0, 0.015)
-                how = Recorder(rate, commands, delay, given.bits)
+                often = np.random.default_rng([seed, 2]).choice(SERVO_RATES)
+                how = Recorder(rate, commands, delay, given.bits, float(often))
                 judged.append(judge(robot, draw, wrong, how, size, seed, given.prior))
             print(
                 f"{name}, {rate:g} Hz, bodies ± {100 * wrong:g} %, {given.seeds} robots:\n"

@@ -262,6 +262,9 @@ def test_commands_of_other_joints_are_refused(arm, frames):
     degrees[["shoulder.cmd", "elbow.cmd"]] *= 180 / np.pi
     with pytest.raises(LogError, match="looks like degrees"):
         rollout(arm, degrees)
+    still = frames[1].assign(**{"elbow.cmd": 0.3})
+    with pytest.raises(LogError, match="'elbow' does not follow its command, which never changes"):
+        rollout(arm, still)
 
 
 def test_means_of_a_staircase_are_its_integrals():
@@ -358,6 +361,27 @@ def test_what_an_assumed_rate_does_to_damping_is_said(arm):
     assert "1000 times a second" in told
     assert "0.6 higher" in told  # 1200 N·m/rad, half a millisecond more
     assert replace(arm.servo, assumed=False).state_rate() == ""
+    assert replace(arm.servo, assumed=False).doubted == ()
+
+
+def test_intervals_hold_where_servos_measure_half_as_often_as_is_assumed(arm):
+    how = servos.Recorder(rate=200.0, delay=0.007, bits=14, servo_rate=500.0)
+    rng = np.random.default_rng(11)
+    commands = servos.draw_commands(arm, 8.0, how.command_rate, 0.5, rng)
+    log = servos.record(arm, TRUTH, commands, 8.0, how, rng)
+    table = analyze(arm, log, quick=True).to_frame().set_index("name")
+    for joint in arm.joints:
+        for kind in ("Fv", "Fc"):
+            low, high = table.loc[f"{joint}.{kind}", "interval95"]
+            assert low < TRUTH[f"{joint}.{kind}"] < high, (joint, kind)
+    stated = replace(arm, servo=replace(arm.servo, assumed=False))
+    low, high = (
+        analyze(stated, log, quick=True)
+        .to_frame()
+        .set_index("name")
+        .loc["shoulder.Fv", "interval95"]
+    )
+    assert high < 0.8 * TRUTH["shoulder.Fv"]
 
 
 # Rollouts.

@@ -142,7 +142,9 @@ def check_commands(log: Log) -> None:
         near = [_follows(command, log.q[:, i], most) for i in others]
         best = int(np.argmax(near)) if near else 0
         meant = ""
-        if near and near[best] > max(own, RULES.command_followed):
+        if command.std() < RULES.command_still:
+            meant = ", which never changes"
+        elif near and near[best] > max(own, RULES.command_followed):
             meant = f"; '{log.joints[others[best]]}' does"
         elif RULES.command_degrees[0] < ratio < RULES.command_degrees[1]:
             meant = "; it looks like degrees"

@@ -146,9 +146,21 @@ class Servo:
         more = float(np.max(self.kp)) * self.age  # at half the rate it is twice as old
         return (
             f"Nobody states how often the servos measure: {self.rate:g} times a second is assumed, "
-            f"and at half of that damping (Fv) would be up to {more:.2g} higher; say it in the "
-            "sidecar ([servo] rate = …) where Fv itself matters, as rollouts hardly change."
+            f"and damping (Fv) would be up to {more:.2g} higher at half of that, and as much lower "
+            "if they measured all the time, which intervals allow for; say it in the sidecar "
+            "([servo] rate = …) where Fv itself matters, as rollouts hardly change."
         )
+
+    @property
+    def doubted(self) -> tuple[Servo, ...]:
+        """The servos, one standard deviation off in each respect that is neither stated nor told.
+
+        Gains that logs told are off by `doubt`. What is measured may be of any age up to twice the
+        assumed one.
+        """
+        gains = [replace(self, kp=self.kp * (1 + share)) for share in self.doubt]
+        older = replace(self, rate=self.rate / (1 + 1 / np.sqrt(3)))
+        return (*gains, older) if self.assumed else tuple(gains)
 
 
 def state_delay(delays: Array, names: Sequence[str]) -> str:

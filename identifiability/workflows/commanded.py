@@ -28,7 +28,7 @@ from identifiability.estimation.rollouts import (
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log
+from identifiability.logs import Log, signals
 from identifiability.logs.commands import check_commands, of_commands, servo_log
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.mend import looks_like_degrees
@@ -115,8 +115,7 @@ def follow_commands(
         for k, (given, log) in enumerate(zip(fitted, own_fitted, strict=True))
         if errors.get(id(given)) and isinstance(log, Log)
     ]
-    for share in robot.servo.doubt:
-        other = replace(robot.servo, kp=robot.servo.kp * (1 + share))
+    for other in robot.servo.doubted:
         pairs = enumerate(own_fitted)
         later.append({k: moved(x, robot.servo, other) for k, x in pairs if of_commands(x)})
     said = doubt + state_servos(robot, commanded, found)
@@ -172,7 +171,12 @@ def moved(log: Log, servo: Servo, other: Servo, more: float = 0.0) -> Log:
     before, after = (
         servo_log(log, one, log.servo_delay + d).tau for one, d in ((servo, 0.0), (other, more))
     )
-    return replace(log, tau=log.tau + after - before, servo_delay=log.servo_delay + more)
+    dt = signals.sampling_step(log.t)
+    seeming = (servo.lead - other.lead) * signals.differentiate(
+        signals.differentiate(log.q, dt), dt
+    )
+    tau = log.tau + after - before + seeming
+    return replace(log, tau=tau, servo_delay=log.servo_delay + more)
 
 
 def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import pandas as pd
+import scipy
 
 from identifiability.estimation.decide import decide_submodel, find_left_out
 from identifiability.estimation.doubt import NO_DOUBT, Doubt
@@ -427,15 +428,23 @@ def _add_file(
     data = LeastSquares.likelihood(reported.information, fit)
     own = np.linalg.pinv(data.R)
     variance = (own**2).sum(1) * data.variance
-    sure = fit.determined & (variance > 0)
+    # What all samples share lies along directions of its own; the rest is noise of every row.
+    shared = result.uncertainty.shared @ np.linalg.pinv(model.to_x).T @ reported.to_x.T
     wide = np.array([v.sigma_robust for v in result.verdicts]) ** 2
-    sure &= np.isfinite(wide)
+    wide = np.maximum(wide - (shared**2).sum(0), 0.0)
+    sure = fit.determined & (variance > 0) & np.isfinite(wide)
     wider = max(float(np.mean(wide[sure] / variance[sure])) if sure.any() else 1.0, 1.0)
-    data = data.through(reported.to_x).beside(*reported.left_out)
-    unit = np.sqrt(wider * data.variance)
+    along = data.R @ shared.T
+    L = np.linalg.cholesky(wider * data.variance * np.eye(len(data.R)) + along @ along.T)
+    rows, aim = (scipy.linalg.solve_triangular(L, x, lower=True) for x in (data.R, data.z))
+    outside, rest = (x / np.sqrt(wider * data.variance) for x in reported.left_out)
     try:
         both = combine_with_file(
-            reported.structure, data.R / unit, data.z / unit, reported.to_x, share
+            reported.structure,
+            np.vstack([rows @ reported.to_x, outside]),
+            np.concatenate([aim, rest]),
+            reported.to_x,
+            share,
         )
     except ValueError:  # bodies that no prior can be around are said elsewhere
         return result, ""
@@ -447,8 +456,8 @@ def _add_file(
             continue
         low, high = float(mean - REACH * sd), float(mean + REACH * sd)
         text = (
-            f"With {both.words.removeprefix('that ')} {low:.3g} … {high:.3g} (95 %) is believed; "
-            "the file narrows it, not the log."
+            f"Who believes {both.words} is left with {low:.3g} … {high:.3g} (95 %); the file "
+            "narrows it, not the log."
         )
         verdicts.append(
             replace(v, verdict=Class.PRIOR, reason=f"{v.reason} {text}", believed=(low, high))
