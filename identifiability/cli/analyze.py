@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -58,8 +57,7 @@ def analyze(
             machine.load(recorded),
             logs,
             progress=say,
-            # Left to itself it ends the processes as soon as the logs have been read.
-            engine=runner if any(astuple(place)) else None,
+            engine=place.stated(runner),
             preparation=derived.preparation(),
             **own,
         )

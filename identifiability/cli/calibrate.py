@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
 from typing import Annotated, Any
 
 from typer import Option
@@ -59,7 +58,7 @@ def calibrate(
             preparation=derived.preparation(),
             seed=own["seed"],
             progress=lambda text, share: say(text, 0.2 * share),
-            engine=runner if any(astuple(place)) else None,
+            engine=place.stated(runner),
         )
         result = run(
             analysis,

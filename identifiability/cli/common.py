@@ -5,7 +5,6 @@ And a first look before anything large is imported: are files there, can they be
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -74,11 +73,6 @@ def harmless(text: str) -> str:
         repr(c)[1:-1] if category(c) in ("Cc", "Cf", "Zl", "Zp") and c not in "\n\t" else c
         for c in text
     )
-
-
-def percent(share: float, digits: int = 2) -> str:
-    """Return a relative error in percent, or a dash where there is none."""
-    return f"{100 * share:.{digits}f} %" if math.isfinite(share) else "—"
 
 
 class Lines:

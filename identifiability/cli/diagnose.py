@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,7 +14,7 @@ from identifiability.cli.common import Writes
 @options.command(
     "workflows/diagnose/workflow.py",
     "workflows/diagnose/next_experiment.py:find_next limits",
-    but=("forward",),
+    but=("forward", "fixed"),
     earlier="--from",
 )
 def diagnose(
@@ -27,6 +26,9 @@ def diagnose(
     place: options.Place,
     out: Annotated[Path | None, Option(), Writes(".toml")] = None,
     motion: Annotated[Path | None, Option("--next"), Writes(".json")] = None,
+    fixed: Annotated[bool, Option("--fixed")] = False,
+    fixed_from: Annotated[Path | None, Option(), options.RESULT] = None,
+    fixed_share: Annotated[float | None, Option("--fixed-share", "--prior")] = None,
     **own: Any,
 ) -> None:
     """Find where model and logs disagree, name the missing effect, add it, show the gap shrink.
@@ -61,17 +63,31 @@ def diagnose(
         Write the motion to log next here: it tells an "A or B" apart or, where there is none, shows
         what these logs cannot tell from the model. --limits holds for it. The log of it is as long
         as is likely to decide, 16 min at most.
+    fixed_from
+        Keep the values of a result, with their covariance, instead of refitting them.
+    fixed_share
+        Keep the values of the robot file, which may be off by this share (a standard deviation).
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
+        from identifiability.foundation.options import OptionError  # noqa: PLC0415
         from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415
         from identifiability.workflows.diagnose import find_next  # noqa: PLC0415
 
+        ways = {"--fixed": fixed or None, "--fixed-from": fixed_from, "--fixed-share": fixed_share}
+        kept = {way: value for way, value in ways.items() if value is not None}
+        if len(kept) > 1:
+            raise OptionError(
+                f"'fixed' can be said in one way at a time, not by {' and '.join(kept)}; give one "
+                "of these."
+            )
+        for value in kept.values():
+            own["fixed"] = value
         limits = own.pop("limits")
         result = run(
             machine.load(recorded),
             logs,
             preparation=derived.preparation(),
-            engine=runner if any(astuple(place)) else None,
+            engine=place.stated(runner),
             progress=say,
             **own,
         )

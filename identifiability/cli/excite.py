@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -106,7 +105,7 @@ def excite(
             machine.load(recorded),
             preparation=derived.preparation(),
             progress=say,
-            engine=runner if any(astuple(place)) else None,
+            engine=place.stated(runner),
             **own,
         )
         json = out.suffix.lower() == ".json"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -54,7 +53,7 @@ def inspect(
             given,
             preparation=derived.preparation(),
             progress=say,
-            engine=runner if any(astuple(place)) else None,
+            engine=place.stated(runner),
             **own,
         )
         written = outputs.write(result, say, (result.write_template, template))

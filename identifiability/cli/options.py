@@ -120,13 +120,6 @@ class Parsed:
     read: Callable[[str, str], Any]
 
 
-@dataclass(frozen=True)
-class Way:
-    """Marks one of the options that an argument of several kinds becomes."""
-
-    argument: str
-
-
 def grouped(
     function: Callable[..., None],
     first: Callable[[dict[str, Any], dict[str, tuple[Any, ...]]], None] = lambda _given, _marks: (
@@ -205,26 +198,13 @@ def _read_options(
     Raises
     ------
     OptionError
-        If a text is none of an option, or one argument is given in two ways.
+        If a text is none of an option.
     """
-    from identifiability.foundation.options import OptionError  # noqa: PLC0415
-
-    read, ways = dict(options), dict[str, str]()
+    read = dict(options)
     for name, mark in ((n, m) for n in options for m in marks.get(n, ())):
         if isinstance(mark, Parsed) and read[name] is not None:
             read[name] = mark.read(f"--{name}", read[name])
-        if isinstance(mark, Way):
-            value = read.pop(name)
-            if value is None or value is False:
-                continue
-            option = f"--{name.replace('_', '-')}"
-            if mark.argument in ways:
-                raise OptionError(
-                    f"'{mark.argument}' can be said in one way at a time, not by "
-                    f"{ways[mark.argument]} and {option}; give one of these."
-                )
-            ways[mark.argument], read[f"{mark.argument} "] = option, value
-    return {name.rstrip(): value for name, value in read.items()}
+    return read
 
 
 @cache
@@ -298,12 +278,7 @@ def _declared(library: str, spelt: tuple[tuple[str, str], ...] = ()) -> list[Par
         text = ast.unparse(annotation)
         if name in _MADE:
             continue
-        if text in WAYS:
-            options += [
-                _option(Parameter(f"{name}{end}", Parameter.KEYWORD_ONLY, default=none), kind, told)
-                for end, none, kind, told in WAYS[text](name, helps.get(name, ""))
-            ]
-        elif (kind := _kind(text, tree)) is not None:
+        if (kind := _kind(text, tree)) is not None:
             told = helps.get(name)
             if kind == list[str] | None:
                 told = f"{told} May be given several times."
@@ -471,8 +446,8 @@ _LADDER = "TOML ladder of models; default: the one beside the robot."
 _MODEL = "Effects of the model, such as rigid_body,viscous_friction, or a model file (.toml)."
 Ladder = Annotated[str | None, Option(help=_LADDER), Reads("ladder", "TOML")]
 #: What analyze, prune and diagnose write.
-_JSON = Reads("result", "JSON")
-JsonResult = Annotated[Path, Argument(help="JSON that analyze, prune or diagnose wrote."), _JSON]
+RESULT = Reads("result", "JSON")
+JsonResult = Annotated[Path, Argument(help="JSON that analyze, prune or diagnose wrote."), RESULT]
 #: Logs that are not fitted as those of `analyze` are: the library says what they are.
 OtherLogs = Annotated[list[str], Argument()]
 Report = Annotated[Path | None, Option(), Writes(".html", ".htm")]
@@ -501,29 +476,11 @@ KINDS: dict[str, Any] = {
         Parsed(split_model),
     ],
     "LimitsLike | None": Annotated[Path | None, Option(), Reads("limits", "TOML")],
-    "Before | None": Annotated[Path | None, Option(), _JSON],
+    "Before | None": Annotated[Path | None, Option(), RESULT],
     "Other | None": Annotated[str | None, Option(metavar="ROBOT|RESULT")],
     "NoiseLike | None": Annotated[str | None, Option(metavar="LEVELS")],
     "Point": Annotated[str | None, Option(metavar="X,Y,Z"), Parsed(split_point)],
 }
-
-
-def _ways_to_fix(name: str, told: str) -> Iterator[tuple[str, Any, Any, str]]:
-    """Yield ending, default, kind and help of each way in which values are kept."""
-    for end, begins, none, kind in (
-        ("", "True: ", False, Annotated[bool, Option(f"--{name}"), Way(name)]),
-        ("_from", "A result", None, Annotated[Path | None, Option(), _JSON, Way(name)]),
-        (
-            *("_share", "A share", None),
-            Annotated[float | None, Option(f"--{name}-share", "--prior"), Way(name)],
-        ),
-    ):
-        own = next(text for text in f"{told} ".split(". ") if text.startswith(begins))
-        yield end, none, kind, f"{told.partition(';')[0]}: {own.partition(': ')[2]}."
-
-
-#: The options that arguments of several kinds become.
-WAYS = {"Given": _ways_to_fix}
 
 
 @dataclass(frozen=True)
@@ -710,6 +667,10 @@ _Place: Any = _grouped_by("foundation/engines/local.py:choose_engine", "Where it
 
 class Place(_Place):  # type: ignore[misc]
     """Where long work runs."""
+
+    def stated(self, engine: Engine) -> Engine | None:
+        """Return the engine if anything was said of it; a verb left to itself ends it sooner."""
+        return engine if any(astuple(self)) else None
 
     @contextmanager
     def running(self) -> Iterator[Engine]:
