@@ -15,6 +15,7 @@ from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import numpy as np
+import pinocchio as pin
 
 from identifiability.foundation import handed
 from identifiability.foundation.errors import RobotError, listing, near_match
@@ -198,11 +199,8 @@ def other_body(
     whole = float(theta[0]) if mass is None else float(mass)
     c = theta[1:4] / old if centre is None else np.asarray(centre, float)
     if inertia is None:  # the same shape: moments grow with the mass
-        xx, xy, yy, xz, yz, zz = theta[4:]
-        at = theta[1:4] / old
-        own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        own = own - theta[0] * (at @ at * np.eye(3) - np.outer(at, at))
-        inertia = own * whole / old
+        own = pin.Inertia.FromDynamicParameters(np.array([old, *theta[1:]]))
+        inertia = own.inertia * whole / old
     return _named(body, ten_parameters(whole, c, inertia))
 
 

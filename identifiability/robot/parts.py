@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field
 from typing import Any
 
@@ -86,6 +86,13 @@ class Axis:
         return self.weights is not None or (
             self.row is not None and int(np.count_nonzero(self.row)) > 1
         )
+
+    def along(self, joints: Sequence[str]) -> dict[str, float]:
+        """Return the joints, of the actuated ones, that it runs along, with their coefficients."""
+        if self.weights is not None:
+            return dict(self.weights)
+        assert self.row is not None
+        return {joint: c for joint, c in zip(joints, self.row.tolist(), strict=True) if c}
 
 
 @frozen

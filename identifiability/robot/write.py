@@ -75,18 +75,9 @@ def _add(top: ET.Element, robot: Description, axis: Axis) -> ET.Element:
     section = top.find("tendon")
     section = ET.SubElement(top, "tendon") if section is None else section
     element = ET.SubElement(section, "fixed", name=axis.name)
-    for joint, weight in axis_weights(robot, axis).items():
+    for joint, weight in axis.along(robot.joints).items():
         ET.SubElement(element, "joint", joint=joint, coef=f"{weight:.17g}")
     return element
-
-
-def axis_weights(robot: Description, axis: Axis) -> dict[str, float]:
-    """Return the joints that an axis runs along, with their coefficients."""
-    if axis.weights is not None:
-        return dict(axis.weights)
-    assert axis.row is not None
-    used = np.flatnonzero(axis.row)
-    return {robot.joints[k]: float(axis.row[k]) for k in used}
 
 
 # Write parameters back into a robot file: inertials, friction, rotors, springs.
@@ -218,16 +209,14 @@ def _joints(top: ET.Element) -> list[ET.Element]:
 
 def _write_body(top: ET.Element, robot: Description, body: str, theta: Array) -> None:
     """Write ten parameters of a body, given in the frame of the joint that moves it."""
-    mass, first = float(theta[0]), theta[1:4]
+    mass = float(theta[0])
     if mass <= 0:
         raise RobotError(
             f"The body '{body}' has a mass of {mass:.3g} kg; a robot file needs a positive one: "
             "export a physically feasible result."
         )
-    centre = first / mass
-    xx, xy, yy, xz, yz, zz = theta[4:]
-    about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    inertia = about_origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    own = pin.Inertia.FromDynamicParameters(theta)
+    centre, inertia = own.lever, own.inertia
     # The library's frame is the joint's; the file's may be shifted or turned against it.
     frame = robot.model.frames[robot.model.getFrameId(body, pin.FrameType.BODY)].placement
     R, p = np.array(frame.rotation), np.array(frame.translation)

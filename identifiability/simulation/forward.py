@@ -25,7 +25,7 @@ from identifiability.robot import Robot
 from identifiability.robot.closure import count_independent
 from identifiability.robot.kinematics import Point
 from identifiability.robot.mjcf import bolt_down, leave_out, quiet
-from identifiability.robot.parts import Axis, Coupling
+from identifiability.robot.parts import Coupling
 from identifiability.robot.servo import UNLIMITED, Servo
 from identifiability.robot.write import write_robot
 from identifiability.simulation.forces import JointTerms, both_directions
@@ -58,15 +58,7 @@ _DEGREE = 4
 
 def mixed_axes(robot: Robot) -> dict[str, dict[str, float]]:
     """Return motors and stated axes that mix joints, each with the coefficient of every joint."""
-    return {a.name: _weights(robot, a) for a in robot.axes if a.mixed}
-
-
-def _weights(robot: Robot, axis: Axis) -> dict[str, float]:
-    if axis.weights is not None:
-        return dict(axis.weights)
-    assert axis.row is not None
-    row = zip(robot.joints, axis.row.tolist(), strict=True)
-    return {joint: c for joint, c in row if c}
+    return {a.name: a.along(robot.joints) for a in robot.axes if a.mixed}
 
 
 def compile_forward(

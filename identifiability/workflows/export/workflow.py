@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import pinocchio as pin
 from pydantic import Field
 
 from identifiability.effects import FAMILIES
@@ -204,12 +205,8 @@ def write_parameters_json(
 
 def _state_body(theta: list[float]) -> dict[str, object]:
     """Return mass [kg], centre [m] and inertia about it [kg·m²], in the frame of the joint."""
-    mass, first = theta[0], np.array(theta[1:4])
-    xx, xy, yy, xz, yz, zz = theta[4:]
-    centre = first / mass
-    about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    inertia = about - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-    return {"mass": mass, "centre": centre, "inertia": inertia}
+    own = pin.Inertia.FromDynamicParameters(np.array(theta))
+    return {"mass": own.mass, "centre": own.lever, "inertia": own.inertia}
 
 
 # Write a robot file with other parameters, in the robot's own format or in the other one.
@@ -511,61 +508,47 @@ def export(
     loaded = any(value and n in effect_of and effect_of[n].loaded for n, value in given.items())
     reference = reference_values(robot) if loaded else {}
     wanted = _find_format(Path(out), form)
-    path = None
+    alone, sidecar = physical.error_ra, None
+    kind: Kind | None = None
+    beside: dict[str, list[str]] = {}
     if wanted == "json":
         path = write_parameters_json(robot, given, physical, Path(out))
     elif wanted in ("python", "c"):
         robot.check_stands("code")
-        path = handed("write_code")(
-            robot, given, shapes, Path(out), "c" if wanted == "c" else "python"
-        )
+        path = handed("write_code")(robot, given, shapes, Path(out), wanted)
     elif wanted == "isaaclab":
         path = write_isaaclab(robot, given, content, Path(out))
-    if path is not None:
-        return Exported(
-            robot=path,
-            sidecar=None,
-            beside={},
-            error_ra=physical.error_ra,
-            error_ra_file=physical.error_ra,
-            error_joints=_joints_of_file(physical, None),
-            mass=state_mass(robot, given, physical.cad_prior),
-            gravity="" if robot.tilt is None else robot.tilt.text,
-            mended=content.mended,
-            missing=missing,
-            commanded="" if content.rollout is None else content.rollout.statement,
+    else:
+        kind = "urdf" if wanted == "urdf" else "mjcf"
+        alone = _error_of_file(robot, physical, kind)
+        if not force:
+            _refuse_another(robot, Path(out), physical, alone, kind)
+        written = write_parameters(
+            robot,
+            given,
+            out,
+            keep=False,
+            shapes=shapes,
+            reference=reference,
+            comment=state_servos(robot, content),
         )
-    assert wanted in ("mjcf", "urdf")
-    alone = _error_of_file(robot, physical, wanted)
-    if not force:
-        _refuse_another(robot, Path(out), physical, alone, wanted)
-    written = write_parameters(
-        robot,
-        given,
-        out,
-        keep=False,
-        shapes=shapes,
-        reference=reference,
-        comment=state_servos(robot, content),
-    )
-    beside: dict[str, list[str]] = {}
-    for name in written.beside:
-        if name not in effect_of and name[:-1] in written.beside:
-            continue  # one way of a level that both have
-        title = effect_of[name].title if name in effect_of else name
-        beside.setdefault(title, []).append(name)
-    anew = wanted != file_kinds(robot)[0]
+        path, sidecar = written.robot, written.sidecar
+        for name in written.beside:
+            if name not in effect_of and name[:-1] in written.beside:
+                continue  # one way of a level that both have
+            title = effect_of[name].title if name in effect_of else name
+            beside.setdefault(title, []).append(name)
     return Exported(
-        anew=anew,
-        gravity="" if robot.tilt is None else robot.tilt.text,
-        known=tuple(k.text for k in robot.known_torque),
-        robot=written.robot,
-        sidecar=written.sidecar,
+        robot=path,
+        sidecar=sidecar,
         beside={title: tuple(names) for title, names in beside.items()},
         error_ra=physical.error_ra,
         error_ra_file=alone,
-        error_joints=_joints_of_file(physical, wanted),
+        error_joints=_joints_of_file(physical, kind),
         mass=state_mass(robot, given, physical.cad_prior),
+        anew=kind is not None and kind != file_kinds(robot)[0],
+        known=() if kind is None else tuple(k.text for k in robot.known_torque),
+        gravity="" if robot.tilt is None else robot.tilt.text,
         mended=content.mended,
         missing=missing,
         commanded="" if content.rollout is None else content.rollout.statement,
