@@ -78,9 +78,7 @@ def draw_skeleton(
     every = np.concatenate([*limbs.values(), at])
     if not np.isfinite(every).all() or not np.ptp(every, axis=0).max() > 0:
         return None
-    gravity = robot.gravity
-    vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else UP
-    place = _look(every, vertical)
+    place = _look(every, robot)
     ground = Part("grey", rest)
     drawn = []
     for body, lines in sorted(limbs.items(), key=lambda x: float(place.depth(x[1]).mean())):
@@ -94,7 +92,8 @@ def draw_skeleton(
         dots = {d: place(np.array([o, o])) for j, o in own for d in j.dofs}
         places = {d: x for d, x in dots.items() if d in parts and parts[d].tone != "grey"}
     drawn += _names(places, place(np.concatenate([_between(x) for x in limbs.values()])))
-    base = [place(o[None])[0] for j, o in zip(robot.tree.joints, at, strict=True) if _stands(j)]
+    pairs = zip(robot.tree.joints, at, strict=True)
+    base = [place(o[None])[0] for j, o in pairs if j.parent == WORLD]
     lean = 0.0
     if robot.tilt is not None and robot.upright is not None:
         right, up = (float(-robot.upright @ axis) for axis in (place.right, place.up))
@@ -180,9 +179,7 @@ def move_skeletons(
         traced.append(np.where(np.isnan(poses).any(1)[:, None, None], np.nan, every))
     if not np.ptp(traced[0].reshape(-1, 3), axis=0).max() > 0:
         return None
-    gravity = robot.gravity
-    vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else UP
-    place = _look(traced[0].reshape(-1, 3), vertical)
+    place = _look(traced[0].reshape(-1, 3), robot)
     lines, start = [], len(robot.tree.joints)
     carriers = _carriers(robot)
     for body, own in limbs.items():
@@ -218,10 +215,6 @@ def _points(loop: object, joint: int) -> list[Point]:
     return [p for p in found if p is not None and p.joint == joint]
 
 
-def _stands(joint: object) -> bool:
-    return bool(getattr(joint, "parent", WORLD) == WORLD)
-
-
 @frozen
 class _View:
     """From the world to the paper."""
@@ -245,8 +238,10 @@ class _View:
         return near
 
 
-def _look(points: Array, vertical: Array) -> _View:
+def _look(points: Array, robot: Robot) -> _View:
     """Return the view that shows some points: of a flat robot its plane, upright if it can be."""
+    gravity = robot.gravity
+    vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else UP
     origin = points.mean(0)
     _, size, axes = np.linalg.svd(points - origin, full_matrices=False)
     size = np.pad(size, (0, 3 - len(size)))

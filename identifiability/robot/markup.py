@@ -366,9 +366,7 @@ def read_markup(path: Path) -> ET.Element:
     ------
     RobotError
     """
-    root = parse_xml(path, ("mujoco", "robot"))
-    if root.tag == "mujoco":
-        expand_includes(path, root, (path,), [])
+    root, _ = _with_includes(path)
     check_size(path, root)
     _check_names(path, root)
     (_check_mjcf if root.tag == "mujoco" else _check_urdf)(path, root)
@@ -393,11 +391,16 @@ def included_files(path: Path) -> tuple[Path, ...]:
     ------
     RobotError
     """
+    return tuple(_with_includes(path)[1])
+
+
+def _with_includes(path: Path) -> tuple[ET.Element, list[Path]]:
+    """Return the root element of a robot file, and what is included in it, in its place."""
     found: list[Path] = []
     root = parse_xml(path, ("mujoco", "robot"))
     if root.tag == "mujoco":
         expand_includes(path, root, (path,), found)
-    return tuple(found)
+    return root, found
 
 
 def _check_names(path: Path, root: ET.Element) -> None:

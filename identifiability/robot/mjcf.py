@@ -122,11 +122,8 @@ def find_floating(path: Path, m: Any, outside: Collection[str], extra: Sidecar) 
     RobotError
         If there are several.
     """
-    top = np.zeros(m.nbody, int)
-    for b in range(1, m.nbody):
-        top[b] = top[m.body_parentid[b]] or (b if m.body_jntnum[b] else 0)
+    top, of_body = _trees(m)
     ties = [{int(top[b]) for b in bodies} for bodies in _tied(m)]
-    of_body = {m.body(b).name: int(top[b]) for b in range(m.nbody)}
     ties += [{of_body.get(b, 0) for b in (x.body1, x.body2)} for x in extra.loops or ()]
     free = np.flatnonzero(m.jnt_type == mujoco.mjtJoint.mjJNT_FREE).tolist()
     found = []
@@ -402,11 +399,8 @@ def find_outside(m: Any, extra: Sidecar) -> tuple[str, ...]:
     m : mujoco.MjModel
     extra : Sidecar
     """
-    top = np.zeros(m.nbody, int)  # the body at which the tree of each begins; 0 for what is fixed
-    for b in range(1, m.nbody):
-        top[b] = top[m.body_parentid[b]] or (b if m.body_jntnum[b] else 0)
+    top, of_body = _trees(m)
     of_joint = {m.joint(j).name: int(top[m.jnt_bodyid[j]]) for j in range(m.njnt)}
-    of_body = {m.body(b).name: int(top[b]) for b in range(m.nbody)}
     named = {*extra.locked, *(j for c in extra.couplings for j in (c.joint, c.of, *c.terms))}
     reached = {of_joint[j] for j in (*named, *(extra.actuated or ())) if j in of_joint}
     reached |= {of_body[b] for x in extra.loops or () for b in (x.body1, x.body2) if b in of_body}
@@ -422,6 +416,14 @@ def find_outside(m: Any, extra: Sidecar) -> tuple[str, ...]:
     if not reached:
         return ()
     return tuple(m.body(int(b)).name for b in np.unique(top) if b and b not in reached)
+
+
+def _trees(m: Any) -> tuple[np.ndarray, dict[str, int]]:
+    """Return the body at which the tree of each begins, 0 for what is fixed; and by their names."""
+    top = np.zeros(m.nbody, int)
+    for b in range(1, m.nbody):
+        top[b] = top[m.body_parentid[b]] or (b if m.body_jntnum[b] else 0)
+    return top, {m.body(b).name: int(top[b]) for b in range(m.nbody)}
 
 
 def _moved_by(m: Any, a: int) -> list[int]:

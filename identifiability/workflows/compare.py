@@ -42,7 +42,7 @@ from identifiability.foundation.rounding import digits, join, rough_percent
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
-from identifiability.regression.gather import BLOCKS, gather_information
+from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import (
     LadderLike,
@@ -56,7 +56,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.answers import answer_next, with_hints
 from identifiability.workflows.commands import file_names, name_logs, quote, source_name
 from identifiability.workflows.opening import Logs
-from identifiability.workflows.pairs import Pair, find_pairs
+from identifiability.workflows.pairs import Pair, find_pairs, pair_information, share_noise
 from identifiability.workflows.predict import Fit, Predicts, find_fit
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
@@ -197,8 +197,7 @@ class Difference:
         kept = list(estimate(whole).kept)
         part = whole.select(kept)
         found = _Side.of(part, estimate(part))
-        serves = [pair.at[1] for pair in pairs]
-        shared = max((serves.count(k) + 1) / 2 for k in serves)
+        shared = share_noise(pairs)
         side = before.select(kept)
         return Difference(
             kind="pairs",
@@ -217,9 +216,7 @@ def _differences(structure: Structure, submodel: Submodel, pair: Pair, base: Arr
     """Return the information of what the torques of a pair differ by."""
     W, tau, other, later, both = pair.rows(structure)
     torque = later - tau - (other - W) @ base
-    size = -(-len(tau) // BLOCKS)
-    log = np.zeros(len(tau), int)
-    return Information.of_rows(submodel.columns, other @ submodel.M, torque, log, size, moves=both)
+    return pair_information(submodel.columns, other @ submodel.M, torque, both)
 
 
 @frozen(kw_only=True)

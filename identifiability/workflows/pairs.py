@@ -19,6 +19,8 @@ from identifiability.logs.prepare import Preparation, Samples, prepare_samples
 from identifiability.logs.prepare.instruments import find_lag
 from identifiability.logs.repeats import Recording
 from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.regression.gather import BLOCKS
+from identifiability.regression.information import Information
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -65,6 +67,21 @@ class Pair:
         for x in (*one[:2], *two[:2]):
             x[~data] = 0.0
         return one[0], one[1], two[0], two[1], data
+
+
+def share_noise(pairs: Sequence[Pair]) -> float:
+    """Return how much more pairs scatter for sharing second logs, whose noise they share."""
+    serves = [pair.at[1] for pair in pairs]
+    return max(((serves.count(k) + 1) / 2 for k in serves), default=1.0)
+
+
+def pair_information(
+    names: Sequence[str], columns: Array, torque: Array, data: np.ndarray
+) -> Information:
+    """Return the information of columns (N, n, k) and torque (N, n) that a pair differs by."""
+    size = -(-len(torque) // BLOCKS)
+    log = np.zeros(len(torque), int)
+    return Information.of_rows(names, columns, torque, log, size, moves=data)
 
 
 def find_pairs(

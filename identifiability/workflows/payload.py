@@ -50,7 +50,7 @@ from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares
 from identifiability.physical.project import project
 from identifiability.physical.pseudo_inertia import entry_scale, natural_scale, to_matrix
-from identifiability.regression.gather import BLOCKS, gather_information
+from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
@@ -60,7 +60,7 @@ from identifiability.robot.kinematics import WORLD
 from identifiability.workflows.answers import answer_next, with_hints
 from identifiability.workflows.commands import name_logs, quote, source_name
 from identifiability.workflows.opening import Logs
-from identifiability.workflows.pairs import Pair, find_pairs
+from identifiability.workflows.pairs import Pair, find_pairs, pair_information, share_noise
 from identifiability.workflows.predict import Fit, FitLike, find_fit, state_missing
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
@@ -251,10 +251,7 @@ def estimate_load(
     part = with_load.reduce(own, GROUPED_KINDS, np.append(robot, np.zeros(10)))
     alone = estimate(part)
     factor, motions = _scatter(part, alone)
-    serves = [pair.at[1] for pair in pairs]
-    # Logs that share the one without the load share its noise.
-    shared = max((serves.count(k) + 1) / 2 for k in serves) if serves else 1.0
-    covariance = shared * joint.covariance * np.outer(factor, factor)
+    covariance = share_noise(pairs) * joint.covariance * np.outer(factor, factor)
     if motions is not None:
         covariance = covariance + np.diag(np.where(joint.told, motions.between, 0.0) ** 2)
     unpaired = [k for k in range(len(loaded) + len(pairs)) if k not in {p.at[0] for p in pairs}]
@@ -351,9 +348,7 @@ def _differences(
     W, tau, other, below, data = pair.rows(fit.structure, rubbing.regression)
     columns = W @ both - other @ bare
     torque = tau - below - (W[:, :, : len(bare)] - other) @ fit.base
-    size = -(-len(tau) // BLOCKS)
-    log = np.zeros(len(tau), int)
-    return Information.of_rows(names, columns, torque, log, size, moves=data)
+    return pair_information(names, columns, torque, data)
 
 
 def _measure(part: Information) -> Noise:

@@ -136,11 +136,9 @@ def find_repetition(samples: Samples, others: Sequence[Samples] = ()) -> Repetit
         Other logs in which the same motion may have been made.
     """
     own = samples.motion
-    step = signals.sampling_step(own.t)
-    moves = ~signals.never_moves(own.actuated_q.min(0), own.actuated_q.max(0))
+    step, moves, start, near = _moving(own)
     if not moves.any():
         return None
-    start, near = _on_grid(own.t, own.actuated_q[:, moves], step)
     total = np.zeros((3, *own.actuated_q.shape))
     count = np.zeros(len(own.t))
     for other in (samples, *others[:LOGS]):
@@ -179,11 +177,9 @@ def find_lag(own: Motion, other: Motion) -> float | None:
     own, other : Motion
         The other must be where nearly all samples of `own` were.
     """
-    step = signals.sampling_step(own.t)
-    moves = ~signals.never_moves(own.actuated_q.min(0), own.actuated_q.max(0))
+    step, moves, start, near = _moving(own)
     if not moves.any():
         return None
-    start, near = _on_grid(own.t, own.actuated_q[:, moves], step)
     begin, far = _on_grid(other.t, other.actuated_q[:, moves], step)
     curves = _curves(other)
     for lag in _find_lags(near, far)[:MOST]:
@@ -223,6 +219,13 @@ def align(own: Array, speed: Array, other: Array) -> float:
     """Return how much later `other` is than `own` [s], to first order: both (K, n)."""
     weight = 1.0 / np.maximum(own.var(0), 1e-300)
     return float((weight * speed * (own - other)).sum() / (weight * speed**2).sum().clip(1e-300))
+
+
+def _moving(own: Motion) -> tuple[float, np.ndarray, float, Array]:
+    """Return the step [s], which joints move, and their positions on a grid from a start on."""
+    step = signals.sampling_step(own.t)
+    moves = ~signals.never_moves(own.actuated_q.min(0), own.actuated_q.max(0))
+    return step, moves, *_on_grid(own.t, own.actuated_q[:, moves], step)
 
 
 def _on_grid(t: Array, q: Array, step: float) -> tuple[float, Array]:

@@ -407,8 +407,7 @@ def find_change(
     found, fit, rows = max(settled.values(), key=lambda x: _odds(x[0][0], x[1]))
     best, odds = found[0], _odds(found[0], fit)
     share = search.problem.setting.rules.level
-    level = np.array([x.evidence - x.price for x in found]) / fit.scatter
-    weights = np.exp(level - logsumexp(level))
+    weights = _weights(found, fit)
     drifts = np.array([x.drifts for x in found])
     if best.drifts or weights[drifts].sum() > share:
         return None
@@ -418,8 +417,7 @@ def find_change(
     found = [x for x in found if not x.drifts]
     best = found[0]
     fit, c = scan.fit(best, rows), scan.candidates[best.candidate]
-    level = np.array([x.evidence - x.price for x in found]) / fit.scatter
-    weights = np.exp(level - logsumexp(level))
+    weights = _weights(found, fit)
     among = found[: 1 + int(np.searchsorted(np.cumsum(weights), 1.0 - share))]
     n = int(np.searchsorted(scan.logs, best.log))
     begin, width = float(scan.begin[n]), float(scan.width[n])
@@ -470,6 +468,13 @@ def _settle(
         if best.key == before.key:
             break
     settled[best.key] = found, scan.fit(best, rows), rows
+
+
+def _weights(found: Sequence[Stay], fit: ChangeFit) -> Array:
+    """Return the posterior probability of each of some changes, (k,)."""
+    level = np.array([x.evidence - x.price for x in found]) / fit.scatter
+    weights: Array = np.exp(level - logsumexp(level))
+    return weights
 
 
 def _odds(stay: Stay, fit: ChangeFit) -> float:

@@ -9,7 +9,6 @@ are looked for where its file is, and beside the logs that are given.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from hashlib import file_digest
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,6 +20,7 @@ from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
+from identifiability.logs.formats.bags import hash_files
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect, Outcome, Turn
 from identifiability.workflows.diagnose.hypothesis import Hypothesis
@@ -197,7 +197,7 @@ class Earlier:
         digests = {d for n, d in self.hashes.items() if n.partition(PART)[0] == name}
         for folder in dict.fromkeys(f for f in folders if f is not None):
             path = folder / name
-            if path.is_file() and _hash(path) in digests:
+            if path.is_file() and hash_files(path) in digests:
                 return path
         raise LogError(
             f"{self.source} was made from {name}, which is neither beside it nor beside the logs "
@@ -270,11 +270,6 @@ def _turn(t: Told, effects: Sequence[NamedEffect], told: Sequence[Told]) -> Turn
         return Turn(before, "", "gone")
     outcome: Outcome = "open" if now[0].alternatives else "decided" if t.alternatives else "kept"
     return Turn(before, now[0].names, outcome)
-
-
-def _hash(path: Path) -> str:
-    with path.open("rb") as file:
-        return file_digest(file, "sha256").hexdigest()
 
 
 def _name(log: Any) -> str:

@@ -35,7 +35,7 @@ from identifiability.regression.regression import Model, Regression
 from identifiability.simulation import Trajectory
 from identifiability.workflows.diagnose.findings import Findings, Placement
 from identifiability.workflows.diagnose.motion import prepare_rows, samples_each
-from identifiability.workflows.diagnose.rows import list_candidates
+from identifiability.workflows.diagnose.rows import Candidate, list_candidates
 from identifiability.workflows.excite import Excitation, Limits, find_limits
 from identifiability.workflows.excite.criteria import (
     Ask,
@@ -455,11 +455,16 @@ def _sizes(question: Question, d: Findings, columns: Sequence[np.ndarray]) -> li
     return out
 
 
+def _at_place(d: Findings, name: str, place: str) -> list[Candidate]:
+    """Return a family at a place, with each shape that the motion of the logs tells apart."""
+    motions, present = [s.motion for s in d.samples], d.structure.present
+    listed, _ = list_candidates(d.robot, [find_family(name)], present, motions, fixed=d.fixed)
+    return [c for c in listed if c.place == place]
+
+
 def _place_one(d: Findings, name: str, place: str) -> Placed:
     """Return a family at a place, with the shape in the middle of those that are tried."""
-    motions, family = [s.motion for s in d.samples], find_family(name)
-    listed, _ = list_candidates(d.robot, [family], d.structure.present, motions, fixed=d.fixed)
-    own = [c for c in listed if c.place == place]
+    own = _at_place(d, name, place)
     c = own[len(own) // 2]
     return Placed([c.part], [f"{name}@{place}"])
 
@@ -473,8 +478,7 @@ def _text(name: str, placement: Placement) -> str:
 def place_all(d: Findings, name: str, place: str, limits: Limits) -> tuple[Placed, list[float]]:
     """Return a family at a place with all of its shapes, those of a wider motion too."""
     motions, family = [s.motion for s in d.samples], find_family(name)
-    listed, _ = list_candidates(d.robot, [family], d.structure.present, motions, fixed=d.fixed)
-    listed = [c for c in listed if c.place == place]
+    listed = _at_place(d, name, place)
     kinds = list(dict.fromkeys(c.kinds for c in listed))
     span = measure_spans(d.robot, motions).get(place)
     shapes: tuple[float, ...] = (float("nan"),)

@@ -39,11 +39,8 @@ def find_weightless(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on joints whose torque does not carry the file's weight, or none."""
     if not logs.weighs:
         return ()
-    weight = np.sqrt(np.mean(logs.gravity**2, 0))
-    measured = np.sqrt(np.mean(logs.torque**2, 0))
-    units = np.array(logs.robot.torque_units)
-    most = np.array([weight[units == u].max() for u in units])
-    felt = (weight > RULES.weight_felt * most) & (weight > 0) & logs.measured
+    weight, felt = _felt_weight(logs)
+    measured, units = np.sqrt(np.mean(logs.torque**2, 0)), logs.robot.torque_units
     light = (measured < RULES.weight_carried * weight) & felt
     if not light.any():
         return ()
@@ -128,12 +125,8 @@ def _nearest(value: float, half: float) -> float:
 
 def measure_carried(logs: MeasuredLogs) -> list[Carried]:
     """Return how much of the file's weight each joint's torque carries, where it has some."""
-    weight = logs.gravity
-    size = np.sqrt(np.mean(weight**2, 0))
-    units = np.array(logs.robot.torque_units)
-    most = np.array([size[units == u].max() for u in units])
-    found = []
-    for k in np.flatnonzero((size > RULES.weight_felt * most) & (size > 0) & logs.measured):
+    weight, found = logs.gravity, []
+    for k in np.flatnonzero(_felt_weight(logs)[1]):
         moving = logs.predicted[:, k] - weight[:, k]
         own = np.column_stack([weight[:, k], moving, logs.ordinary(int(k))])
         own, torque = own[logs.data[:, k]], logs.torque[logs.data[:, k], k]
@@ -143,6 +136,13 @@ def measure_carried(logs: MeasuredLogs) -> list[Carried]:
         if np.isfinite(half[0]):
             found.append(Carried(int(k), value[0], half[0], value[1], half[1]))
     return found
+
+
+def _felt_weight(logs: MeasuredLogs) -> tuple[Array, np.ndarray]:
+    """Return the size of each joint's weight, (n,), and where it is among the largest there are."""
+    size, units = np.sqrt(np.mean(logs.gravity**2, 0)), np.array(logs.robot.torque_units)
+    most = np.array([size[units == u].max() for u in units])
+    return size, (size > RULES.weight_felt * most) & (size > 0) & logs.measured
 
 
 def regress(X: Array, y: Array) -> tuple[Array, Array]:
@@ -302,9 +302,7 @@ def find_torque_scale(logs: MeasuredLogs) -> tuple[str, ...]:
     """
     if not logs.weighs:
         return ()
-    factors = measure_factors(logs)
-    known = np.isfinite(factors)
-    odd = known & ((factors > RULES.unit_factor) | (factors < 1 / RULES.unit_factor))
+    factors, known, odd = _odd_factors(logs)
     if odd.any() and odd.sum() < known.sum() and not _gain_explains(logs, odd, factors):
         return ()
     if not odd.any():
@@ -348,9 +346,7 @@ def find_other_masses(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on joints that carry bodies of quite other masses than the file's."""
     if not logs.weighs:
         return ()
-    factors = measure_factors(logs)
-    known = np.isfinite(factors)
-    odd = known & ((factors > RULES.unit_factor) | (factors < 1 / RULES.unit_factor))
+    factors, known, odd = _odd_factors(logs)
     if not odd.any() or odd.sum() == known.sum() or _gain_explains(logs, odd, factors):
         return ()
     which = listing([logs.joints[k] for k in np.flatnonzero(odd)], 6)
@@ -359,6 +355,13 @@ def find_other_masses(logs: MeasuredLogs) -> tuple[str, ...]:
         "file ask for, and bodies of other masses explain it better than another gain of the "
         "column: state what the robot carries (a tool, a load) in the file.",
     )
+
+
+def _odd_factors(logs: MeasuredLogs) -> tuple[Array, np.ndarray, np.ndarray]:
+    """Return the factors of joints, which are known, and which are those of another unit."""
+    factors = measure_factors(logs)
+    known = np.isfinite(factors)
+    return factors, known, known & (np.abs(np.log(factors)) > np.log(RULES.unit_factor))
 
 
 def _gain_explains(logs: MeasuredLogs, odd: np.ndarray, factors: Array) -> bool:
