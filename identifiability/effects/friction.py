@@ -236,13 +236,9 @@ class RisingFriction(StribeckFriction):
 SHARES = tuple(float(x) for x in np.geomspace(0.08, 3.2, 12))
 
 
-def _speeds(span: Span) -> tuple[float, ...]:
-    return tuple(s * span.rms_speed for s in SHARES)
-
-
 @declare(
     "smooth (sigmoid) friction",
-    shapes=_speeds,
+    shapes=lambda span: tuple(s * span.rms_speed for s in SHARES),
     needs="viscous_friction",
     dry=True,
     continuous=True,

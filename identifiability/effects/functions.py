@@ -84,19 +84,17 @@ class SmoothFunction(Shaped):
     source = "[de Boor 1978; Eilers & Marx 1996]"
     supersedes = CONTAINED
     units = (("f", "N·m", "N"),)
+    #: Columns at each axis.
+    count = PIECES + DEGREE
 
     @abstractmethod
     def coordinate(self, at: Along) -> Array:
         """Return the coordinate, (N,)."""
 
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
-        """Return one for every spline."""
+        """Return one for every column."""
         del robot, axis
-        return self.numbered(PIECES + DEGREE)
-
-    def numbered(self, count: int) -> tuple[str, ...]:
-        """Return so many kinds."""
-        return tuple(f"{self.units[0][0]}{k + 1}" for k in range(count))
+        return tuple(f"{self.units[0][0]}{k + 1}" for k in range(self.count))
 
     def curves(self, at: Along) -> list[Array]:
         """Return the splines."""
@@ -106,10 +104,7 @@ class SmoothFunction(Shaped):
 class WithVelocity(SmoothFunction):
     """``τ = f₀(u) + f₁(u) sign q̇ + f₂(u) q̇``: splines of a coordinate, each for itself."""
 
-    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
-        """Return one for every spline and part."""
-        del robot, axis
-        return self.numbered(3 * (PIECES_OF_TWO + DEGREE))
+    count = 3 * (PIECES_OF_TWO + DEGREE)
 
     def curves(self, at: Along) -> list[Array]:
         """Return the splines, alone and times direction and speed."""
@@ -174,15 +169,11 @@ class FunctionOfVelocity(SmoothFunction):
     name = "function_of_velocity"
     equation = "τ = f(q̇), f = Σ cₖ Bₖ(√|q̇/v| sign q̇) + c sign q̇"
     units = (("fv", "N·m", "N"),)
+    count = PIECES + DEGREE + 1
 
     def coordinate(self, at: Along) -> Array:
         """Return the root of the speed."""
         return fine_at_rest(at.speed, self.shape(at.robot, at.axis))
-
-    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
-        """Return one for every spline, and one for the step."""
-        del robot, axis
-        return self.numbered(PIECES + DEGREE + 1)
 
     def curves(self, at: Along) -> list[Array]:
         """Return the splines and the step."""
@@ -327,15 +318,11 @@ class FunctionOfSessionTime(SmoothFunction):
     equation = "τ = f(T), f = Σ cₖ Bₖ(T)"
     units = (("fT", "N·m", "N"),)
     usual = (TYPICAL_SESSION, TYPICAL_SESSION)
+    count = SESSION_PIECES + DEGREE
 
     def coordinate(self, at: Along) -> Array:
         """Return the time of the session, from −1 to 1."""
         return 2.0 * time_of_session(at.motion) / self.shape(at.robot, at.axis) - 1.0
-
-    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
-        """Return one for every spline."""
-        del robot, axis
-        return self.numbered(SESSION_PIECES + DEGREE)
 
     def curves(self, at: Along) -> list[Array]:
         """Return the splines."""

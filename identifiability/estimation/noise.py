@@ -816,7 +816,7 @@ def fit_residual_noise(tau: Array, W: Array, runs: Runs | JointRuns) -> Residual
     fits = []
     for j in range(tau.shape[1]):
         own, (y, X) = take_data(runs_of(runs, j), tau[:, j], W[:, j])
-        shown = _first_rows(own, MOST_ROWS)
+        shown = [(a, min(b, MOST_ROWS)) for a, b in own if a < MOST_ROWS]
         rows = shown[-1][1] if shown else 0
         fits.append(_fit(y[:rows], X[:rows], shown) if rows else (np.empty(0), 0.0))
     return ResidualNoise(tuple(p for p, _ in fits), np.array([s for _, s in fits]))
@@ -832,10 +832,6 @@ def find_runs(samples: Sequence[Samples]) -> list[tuple[int, int]]:
         runs += pairwise([start, *(start + breaks).tolist(), start + len(t)])
         start += len(t)
     return runs
-
-
-def _first_rows(runs: Runs, most: int) -> list[tuple[int, int]]:
-    return [(a, min(b, most)) for a, b in runs if a < most]
 
 
 def _fit(y: Array, X: Array, runs: Runs) -> tuple[Array, float]:

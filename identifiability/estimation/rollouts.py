@@ -145,7 +145,8 @@ def fit_rollouts(
     """
     machine = CommandedRobot(robot, fitted or {})
     late = [(log.servo_delay if fitted else delay) or 0.0 for log in logs]
-    x = _pack(machine.numbers(), np.array(late))
+    numbers = machine.numbers()
+    x = np.concatenate([*(numbers[k] for k in KINDS), late])
     problem = Problem(machine, tuple(logs), delay)
     before = problem.errors(problem.roll([x])[0])
     thirds = tuple(_middle(log) for log in logs)
@@ -365,11 +366,6 @@ def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
 def _middle(log: Log) -> Log:
     """Return the middle third of a log, as they often begin and end at rest."""
     return log.rows(len(log) // 3, 2 * len(log) // 3)
-
-
-def _pack(numbers: Mapping[str, Array], delays: Array) -> Array:
-    """Return the vector of some numbers."""
-    return np.concatenate([*(numbers[k] for k in KINDS), delays])
 
 
 def _descend(

@@ -60,13 +60,10 @@ def _freeze(cls: type[T], *, kw_only: bool) -> type[T]:
         cls.__post_init__ = freeze  # type: ignore[attr-defined]
     if cls.__repr__ is object.__repr__:
         cls.__repr__ = _short  # type: ignore[method-assign]
-    above = any("ndarray" in str(f.type) or "Array" in str(f.type) for f in _inherited(cls))
+    above = getattr(cls, "__dataclass_fields__", {}).values()
+    above = any("ndarray" in str(f.type) or "Array" in str(f.type) for f in above)
     equal = not (arrays or above)
     return dataclass(frozen=True, eq=equal, repr=False, kw_only=kw_only)(cls)
-
-
-def _inherited(cls: type) -> tuple[Any, ...]:
-    return tuple(getattr(cls, "__dataclass_fields__", {}).values())
 
 
 def _short(self: Any) -> str:

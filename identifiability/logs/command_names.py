@@ -158,27 +158,6 @@ def state_commands(found: Mapping[str, Command]) -> tuple[str, ...]:
     return (f"commands are {listing(told, 4)}",) if told else ()
 
 
-def find_commands(columns: Iterable[str], source: str, known: Conventions) -> dict[str, Command]:
-    """Return the columns that hold commands of the robot's joints.
-
-    Those that are told by a number count the joints in the robot's order, from 0 or from 1.
-
-    Parameters
-    ----------
-    columns : iterable of str
-        What the table calls them.
-    source : str
-        What sentences call the table.
-    known : Conventions
-
-    Raises
-    ------
-    LogError
-        If several columns may be one command.
-    """
-    return _of_all(_read_names(columns, source, known), known)
-
-
 def _of_all(found: Mapping[str, Command], known: Conventions) -> dict[str, Command]:
     """Return the commands of the kinds that are there of all joints, or all motors."""
     names = {command.name for command in found.values()}

@@ -38,13 +38,8 @@ class FourierFit:
 
     def motion(self, t: Array) -> tuple[Array, Array, Array]:
         """Return q, dq, ddq (N, n) at times t, differentiated analytically."""
-        H = self.harmonics
-        w = 2 * np.pi / self.period * np.arange(1, H + 1)
-        S, C = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
-        c0, a, b = np.split(self.coefficients, [1, H + 1])
-        q = c0 + S @ a + C @ b
-        dq = (C * w) @ a - (S * w) @ b
-        ddq = -(S * w**2) @ a - (C * w**2) @ b
+        bases = (_fourier_basis(t, self.period, self.harmonics, order) for order in range(3))
+        q, dq, ddq = (basis @ self.coefficients for basis in bases)
         return q, dq, ddq
 
 

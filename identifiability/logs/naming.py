@@ -367,7 +367,7 @@ def _in_order(loose: Sequence[Guess], source: str, known: Conventions) -> list[G
         raise LogError(
             f"{source} numbers its joints otherwise than the robot has them ({listing(columns)}; "
             f"the robot has {count}: {listing(known.joints)}); say which is which, as in "
-            f"--map '{_regular(columns[0])}={known.joints[0]}.{needed[0]}'."
+            f"--map '{columns[0].strip()}={known.joints[0]}.{needed[0]}'."
         )
     own = [_number(joint) for joint in known.joints]
     if None not in own and len({*own}) == count and own != sorted(own, key=lambda n: n or 0):
@@ -375,17 +375,13 @@ def _in_order(loose: Sequence[Guess], source: str, known: Conventions) -> list[G
         raise LogError(
             f"{source} numbers its joints ({listing(columns)}), and the robot's order, "
             f"{listing(known.joints)}, is not that of its own numbers; say which is which, as in "
-            f"--map '{_regular(columns[0])}={known.joints[0]}.q'."
+            f"--map '{columns[0].strip()}={known.joints[0]}.q'."
         )
     return [
         replace(g, joint=known.joints[g.number - start])
         for g in loose
         if numbers[g.kind] == all_of_them
     ]
-
-
-def _regular(column: str) -> str:
-    return column.strip()
 
 
 def _number(joint: str) -> int | None:

@@ -139,12 +139,8 @@ def check_nominal(robot: Robot) -> tuple[BodyCheck, ...]:
 
 
 def _check_file(robot: Robot) -> tuple[BodyCheck, ...]:
-    return tuple(check_body(stated_body(robot, body), body) for body in robot.bodies)
-
-
-def stated_body(robot: Robot, body: str) -> Array:
-    """Return the ten inertial parameters (10,) that the robot file states [kg m², kg m, kg]."""
-    return np.array([robot.nominal[f"{body}.{kind}"] for kind in GROUPED_KINDS])
+    ten = {b: np.array([robot.nominal[f"{b}.{k}"] for k in GROUPED_KINDS]) for b in robot.bodies}
+    return tuple(check_body(theta, body) for body, theta in ten.items())
 
 
 def certify_model(model: FittedModel) -> tuple[Certificate | None, str]:

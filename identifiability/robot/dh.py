@@ -13,7 +13,6 @@ from pydantic import ValidationError
 
 from identifiability.foundation.documents import first_problem, read_document, toml_text
 from identifiability.foundation.errors import OutputError, RobotError, listing, near_match
-from identifiability.foundation.names import Array
 from identifiability.foundation.output import (
     check_apart,
     check_ending,
@@ -29,7 +28,6 @@ from identifiability.robot.dh_table import (
     BASE,
     DhTable,
     EndsEntry,
-    InertiaEntry,
     Link,
     read_links,
     rounded_angles,
@@ -113,14 +111,11 @@ def _add_body(parent: ET.Element, link: Link) -> ET.Element:
     inertial = ET.SubElement(body, "inertial", mass=numbers([mass]))
     inertial.set("pos", numbers(row.centre or (0.0, 0.0, 0.0)))
     if row.inertia is not None:
-        inertial.set("fullinertia", numbers(_six(row.inertia)))
+        six = [getattr(row.inertia, k) for k in ("xx", "yy", "zz", "xy", "xz", "yz")]
+        inertial.set("fullinertia", numbers(np.array(six)))
     else:
         inertial.set("diaginertia", numbers(np.full(3, moment)))
     return body
-
-
-def _six(given: InertiaEntry) -> Array:
-    return np.array([given.xx, given.yy, given.zz, given.xy, given.xz, given.yz])
 
 
 def _draw(bodies: Mapping[str, ET.Element], link: Link, own: bool, radius: float) -> None:

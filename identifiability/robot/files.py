@@ -307,7 +307,7 @@ def _ask_for_base(path: Path, root: ET.Element) -> None:
                 continue
             if joint.get("type") == "fixed":
                 waiting.append(child)
-            elif _LEG.search(_spaced(f"{joint.get('name')} {child}")):
+            elif _LEG.search(re.sub(r"([a-z])([A-Z])", r"\1 \2", f"{joint.get('name')} {child}")):
                 legs.append(child)
     if len(legs) < 2 or not heavy or base in GROUND:
         return
@@ -317,10 +317,6 @@ def _ask_for_base(path: Path, root: ET.Element) -> None:
         f'base = "fixed" into {path.with_suffix(".toml").name} beside it, and base = "floating" if '
         "it stood on its own feet."
     )
-
-
-def _spaced(name: str) -> str:
-    return re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
 
 
 def plain_urdf(root: ET.Element, name: str) -> str:

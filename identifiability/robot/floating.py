@@ -29,6 +29,9 @@ from identifiability.robot.servo import Servo
 BASE_JOINTS = ("base.x", "base.y", "base.z", "base.rx", "base.ry", "base.rz")
 SIX = len(BASE_JOINTS)
 
+#: Samples that contacts are eliminated of at a time.
+BATCH = 2048
+
 
 @frozen
 class Contact:
@@ -238,7 +241,8 @@ def eliminate(
         touching = [c for c, on in zip(base.contacts, pattern, strict=True) if on]
         if not touching:
             continue
-        for rows in _batches(np.flatnonzero(which == k)):
+        own = np.flatnonzero(which == k)
+        for rows in np.split(own, range(BATCH, len(own), BATCH)):
             frames = tree.frames(q[rows], [c.point.joint for c in touching])
             above = None if up is None else up[rows]
             parts = [contact_jacobian(tree, frames, c, above, len(rows)) for c in touching]
@@ -248,10 +252,6 @@ def eliminate(
                 own = own - J[:, :, dependent] @ X[rows]
             N[rows], silent[rows] = _null_space(own)
     return N, silent
-
-
-def _batches(rows: np.ndarray, size: int = 2048) -> list[np.ndarray]:
-    return [rows[k : k + size] for k in range(0, len(rows), size)]
 
 
 def _null_space(J: Array) -> tuple[Array, np.ndarray]:

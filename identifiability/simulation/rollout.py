@@ -12,6 +12,7 @@ own rate is part of it: what it measured is half a period old while it acts.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from functools import cached_property
 from itertools import compress
 from typing import Any
@@ -231,7 +232,7 @@ class CommandedRobot:
 
     def _with(self, numbers: Mapping[str, Array], h: float) -> Any:
         """Return the model with other numbers of its joints, at a step of h seconds."""
-        model, dofs = _copy(self.model), self.dofs
+        model, dofs = copy(self.model), self.dofs
         model.opt.timestep = h
         stiff = [2 * h, 1.0]
         model.dof_solref[:], model.dof_solimp[:, :2] = stiff, HARD
@@ -286,10 +287,6 @@ NO_SERVO = (
 )
 
 _STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
-
-
-def _copy(model: Any) -> Any:
-    return model.__copy__()
 
 
 def _sample(path: Array, at: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import chain
 from typing import Any, ClassVar
 
@@ -160,16 +160,9 @@ class Gains(Result):
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a joint."""
-        columns = {
-            "joint": [g.joint for g in self.gains],
-            "gain": [g.value for g in self.gains],
-            "low": [g.interval[0] for g in self.gains],
-            "high": [g.interval[1] for g in self.gains],
-            "sigma_percent": [g.sigma_percent for g in self.gains],
-            "verdict": [g.verdict for g in self.gains],
-            "load": [g.load for g in self.gains],
-        }
-        return pd.DataFrame(columns)
+        rows = [{**asdict(g), "low": g.interval[0], "high": g.interval[1]} for g in self.gains]
+        names = ["joint", "gain", "low", "high", "sigma_percent", "verdict", "load"]
+        return pd.DataFrame(rows).rename(columns={"value": "gain"}).reindex(columns=names)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the gains in a JSON schema of their own."""

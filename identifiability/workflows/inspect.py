@@ -195,11 +195,6 @@ def robot_columns(robot: Robot) -> tuple[str, ...]:
     return (*columns, *sensor, *flags, *(c for w in base.wrenches for c in w.columns))
 
 
-def motor_names(robot: Robot) -> tuple[str, ...]:
-    """Return the motors whose columns a log may have instead of the joints'."""
-    return () if robot.transmission is None else robot.transmission.motors
-
-
 def template_frame(robot: Robot) -> pd.DataFrame:
     """Return the table that a log of a robot is: one row, at its home position."""
     home = dict(zip(robot.joints, robot.actuated_positions(robot.home[None])[0], strict=True))
@@ -626,7 +621,8 @@ class Inspection(OfStructure, Result):
     @property
     def motors(self) -> tuple[str, ...]:
         """Motors whose columns a log may have instead of those of the joints."""
-        return motor_names(self.robot)
+        transmission = self.robot.transmission
+        return () if transmission is None else transmission.motors
 
     @property
     def naming(self) -> str:

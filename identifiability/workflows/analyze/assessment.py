@@ -368,7 +368,7 @@ def decide_reported(
 
     Parameters
     ----------
-    told : FittedModel
+    reported : FittedModel
     uncertainty : Uncertainty
     torque : float [N·m or N]
         Root mean square of the measured torque.

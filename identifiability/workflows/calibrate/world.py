@@ -353,7 +353,7 @@ class Cause(Flag):
     MOTION = auto()
 
 
-NOTHING, EVERYTHING = Cause(0), Cause.NOISE_MEMORY | Cause.LEFT_OUT | Cause.MOTION
+EVERYTHING = Cause.NOISE_MEMORY | Cause.LEFT_OUT | Cause.MOTION
 
 
 @frozen(kw_only=True)

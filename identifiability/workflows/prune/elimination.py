@@ -14,7 +14,7 @@ from scipy.special import fdtrc
 
 from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.evidence import Gain, Score, may_stand
+from identifiability.estimation.evidence import Score, may_stand
 from identifiability.estimation.least_squares import dependence
 from identifiability.estimation.refits import UpdatedRefits
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
@@ -75,7 +75,7 @@ def descend(
         Merges of Coulomb levels; such columns are dropped in pairs only.
     kept : collection of str
         Columns that must not be dropped.
-    told : bool
+    explained : bool
         Whether costs and what can hardly be told apart are wanted.
     """
     fit, X = fit.alone, fit.whitened.inverse
@@ -328,7 +328,7 @@ def walk(fit: FoldFits, plan: Plan, *, explained: bool = True) -> Path:
     fit : FoldFits
         Of all columns.
     plan : Plan
-    told : bool
+    explained : bool
         Whether each step says what the data say of it, and what was refused; who walks again on
         resampled logs asks for the models alone, which takes half as long.
     """
@@ -386,7 +386,7 @@ class _Walker:
     def _try(self, move: Move) -> None:
         after, contradicted, forbidden = self.fit.after(move), False, False
         if self._significance(move)[0] < ESTIMATION_RULES.unasked_level:
-            gain = self._gain(after)
+            gain = after.score.gain(self.fit.score)
             contradicted = gain.value < -gain.se
             forbidden = after.violations() > self.fit.violations()
         if not (contradicted or forbidden):
@@ -425,7 +425,7 @@ class _Walker:
         return self._weigh(move, after, fit.cost(move), find_either(fit, move))
 
     def _weigh(self, move: Move, after: FoldFits, cost: float, either: str) -> MoveTest:
-        gain, (p_value, percent) = self._gain(after), self._significance(move)
+        gain, (p_value, percent) = after.score.gain(self.fit.score), self._significance(move)
         return MoveTest(
             cost=cost / self.base,
             p_value=p_value,
@@ -434,10 +434,6 @@ class _Walker:
             gain_se=gain.se,
             either=either,
         )
-
-    def _gain(self, after: FoldFits) -> Gain:
-        """Return the gain in predictive log density of a model after the present one [nats]."""
-        return after.score.gain(self.fit.score)
 
     def _significance(self, move: Move) -> tuple[float, float]:
         return _significance(*self.fit.jackknife(move), self.fit.whitened.folds.count)
