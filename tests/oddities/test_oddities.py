@@ -138,6 +138,19 @@ def test_a_joint_whose_torque_is_late(say, six_axis, joint):
     assert "late" in hint
 
 
+def test_the_torque_of_one_joint_that_is_late_under_noise():
+    """Noise of all joints together hides it from a search by whole samples."""
+    structure, log = record("six-dof-arm")
+    rng = np.random.default_rng(4)
+    at = log.t[:, None] - np.where(np.arange(6) == 3, 1.5, 0.0) * np.median(np.diff(log.t))
+    late = [np.interp(t, log.t, x) for t, x in zip(at.T, log.tau.T, strict=True)]
+    tau = np.transpose(late) + 0.1 * log.tau.std(0) * rng.standard_normal(log.tau.shape)
+    found = measure_shift(structure, prepare_samples(structure.robot, replace(log, tau=tau)))
+    assert found.certain
+    assert found.joint == 3
+    assert abs(found.samples - 1.5) <= 3 * found.sigma <= 0.75
+
+
 @pytest.mark.parametrize("late", [0.5, -0.5])
 @pytest.mark.parametrize("name", ["two-link", "six-dof-arm"])
 def test_positions_that_are_half_a_sample_late_or_early(say, name, late):

@@ -70,12 +70,17 @@ def find_late(logs: MeasuredLogs) -> tuple[str, ...]:
             windows = [recording.rows(a, b) for a, b in signals.spread_windows(len(recording))]
             position = measure_position(joint_log(logs.robot, windows[0]))
             shift = None if position else measure_shift(logs.structure, samples)
-            for what, other, own in (
-                ("positions are", "their velocities", position),
-                ("torque is", "the motion", shift),
+            for what, verb, other, own in (
+                ("positions", "are", "their velocities", position),
+                ("torque", "is", "the motion", shift),
             ):
-                if own is not None and own.certain:
-                    parts.append(f"in {samples.name} {what} {own.text} beside {other}")
+                if own is None or not own.certain:
+                    continue
+                if own.joint < 0:
+                    parts.append(f"in {samples.name} {what} {verb} {own.text} beside {other}")
+                else:
+                    whose = f"the {what} of {logs.joints[own.joint]}"
+                    said.append(f"in {samples.name} {whose} {verb} {own.text} beside {other}")
         else:
             which = "all joints" if found.joint < 0 else logs.joints[found.joint]
             said.append(
@@ -158,39 +163,57 @@ def measure_delay(logs: MeasuredLogs, prepared: Prepared) -> Delay | None:
 
 @frozen
 class Shift:
-    """By how much columns of all joints are late beside others.
+    """By how much columns of all joints, or of one, are late beside others.
 
     Attributes
     ----------
     samples, sigma : float
         By how many samples, and its standard deviation.
     step : float [s]
+    joint : int
+        Whose columns; -1 for all.
+    among : int
+        Of how many joints it is the one that stands out most.
+    left : float
+        Share of the squares of what is left there that the shift does not explain.
     """
 
     samples: float
     sigma: float
     step: float
+    joint: int = -1
+    among: int = 1
+    left: float = 1.0
+
+    @property
+    def chance(self) -> float:
+        """How often chance makes one that is as far from zero."""
+        t = abs(self.samples) / self.sigma if self.sigma > 0 else np.inf
+        return 2.0 * self.among * float(scipy.special.stdtr(STRETCHES - 1, -t))
 
     @property
     def certain(self) -> bool:
-        """Whether it is no chance, and large enough to say."""
-        chance = 2 * scipy.special.stdtr(STRETCHES - 1, -abs(self.samples) / self.sigma)
-        return bool(
-            RULES.shift_least <= abs(self.samples) <= RULES.shift_most
-            and chance < RULES.shift_chance
-        )
+        """Whether it is no chance, and large enough to say.
+
+        Other physics of one joint may look like a small shift, but a shift leaves nothing of it.
+        """
+        small = abs(self.samples) <= RULES.shift_most
+        told = small if self.joint < 0 else self.left < RULES.delay_left
+        sized = abs(self.samples) >= RULES.shift_least
+        return told and sized and self.chance < RULES.shift_chance
 
     @property
     def text(self) -> str:
         """How much, in words."""
         size, way = abs(self.samples), "late" if self.samples > 0 else "early"
-        return f"{size:.2f} ± {1.96 * self.sigma:.2f} samples ({size * self.step:.2g} s) {way}"
+        much = f"{size:.2f} ± {1.96 * self.sigma:.2f}" if size <= RULES.shift_most else f"{size:.0f}"
+        return f"{much} samples ({size * self.step:.2g} s) {way}"
 
 
 def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
-    """Return by how much the torque of all joints is late; None where a log is too short to tell.
+    """Return by how much the torque of all joints is late, or where that is not certain of one.
 
-    A small delay d adds ``−d τ'`` to the torque τ of the model. What friction lacks at low and high
+    None where a log is too short to tell. A small delay d adds ``−d τ'`` to the torque τ of the model. What friction lacks at low and high
     speed is fitted beside it. What a joint that stands supplies is no data.
     """
     samples = _consecutive(prepared)
@@ -269,6 +292,8 @@ def measure_position(log: Log) -> Shift | None:
 def _test_shift(slopes: Array, y: Array, known: Array, dt: float) -> Shift | None:
     """Return the shift of all joints, with what it scatters over time and over joints.
 
+    If it is not certain that of one joint is returned, where that is.
+
     Parameters
     ----------
     slopes : (m n, n)
@@ -299,14 +324,20 @@ def _test_shift(slopes: Array, y: Array, known: Array, dt: float) -> Shift | Non
     C = (STRETCHES - 1) / STRETCHES * moved.T @ moved
     # Joints that disagree by more than their own errors make the mean uncertain, too
     # [DerSimonian & Laird 1986].
-    w = 1.0 / np.maximum(np.diag(C), 1e-300)
+    own = np.sqrt(np.maximum(np.diag(C), 1e-300))
+    w = own**-2.0
     mean = w @ each / w.sum()
     apart = w @ (each - mean) ** 2 - (len(w) - 1)
     between = max(0.0, apart / max(w.sum() - (w**2).sum() / w.sum(), 1e-300)) if len(w) > 1 else 0.0
     w = 1.0 / (1.0 / w + between)
     w /= w.sum()
     sigma = np.sqrt(w @ (C + between * np.eye(len(w))) @ w)
-    return Shift(float(w @ each), float(sigma), dt)
+    whole = Shift(float(w @ each), float(sigma), dt)
+    k = int(np.argmax(np.abs(each) / own))
+    joint = int(np.flatnonzero(used)[k])
+    before, after = (float((x[joint::count] ** 2).sum()) for x in (rest, rest - d[:, k] * each[k]))
+    one = Shift(float(each[k]), float(own[k]), dt, joint, len(each), after / max(before, 1e-300))
+    return one if one.certain and not whole.certain else whole
 
 
 class _Fit:
