@@ -68,6 +68,36 @@ def test_it_is_named_although_the_masses_of_the_file_are_wrong_and_good_logs_are
         assert "compensated for gravity" in hint
 
 
+HAND = """<mujoco><compiler angle="radian"/><worldbody><body name="palm">
+<inertial pos="0 0 .1" mass="1" diaginertia=".01 .01 .01"/>
+<joint name="roll" axis="1 0 0" range="-2 2"/>{fingers}</body></worldbody>
+<equality><joint joint1="right" joint2="left"/></equality>
+<actuator><motor joint="roll"/><motor joint="left"/></actuator></mujoco>"""
+FINGER = """<body name="{name}"><inertial pos="0 0 .1" mass="{mass}" diaginertia=".001 .001 .001"/>
+<joint name="{name}" type="slide" axis="0 {way} 0" range="-.1 .1"/></body>"""
+
+
+def hand(folder, left, right):
+    """A hand that rolls, whose fingers go apart together and hold each other up."""
+    both = (("left", left, 1), ("right", right, -1))
+    fingers = "".join(FINGER.format(name=n, mass=m, way=w) for n, m, w in both)
+    path = folder / f"hand{left}.xml"
+    path.write_text(HAND.format(fingers=fingers))
+    return Robot.load(path)
+
+
+def test_a_difference_of_two_weights_is_not_known_from_the_file(say, tmp_path):
+    truth, file = hand(tmp_path, 0.5, 0.4), hand(tmp_path, 0.4, 0.5)
+    rng = np.random.default_rng(0)
+    motion = random_trajectory(truth, rng, samples=600)
+    log = replace(simulate(truth, motion, noise=NOISE, rng=rng), dq=None, ddq=None)
+    assert say(Structure.of(file, MODEL), log) == ()
+    hangs = replace(log, tau=log.tau - 2 * weight(truth, log))
+    (hint,) = say(Structure.of(file, MODEL), hangs)
+    assert "(roll -" in hint
+    assert "left" not in hint
+
+
 def test_it_is_told_joint_by_joint(say, six_axis, tmp_path):
     structure, log = six_axis
     some = np.array([j == "joint_2" for j in log.joints])

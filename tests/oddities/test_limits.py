@@ -32,7 +32,7 @@ def logs(**given):
         base=None, is_prismatic=lambda _: False, torque_units=("N·m",) * 2, speed_limits=[1.0, 2.0],
     )  # fmt: skip
     usual = {"robot": robot, "joints": ("a", "b"), "weighs": False, "recordings": ()}
-    usual["measured"] = np.ones(2, bool)
+    usual |= {"measured": np.ones(2, bool), "weight_error": np.zeros(2)}
     return SimpleNamespace(**usual | given)
 
 
@@ -81,6 +81,12 @@ def felt(share):
     weight = np.column_stack([np.full(N, share), np.ones(N)])
     torque = np.column_stack([np.zeros(N), np.ones(N)])
     return find_weightless(logs(weighs=True, gravity=weight, torque=torque))
+
+
+def known_weight(error):
+    weight = np.column_stack([np.ones(N), np.ones(N)])
+    known = {"gravity": weight, "weight_error": np.array([error, 0.0])}
+    return find_weightless(logs(weighs=True, torque=weight * [0.0, 1.0], **known))
 
 
 # A reading that hangs: in 40 samples a column changes by so many of its steps, then it jumps.
@@ -211,6 +217,7 @@ ROWS = {
     "crowd at a flat top": (lambda x: flat_top(0.06, 0.06 / x, 10), 5.7, 6.3),
     "weight that is carried": (carried, 0.105, 0.095),
     "weight that is felt": (felt, 0.048, 0.052),
+    "weight that is known": (known_weight, 0.52, 0.5),
     "length of a stretch that hangs": (hangs, 19, 21),
     "changes while a stretch hangs": (lambda x: hangs(40, changes=x), 11.0, 13.0),
     "leap after a stretch that hangs": (lambda x: hangs(40, jumps=x), 5.5, 7.2),

@@ -206,7 +206,9 @@ class Shift:
     def text(self) -> str:
         """How much, in words."""
         size, way = abs(self.samples), "late" if self.samples > 0 else "early"
-        much = f"{size:.2f} ± {1.96 * self.sigma:.2f}" if size <= RULES.shift_most else f"{size:.0f}"
+        much = (
+            f"{size:.2f} ± {1.96 * self.sigma:.2f}" if size <= RULES.shift_most else f"{size:.0f}"
+        )
         return f"{much} samples ({size * self.step:.2g} s) {way}"
 
 

@@ -13,7 +13,7 @@ from scipy.special import stdtrit
 from identifiability.foundation.errors import ClosureError, listing
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import ENDS
+from identifiability.foundation.numbers import ENDS, REACH
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.commands import of_commands
@@ -22,6 +22,23 @@ from identifiability.regression.mix_up import find_mix_up
 from identifiability.robot import Motion, complete_motion
 from identifiability.workflows.oddities.check import Does, MeasuredLogs, check, unexplained, without
 from identifiability.workflows.oddities.rules import RULES
+
+# At which joints the file's masses say what weight there is.
+
+
+def feel_weight(logs: MeasuredLogs) -> tuple[Array, np.ndarray]:
+    """Return the weight that each joint holds, and at which joints the file knows it, (n,) each.
+
+    There it is no small share of that of like joints, and what it is does not hang on how wrong
+    each mass is: of a gripper whose fingers hold each other up, or of an arm with counterweights,
+    the file knows the difference of two weights as little as its sign.
+    """
+    size, units = np.sqrt(np.mean(logs.gravity**2, 0)), np.array(logs.robot.torque_units)
+    most = np.array([size[units == u].max() for u in units])
+    sure = size > REACH * logs.weight_error
+    felt: np.ndarray = (size > RULES.weight_felt * most) & sure & logs.measured
+    return size, felt
+
 
 # An "effort" that is no force: it does not carry the weight that the robot file puts on it.
 
@@ -39,7 +56,7 @@ def find_weightless(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on joints whose torque does not carry the file's weight, or none."""
     if not logs.weighs:
         return ()
-    weight, felt = _felt_weight(logs)
+    weight, felt = feel_weight(logs)
     measured, units = np.sqrt(np.mean(logs.torque**2, 0)), logs.robot.torque_units
     light = (measured < RULES.weight_carried * weight) & felt
     if not light.any():
@@ -126,7 +143,7 @@ def _nearest(value: float, half: float) -> float:
 def measure_carried(logs: MeasuredLogs) -> list[Carried]:
     """Return how much of the file's weight each joint's torque carries, where it has some."""
     weight, found = logs.gravity, []
-    for k in np.flatnonzero(_felt_weight(logs)[1]):
+    for k in np.flatnonzero(feel_weight(logs)[1]):
         moving = logs.predicted[:, k] - weight[:, k]
         own = np.column_stack([weight[:, k], moving, logs.ordinary(int(k))])
         own, torque = own[logs.data[:, k]], logs.torque[logs.data[:, k], k]
@@ -136,13 +153,6 @@ def measure_carried(logs: MeasuredLogs) -> list[Carried]:
         if np.isfinite(half[0]):
             found.append(Carried(int(k), value[0], half[0], value[1], half[1]))
     return found
-
-
-def _felt_weight(logs: MeasuredLogs) -> tuple[Array, np.ndarray]:
-    """Return the size of each joint's weight, (n,), and where it is among the largest there are."""
-    size, units = np.sqrt(np.mean(logs.gravity**2, 0)), np.array(logs.robot.torque_units)
-    most = np.array([size[units == u].max() for u in units])
-    return size, (size > RULES.weight_felt * most) & (size > 0) & logs.measured
 
 
 def regress(X: Array, y: Array) -> tuple[Array, Array]:
