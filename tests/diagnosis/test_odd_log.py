@@ -105,6 +105,16 @@ def test_a_log_that_only_verifies_is_doubted_aloud(logs_of, named):
     assert "verify on another log" in d.statement
 
 
+def test_which_of_two_fitted_logs_is_odd_is_told_by_the_one_that_judges(logs_of):
+    logs = list(logs_of("two-link")[:3])
+    d = diagnose("two-link", [logs[0], changed(logs[1])], logs[2], **FEW)
+    assert d.left_out == (logs[1].name,)
+    assert d.hints[0].startswith(f"{logs[1].name} disagrees with the other logs")
+    assert d.error_after == diagnose("two-link", logs[0], logs[2], **FEW).error_after
+    only = diagnose("two-link", changed(logs[1]), [logs[0], logs[2]], **FEW)
+    assert only.left_out == ()  # nothing else is fitted
+
+
 CHANGES = {"effects": ["payload", "coulomb_friction", "torque_offset"], "forward": False}
 CHANGES |= {"quick": True}
 

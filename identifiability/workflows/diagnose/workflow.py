@@ -404,7 +404,7 @@ class _Asked:
         """
         found = self.run(setting)
         held_out = odd.number >= len(setting.samples)
-        logs = (*found.samples, *found.validation) if held_out else found.samples
+        logs = (*found.samples, *found.validation)
         explained = found.effects or found.changes
         if len(found.samples) < len(setting.samples):
             return found, ""
@@ -420,7 +420,8 @@ class _Asked:
 def _doubt_logs(opening: Opening) -> tuple[OddLog | None, str]:
     """Return the log that disagrees, if one does, and a sentence on outlying stretches.
 
-    A log that is not fitted is asked for only where the fitted ones agree.
+    Those that are not fitted are asked where the fitted ones do not tell, as two cannot; the only
+    one that is fitted cannot be left out.
     """
     fitted = len(opening.samples)
     each = (*opening.samples, *opening.validation)
@@ -431,7 +432,7 @@ def _doubt_logs(opening: Opening) -> tuple[OddLog | None, str]:
     odd = describe_odd_log(opening.regression, information, fit)
     if odd is None:
         odd = describe_odd_log(regression, every, estimator.fit(every))
-        odd = None if odd is None or odd.number < fitted else odd
+        odd = None if odd is None or odd.number < fitted < 2 else odd
     return odd, weigh_rows(opening.robot.joints, opening.samples, information, estimator)[1]
 
 

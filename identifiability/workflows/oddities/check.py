@@ -10,12 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from identifiability.effects.nominal import (
-    gravity_torque,
-    has_masses,
-    load_model,
-    rigid_torque,
-)
+from identifiability.effects.nominal import gravity_torque, has_masses, load_model, rigid_torque
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array

@@ -215,8 +215,9 @@ class Shift:
 def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
     """Return by how much the torque of all joints is late, or where that is not certain of one.
 
-    None where a log is too short to tell. A small delay d adds ``−d τ'`` to the torque τ of the model. What friction lacks at low and high
-    speed is fitted beside it. What a joint that stands supplies is no data.
+    None where a log is too short to tell. A small delay d adds ``−d τ'`` to the torque τ of the
+    model. What friction lacks at low and high speed is fitted beside it. What a joint that stands
+    supplies is no data.
     """
     samples = _consecutive(prepared)
     if samples is None:
