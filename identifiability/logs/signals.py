@@ -10,10 +10,10 @@ one side of the equation only.
 
 from __future__ import annotations
 
-from functools import cached_property
+import math
+from functools import cached_property, lru_cache
 
 import numpy as np
-import scipy
 from scipy.linalg.lapack import dtbtrs
 
 from identifiability.foundation.linalg import ROUNDOFF
@@ -199,28 +199,51 @@ def differentiate(x: Array, dt: float) -> Array:
     """
     if len(x) < 2 * ENDS * REACH:
         return _end_slope(x, dt)
-    slope: Array = scipy.ndimage.correlate1d(x, _DIFFERENCE / dt, axis=0)
-    end = ENDS * REACH
+    m = len(x) - 2 * REACH
+    slope, end = np.zeros_like(x, float), ENDS * REACH
+    for k, share in enumerate(_difference(), 1):
+        ahead, behind = x[REACH + k : REACH + k + m], x[REACH - k : REACH - k + m]
+        slope[REACH:-REACH] += (share / dt) * (ahead - behind)
     slope[:REACH] = _end_slope(x[:end], dt)[:REACH]
     slope[-REACH:] = _end_slope(x[-end:], dt)[-REACH:]
     return slope
 
 
+def _difference() -> list[float]:
+    """Return what the differences over 2, 4, … 2 REACH steps count for."""
+    whole = math.comb(2 * REACH, REACH)
+    return [
+        (-1) ** (k + 1) / k * math.comb(2 * REACH, REACH - k) / whole for k in range(1, REACH + 1)
+    ]
+
+
 def _end_slope(x: Array, dt: float) -> Array:
     """Return the derivative of the spline through few samples."""
-    spline = scipy.interpolate.make_interp_spline(np.arange(len(x)), x, min(5, len(x) - 1))
-    slope: Array = spline(np.arange(len(x)), nu=1) / dt
-    return slope
+    return np.tensordot(_spline_slope(len(x)), x, 1) / dt
 
 
-def _difference() -> Array:
-    """Return the coefficients of the difference, (2 REACH + 1,)."""
-    k, m = np.arange(1, REACH + 1), REACH
-    c = -((-1.0) ** k) / k * scipy.special.binom(2 * m, m - k) / scipy.special.binom(2 * m, m)
-    return np.concatenate([-c[::-1], [0.0], c])
+@lru_cache(maxsize=4)
+def _spline_slope(n: int) -> Array:
+    """Return the slopes (n, n) at samples 0, 1, … of the spline through any values of these.
 
-
-_DIFFERENCE = _difference()
+    It is of fifth degree, or less where there are few, and has its knots at samples, but for those
+    next to the ends ("not a knot"). Its B-splines follow from those of degree zero [de Boor 1978].
+    It is a matrix here, as the ends of all logs are alike; SciPy's splines import its optimisers.
+    """
+    degree, at = min(5, n - 1), np.arange(n, dtype=float)
+    inner = at[degree // 2 + 1 : n - degree // 2 - 1]
+    knots = np.concatenate([np.zeros(degree + 1), inner, np.full(degree + 1, n - 1.0)])
+    value = ((knots[:-1] <= at[:, None]) & (at[:, None] < knots[1:])).astype(float)
+    value[-1, n - 1] = 1.0  # the last sample belongs to what ends there
+    slope = np.zeros((n, n))
+    for d in range(1, degree + 1):
+        width = knots[d:] - knots[:-d]
+        share = value / np.where(width > 0, width, np.inf)
+        slope = d * (share[:, :-1] - share[:, 1:])
+        value = (at[:, None] - knots[: -d - 1]) * share[:, :-1]
+        value += (knots[d + 1 :] - at[:, None]) * share[:, 1:]
+    found: Array = np.linalg.solve(value.T, slope.T).T
+    return found
 
 
 #: Outputs of a decimation that are made by one product: of more, most of its terms are zeros.

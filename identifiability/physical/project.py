@@ -38,10 +38,15 @@ from identifiability.physical.fitted_model import Fixed, LeastSquares, Plane
 # need multipliers, as in an interior-point method. That takes milliseconds, a tenth of what a
 # general solver does. The way to a light weight leads along the optima of heavier ones, as that of
 # an interior point does: a path of weights costs little more than its last one.
+#
+# Under a weight that is next to nothing bodies lie at the edges of their cones, along which Newton
+# steps get ever smaller. There bodies have multipliers Z_k, too: those that are asked for are
+# w J_k⁻¹, and a step is taken in coordinates in which J_k and Z_k are one diagonal matrix
+# [Nesterov 1998]. That is twice the work.
 
 
-#: Steps after which patience is tried, and after which the general solver is asked; about twenty
-#: are needed.
+#: Steps within which an optimum is reached, without multipliers of bodies and with them; about
+#: twenty, and thirty, are needed. The general solver is asked after that.
 STEPS = (40, 100)
 
 #: Newton decrement and complementarity [σ²] at which the optimum is reached, of a weight up to one;
@@ -52,8 +57,10 @@ ENOUGH: Tolerance = 1e-8
 IN_CONES: Tolerance = 0.9
 IN_SIGNS: Tolerance = 0.995
 
-#: Each step asks for this share of what the products of slack and multiplier are.
+#: Each step asks for this share of what the products of slack and multiplier are; for more of it
+#: where the step before led to an edge, up to `HARDLY_LESS`.
 LESS: Tolerance = 0.03
+HARDLY_LESS: Tolerance = 0.9
 
 #: The same of the weight, which begins at the size of the cost and ends at the prior's.
 LIGHTER: Tolerance = 0.2
@@ -61,10 +68,6 @@ LIGHTER: Tolerance = 0.2
 #: Rows and columns of the lower triangle of a body, and what makes its squares those of the whole.
 ROW, COLUMN = np.tril_indices(4)
 TWICE = np.where(ROW == COLUMN, 1.0, np.sqrt(2.0))
-
-#: Newton decrement up to which the weight goes on falling, in weights. Nearly always it may fall at
-#: once. Where that leads along the edge of a thin body in ever smaller steps, it waits.
-PATIENCE: tuple[Tolerance, Tolerance] = (np.inf, 1.0)
 
 
 @frozen
@@ -99,11 +102,16 @@ def pull(region: PhysicalSet, maps: Array, weight: float, *way: Any) -> Pulled |
 
     Parameters as in `follow`.
     """
-    for steps, patience in zip(STEPS, PATIENCE, strict=True):
-        found = next(follow(region, maps, [weight], *way, steps=steps, patience=patience), None)
-        if found is not None:
-            return found
-    return None
+    found = (_first(follow(region, maps, [weight], *way, pressed=k)) for k in (False, True))
+    return next((at for at in found if at is not None), None)
+
+
+def _first(found: Iterator[Pulled]) -> Pulled | None:
+    """Return the first of some optima; None if it is not reached, be it by rounding at an edge."""
+    try:
+        return next(found, None)
+    except np.linalg.LinAlgError:
+        return None
 
 
 def follow(
@@ -115,9 +123,9 @@ def follow(
     free: Array,
     plane: Plane,
     *,
+    margin: float = 0.0,
     enough: float = ENOUGH,
-    steps: int = STEPS[0],
-    patience: float = PATIENCE[0],
+    pressed: bool = False,
 ) -> Iterator[Pulled]:
     """Yield the optimum under each weight of the prior, as far as they are reached.
 
@@ -136,59 +144,104 @@ def follow(
         Where that cost is least, in the plane.
     plane : Plane
         What is held.
+    margin : float
+        What the divergence is of exceeds pseudo-inertias by so much less: an eigenvalue of these
+        is larger.
     enough : float
         Newton decrement and complementarity at which an optimum is reached, as `ENOUGH`.
-    steps : int
-        Within which each is.
-    patience : float
-        Newton decrement, in weights, up to which the weight goes on falling.
+    pressed : bool
+        Whether bodies have multipliers, which lead along the edges of their cones.
     """
     rows, least = lines
-    own = np.take_along_axis(maps, region.bodies[:, None, :], axis=2)
-    x = free.copy()
-    x[region.bodies] = np.linalg.pinv(own) @ np.eye(4).ravel()  # the nominal bodies
+    x = _with_nominal(region, maps, free, 1.0 + margin)
     _, s, Vt = np.linalg.svd(factor @ plane.along)
     T = plane.along @ Vt.T  # along these directions the quadratic cost is a sum of squares
     cone, sign = maps @ T, rows @ T
     z = T.T @ (x - free)
     weight = max(weights[0], float(s * z @ (s * z)) / (4 * max(len(maps), 1)))
-    triangle = 4 * ROW + COLUMN
     slack = np.abs(rows @ x - least) + 0.01
     y = weight / slack
-    at, left = 0, steps
+    Z = weight * np.tile(np.eye(4), (len(maps), 1, 1))
+    at, left, less = 0, STEPS[pressed], LESS
     while left and at < len(weights):
         left, light = left - 1, weights[at]
         reached = max(enough, ENOUGH * light)
-        least_product = reached / max(100, 2 * y.size)  # so that all of them together are enough
-        root = np.linalg.inv(np.linalg.cholesky((maps @ x).reshape(-1, 4, 4)))
-        congruent = np.einsum("kab,kcd->kacbd", root, root).reshape(-1, 16, 16)
-        # Of the congruent J along each direction: the triangle, and its squares as of the whole.
-        rates = (TWICE[:, None] * congruent[:, triangle] @ cone).reshape(-1, z.size)
-        away = np.eye(4) - root.transpose(0, 2, 1) @ root
         lack, product = rows @ x - least - slack, slack * y
-        aim = max(LESS * product.mean(), least_product) if y.size else 0.0
-        force = sign.T @ ((aim - y * lack) / slack) - 2 * s**2 * z
-        force = force - weight * away.ravel() @ cone.reshape(-1, z.size)
+        J = (maps @ x).reshape(-1, 4, 4) - margin * np.eye(4)
+        if pressed:
+            root, size = _scale_alike(J, Z)
+            mean = float((np.sum(size**2) + product.sum()) / (size.size + y.size))
+            weight = max(light, less * mean)
+        else:
+            mean, root, size = 0.0, *_scale(J, weight)
+        each = mean if mean > light else float(product.sum() / max(y.size, 1))
+        aim = max(less * each, reached / max(100, 2 * y.size))  # all of them together are enough
+        rates = _congruent(root, cone)
+        away = weight * root.transpose(0, 2, 1) @ (root / size[:, :, None])
+        away -= (light if pressed else weight) * np.eye(4)
+        force = sign.T @ ((aim - y * lack) / slack) + away.ravel() @ cone.reshape(-1, z.size)
+        force -= 2 * s**2 * z
         stiff = np.sqrt(y / slack)[:, None] * sign
-        curve = weight * (rates.T @ rates) + stiff.T @ stiff  # each half the work: A.T @ A
-        curve[np.diag_indices_from(curve)] += 2 * s**2
+        curve = rates.T @ rates + stiff.T @ stiff  # each half the work: A.T @ A
+        curve.ravel()[:: z.size + 1] += 2 * s**2
         step = _solve(curve, force)
         if step is None:
             return
         change = sign @ step + lack
         rise = (aim - y * change) / slack - y
-        turn = np.linalg.eigvalsh(_whole((rates @ step).reshape(-1, 10))).ravel()
-        edges = _room(np.ones(turn.size), turn, IN_CONES), _room(slack, change, IN_SIGNS)
-        reach = min(*edges, _room(y, rise, IN_SIGNS))
+        turn = _whole((rates @ step).reshape(-1, 10))
+        press = (weight / size - size)[:, :, None] * np.eye(4) - turn
+        reach = min(
+            _room_in_cones(size, turn),
+            _room_in_cones(size, press) if pressed else 1.0,
+            _room(slack, change, IN_SIGNS),
+            _room(y, rise, IN_SIGNS),
+        )
         z, slack, y = z + reach * step, slack + reach * change, y + reach * rise
         x = free + T @ z
-        if weight > light:
-            if patience == np.inf or (reach > IN_CONES and force @ step <= patience * weight):
-                weight = max(light, LIGHTER * weight)
-        elif reach == 1.0 and max(force @ step, product.sum()) < reached:
+        if weight == light and reach == 1.0 and max(force @ step, product.sum()) < reached:
             yield Pulled(x, y, T, curve)
-            at, left = at + 1, steps
+            at, left = at + 1, STEPS[pressed]
+        if pressed:
+            Z = Z + reach * root.transpose(0, 2, 1) @ press @ root
+            less = min(HARDLY_LESS, max(LESS, (1 - reach) ** 2))
+        else:
             weight = max(weights[min(at, len(weights) - 1)], LIGHTER * weight)
+
+
+def _with_nominal(region: PhysicalSet, maps: Array, x: Array, size: float) -> Array:
+    """Return parameters (p,) with the bodies that maps (nb, 16, p) make the identity of a size."""
+    out = x.copy()
+    own = np.take_along_axis(maps, region.bodies[:, None, :], axis=2)
+    out[region.bodies] = np.linalg.pinv(own) @ (size * np.eye(4).ravel())
+    return out
+
+
+def _scale(J: Array, weight: float) -> tuple[Array, Array]:
+    """Return what `_scale_alike` does if the multipliers are ``weight J⁻¹``."""
+    root = weight**0.25 * np.linalg.inv(np.linalg.cholesky(J))
+    return root, np.full(root.shape[:2], np.sqrt(weight))
+
+
+def _scale_alike(J: Array, Z: Array) -> tuple[Array, Array]:
+    """Return what makes matrices and their multipliers alike, (nb, 4, 4), and what both are then.
+
+    With `root` and `size` (nb, 4) it is ``root @ J @ root.T = diag(size) = root⁻ᵀ @ Z @ root⁻¹``.
+    """
+    factor = np.linalg.cholesky(Z)
+    U, size, _ = np.linalg.svd(factor.transpose(0, 2, 1) @ np.linalg.cholesky(J))
+    root: Array = (factor @ (U / np.sqrt(size)[:, None, :])).transpose(0, 2, 1)
+    return root, size
+
+
+def _congruent(root: Array, cone: Array) -> Array:
+    """Return how congruent matrices change, (10 nb, p), as those of a map (nb, 16, p) do.
+
+    They are lower triangles, and their squares are those of whole matrices.
+    """
+    whole = np.einsum("kab,kcd->kacbd", root, root).reshape(-1, 16, 16)
+    rates: Array = TWICE[:, None] * whole[:, 4 * ROW + COLUMN] @ cone
+    return rates.reshape(-1, cone.shape[2])
 
 
 def _whole(triangles: Array) -> Array:
@@ -209,6 +262,13 @@ def _room(value: Array, change: Array, share: float) -> float:
     """Return the part of a change, at most one, that leaves values positive."""
     falls = change < 0
     return min(1.0, share * float((value[falls] / -change[falls]).min(initial=np.inf)))
+
+
+def _room_in_cones(size: Array, change: Array) -> float:
+    """Return the same for diagonal matrices (nb, 4) that become others, for their eigenvalues."""
+    share = 1 / np.sqrt(size)
+    values = np.linalg.eigvalsh(share[:, :, None] * change * share[:, None]).ravel()
+    return _room(np.ones(values.size), values, IN_CONES)
 
 
 # The parameters of a real robot nearest to the data: a semidefinite program, and its evidence.
@@ -338,12 +398,23 @@ class Projection:
             if self.prior is None and self._holds(free):
                 none = np.zeros(len(self._least)), np.zeros((len(self.region.ellipsoids), 16))
                 return self._read(data, scaled, free, *none, "optimal")
-            if self.prior is not None and not len(self.region.ellipsoids):
-                found = pull(self.region, self.nominal, self.prior.weight, *self._way(scaled, free))
+            if not len(self.region.ellipsoids):
+                found = self._pull(scaled, free)
                 if found is not None and self._holds(found.x):
                     at = found.x, found.multipliers, np.zeros((0, 16))
                     return self._read(data, scaled, *at, "optimal")
             return self._read(data, scaled, *self._program.solve(scaled, free))
+
+    def _pull(self, scaled: _Scaled, free: Array) -> Pulled | None:
+        """Return the optimum by Newton's method; without a prior one of a weight that is nothing.
+
+        With that weight w costs exceed the least one by no more than 4 w a body.
+        """
+        way = self._way(scaled, free)
+        if self.prior is not None:
+            return pull(self.region, self.nominal, self.prior.weight, *way)
+        held: Any = {"margin": self.margin, "pressed": True}
+        return _first(follow(self.region, self.region.cones, [ENOUGH], *way, **held))
 
     def _way(self, scaled: _Scaled, free: Array) -> tuple[Any, ...]:
         return (self._rows, self._least), scaled.factor, free, scaled.plane
