@@ -367,8 +367,8 @@ def test_what_an_assumed_rate_does_to_damping_is_said(arm):
 def test_intervals_hold_where_servos_measure_half_as_often_as_is_assumed(arm):
     how = servos.Recorder(rate=200.0, delay=0.007, bits=14, servo_rate=500.0)
     rng = np.random.default_rng(11)
-    commands = servos.draw_commands(arm, 8.0, how.command_rate, 0.5, rng)
-    log = servos.record(arm, TRUTH, commands, 8.0, how, rng)
+    commands = servos.draw_commands(arm, 5.0, how.command_rate, 0.5, rng)
+    log = servos.record(arm, TRUTH, commands, 5.0, how, rng)
     table = analyze(arm, log, quick=True).to_frame().set_index("name")
     for joint in arm.joints:
         for kind in ("Fv", "Fc"):
@@ -499,8 +499,8 @@ def heavy(arm):
     rng = np.random.default_rng(5)
     bodies = {f"{b}.{k}": 0.8 * arm.nominal[f"{b}.{k}"] for b in arm.bodies for k in INERTIAL_KINDS}
     how = servos.Recorder(rate=100.0, delay=0.007, bits=14)
-    moves = servos.draw_commands(arm, 8.0, how.command_rate, 0.5, rng)
-    log = read(arm, servos.record(arm, TRUTH | bodies, moves, 8.0, how, rng))
+    moves = servos.draw_commands(arm, 6.0, how.command_rate, 0.5, rng)
+    log = read(arm, servos.record(arm, TRUTH | bodies, moves, 6.0, how, rng))
     return log, roll_late(CommandedRobot(arm, TRUTH | bodies), log)[0], {**TRUTH, **bodies}
 
 
@@ -648,9 +648,9 @@ def test_what_is_known_of_bodies_says_nothing_of_rotors_that_stand_in_their_iner
 @pytest.mark.parametrize("late", [0.0, 0.004])
 def test_the_joint_that_is_late_is_named_and_not_those_that_its_delay_made_early(arm, late):
     rng, how = np.random.default_rng(1), servos.Recorder(200.0, 50.0, 0.006, 12)
-    moves = [servos.draw_commands(arm, 8.0, 50.0, 0.35, rng) for _ in range(2)]
+    moves = [servos.draw_commands(arm, 5.0, 50.0, 0.35, rng) for _ in range(2)]
     fault = servos.Fault(1, "late", late)
-    fitted, unseen = (servos.record(arm, TRUTH, c, 8.0, how, rng, fault=fault) for c in moves)
+    fitted, unseen = (servos.record(arm, TRUTH, c, 5.0, how, rng, fault=fault) for c in moves)
     few = ["command_delay", "torque_scale", "stribeck_friction", "velocity_leak"]
     found = diagnose(arm, fitted, unseen, effects=few, quick=True, forward=False)
     named = {p.place: p for e in found.effects for p in e.placements}
