@@ -514,6 +514,7 @@ def test_every_verb_finds_the_delay_again_with_the_bodies_fitted(arm, heavy):
         late = float(re.search(r"commands act (\S+) ms (after|before)", said)[1])
         assert abs(late - 1e3 * abs(delay)) < 0.05
     assert not named.effects
+    assert not any("cut-off" in hint for result in (reduced, named) for hint in result.hints)
     assert np.abs(reduced.late).max() > 0  # what it leaves open counts in every verb
 
 

@@ -18,6 +18,7 @@ from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
+from identifiability.foundation.rounding import format_number
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation, Samples, prepare_samples
@@ -332,7 +333,8 @@ def check_cutoff(
     how : Preparation
         With the cut-off for all logs.
     """
-    if not isinstance(how, SettledPreparation) or how.band is None:
+    # Torque of commands is calibrated along rollouts at one cut-off, and is not that of another.
+    if recordings.commanded or not isinstance(how, SettledPreparation) or how.band is None:
         return ()
     held_out = settle_band(opening.structure, recordings.held_out, how)
     seen = held_out.band if isinstance(held_out, SettledPreparation) else None
@@ -354,9 +356,10 @@ def _say_cut(band: Band, whose: str) -> str:
     if band.cutoff >= RULES.cutoff_inside * band.bandwidth:
         return ""
     least = LOG_RULES.cutoff_lowered * LOG_RULES.cutoff_wide * band.bandwidth
-    remedy = f"set it to {least:.2g} Hz or more (--cutoff)"
+    remedy = f"set it to {format_number(least, 2)} Hz or more (--cutoff)"
     if least > LOG_RULES.cutoff_highest * band.rate:
-        remedy = f"sample at {least / LOG_RULES.cutoff_highest:.2g} Hz or faster, or move slower"
+        rate = format_number(least / LOG_RULES.cutoff_highest, 2)
+        remedy = f"sample at {rate} Hz or faster, or move slower"
     return (
         f"The cut-off of {band.cutoff:.3g} Hz cuts into the motion of {whose}, which reaches "
         f"{band.bandwidth:.3g} Hz: accelerations are missing, and values are wrong; {remedy}."
@@ -369,7 +372,7 @@ def _say_noise(band: Band) -> str:
         return ""
     remedy = "measure velocities, or let the robot accelerate more"
     if band.limit < band.cutoff:
-        remedy = f"set it to {band.limit:.2g} Hz (--cutoff), {remedy}"
+        remedy = f"set it to {format_number(band.limit, 2)} Hz (--cutoff), {remedy}"
     return (
         f"Noise of what is differentiated has {100 * min(band.noise, 1.0):.0f} % of the power of "
         f"an acceleration below the cut-off of {band.cutoff:.3g} Hz, which pulls inertias towards "

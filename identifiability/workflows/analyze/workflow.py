@@ -266,8 +266,7 @@ def _judge(
     joints = session.structure.robot.joints
     several = compare_logs(joints, opening.samples, fitted.information, results[at])
     hints = [*leans, *opening.hints, fitted.burst, contradicted[at], ladder.short]
-    if not recordings.commanded:  # torque that was calibrated at one cut-off is not that of another
-        hints += check_cutoff(opening, recordings, fitted.information, results[at], session.how)
+    hints += check_cutoff(opening, recordings, fitted.information, results[at], session.how)
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest
         mounting = state_mounting(session.structure.robot, results[at].verdicts)
         hints += [state_weak(results[at]), mounting, several.hint, results[at].warning]

@@ -234,7 +234,8 @@ def diagnose(
         used = [*setting.samples, *setting.validation]
         kept = (EXACT,) if fixed is True else ()
         believed = () if setting.near is None else (setting.near.hint,)
-        hints = (*kept, *believed, *doubts, *opening.hints, *say_band(setting.preparation))
+        band = () if commanded else say_band(setting.preparation)  # it is calibrated in this one
+        hints = (*kept, *believed, *doubts, *opening.hints, *band)
         found = replace(
             found,
             nothing="" if setting.fixed else opening.misread,
