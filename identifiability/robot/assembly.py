@@ -342,10 +342,13 @@ def _refuse_loose(robot: Description, count: int) -> NoReturn:
             "must stand on the ground (a floating base is not supported); if this one was bolted "
             f"down while it was measured, {advice}."
         )
-    advice = (
-        "name the missing actuated joints (<actuator> in MJCF, 'actuated' in the sidecar), add the "
-        "closures, or choose a home position away from singularities"
-    )
+    why = f"but the loops give only {count} independent equations"
+    rest = "add the closures, or choose a home position away from singularities"
+    if not robot.equations:
+        why = "and no loop moves them"
+        rest = "or add the closures; what swings freely, as a pendulum does, is not served"
+    name = "name the missing actuated joints (<actuator> in MJCF, 'actuated' in the sidecar)"
+    advice = f"{name}, {rest}"
     if wide:
         name, kind = wide[0].dofs[0].rpartition(".")[0], wide[0].kind
         hinges = ", or write the ball as three hinges in one body with an actuator each"
@@ -353,7 +356,7 @@ def _refuse_loose(robot: Description, count: int) -> NoReturn:
         advice += hinges if kind == "ball" else ""
     raise RobotError(
         f"{robot.path}: {len(robot.dependent)} joints have no actuator ({listing(robot.passive)}) "
-        f"but the loops give only {count} independent equations; {advice}. "
+        f"{why}; {advice}. "
         f"{_propose_locks(robot.passive)}"
     )
 

@@ -54,6 +54,11 @@ def equality(inside):
 
 #: What is replaced in the two-link arm, by what, and the sentence.
 MJCF = {
+    "a joint that swings freely": (
+        ('<motor name="elbow_motor" joint="elbow"/>', ""),
+        r"1 joints have no actuator \(elbow\) and no loop moves them; name .* what swings freely, "
+        "as a pendulum does, is not served",
+    ),
     "body without mass": (
         ("</worldbody>", '<body><joint name="j"/></body></worldbody>'),
         r"mass and inertia of moving bodies must be larger .*'body4', line 36",
