@@ -120,13 +120,9 @@ def _combine(
 ) -> Combined:
     k, N = information.size, max(information.samples, 1)
     R = information.joint.factor(weights)
-    V, (Q, root) = R[:, :k], np.linalg.qr(R[:, k : 2 * k])
-    size = np.linalg.norm(V, axis=0)
-    size[size == 0] = 1.0
-    U, s, Yt = np.linalg.svd(V / size, full_matrices=False)
-    own = s > APART * s[0] if len(s) else np.zeros(0, bool)
-    U, to_U = U[:, own], (Yt[own].T / s[own]) / size[:, None]  # U = V to_U
-    left, strength, Yt = np.linalg.svd(U.T @ Q)  # min(rank, k) correlations
+    Q, root = np.linalg.qr(R[:, k : 2 * k])
+    U, to_U = _span(R[:k, :k])
+    left, strength, Yt = np.linalg.svd(U.T @ Q[:k])  # min(rank, k) correlations
     strength = np.append(strength, np.zeros(k - len(strength)))
     least = (
         np.sqrt(RULES.instrument_f / (N + RULES.instrument_f))
@@ -141,15 +137,28 @@ def _combine(
     T[k:, weak] = B[:, weak]
     x = _solve(root, Q.T @ R[:, 2 * k]) if plain is None else plain
     e = R[:, 2 * k] - R[:, k : 2 * k] @ x  # what least squares leaves has digits of its own
-    x = x + B[:, good] @ ((U @ left[:, good]).T @ e / strength[good])
+    x = x + B[:, good] @ ((U @ left[:, good]).T @ e[:k] / strength[good])
     length = np.where(weak, 1.0, 1.0 / np.where(weak, 1.0, strength))
     lost = np.zeros((2, k))
     if record != "command":  # it is another motion, so what it would change is no bias
         # Noise alone correlates by 1/√N.
         lean, seen = np.maximum(strength, 1.0 / np.sqrt(N)), np.zeros(k)
-        seen[: left.shape[1]] = (U @ left).T @ e
+        seen[: left.shape[1]] = (U @ left).T @ e[:k]
         lost = np.where(weak, [seen / lean, 1.0 / lean**2 - 1.0], 0.0)
     return Combined(T, B, length, x, weak, lost)
+
+
+def _span(V: Array) -> tuple[Array, Array]:
+    """Return U, orthonormal, of what a triangular V (k, k) spans, and what makes it ``U = V T``."""
+    size = np.linalg.norm(V, axis=0)
+    unit = V / np.where(size > 0, size, 1.0)
+    if np.diag(unit).all():  # mostly V spans all directions, which costs a tenth to see
+        inverse = solve_triangular(unit, np.eye(len(V)))
+        if APART * np.linalg.norm(unit) * np.linalg.norm(inverse) < 1.0:
+            return np.eye(len(V)), inverse / size[:, None]
+    U, s, Yt = np.linalg.svd(unit)
+    own = s > APART * s.max(initial=0.0)
+    return U[:, own], Yt[own].T / s[own] / np.where(size > 0, size, 1.0)[:, None]
 
 
 # Instrumental variables: estimates that noise in the motion does not bias.

@@ -9,11 +9,12 @@ import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, replace
-from functools import cached_property, partial
+from functools import cached_property, partial, reduce
 from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag, solve_triangular
+from scipy.linalg.lapack import dtpqrt
 
 from identifiability.foundation.linalg import few_at_once, triangular_factor
 from identifiability.foundation.names import Array
@@ -292,6 +293,9 @@ def invert_basis(basis: Array) -> Array:
 # are for folds and resampling, ``+`` for logs and workers, `joint` for instruments.
 
 
+#: Columns that are turned at once where triangular factors are joined.
+TURNED = 32
+
 #: How much of what is made of the sums over all blocks is kept.
 REMEMBERED = 4
 
@@ -469,8 +473,8 @@ class Information:
         ----------
         change : (k + 1,) or (k + 1, m)
         """
-        pairs = self.of_actuators(change)
-        return np.array([np.square(part.root @ own).sum(0) for part, own in pairs])
+        rows = (F @ change[[*columns, self.size]] for columns, F in self._factors)
+        return np.array([np.square(own).sum(0) for own in rows])
 
     def squares_of_blocks(self, change: Array) -> Array:
         """Return each actuator's sum of squares of ``[W τ] change`` in each block, (n, B).
@@ -524,7 +528,7 @@ class Information:
         return found
 
     def _factor(self, weights: Array) -> Array:
-        if self.within is not None:
+        if self.within is not None and self.within[0]._grams is not None:
             more, own = self.within
             R: Array = more.factor(weights) @ own
             return triangular_factor(np.pad(R, ((0, max(0, R.shape[1] - len(R))), (0, 0))))
@@ -551,30 +555,39 @@ class Information:
         if (np.abs(np.diag(root)) <= FLOOR * np.linalg.norm(root, axis=0)).any():
             return None
         grams = np.empty((self.actuators, *root.shape))
-        for gram, weight, part in zip(grams, weights, self.parts, strict=True):
-            own, columns = self._own(part)
-            rows = _spread(np.sqrt(weight) * (part.root @ own), columns, np.arange(self.size))
+        for gram, weight, (columns, F) in zip(grams, weights, self._factors, strict=True):
+            rows = _spread(np.sqrt(weight) * F, columns, np.arange(self.size))
             Z = solve_triangular(root, rows.T, trans=1, check_finite=False)
             gram[:] = Z @ Z.T
         return weights, root, grams
 
-    def _factor_rows(self, weights: Array) -> Array:
-        pairs = zip(np.sqrt(weights), self.parts, strict=True)
-        found: list[tuple[np.ndarray, Array]] = []
-        for root, part in sorted(pairs, key=lambda pair: len(pair[1].columns)):
+    @cached_property
+    def _factors(self) -> list[tuple[np.ndarray, Array]]:
+        """Columns W (v,) that each actuator can see, and a triangular factor (…, v + 1) of them."""
+        found = []
+        for part in self.parts:
             own, columns = self._own(part)
-            seen = np.zeros(self.size, bool)
+            found.append((columns, triangular_factor(part.root @ own)))
+        return found
+
+    def _factor_rows(self, weights: Array) -> Array:
+        """Return a factor of weighted rows, joint by joint from the tips of a tree to its root.
+
+        What no other actuator sees (friction, rotors) is no obstacle to joining one whose other
+        columns another sees, too. What remains apart (legs) has no column in common.
+        """
+        pairs = zip(np.sqrt(weights), self._factors, strict=True)
+        each = sorted(((c, w * F) for w, (c, F) in pairs), key=lambda pair: len(pair[0]))
+        alone = np.bincount(np.concatenate([c for c, _ in each]), minlength=self.size) < 2
+        found: list[tuple[np.ndarray, Array]] = []
+        for columns, rows in each:
+            seen = alone.copy()
             seen[columns] = True
-            inside = [seen[c].all() for c, _ in found]
-            rows = [_spread(F, c, columns) for (c, F), i in zip(found, inside, strict=True) if i]
+            inside = [bool(seen[c].all()) for c, _ in found]
+            own = [(columns, rows), *(pair for pair, i in zip(found, inside, strict=True) if i)]
             found = [pair for pair, i in zip(found, inside, strict=True) if not i]
-            R = triangular_factor(np.vstack([root * (part.root @ own), *rows]))
-            found.append((columns, R))
-        whole = np.vstack([_spread(F, c, np.arange(self.size)) for c, F in found])
-        if len(found) == 1 and len(whole) == self.size + 1:
-            return whole
-        short = max(0, self.size + 1 - len(whole))
-        return triangular_factor(np.pad(whole, ((0, short), (0, 0))))
+            found.append(_join_triangles(own))
+        return _join_triangles(found, np.arange(self.size))[1]
 
     def _own(self, part: ActuatorBlocks) -> tuple[Array, np.ndarray]:
         """Return an actuator's basis of the columns W that it can see, and which these are."""
@@ -649,7 +662,8 @@ class Information:
         what = {"counts": counts, "data": data, "log": self.log[at]}
         merged = replace(self, parts=parts, weights=weights, **what)
         for one, like in ((merged, self), *([(merged.joint, self.joint)] * self.instrumented)):
-            vars(one).update(_made=like._made, _grams=like._grams)  # sums over all are the same
+            # Sums over all are the same.
+            vars(one).update(_made=like._made, _factors=like._factors, _grams=like._grams)
         return merged
 
     def __add__(self, other: Information) -> Information:
@@ -675,6 +689,39 @@ class Information:
             echo,
             weights,
         )
+
+
+def _join_triangles(
+    found: Sequence[tuple[np.ndarray, Array]], columns: np.ndarray | None = None
+) -> tuple[np.ndarray, Array]:
+    """Return a factor of triangular factors (…, v + 1) of some columns (v,) and the torque each.
+
+    Each row stands where its first column does, so that those of the first, and of others that
+    have no column in common with any before, cost nothing; only the rest is turned.
+
+    Parameters
+    ----------
+    found : sequence of ((v,) int, (…, v + 1))
+    columns : (m,) int, optional
+        Ascending: those of the factor; by default all that are seen.
+    """
+    if columns is None:
+        columns = reduce(np.union1d, (c for c, _ in found))
+    m = len(columns)
+    R, free = np.zeros((m + 1, m + 1)), np.ones(m, bool)
+    for own, F in sorted(found, key=lambda pair: -len(pair[0])):
+        wide, at = _spread(F, own, columns), np.searchsorted(columns, own)
+        if free[at].all():
+            free[at] = False
+            R[at[: len(wide)]], wide = wide[: len(own)], wide[len(own) :]
+        first = int(np.argmax(np.append(wide.any(0), True)))  # all before it is turned already
+        if first <= m:
+            wide = wide[:, first:]
+            size = wide.shape[1]
+            R[first:, first:] = dtpqrt(min(wide.shape), min(TURNED, size), R[first:, first:], wide)[
+                0
+            ]
+    return columns, R
 
 
 def _spread(F: Array, columns: np.ndarray, among: np.ndarray) -> Array:

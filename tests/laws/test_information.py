@@ -211,3 +211,43 @@ def test_columns_that_act_where_the_subsample_did_not_look_are_not_lost(monkeypa
     np.testing.assert_allclose((a.value - b.value) / b.sigma, 0.0, atol=1e-6)
     for one, other in zip(again.parts, whole.parts, strict=True):
         np.testing.assert_array_equal(one.columns, other.columns)
+
+
+@pytest.mark.parametrize("count", [5, 60])
+@pytest.mark.parametrize(
+    "shared",
+    [
+        [[0, 1, 2], [2], [3, 4], [4]],  # two legs
+        [[0, 1, 2, 3, 4], [1, 2], [2], [3, 4]],  # two arms at a trunk
+        [[0, 2], [1, 2, 3], [3, 4]],  # what each sees lies within no other's
+    ],
+)
+def test_a_factor_joined_actuator_by_actuator_is_that_of_all_rows(shared, count):
+    rng, n, k = np.random.default_rng(0), len(shared), 5
+    W = np.zeros((count, n, k + n + 1))  # and a column of its own for each, and one that never acts
+    for a, seen in enumerate(shared):
+        W[:, a, [*seen, k + a]] = rng.standard_normal((count, len(seen) + 1))
+    W[:, :, 2] *= 1e4
+    tau, weights = rng.standard_normal((count, n)), rng.uniform(0.1, 10.0, n)
+    names = [f"c{c}" for c in range(W.shape[2])]
+    information = Information.of_rows(names, W, tau, np.zeros(count, int), 3)
+    flat = np.sqrt(weights)[:, None] * np.concatenate([W, tau[:, :, None]], 2)
+    flat = flat.reshape(-1, W.shape[2] + 1)
+    M = rng.standard_normal((W.shape[2], 3))
+    reduced = flat @ np.block([[M, np.zeros((len(M), 1))], [np.zeros((1, 3)), 1.0]])
+    for own, rows in (
+        (information, flat),
+        (information.reduce(M, names[:3]), reduced),
+    ):
+        R = own._factor_rows(weights)
+        assert np.array_equal(R, np.triu(R))
+        length = np.linalg.norm(rows, axis=0)
+        size = np.where(length > 0, length, 1.0)
+        np.testing.assert_allclose(
+            R.T @ R / size[:, None] / size, rows.T @ rows / size[:, None] / size, atol=1e-11
+        )
+        np.testing.assert_allclose(
+            own.factor(weights).T @ own.factor(weights) / size[:, None] / size,
+            R.T @ R / size[:, None] / size,
+            atol=1e-11,
+        )
