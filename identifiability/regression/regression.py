@@ -487,10 +487,12 @@ class LogPart:
         widths = self.model.widths(self.robot)
         shape = (len(self.robot.actuated), sum(widths))
         buffer, before = Buffer(shape), None
+        most, reach = most_rows(shape), 1
         if isinstance(samples, Samples) and samples.decimation is not None:
             # Beside few samples a strong filter would draw on many more, for each piece anew.
             reach = samples.decimation.coarse.reach
-            size = min(max(size, REACHES * reach), max(size, most_rows(shape)))
+            size = min(max(size, REACHES * reach), max(size, most))
+        size = min(size, max(most, reach))  # of many joints a thousand would be 150 MB
         for piece in samples.pieces(size):
             yield piece, partial(self._regressor, piece, before, buffer, widths)
             before = piece

@@ -84,6 +84,11 @@ class WhitenedRegression:
         """Number of columns k."""
         return len(self.columns)
 
+    def whole(self, tests: Sequence[Array]) -> Array:
+        """Return ``[Y, e]ᵀ [Y, e]`` of each fold, whitened, (F, k + 1, k + 1)."""
+        each = zip(tests, self.bases, self.noise, strict=True)
+        return np.asarray(sum(basis.T @ test @ basis / noise for test, basis, noise in each))
+
     def project(self, weights: Array) -> Array:
         """Return what instruments see of each fold, ``[Y, e]ᵀ P [Y, e]``, (F, k + 1, k + 1).
 
@@ -102,7 +107,7 @@ class WhitenedRegression:
     def score(
         self,
         tests: Sequence[Array],
-        seen: Array | None,
+        gram: Array,
         precision: Array,
         delta: Array,
         turn: Array,
@@ -114,8 +119,8 @@ class WhitenedRegression:
         ----------
         tests : sequence of (F, r, r)
             ``Zᵀ Z`` of what each fold predicts, of each joint.
-        seen : (F, k + 1, k + 1) or None
-            What instruments see of it (`project`).
+        gram : (F, k + 1, k + 1)
+            What the density is of (`whole`, or `project`).
         precision : (F, k, k)
             Of y, fitted to each fold's rest.
         delta : (M, F, k)
@@ -125,15 +130,12 @@ class WhitenedRegression:
         free : (M,) int
             How many.
         """
-        k = self.size
         change = np.concatenate([-delta, np.ones((*delta.shape[:2], 1))], 2)
         squares = np.empty((*delta.shape[:2], len(tests)))
-        gram = np.zeros((len(precision), k + 1, k + 1))
         for a, (test, basis) in enumerate(zip(tests, self.bases, strict=True)):
             left = (change @ basis.T).swapaxes(0, 1)
             squares[:, :, a] = ((left @ test) * left).sum(2).T
-            gram += basis.T @ test @ basis / self.noise[a]
-        density = nested_density(gram if seen is None else seen, precision, delta, turn, free)
+        density = nested_density(gram, precision, delta, turn, free)
         return [
             Score(d, s, self.variation, self.folds.ratio)
             for d, s in zip(density, squares, strict=True)
@@ -163,8 +165,8 @@ class WhitenedRegression:
         else:
             every = np.ones(len(folds.test), bool)
             refits = self.refitter.start(weights, np.vstack([every, folds.train]).astype(float))
-        seen = self.project(weights) if len(self.seen) else None
-        return FoldFits(self, Partition.of(self.columns), tuple(tests), seen, refits)
+        gram = self.project(weights) if len(self.seen) else self.whole(tests)
+        return FoldFits(self, Partition.of(self.columns), tuple(tests), gram, refits)
 
 
 @frozen
@@ -178,15 +180,15 @@ class FoldFits:
         What became of each column.
     tests : tuple of (F, r, r)
         ``Zᵀ Z`` of what each fold predicts, of each joint.
-    seen : (F, k + 1, k + 1) or None
-        What instruments see of it.
+    gram : (F, k + 1, k + 1)
+        What densities are of: all of it, or what instruments see of it.
     refits : Refits
     """
 
     whitened: WhitenedRegression
     partition: Partition
     tests: tuple[Array, ...]
-    seen: Array | None
+    gram: Array
     refits: Refits
 
     @property
@@ -271,7 +273,7 @@ class FoldFits:
     def _score(self, delta: Array, turn: Array, free: Sequence[int]) -> list[Score]:
         precision = self.refits.grams[1:] / self.whitened.unit
         own = delta[:, 1:]
-        return self.whitened.score(self.tests, self.seen, precision, own, turn, np.asarray(free))
+        return self.whitened.score(self.tests, self.gram, precision, own, turn, np.asarray(free))
 
     def along(self, fixed: Array, models: Sequence[tuple[Partition, int]]) -> list[FoldFits]:
         """Return the fits of nested models, for what they say and not for more moves.

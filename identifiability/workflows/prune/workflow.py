@@ -67,6 +67,7 @@ from identifiability.workflows.prune.models import (
     measure_models,
     state_disagreement,
     state_foreign,
+    thin_path,
 )
 from identifiability.workflows.prune.moves import merge_moves, propose_moves
 from identifiability.workflows.prune.result import Ladder
@@ -174,6 +175,7 @@ def prune(
             question = _ask(session, rows, source.entry)
             search = _walk(session, rows, question, forbid, force, propose=propose)
             selected, physical = _choose(question, search, criterion, cad_prior)
+            search, selected, thinned = thin_path(search, selected)
             measuring = share(say, "measuring errors", 0.5, 0.7)
             measured = measure_models(
                 question, search, selected, physical, draws, streams[2], runner, measuring
@@ -206,7 +208,7 @@ def prune(
             session, rows, question, search, selected, measured, stability, criterion, known
         )
         idle = (IDLE_REACH,) if reach != 1.0 else ()
-        told = filter(None, (*idle, contradicted, *found.hints))
+        told = filter(None, (*idle, contradicted, *found.hints, thinned))
         return replace(found, hints=(*told, *unused_ladder(robot, ladder)))
 
 

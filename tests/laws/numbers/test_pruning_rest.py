@@ -5,8 +5,15 @@ import pytest
 
 from identifiability.estimation.estimate import estimate
 from identifiability.regression.reduction import Submodel
+from identifiability.workflows.prune import models
 from identifiability.workflows.prune.elimination import Plan, Search, find_path
-from identifiability.workflows.prune.models import Stability, absorb, assess_stability
+from identifiability.workflows.prune.models import (
+    Stability,
+    absorb,
+    assess_stability,
+    count_walks,
+    thin_path,
+)
 from identifiability.workflows.prune.moves import Kind, Move, Partition
 
 from .made import gather
@@ -209,3 +216,25 @@ def test_a_model_expands_to_base_parameters_and_reduces_the_regression(rows):
 def test_equal_parameters_of_which_one_cannot_be_negative_cannot_be_negative():
     assert full_model().tied("x", ["b", "d"]).nonnegative.tolist() == [True, True, False]
     assert full_model().tied("x", ["b", "c"]).nonnegative.tolist() == [True, False, True]
+
+
+def test_of_a_long_path_the_best_and_some_others_are_measured(rows, monkeypatch):
+    search = find_path(gather(*rows, columns=NAMES), np.zeros(4, bool), force=["a"])
+    steps = search.path.steps
+    assert len(steps) == 5
+    assert thin_path(search, 1) == (search, 1, "")
+    monkeypatch.setattr(models, "WALKED", 2)
+    thinned, chosen, said = thin_path(search, 3)
+    best = max(range(1, 5), key=lambda k: steps[k].density)
+    kept = sorted({0, 1, best, 3})  # before the search, what must go, the best, and the chosen one
+    assert [steps.index(s) for s in thinned.path.steps] == kept
+    assert kept[chosen] == 3
+    assert said.startswith(f"Of the 5 models of the path {len(kept)} were measured")
+
+
+def test_a_path_of_many_columns_is_walked_less_often(rows, monkeypatch):
+    search = find_path(gather(*rows, columns=NAMES), np.zeros(4, bool))
+    assert count_walks(search, 200) == 200
+    monkeypatch.setattr(models, "WALKED", 1)
+    assert count_walks(search, 200) == 25
+    assert count_walks(search, 5) == 5
