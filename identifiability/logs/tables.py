@@ -7,6 +7,7 @@ import warnings
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from io import BytesIO
 from itertools import accumulate, pairwise
 from pathlib import Path
@@ -31,6 +32,9 @@ NUMBERS = ("double", "float", "int64", "int32", "int16", "int8")
 
 #: Rows of a piece of Parquet, and its cells, at most.
 PIECE_ROWS, PIECE_CELLS = 32_768, 1_000_000
+
+#: Files of Parquet whose footers are kept.
+FOOTERS = 16
 
 #: Bytes of a cell, on average over a group of rows.
 LONGEST_CELL = 4_096
@@ -243,8 +247,24 @@ def opened(path: Path, whole: bytes | None = None) -> Any:
     from pyarrow.parquet import ParquetFile  # noqa: PLC0415 - only who reads Parquet pays for it
 
     # Without a buffer of a bounded size whole columns of a group of rows are read ahead.
-    source = path if whole is None else BytesIO(whole)
-    return ParquetFile(source, pre_buffer=False, buffer_size=1 << 18)
+    how = {"pre_buffer": False, "buffer_size": 1 << 18}
+    if whole is not None:
+        return ParquetFile(BytesIO(whole), **how)
+    state = path.stat()
+    return ParquetFile(path, metadata=_footer(path, state.st_mtime_ns, state.st_size), **how)
+
+
+@lru_cache(FOOTERS)
+def _footer(path: Path, changed: int, size: int) -> Any:
+    """Return what the end of a Parquet file says of its groups of rows.
+
+    Of a long log it takes 13 kB a group, and as often as it is read, as memory in pieces so small
+    is not given back.
+    """
+    del changed, size
+    from pyarrow.parquet import read_metadata  # noqa: PLC0415
+
+    return read_metadata(path)
 
 
 def _floats(column: Any, reading: Callable[[pd.Series], Any] | None = None) -> Array:

@@ -2,7 +2,9 @@
 
 import cloudpickle
 import numpy as np
+import pandas as pd
 import pytest
+from pyarrow import parquet
 
 from identifiability import analyze
 from identifiability.estimation import doubt
@@ -13,6 +15,7 @@ from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Samples, prepare_samples
 from identifiability.logs.prepare.longsamples import Stretch, prepare_log
+from identifiability.logs.tables import opened
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import (
     LogPart,
@@ -139,3 +142,13 @@ def test_windows_meet_a_periodic_motion_at_all_its_phases():
         phase = np.concatenate([np.arange(a, b) for a, b in windows]) % period
         most_left_out = np.diff(np.sort([0, *phase, period])).max()
         assert most_left_out < 0.2 * period
+
+
+def test_the_end_of_a_file_is_read_once_until_the_file_changes(tmp_path, monkeypatch):
+    path, footers = tmp_path / "log.parquet", []
+    read = parquet.read_metadata
+    monkeypatch.setattr(parquet, "read_metadata", lambda p: footers.append(p) or read(p))
+    for rows in (3, 5):
+        pd.DataFrame({"t": np.arange(float(rows))}).to_parquet(path)
+        assert [opened(path).read().num_rows for _ in range(3)] == [rows] * 3
+    assert footers == [path, path]
