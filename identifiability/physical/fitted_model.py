@@ -326,13 +326,18 @@ class FittedModel:
         part = submodel.reduce(whole)
         return FittedModel(structure, submodel, whole, part, estimator.fit(part))
 
-    @cached_property
+    @property
     def reported(self) -> FittedModel:
         """The model in the parameters that are reported: terms with their shares of functions."""
+        return self._told or self
+
+    @cached_property
+    def _told(self) -> FittedModel | None:
+        """Where it is not itself, which would be kept alive by what it remembers."""
         R = self.whole.factor(self.estimate.weights)[:-1, :-1]
         submodel = tell_with_terms(self.structure, self.submodel, R)
         if np.array_equal(submodel.M, self.submodel.M):
-            return self
+            return None
         return FittedModel.of(self.structure, submodel, self.whole, self.estimate.estimator)
 
     @cached_property
