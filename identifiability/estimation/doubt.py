@@ -42,7 +42,6 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
-from identifiability.logs.prepare.samples import Piece
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Regression, choose_within, inside
 from identifiability.robot import Motion, Robot
@@ -107,6 +106,27 @@ _ROOT, _ROOT_AT_REST = pinned_walk(EVEN), pinned_walk(AT_REST)
 
 
 @frozen
+class Course:
+    """Where each actuated joint was, how fast, and what it carried.
+
+    Attributes
+    ----------
+    q, v : (N, n) [rad or m; rad/s or m/s]
+    load : (N, n) [N·m or N]
+        By the file's masses, zero where it has none.
+    """
+
+    q: Array
+    v: Array
+    load: Array
+
+    @staticmethod
+    def of(robot: Robot, motion: Motion) -> Course:
+        """Return what functions are of, and no more: a motion takes several times as much."""
+        return Course(motion.actuated_q, motion.actuated_v, _carried(robot, motion))
+
+
+@frozen
 class Ranges:
     """Where the fitted motion went, which functions are over.
 
@@ -123,32 +143,30 @@ class Ranges:
     load: Array
 
     @staticmethod
-    def of(robot: Robot, motions: Sequence[Motion]) -> Ranges:
-        """Return the ranges of some motions."""
-        q, v = (np.concatenate([getattr(m, f"actuated_{k}") for m in motions]) for k in "qv")
-        load = np.concatenate([_carried(robot, m) for m in motions])
+    def of(robot: Robot, courses: Sequence[Course]) -> Ranges:
+        """Return the ranges of what was gone through."""
+        q, v, load = (np.concatenate([getattr(c, k) for c in courses]) for k in ("q", "v", "load"))
         ends = [np.stack([x.min(0), x.max(0)]) for x in (q, load)]
         speed = np.abs(v).max(0)
         speed[: len(robot.joints) - len(robot.motor_joints)] = 0.0  # nothing rubs at a base
         return Ranges(speed, *ends)
 
-    def columns(self, robot: Robot, motion: Motion) -> Array:
+    def columns(self, course: Course) -> Array:
         """Return the torque of each joint by its own functions of unit size, (N, n, `WIDTH`)."""
-        n = len(self.speed)
-        out = np.zeros((len(motion), n, WIDTH))
-        load, sign = _carried(robot, motion), np.sign(motion.actuated_v)
+        n, sign = len(self.speed), np.sign(course.v)
+        out = np.zeros((len(sign), n, WIDTH))
         for j in range(n):
             speed, place, line, carried = (out[:, j, own] for own in _OWN)
             if self.speed[j] > 0:
-                size = np.abs(motion.actuated_v[:, j]) / self.speed[j]
+                size = np.abs(course.v[:, j]) / self.speed[j]
                 curve = interpolate(size, AT_REST) @ _ROOT_AT_REST
                 speed[:, :KNOTS] = curve * (sign[:, j, None] > 0)
                 speed[:, KNOTS:] = curve * (sign[:, j, None] < 0)
-            x = _share(motion.actuated_q[:, j], self.position[:, j])
+            x = _share(course.q[:, j], self.position[:, j])
             if x is not None:
                 place[:] = interpolate(x, EVEN) @ _ROOT
                 line[:, 0], line[:, 1] = 1.0, np.sqrt(3.0) * (2.0 * x - 1.0)
-            x = _share(load[:, j], self.load[:, j])
+            x = _share(course.load[:, j], self.load[:, j])
             if x is not None:
                 carried[:] = (interpolate(x, EVEN) @ _ROOT) * sign[:, j, None]
         return out
@@ -207,21 +225,20 @@ class Rows:
             for part in regression.parts()
             if inside(windows[part.log], part.start, part.start + part.samples.outputs)
         ]
-        pieces = list[tuple[Piece, list[slice]]]()
+        robot, pieces = regression.robot, []
         for part in parts:
             start = part.start
             for piece in part.samples.pieces(PIECE):
                 stop = start + len(piece.motion.t[piece.at])
-                seen = [rows for _, rows in inside(windows[part.log], start, stop)]
-                pieces += [(piece, seen)] if seen else []
+                if seen := [rows for _, rows in inside(windows[part.log], start, stop)]:
+                    pieces.append((Course.of(robot, piece.motion), piece.coarse, seen))
                 start = stop
-        robot = regression.robot
-        ranges = ranges or Ranges.of(robot, [piece.motion for piece, _ in pieces])
-        B = [
-            piece.down(ranges.columns(robot, piece.motion))[rows]
-            for piece, several in pieces
-            for rows in several
-        ]
+        ranges = ranges or Ranges.of(robot, [course for course, *_ in pieces])
+        B = []
+        for course, coarse, several in pieces:
+            own = ranges.columns(course)
+            own = own if coarse is None else coarse.apply(own)
+            B += [own[rows].copy() for rows in several]
         shown = [c for part in parts for c in part.shown()]
         chunks = [own for c in shown for own in c.inside(windows[c.log])]
         t = np.concatenate([c.t for c in chunks])

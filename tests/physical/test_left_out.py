@@ -1,5 +1,7 @@
 """What a model leaves out, holds or ties is so in the nearest real robot, and never free."""
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -140,3 +142,19 @@ def test_what_a_model_leaves_out_holds_or_ties_is_so_in_every_draw_of_the_poster
     assert np.abs(mz.mean()) < sigma
     assert mz.std() < 1.2 * sigma
     assert np.isfinite(belief.physical.convergence.rhat).all()
+
+
+def test_a_fitted_model_is_let_go_as_soon_as_nobody_asks_for_it(simulated):
+    found = fit(simulated)
+    reduced = found.models[-1]
+    gc.disable()  # in a cycle it would wait for the collector, with all that it was fitted to
+    try:
+        own = FittedModel.of(
+            found.structure, reduced.submodel, found.information, reduced.estimate.estimator
+        )
+        assert own.reported.reported is own.reported
+        seen = weakref.ref(own)
+        del own
+        assert seen() is None
+    finally:
+        gc.enable()

@@ -239,12 +239,13 @@ class Piece:
     dwells: np.ndarray | None = None
 
     @property
-    def _coarse(self) -> signals.Decimation | None:
+    def coarse(self) -> signals.Decimation | None:
+        """What low-passes and decimates columns, if anything does."""
         return self.decimation and self.decimation.coarse
 
     def down(self, x: Array) -> Array:
         """Return x (N, …) low-passed and decimated, if there is any decimation."""
-        return x if self._coarse is None else self._coarse.apply(x)
+        return x if self.coarse is None else self.coarse.apply(x)
 
     @property
     def moves(self) -> np.ndarray | None:
@@ -290,7 +291,7 @@ class Piece:
     @property
     def at(self) -> slice:
         """The samples of the motion at which the outputs are."""
-        d = self._coarse
+        d = self.coarse
         return slice(None) if d is None else slice(d.reach, len(self.motion) - d.reach, d.factor)
 
 
