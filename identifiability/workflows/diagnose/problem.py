@@ -425,7 +425,9 @@ def _family_aliases(
     for j in range(rows.joints):
         scale = float(np.sqrt(np.sum(rows.tau[:, j] ** 2) / rows.counts[j])) or 1.0
         A = np.concatenate([rows.X[:, j, :b], rows.D.acting(j, every)], axis=1) / scale
-        G += A.T @ A
+        here = np.flatnonzero(A.any(0))  # of many joints few columns act in each
+        A = A[:, here]
+        G[np.ix_(here, here)] += A.T @ A
     length = np.sqrt(np.maximum(np.diag(G), 1e-300))
     G /= length
     G /= length[:, None]
