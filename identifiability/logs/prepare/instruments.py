@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy
-from scipy.fft import next_fast_len
 
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
@@ -143,13 +142,14 @@ def find_repetition(samples: Samples, others: Sequence[Samples] = ()) -> Repetit
     count = np.zeros(len(own.t))
     for other in (samples, *others[:LOGS]):
         begin, far = _on_grid(other.motion.t, other.motion.actuated_q[:, moves], step)
-        curves = _curves(other.motion)
+        curves: list[Curve] = []
         used = [0.0] if other is samples else []
         for lag in _find_lags(near, far)[:MOST]:
             later = _improve(own, other.motion, begin - start + lag * step)
             if any(abs(later - known) < ORDER * step for known in used):
                 continue
             used.append(later)
+            curves = curves or _curves(other.motion)  # most motions are not repeated
             record, good = _follow(own.t + later, curves)
             x, y = own.actuated_q[good][:, moves], record[0, good][:, moves]
             if (
@@ -244,7 +244,7 @@ def _find_lags(near: Array, far: Array) -> list[int]:
     a, b = a - a.mean(0), b - a.mean(0)
     lags = np.arange(-len(a) + 1, len(b))
     start, stop = np.maximum(0, -lags), np.minimum(len(a), len(b) - lags)
-    size = next_fast_len(len(a) + len(b))
+    size = 1 << (len(a) + len(b)).bit_length()  # zeros beyond both cost less than scipy.fft
     product = np.conj(np.fft.rfft(a, size, axis=0)) * np.fft.rfft(b, size, axis=0)
     cross = np.fft.irfft(product, size, axis=0)[lags]
     count = np.maximum(stop - start, 1)[:, None]
@@ -281,7 +281,10 @@ def _improve(own: Motion, there: Motion, later: float) -> float:
     return later
 
 
-def _curves(there: Motion) -> list[tuple[float, float, scipy.interpolate.CubicSpline]]:
+Curve: TypeAlias = "tuple[float, float, scipy.interpolate.CubicSpline]"
+
+
+def _curves(there: Motion) -> list[Curve]:
     """Return first and last time of each stretch of a motion without a gap, and the motion."""
     known = np.stack([there.actuated_q, there.actuated_v, there.actuated_a], 1)
     ends = [0, *(np.flatnonzero(np.diff(there.kept) > 1) + 1).tolist(), len(there.t)]
@@ -292,9 +295,7 @@ def _curves(there: Motion) -> list[tuple[float, float, scipy.interpolate.CubicSp
     ]
 
 
-def _follow(
-    t: Array, curves: list[tuple[float, float, scipy.interpolate.CubicSpline]]
-) -> tuple[Array, np.ndarray]:
+def _follow(t: Array, curves: list[Curve]) -> tuple[Array, np.ndarray]:
     """Return a motion at other times (3, K, n), and at which of them it is known, (K,) bool."""
     n = curves[0][2].c.shape[-1] if curves else 0
     out, good = np.zeros((len(t), 3, n)), np.zeros(len(t), bool)
