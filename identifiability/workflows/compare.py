@@ -34,6 +34,7 @@ from identifiability.estimation.uncertainty import (
 from identifiability.foundation.answers import Answer, Column, Table, measured_cells
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
+from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, checked
@@ -419,7 +420,9 @@ class Change:
 def find_changes(causes: Sequence[Cause], difference: Difference) -> tuple[Change, ...]:
     """Return what surely changed, the surest first."""
     size = np.sqrt(np.diag(difference.covariance))
-    whiten = np.linalg.inv(np.linalg.cholesky(difference.covariance / np.outer(size, size))) / size
+    square, V = np.linalg.eigh(difference.covariance / np.outer(size, size))
+    # What values that hang together are known by is rounding where it is less than this.
+    whiten = (V / np.sqrt(np.maximum(square, TINY * square[-1]))).T / size
     y, designs = whiten @ difference.change, [whiten @ c.design for c in causes]
     moves = difference.moves @ whiten.T
     taken: list[int] = []

@@ -1,5 +1,6 @@
 """What changed between two fits: whose values, by how much, and which cause is named."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -63,6 +64,14 @@ def test_a_change_is_told_with_its_size_and_at_the_level_of_all_causes():
     # 2.3 σ is a chance of .021: below the level by itself, above it as one of three.
     assert find_changes(causes[:1], difference([2.3, 0, 0, 0, 0]))[0].p < Thresholds.sign_level
     assert find_changes(causes, difference([2.3, 0, 0, 0, 0])) == ()
+
+
+def test_values_that_hang_together_up_to_rounding_are_compared():
+    covariance = np.eye(K)
+    covariance[3, 4] = covariance[4, 3] = 1.0 + 1e-15
+    given = replace(difference([6, 0.5, 0.5, 0, 0]), covariance=covariance)
+    (found,) = find_changes([cause("a", 0), cause("b", 1)], given)
+    np.testing.assert_allclose([found.sizes[0], found.sd[0]], [6.0, 1.0])
 
 
 def test_a_cause_of_one_number_goes_before_one_of_four_that_explains_hardly_more():
