@@ -111,12 +111,12 @@ def speeds(times):
     return find_time_scale(logs(motion=moving(v=v / np.abs(v).max(0) * times * [1.0, 2.0])))
 
 
-def inertia(ratio, follows=1.0):
-    """Torque in which inertia shows so many times as strongly as weight, beside noise."""
-    weight, moved, noise = WAVES[:, :2], WAVES[:, 2:4], WAVES[:, 4:]
-    beside = np.sqrt(1 / follows**2 - 1)
-    torque = weight + ratio * moved + beside * noise
-    given = {"gravity": weight, "predicted": weight + moved, "torque": torque}
+def inertia(ratio):
+    """Torque in which inertia shows so many times as strongly as weight."""
+    weight, moved = WAVES[:, :2], WAVES[:, 2:4]
+    torque = weight + ratio * moved
+    given = {"gravity": weight, "predicted": weight + moved, "torque": torque,
+             "data": np.ones((N, 2), bool), "ordinary": lambda _: np.eye(N, 4)}  # fmt: skip
     return find_time_scale(logs(weighs=True, motion=moving(), **given))
 
 

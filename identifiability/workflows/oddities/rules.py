@@ -62,12 +62,6 @@ class Rules(RuleTable):
     time_ratio : float, studies/rules.py
         Torque follows acceleration by another factor than weight if their ratio is beyond this.
         [÷2 and ×2 change none of 66 answers that reach it]
-    time_varies : float, studies/rules.py
-        Torque follows the acceleration where what else the file predicts leaves this share of
-        it. [÷2 and ×2 change none of 86 answers that reach it]
-    time_follows : float, studies/rules.py
-        The measured torque must follow both with this correlation. [÷2 and ×2 change none of 86
-        answers that reach it]
     weight_carried : float, studies/rules.py
         Measured torque is too small if its size is this share of the weight that it has to
         hold. [÷2 and ×2 change none of 78 answers that reach it]
@@ -134,8 +128,6 @@ class Rules(RuleTable):
     shift_most: float = 4.0
     speed_beyond: float = 10.0
     time_ratio: float = 400.0
-    time_varies: float = 0.2
-    time_follows: float = 0.6
     weight_carried: float = 0.1
     weight_felt: float = 0.05
     factor_widest: float = 0.25

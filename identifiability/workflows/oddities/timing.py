@@ -21,8 +21,9 @@ from identifiability.logs.prepare.plan import joint_log
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.regression.structure import Structure
-from identifiability.workflows.oddities.check import Does, MeasuredLogs, check, without
+from identifiability.workflows.oddities.check import Does, MeasuredLogs, check
 from identifiability.workflows.oddities.rules import RULES
+from identifiability.workflows.oddities.torque import measure_carried
 
 # Torque that is late, or early, beside its motion, and positions beside their velocities.
 #
@@ -473,38 +474,17 @@ def _by_limits(logs: MeasuredLogs) -> str:
 
 def _by_inertia(logs: MeasuredLogs) -> str:
     """Compare the factor of weight with that of inertia, by the file's masses."""
-    if not logs.weighs:
-        return ""
-    ratios = []
-    inertial = logs.predicted - logs.gravity
-    for k in range(len(logs.joints)):
-        v = logs.motion.actuated_v[:, k]
-        drive = np.column_stack([np.ones(len(v)), v, np.sign(v)])
-        weight = _slope(logs.gravity[:, k], logs.torque[:, k], drive, inertial[:, k])
-        moved = _slope(inertial[:, k], logs.torque[:, k], drive, logs.gravity[:, k])
-        if weight and moved:
-            ratios.append(moved / weight)
+    carried = measure_carried(logs) if logs.weighs else []
+    sure = [c for c in carried if c.half < RULES.factor_widest * c.factor]
+    ratios = [c.moving / c.factor for c in sure if c.moving_half < RULES.factor_widest * c.moving]
     if not ratios:
         return ""
     ratio = float(np.median(ratios))
-    if 1 / RULES.time_ratio < ratio < RULES.time_ratio or ratio <= 0:
+    if 1 / RULES.time_ratio < ratio < RULES.time_ratio:
         return ""
     return (
         f"against the masses of the robot file, inertia shows {ratio:.2g} times as strongly as "
         f"weight, as if each second of the log lasted {1 / np.sqrt(ratio):.2g} s"
-    )
-
-
-def _slope(x: Array, tau: Array, drive: Array, other: Array) -> float:
-    """Return the slope of torque on x (N,) beside drive and another part; 0 if it is not sure."""
-    known = np.column_stack([drive, other])
-    left, torque = without(x, known), without(tau, known)
-    lengths = np.linalg.norm(left), np.linalg.norm(torque)
-    if not lengths[0] > RULES.time_varies * np.linalg.norm(x - x.mean()) or not min(lengths) > 0:
-        return 0.0
-    fit = float(left @ torque)
-    return (
-        fit / float(lengths[0] ** 2) if fit > RULES.time_follows * lengths[0] * lengths[1] else 0.0
     )
 
 

@@ -316,18 +316,20 @@ def find_torque_scale(logs: MeasuredLogs) -> tuple[str, ...]:
     if odd.any() and odd.sum() < known.sum() and not _gain_explains(logs, odd, factors):
         return ()
     if not odd.any():
-        return _tell_apart(logs, factors[known])
+        some = factors[known]
+        if len(some) < 2 or some.max() < RULES.unit_apart * some.min():
+            return ()
+        odd = known
     joints, share = logs.joints, factors[odd]
     middle = float(np.exp(np.median(np.log(share))))
     alike = bool((np.abs(np.log(share / middle)) < np.log(RULES.unit_alike)).all())
     sizes = _multiple(share)
     if odd.sum() == known.sum() and known.sum() > 1:
-        what = _name_unit(middle) if alike else ""
         if alike:
             return (
                 f"The measured torque is {sizes} what the masses of the robot file ask for, at "
-                f"all joints alike{what}: check its unit (N·m or N) and the file's masses; a "
-                "factor by joint can be stated in the sidecar ([torque]).",
+                f"all joints alike{_name_unit(middle)}: check its unit (N·m or N) and the file's "
+                "masses; a factor by joint can be stated in the sidecar ([torque]).",
             )
         return (
             f"The measured torque is {sizes} what the masses of the robot file ask for, by another "
@@ -388,16 +390,6 @@ def _gain_explains(logs: MeasuredLogs, odd: np.ndarray, factors: Array) -> bool:
         for g in (np.ones(len(gain)), gain)
     )
     return other < given
-
-
-def _tell_apart(logs: MeasuredLogs, factors: Array) -> tuple[str, ...]:
-    """Return one sentence on factors that are possible each, but not beside each other."""
-    if len(factors) < 2 or factors.max() < RULES.unit_apart * factors.min():
-        return ()
-    return (
-        f"The measured torque is {_multiple(factors)} what the masses of the robot file ask for, "
-        f"by another factor at each joint: it looks like motor currents or percent; {REMEDY}",
-    )
 
 
 def measure_factors(logs: MeasuredLogs) -> Array:
