@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
-from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import COMMANDS
@@ -175,10 +174,13 @@ def check_units(robot: Robot, windows: Sequence[Log]) -> None:
                     f"{log.name}: {_span(joint, q)}, which does not fit the joint's limits "
                     f"{low:.4g} … {high:.4g} m; it looks like {fits[0]}: convert it to m."
                 )
-        if log.dq is not None:
-            _check_rate(windows, k, "q", "dq")
-        if log.dq is not None and log.ddq is not None:
-            _check_rate(windows, k, "dq", "ddq")
+    for c in contradictions(join_logs(windows)):
+        if c.in_unit:
+            raise LogError(
+                f"{log.name}: '{c.joint}.{c.kind}' is {1 / c.slope:.4g} times the time derivative "
+                f"of '{c.joint}.{c.of}'; one of them (or the time) is in another unit or has "
+                "another sign: give all in SI units."
+            )
 
 
 def looks_like_degrees(q: Array, low: float, high: float) -> bool:
@@ -239,24 +241,6 @@ def _beyond(q: Array, low: float, high: float) -> bool:
 
 def _span(joint: str, q: Array) -> str:
     return f"'{joint}.q' spans {q.min():.4g} … {q.max():.4g}"
-
-
-def _check_rate(windows: Sequence[Log], joint: int, kind: str, rate_kind: str) -> None:
-    """Refuse a derivative that has the shape of the difference quotient, but not its size."""
-    slope = np.concatenate([np.gradient(getattr(w, kind)[:, joint], w.t) for w in windows])
-    rate = np.concatenate([getattr(w, rate_kind)[:, joint] for w in windows])
-    size = np.sqrt(np.mean(slope**2)), np.sqrt(np.mean(rate**2))
-    if min(size) <= NEARLY * max(size):  # one of them is zero but for noise
-        return
-    fit = float(np.mean(slope * rate)) / (size[0] * size[1])
-    ratio = fit * size[1] / size[0]
-    if fit**2 > 1 - RULES.derivative_unexplained and not 0.5 < ratio < 2:
-        log, name = windows[0], windows[0].joints[joint]
-        raise LogError(
-            f"{log.name}: '{name}.{rate_kind}' is {ratio:.4g} times the time derivative of "
-            f"'{name}.{kind}'; one of them (or the time) is in another unit or has another sign: "
-            "give all in SI units."
-        )
 
 
 @frozen
