@@ -23,6 +23,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import scipy
 from scipy.special import erfc
 
 from identifiability.effects.effect import Along
@@ -95,11 +96,9 @@ def interpolate(x: Array, knots: Array) -> Array:
     Beyond the ends it is what it is there.
     """
     x = np.clip(x, knots[0], knots[-1])
-    at = np.clip(np.searchsorted(knots, x, "right") - 1, 0, len(knots) - 2)
-    share = (x - knots[at]) / np.diff(knots)[at]
-    out, rows = np.zeros((len(x), len(knots))), np.arange(len(x))
-    out[rows, at], out[rows, at + 1] = 1.0 - share, share
-    return out
+    ends = np.concatenate([knots[:1], knots, knots[-1:]])
+    hats: Array = scipy.interpolate.BSpline.design_matrix(x, ends, 1).toarray()
+    return hats
 
 
 _ROOT, _ROOT_AT_REST = pinned_walk(EVEN), pinned_walk(AT_REST)

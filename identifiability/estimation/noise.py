@@ -31,13 +31,17 @@ from identifiability.logs.prepare import Samples
 FLOOR: Tolerance = 0.05
 
 
+def lagged_sums(x: Array) -> Array:
+    """Return the sums of products of each column of (N, …) with itself at every lag, by FFT."""
+    size = 1 << (2 * len(x) - 1).bit_length()
+    spectrum = np.fft.rfft(x, size, axis=0)
+    sums: Array = np.fft.irfft(np.abs(spectrum) ** 2, size, axis=0)[: len(x)]
+    return sums
+
+
 def autocorrelation(residual: Array) -> Array:
     """Return the autocorrelation of each column of residuals (N, n) by FFT, (N, n); 1 at lag 0."""
-    n = len(residual)
-    centred = residual - residual.mean(0)
-    size = 1 << (2 * n - 1).bit_length()
-    spectrum = np.fft.rfft(centred, size, axis=0)
-    acf = np.fft.irfft(np.abs(spectrum) ** 2, size, axis=0)[:n]
+    acf = lagged_sums(residual - residual.mean(0))
     variance = np.where(acf[0] > 0, acf[0], 1.0)
     scaled: Array = acf / variance
     return scaled
@@ -49,13 +53,16 @@ def autocorrelation_time(residual: Array) -> Array:
     ``1 + 2 Σ ρ_k`` up to the first lag beyond `memories` times the sum so far. Variances of
     means grow by it; standard deviations of white-noise formulas by its root.
     """
-    acf = autocorrelation(residual)
+    return np.maximum(integrate_correlation(autocorrelation(residual)), 1.0)
+
+
+def integrate_correlation(acf: Array) -> Array:
+    """Return the integrated autocorrelation time of correlations at lags 0, 1, … (N, n), (n,)."""
     times = 2.0 * np.cumsum(acf, axis=0) - 1.0
-    lags = np.arange(len(acf))[:, None]
-    beyond = lags >= RULES.memories * times
+    beyond = np.arange(len(acf))[:, None] >= RULES.memories * times
     window = np.where(beyond.any(0), beyond.argmax(0), len(acf) - 1)
-    tau: Array = np.maximum(times[window, np.arange(acf.shape[1])], 1.0)
-    return tau
+    time: Array = times[window, np.arange(acf.shape[1])]
+    return time
 
 
 def block_length(residual: Array) -> float:
@@ -79,8 +86,7 @@ def _politis_white(x: Array) -> float:
         return 1.0
     window = max(LEAST_WINDOW, int(np.sqrt(np.log10(n))))
     most = int(np.ceil(np.sqrt(n))) + window
-    size = 1 << (2 * n - 1).bit_length()
-    covariance = np.fft.irfft(np.abs(np.fft.rfft(centred, size)) ** 2, size)[: most + 1] / n
+    covariance = lagged_sums(centred)[: most + 1] / n
     rho = covariance / covariance[0]
     small = np.abs(rho[1:]) < 2 * np.sqrt(np.log10(n) / n)
     # The first lag after which `window` correlations in a row are nothing.

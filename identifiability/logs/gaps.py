@@ -16,6 +16,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.logs import signals
 from identifiability.logs.checks import Clock
 from identifiability.logs.log import Log
 from identifiability.logs.rules import RULES
@@ -134,14 +135,7 @@ def interpolate(x: Array, stale: np.ndarray) -> Array:
     at = np.flatnonzero(stale)
     if not len(at) or len(good) < 4:
         return out
-    start = np.clip(np.searchsorted(good, at) - 2, 0, len(good) - 4)
-    nodes = good[start[:, None] + np.arange(4)]
-    value = np.zeros((len(at), x.shape[1]))
-    for k in range(4):
-        others = np.delete(nodes, k, axis=1)
-        weight = np.prod((at[:, None] - others) / (nodes[:, [k]] - others), axis=1)
-        value += weight[:, None] * x[nodes[:, k]]
-    out[at] = value
+    out[at] = signals.cubic(at, good, x[good])
     return out
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
+from identifiability.logs import signals
 from identifiability.logs.aliases import INDEX, guess_column
 from identifiability.logs.base import BaseColumns, RawBase, moving_base
 from identifiability.logs.checks import Clock, Numbers, to_floats
@@ -118,16 +119,7 @@ def _resample(t: Array, x: Array, at: Array, name: str) -> Array:
     right = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
     inside = (at >= t[0]) & (at <= t[-1])
     near = t[right] - t[right - 1] <= RULES.rate_far * np.median(np.diff(t))
-    if name.endswith(".tau"):
-        found = np.interp(at, t, x)
-    else:
-        start = np.clip(right - 2, 0, len(t) - 4)
-        nodes = start[:, None] + np.arange(4)
-        found = np.zeros(len(at))
-        for k in range(4):
-            others = t[np.delete(nodes, k, axis=1)]
-            own = t[nodes[:, k]][:, None]
-            found += np.prod((at[:, None] - others) / (own - others), axis=1) * x[nodes[:, k]]
+    found = np.interp(at, t, x) if name.endswith(".tau") else signals.cubic(at, t, x)
     exact = np.isin(at, t)
     return np.where(inside & (near | exact), found, np.nan)
 

@@ -134,6 +134,18 @@ def never_moves(low: Array, high: Array) -> np.ndarray:
     return is_constant(low, high, 1.0)
 
 
+def cubic(at: Array, t: Array, x: Array) -> Array:
+    """Return values (M, …) at some times by Lagrange's cubic through the four samples around."""
+    start = np.clip(np.searchsorted(t, at) - 2, 0, len(t) - 4)
+    nodes = start[:, None] + np.arange(4)
+    out = np.zeros((len(at), *x.shape[1:]))
+    for k in range(4):
+        others = t[np.delete(nodes, k, axis=1)]
+        weight = np.prod((at[:, None] - others) / (t[nodes[:, [k]]] - others), axis=1)
+        out += weight.reshape(-1, *(1,) * (x.ndim - 1)) * x[nodes[:, k]]
+    return out
+
+
 def spread_windows(samples: int) -> list[tuple[int, int]]:
     """Return the rows (start, stop) that decisions about a whole log are made on.
 

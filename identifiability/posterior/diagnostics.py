@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.noise import integrate_correlation
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
@@ -201,11 +201,7 @@ def autocorrelation_time(chains: Array) -> Array:
     spectrum = np.abs(np.fft.rfft(centred, n=2 * N, axis=1)) ** 2
     covariance = np.fft.irfft(spectrum.mean(axis=0), axis=0)[:N]
     variance = np.where(covariance[0] > 0, covariance[0], 1.0)
-    time = 2 * np.cumsum(covariance / variance, axis=0) - 1
-    closed = np.arange(N)[:, None] >= ESTIMATION_RULES.memories * time
-    window = np.where(closed.any(axis=0), closed.argmax(axis=0), N - 1)
-    tau: Array = time[window, np.arange(chains.shape[2])]
-    return tau
+    return integrate_correlation(covariance / variance)
 
 
 def _reasons(

@@ -13,7 +13,7 @@ from scipy import stats
 from threadpoolctl import threadpool_limits
 
 from identifiability.effects.inertia import Payload
-from identifiability.estimation.noise import autocorrelation_time, autocovariance
+from identifiability.estimation.noise import autocorrelation_time, autocovariance, lagged_sums
 from identifiability.estimation.noise import fit_joint as fit_noise
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Column, Note, Table
@@ -282,10 +282,8 @@ def fit_joint(
 
 def _weigh(x: Array, covariance: Array) -> float:
     """Return ``xᵀ Σ x`` of a stretch (N,) and stationary noise with autocovariances (≥ N,)."""
-    n = len(x)
-    size = 1 << (2 * n - 1).bit_length()
-    own = np.fft.irfft(np.abs(np.fft.rfft(x, size)) ** 2, size)[:n]
-    return float(2.0 * own @ covariance[:n] - own[0] * covariance[0])
+    own = lagged_sums(x)
+    return float(2.0 * own @ covariance[: len(x)] - own[0] * covariance[0])
 
 
 def judge(

@@ -72,7 +72,7 @@ def conclude(search: Search, verdict: Verdict, null: Array, rng: np.random.Gener
         for where in (p.shown, p.seen)
     )
     gap = Gap(p.shown, unseen)
-    errors, joints = gap.relative_error().tolist(), gap.error_over_joints().tolist()
+    errors = gap.relative_error().tolist()
     before = Gap(p.seen, fitted).relative_error().tolist()
     real = _real_errors(p, submodels, [R for _, R in fits])
     placed = {k: _place(search, verdict, k, null) for k in h.parts}
@@ -82,12 +82,6 @@ def conclude(search: Search, verdict: Verdict, null: Array, rng: np.random.Gener
         effects.append(
             replace(
                 _effect(p, gap, own, [placed[k] for k in own], n, n + 1, verdict.judged, rng),
-                before=errors[n],
-                after=errors[n + 1],
-                interval=gap.interval(n, n + 1, rng),
-                joints_before=joints[n],
-                joints_after=joints[n + 1],
-                joints_interval=gap.interval_over_joints(n, n + 1, rng),
                 real=(real[n], real[n + 1]),
                 nearest=tuple(x for k in own for x in _nearest(search, h, view, k)),
             )
@@ -183,17 +177,11 @@ def _effect(
     odds = min(judged[k].unseen for k in own)
     shown = Shown(change[first], change[second], interval,
                   here.expected_change(first, second), odds)  # fmt: skip
-    nothing = float("nan")
     return NamedEffect(
         name=family.name,
         title=family.title,
         placements=tuple(placements),
-        before=nothing,
-        after=nothing,
-        interval=(nothing, nothing),
-        joints_before=nothing,
-        joints_after=nothing,
-        joints_interval=(nothing, nothing),
+        **gap.change(first, second, rng),
         shown=shown,
         unnamed=family.unnamed,
     )
@@ -215,17 +203,8 @@ def _refuted(
     judged = verdict.refuted[k]
     placement = _place(search, replace(verdict, hypothesis=whole, view=seen,
                                        judged={k: judged}), k, null)  # fmt: skip
-    (one, two), (a, z) = gap.relative_error().tolist(), gap.error_over_joints().tolist()
-    return replace(
-        _effect(p, gap, [k], [placement], 0, 1, {k: judged}, rng),
-        before=one,
-        after=two,
-        interval=gap.interval(0, 1, rng),
-        joints_before=a,
-        joints_after=z,
-        joints_interval=gap.interval_over_joints(0, 1, rng),
-        why=judged.why,
-    )
+    effect = _effect(p, gap, [k], [placement], 0, 1, {k: judged}, rng)
+    return replace(effect, why=judged.why)
 
 
 def _place(search: Search, verdict: Verdict, k: int, null: Array) -> Placement:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -84,6 +85,21 @@ class Gap:
         """Return the 95 % interval of the change of the error over each joint's own scale."""
         squares = self.residual[:, :, [first, second]] ** 2
         return change_interval_over_joints(squares, self.variation, rng, draws)
+
+    def change(self, first: int, second: int, rng: np.random.Generator) -> dict[str, Any]:
+        """Return errors of two models and intervals of their change, as in `NamedEffect`.
+
+        Of all joints together, and over each joint's own scale.
+        """
+        errors, joints = self.relative_error().tolist(), self.error_over_joints().tolist()
+        return {
+            "before": errors[first],
+            "after": errors[second],
+            "interval": self.interval(first, second, rng),
+            "joints_before": joints[first],
+            "joints_after": joints[second],
+            "joints_interval": self.interval_over_joints(first, second, rng),
+        }
 
     def expected_change(self, first: int, second: int) -> float:
         """Return how the error over joints would change, were what the second model adds there.

@@ -520,20 +520,14 @@ def lead_with_tilt(
     """
     fitted, unseen = _predict_both(upright, found.samples, found.validation)
     gap = Gap(found.gap.rows, np.concatenate([unseen.residual, found.gap.residual], axis=2))
-    errors, joints = gap.relative_error().tolist(), gap.error_over_joints().tolist()
-    interval, own = gap.interval(0, 1, rng), gap.interval_over_joints(0, 1, rng)
-    shown = Shown(joints[0], joints[1], own, gap.expected_change(0, 1))
+    change = gap.change(0, 1, rng)
+    joints = change["joints_before"], change["joints_after"], change["joints_interval"]
     first = NamedEffect(
         name=GravityTilt.name,
         title=title_of(GravityTilt.name),
         placements=(_place_tilt(found, upright, leaning, p_value),),
-        before=errors[0],
-        after=errors[1],
-        interval=interval,
-        joints_before=joints[0],
-        joints_after=joints[1],
-        joints_interval=own,
-        shown=shown,
+        **change,
+        shown=Shown(*joints, gap.expected_change(0, 1)),
         leaning=leaning,
     )
     return replace(
@@ -542,7 +536,7 @@ def lead_with_tilt(
         effects=(first, *found.effects),
         gap=gap,
         interval=gap.interval(0, -1, rng),
-        held_before=errors[0],
+        held_before=change["before"],
         error_before=float(fitted.relative_error()[0]),
         real_before=float("nan"),
         real_after=float("nan"),
