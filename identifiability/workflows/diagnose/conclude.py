@@ -22,6 +22,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.diagnose.evidence import View, explain, factor_of
 from identifiability.workflows.diagnose.findings import (
+    SAME,
     Curve,
     NamedEffect,
     Nearest,
@@ -39,8 +40,6 @@ from identifiability.workflows.diagnose.verdict import Judged, Verdict
 
 #: Quantile of the normal distribution for a power of 80 %.
 POWER: Tolerance = 0.8416
-#: Canonical correlation from which on a direction of one is one of the other.
-SAME: Tolerance = 1.0 - 1e-6
 #: Names that are said beside a function.
 NEAREST = 3
 

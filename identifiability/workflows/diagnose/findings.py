@@ -9,6 +9,7 @@ import numpy as np
 
 from identifiability.effects import Effect, title_of
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import state_mass
 from identifiability.regression.regression import Model
@@ -20,6 +21,9 @@ from identifiability.workflows.diagnose.problem import Alias, Setting
 from identifiability.workflows.diagnose.rows import Refusal
 from identifiability.workflows.diagnose.search import SearchStep
 from identifiability.workflows.gravity import Leaning
+
+#: Similarity from which on two effects, or a direction of one and of another, are the same torque.
+SAME: Tolerance = 1.0 - 1e-6
 
 
 @frozen

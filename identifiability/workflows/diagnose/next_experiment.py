@@ -33,7 +33,7 @@ from identifiability.logs.prepare import Preparation, Samples
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.simulation import Trajectory
-from identifiability.workflows.diagnose.findings import Findings, Placement
+from identifiability.workflows.diagnose.findings import SAME, Findings, Placement
 from identifiability.workflows.diagnose.motion import prepare_rows, samples_each
 from identifiability.workflows.diagnose.rows import Candidate, list_candidates
 from identifiability.workflows.excite import Excitation, Limits, find_limits
@@ -64,9 +64,6 @@ EVALUATIONS = 4000
 RATE: Tolerance = 100.0
 #: Names that a sentence lists.
 LISTED = 4
-#: Similarity from which on two effects are the same torque, and another motion changes nothing; and
-#: of a direction of one that is one of the other.
-SAME: Tolerance = 1.0 - 1e-6
 #: Random motions that are asked whether any motion tells effects apart, and samples of each.
 LOOKS, SAMPLES = 12, 150
 #: Periods of a motion that are prepared to know what one of many says.

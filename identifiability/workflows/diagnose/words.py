@@ -10,7 +10,7 @@ from identifiability.foundation.numbers import REACH, holm, percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.workflows.answers import state_joints
-from identifiability.workflows.diagnose.findings import Findings, NamedEffect
+from identifiability.workflows.diagnose.findings import SAME, Findings, NamedEffect
 from identifiability.workflows.diagnose.motion import OTHER, Change, join
 from identifiability.workflows.diagnose.verdict import REFUTED, WORSE
 
@@ -25,9 +25,8 @@ LOOKS = {
     "log": "a difference between the logs",
     "load": "something that goes with the load",
 }
-#: Similarity from which on two digits after the point would say that it is one, and that it is.
+#: Similarity from which on two digits after the point would say that it is one.
 NEAR_ONE: Tolerance = 0.995
-ONE: Tolerance = 1.0 - 1e-6
 #: From which on three digits would.
 NEARER_ONE: Tolerance = 0.9995
 #: Weight above which none is said.
@@ -299,7 +298,7 @@ def _state_resembling(e: NamedEffect, name: str, similarity: float) -> str:
             f"Whatever {e.title} is in this motion, {other} can be too, so no data prefer the "
             "former: it has the name because it says as much with less."
         )
-    if similarity > ONE:
+    if similarity > SAME:
         return f"{_capital(other)} is a part of {e.title} in this motion, and explains less alone."
     return (
         f"{title} resembles {other} in this motion (similarity {_similarity(similarity)}); the "
@@ -309,7 +308,9 @@ def _state_resembling(e: NamedEffect, name: str, similarity: float) -> str:
 
 def _similarity(x: float) -> str:
     """Return a similarity with two digits after the point, more where these would say one."""
-    return f"{x:.2f}" if not NEAR_ONE <= x <= ONE else f"{min(x, 0.9999):.{3 + (x >= NEARER_ONE)}f}"
+    return (
+        f"{x:.2f}" if not NEAR_ONE <= x <= SAME else f"{min(x, 0.9999):.{3 + (x >= NEARER_ONE)}f}"
+    )
 
 
 def advice(e: NamedEffect) -> str:
