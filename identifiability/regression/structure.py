@@ -99,12 +99,9 @@ class BaseParameters:
 
     def terms(self, row: int) -> list[tuple[float, Parameter]]:
         """Return the members of a group with their coefficients, the kept one first."""
+        acts = (np.abs(self.G[row]) > SPAN_TOLERANCE).tolist()
         order = [self.kept[row], *[k for k in self.order if k != self.kept[row]]]
-        return [
-            (float(self.G[row, k]), self.parameters[k])
-            for k in order
-            if abs(self.G[row, k]) > SPAN_TOLERANCE
-        ]
+        return [(float(self.G[row, k]), self.parameters[k]) for k in order if acts[k]]
 
     def label(self, row: int) -> str:
         """Return a grouping as text, ``m(5) − 2.531·my(3) + m(3) + m(2)``."""
@@ -122,7 +119,7 @@ class BaseParameters:
         """Labels of all groups."""
         return tuple(self.label(row) for row in range(len(self)))
 
-    @property
+    @cached_property
     def nonnegative(self) -> np.ndarray:
         """Whether physics forbids a value below zero, (b,) bool.
 
