@@ -139,7 +139,8 @@ def prune(
     estimator : {"auto", "ls", "iv"}
         As for `analyze`.
     replicates : int, optional
-        Resampled logs on which the pruning is repeated; by default 200, or 20 if `quick`.
+        Resampled logs on which the pruning is repeated; by default 200, or 20 if `quick`, and fewer
+        of more than 128 parameters.
     cad_prior : float, optional
         As for `analyze`: keeps the nearest real robot near the robot file.
     prior : float, optional
