@@ -285,8 +285,8 @@ def write_rules() -> str:
     return "\n".join(out)
 
 
-def tolerances() -> Iterator[tuple[str, str, str, str]]:
-    """Yield file, name, value and meaning of every `Tolerance`: its text stands above it."""
+def tolerances() -> Iterator[tuple[str, str, str]]:
+    """Yield name, value and meaning of every `Tolerance`: its text stands above it."""
     for path in sorted((DOCS.parent / "identifiability").rglob("*.py")):
         lines = path.read_text(encoding="utf-8").splitlines()
         for node in ast.parse("\n".join(lines)).body:
@@ -302,16 +302,15 @@ def tolerances() -> Iterator[tuple[str, str, str, str]]:
                 first -= 1
             said = " ".join(line.lstrip("#: ") for line in lines[first : above + 1])
             value = ast.unparse(node.value).replace("**", "^").replace("*", "·")
-            where = path.relative_to(DOCS.parent / "identifiability").as_posix()
-            yield where, ast.unparse(node.target), value, said
+            yield ast.unparse(node.target), value, said
 
 
 def write_tolerances() -> str:
     """Return the numbers of algorithms, by their file."""
-    out = [TOLERANCES, "| file | number | value | meaning |", "|---|---|---|---|"]
+    out = [TOLERANCES, "| number | value | meaning |", "|---|---|---|"]
     out += [
-        f"| {' | '.join(map(_cell, (f'`{where}`', f'`{name}`', value, said)))} |"
-        for where, name, value, said in tolerances()
+        f"| {' | '.join(map(_cell, (f'`{name}`', value, said)))} |"
+        for name, value, said in tolerances()
     ]
     return "\n".join(out)
 

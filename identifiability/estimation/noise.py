@@ -275,7 +275,7 @@ RESIDUAL_ROUNDING: Tolerance = 1e-8
 DESCENTS, HALVINGS = 30, 10
 DESCENDS: Tolerance = 1e-4
 CLOSE: Tolerance = 1e-3
-#: Of derivatives.
+#: Step of the derivatives in the search of one order.
 STEP: Tolerance = 1e-4
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.checks import Clock
@@ -70,7 +71,7 @@ class StaleRule:
     @property
     def note(self) -> str:
         """What was found and done, for the report; nothing if nothing was."""
-        found = [f"{NAMES[c]} in {100 * s:.2g} %" for c, s in self.share.items()]
+        found = [f"{NAMES[c]} in {percent(s, 2)}" for c, s in self.share.items()]
         if not found:
             return ""
         return (

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
@@ -260,7 +261,7 @@ def choose_band(
         which = "above, noise has more than" if own <= RULES.noise_share else "although noise has"
         reason = (
             f"{chosen / max(band, 1e-3):.2g} × the motion's band of {band:.3g} Hz, {which} "
-            f"{100 * max(own, RULES.noise_share):.2g} % of the acceleration's power"
+            f"{percent(max(own, RULES.noise_share), 2)} of the acceleration's power"
         )
     if highest < chosen:
         chosen, reason = (

@@ -17,6 +17,7 @@ from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import WEAK, WEIGHTS, CadPrior, draw_bodies, state_rows
@@ -349,7 +350,7 @@ def _say_left_out(model: FittedModel, phi: Array) -> str:
         return ""
     return (
         " Real bodies cannot keep to all that the model leaves out or holds: in the nearest real "
-        f"robot the difference makes {100 * share:.2g} % of the torque."
+        f"robot the difference makes {percent(share, 2)} of the torque."
     )
 
 

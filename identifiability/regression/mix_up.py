@@ -16,6 +16,7 @@ import numpy as np
 
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.values import frozen
 from identifiability.regression.regression import CHUNK, Regression
 from identifiability.regression.rules import RULES
@@ -173,7 +174,7 @@ def _describe(joints: tuple[str, ...], given: _Fit, best: _Fit) -> str:
     which = "all joints" if all(turned) else listing(flipped, 6)
     pairs = ((joints[a], joints[b]) for a, b in enumerate(best.order) if a != b)
     moved = [f"'{to}.tau' from '{of}.tau'" for to, of in pairs]
-    sizes = f"would err by {100 * best.error:.2g} % instead of {100 * given.error:.2g} %"
+    sizes = f"would err by {percent(best.error, 2)} instead of {percent(given.error, 2)}"
     if moved:
         also = f", and the sign of {which}" if flipped else ""
         return (

@@ -25,7 +25,7 @@ from identifiability.foundation.answers import (
     measured_cells,
 )
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import NONE, error_text, format_count
+from identifiability.foundation.rounding import NONE, error_text, format_count, format_number
 from identifiability.foundation.rules import RuleTable
 from identifiability.robot import Robot
 from identifiability.workflows.rules import RULES
@@ -107,11 +107,13 @@ def hides_joints(each: Array, together: float) -> bool:
 def list_worst(joints: Sequence[str], each: Array, unit: str) -> str:
     """Return the errors of joints, (n,) in a unit, worst first; the smaller ones together."""
     order = np.argsort(-each, kind="stable")
-    said = [f"{joints[k]} {each[k]:.2g} {unit}" for k in order[:WORST]]
+    said = [f"{joints[k]} {format_number(each[k], 2)} {unit}" for k in order[:WORST]]
     if len(order) == WORST + 1:
-        said.append(f"{joints[order[-1]]} {each[order[-1]]:.2g} {unit}")
+        said.append(f"{joints[order[-1]]} {format_number(each[order[-1]], 2)} {unit}")
     elif len(order) > WORST:
-        said.append(f"the other {len(order) - WORST} at most {each[order[WORST]]:.2g} {unit}")
+        said.append(
+            f"the other {len(order) - WORST} at most {format_number(each[order[WORST]], 2)} {unit}"
+        )
     return ", ".join(said)
 
 

@@ -27,6 +27,7 @@ from identifiability.estimation.rollouts import (
 )
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError, listing
+from identifiability.foundation.rounding import format_number
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import check_commands, of_commands, servo_log
@@ -260,8 +261,9 @@ def refuse_scale(structure: Structure, logs: Sequence[Log], how: Preparation) ->
     if many > ESTIMATION_RULES.servo_many:
         raise LogError(
             f"The servos of {servo.source} contradict the motion in "
-            f"{listing([log.name for log in logs], 4)}: they make {many:.2g} times the torque that "
-            f"the bodies of {robot.path.name} need; {doubt_unit(robot, logs)}check gains "
+            f"{listing([log.name for log in logs], 4)}: they make "
+            f"{format_number(many, 2)} times the torque that the bodies of {robot.path.name} "
+            f"need; {doubt_unit(robot, logs)}check gains "
             f"(kp = {servo.kp[0]:.4g}, kv = {servo.kv[0]:.4g} of '{robot.joints[0]}') and masses, "
             "and their units."
         )

@@ -10,6 +10,7 @@ from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.instrumental import InstrumentalVariables, RenoisedLeastSquares
 from identifiability.estimation.least_squares import OrdinaryLeastSquares
 from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.numbers import percent
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.echo import add_echoes, noise_share
@@ -137,7 +138,7 @@ def _try_noise(
     if not loud:
         return opening, plain
     hint = (
-        f"{listing(loud, 4)}: noise of the measured motion has up to {100 * max(shares):.2g} % of "
+        f"{listing(loud, 4)}: noise of the measured motion has up to {percent(max(shares), 2)} of "
         "an acceleration (rms) and is not accounted for: least squares pulls values towards zero "
         f"by it, and intervals do not hold that; {_find_remedy(s for _, s in pairs)}."
     )

@@ -667,8 +667,9 @@ class Load(Result):
             return ()
         k = int(np.argmax(ratio))
         return (
-            f"But the torque of {self.robot.joints[k]} is left {ratio[k]:.2g} × as far off as by "
-            "the result's own logs: the robot changed since (friction does, with temperature), or "
+            f"But the torque of {self.robot.joints[k]} is left "
+            f"{format_number(ratio[k], 2)} × as far off as by the "
+            "result's own logs: the robot changed since (friction does, with temperature), or "
             "the load is not rigid or hangs elsewhere (--body). Add a log of the same motion "
             "without the load (--without); compare says what changed.",
         )
@@ -831,7 +832,7 @@ def _tell_noise(robot: Robot, logs: Sequence[Recording], how: Preparation) -> li
         return []
     return [
         f"{listing(loud, 4)}: noise of the measured motion has up to "
-        f"{100 * max(loud.values()):.2g} % of an acceleration (rms), which pulls the load's "
+        f"{percent(max(loud.values()), 2)} of an acceleration (rms), which pulls the load's "
         "numbers off, and intervals do not hold that; measure '<joint>.dq' and '<joint>.ddq', or "
         "lower the cut-off of the result (analyze --cutoff)."
     ]

@@ -21,6 +21,7 @@ from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import Result, shown
 from identifiability.foundation.rounding import digits, error_text, format_count, join
@@ -217,13 +218,13 @@ class TorquePrediction(Result):
             return " ".join((text, *self._unknown_words, *self.hints))
         raw, share = "", float(self.inside.mean())
         if not np.isclose(self.error_ra, self.error_ra_raw, rtol=1e-6):
-            raw = f" ({100 * self.error_ra_raw:.3g} % of the torque as it was measured)"
-        size = f"with an error of {100 * self.error_ra:.3g} %{raw}"
+            raw = f" ({percent(self.error_ra_raw)} of the torque as it was measured)"
+        size = f"with an error of {percent(self.error_ra)}{raw}"
         if not np.isfinite(self.error_ra):
             size = "and does not vary"
         text = (
             f"The torque of {listing(known, 4)} is predicted by the model '{self.model}' {size}; "
-            f"{100 * share:.3g} % of the samples lie in the 95 % interval of a new one."
+            f"{percent(share)} of the samples lie in the 95 % interval of a new one."
         )
         if self.errors is not None:
             each = self.errors[0].joint_error()[:, 0]

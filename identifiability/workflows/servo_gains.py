@@ -18,6 +18,7 @@ import numpy as np
 from identifiability.estimation.rollouts import Gains, contradicted, fit_gains, share_missed
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -204,7 +205,7 @@ def state_gains(robot: Robot, names: Sequence[str], found: Gains, believed: Bodi
     assert asked is not None
     sure = np.sqrt(np.diag(found.covariance))
     free = np.flatnonzero(np.isnan(asked.kp))
-    each = [f"{robot.joints[k]} {servo.kp[k]:.4g} (± {100 * sure[k]:.2g} %)" for k in free]
+    each = [f"{robot.joints[k]} {servo.kp[k]:.4g} (± {percent(sure[k], 2)})" for k in free]
     damped = np.flatnonzero(np.isnan(asked.kv) & (servo.kv > 0))
     said = [f"kp of {listing(each, 12)}"] if each else []
     if len(damped):
@@ -220,7 +221,7 @@ def state_gains(robot: Robot, names: Sequence[str], found: Gains, believed: Bodi
     fixed = (by * unit).sum(1) / believed.shares
     if fixed.sum() > 0.5:
         named = [
-            f"{believed.names[k]} ({100 * fixed[k]:.0f} %; within {100 * believed.shares[k]:.3g} %)"
+            f"{believed.names[k]} ({100 * fixed[k]:.0f} %; within {percent(believed.shares[k])})"
             for k in np.argsort(-fixed)
             if fixed[k] > RULES.scale_named
         ]

@@ -14,6 +14,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Positive, at_least, check_fields
 from identifiability.foundation.values import frozen
 from identifiability.logs import fourier, signals
@@ -97,7 +98,7 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
     uneven = []
     if plan.cutoff is not None and abs(gaps.drift) > RULES.clock_rounded:
         uneven = [
-            f"{gaps.name} is sampled unevenly: the mean step is {100 * gaps.drift:.2g} % off the "
+            f"{gaps.name} is sampled unevenly: the mean step is {percent(gaps.drift, 2)} off the "
             f"usual {gaps.step:.3g} s, and what is differentiated errs by as much: give samples at "
             "even steps, or measured velocities and accelerations."
         ]

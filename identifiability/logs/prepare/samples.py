@@ -15,6 +15,7 @@ import numpy as np
 
 from identifiability.foundation.errors import ClosureError, LogError, RobotError
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.base import AFTER, UP
@@ -158,7 +159,7 @@ class Survey:
     def dwells(self, joints: Sequence[str]) -> list[str]:
         """Return at which joints how much torque has no weight, for the report."""
         shares = 1 - self.rows / max(self.outputs, 1)
-        told = [f"{j} {100 * s:.3g} %" for j, s in zip(joints, shares, strict=True) if s > 0]
+        told = [f"{j} {percent(s)}" for j, s in zip(joints, shares, strict=True) if s > 0]
         return [f"{DWELLS}: {', '.join(told)} of the time"] if told else []
 
 

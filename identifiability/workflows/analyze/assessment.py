@@ -33,7 +33,7 @@ from identifiability.estimation.verdict import Class, Verdict, withdraw
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import REACH
+from identifiability.foundation.numbers import REACH, percent
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
@@ -615,7 +615,7 @@ def state_raw(unseen: Prediction) -> str:
         return ""
     return (
         "This error is of torque that was low-passed like the model's columns; of the torque as "
-        f"it was measured it is {100 * raw:.3g} %."
+        f"it was measured it is {percent(raw)}."
     )
 
 

@@ -16,6 +16,8 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import Motions, compare_halves
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.errors import listing
+from identifiability.foundation.numbers import percent
+from identifiability.foundation.rounding import format_number
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.information import Information
@@ -156,7 +158,7 @@ def differences(motions: Motions, columns: Sequence[str], odd: int) -> str:
     at = np.flatnonzero(motions.moved)
     if not len(at):
         share = np.sqrt(motions.ratio)
-        return f"all values together differ {share:.2g} × as much as noise allows"
+        return f"all values together differ {format_number(share, 2)} × as much as noise allows"
     order = at[np.argsort(-np.abs(z[at]))]
     own = motions.values[odd]
     texts = (
@@ -170,7 +172,11 @@ def _worse(motions: Motions, joints: Sequence[str], odd: int) -> str:
     others = np.delete(motions.errors, odd, axis=0)
     ratio = motions.errors[odd] / np.maximum(np.sqrt((others**2).mean(0)), 1e-300)
     k = int(np.argmax(ratio))
-    return f"; the error of {joints[k]} is {ratio[k]:.2g} × as large there" if ratio[k] > 1 else ""
+    return (
+        f"; the error of {joints[k]} is {format_number(ratio[k], 2)} × as large there"
+        if ratio[k] > 1
+        else ""
+    )
 
 
 def _weighed(information: Information, names: Sequence[str]) -> str:
@@ -182,10 +188,8 @@ def _weighed(information: Information, names: Sequence[str]) -> str:
     loud, still = int(size.argmax()), int(size.argmin())
     if size[loud] < WORKFLOW_RULES.differs * size[still]:
         return ""
-    return (
-        f" Logs count by their noise: that of {names[loud]} is {size[loud] / size[still]:.2g} × "
-        f"that of {names[still]}."
-    )
+    many = format_number(size[loud] / size[still], 2)
+    return f" Logs count by their noise: that of {names[loud]} is {many} × that of {names[still]}."
 
 
 def _chance(motions: Motions, columns: Sequence[str]) -> str:
@@ -261,17 +265,17 @@ def state_physics(chosen: ModelResult) -> str:
         return chosen.physical.sentence
     if math.isnan(chosen.error_ra_physical):  # folds of few samples
         return "It is no real robot; these logs are too short to say how much the nearest one errs."
-    near = f"The nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %."
+    near = f"The nearest real robot errs by {percent(chosen.error_ra_physical)}."
     if chosen.physical_used:
         less = chosen.error_ra_physical < chosen.error_ra_validation
         near = (
-            f"The nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %, "
+            f"The nearest real robot errs by {percent(chosen.error_ra_physical)}, "
             f"{'less' if less else 'not surely more'}. Its values are those to use, and "
             "predictions and exports have them."
         )
         if chosen.physical.elsewhere:
             near = (
-                f"The nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %. Along "
+                f"The nearest real robot errs by {percent(chosen.error_ra_physical)}. Along "
                 "such motion they err surely less, but over the robot's range their own errors "
                 "reach as far as the difference. Its values are those to use, and predictions and "
                 "exports have them, unless held-out motion of another kind objects."

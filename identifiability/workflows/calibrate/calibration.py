@@ -24,7 +24,7 @@ from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.engines.mapping import Steps
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import REACH
+from identifiability.foundation.numbers import REACH, percent
 from identifiability.foundation.options import (
     Correlations,
     Levels,
@@ -790,7 +790,7 @@ def _next_commands(calibration: Calibration) -> list[tuple[str, str]]:
 
 
 def _rare(share: float) -> str:
-    return NONE if np.isnan(share) else f"{100 * share:.2g} %"
+    return NONE if np.isnan(share) else f"{percent(share, 2)}"
 
 
 def label(cell: Cell) -> str:

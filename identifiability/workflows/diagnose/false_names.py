@@ -20,6 +20,7 @@ from identifiability.estimation.estimate import estimate
 from identifiability.estimation.noise import colour, durbin
 from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
@@ -104,7 +105,7 @@ class FalseNames:
             name, size = min(self.detectable.items(), key=lambda x: x[1])
             text += (
                 f" The smallest effect that stands out here is {name.replace('_', ' ')} of "
-                f"{100 * size:.2g} % of the residual."
+                f"{percent(size, 2)} of the residual."
             )
         return text
 

@@ -14,6 +14,7 @@ import numpy as np
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import state_rows
@@ -91,7 +92,7 @@ class NearFile:
     def hint(self) -> str:
         """What is kept, in one sentence."""
         return (
-            f"Bodies are the robot file's within {100 * self.share:.3g} % (--prior): without "
+            f"Bodies are the robot file's within {percent(self.share)} (--prior): without "
             "measured torque what they weigh cannot be told from the servos' gains."
         )
 
@@ -149,7 +150,7 @@ def know_share(share: float, structure: Structure) -> KnownValues:
             "tenth of each."
         )
     spread = structure.G * share_spread(share, structure)
-    words = f"the robot file's values, each within {100 * share:.3g} %,"
+    words = f"the robot file's values, each within {percent(share)},"
     return KnownValues(structure.nominal_base, spread @ spread.T, words)
 
 

@@ -17,6 +17,7 @@ import pandas as pd
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import ClosureError, LogError, listing
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.output import csv_text, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import digits, format_count, format_number, whole_percent
@@ -446,13 +447,13 @@ class Excitation(Result):
         return (
             f"Measured next, this motion of {self.trajectory.period:g} s says more about {about} "
             f"than {self.beside}. The log-det of the information is {rise:.3g} higher, so standard "
-            f"deviations shrink to {100 * share:.2g} % (geometric mean)."
+            f"deviations shrink to {percent(share, 2)} (geometric mean)."
         )
 
     def _separation(self) -> str:
         first, second = self.chosen
         hidden = [
-            f"{name} leaves only {100 * share:.2g} % outside the model"
+            f"{name} leaves only {percent(share, 2)} outside the model"
             for name, share in zip(self.chosen, self.after.visible, strict=True)
             if share < RULES.visible
         ]

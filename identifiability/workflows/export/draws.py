@@ -18,6 +18,7 @@ import scipy
 
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Expected, FilePath, NotNegative, Seed, checked
 from identifiability.foundation.output import check_ending
 from identifiability.foundation.rules import Tolerance
@@ -112,7 +113,7 @@ class Draws:
         """What they are, in words."""
         return (
             f"{len(self.values)} robots that the logs leave possible, bodies within "
-            f"{100 * self.share:.3g} % of the file's: randomise by them what the logs leave open, "
+            f"{percent(self.share)} of the file's: randomise by them what the logs leave open, "
             "by as much as they do."
         )
 

@@ -28,6 +28,7 @@ from identifiability.foundation import handed
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
 from identifiability.foundation.names import BASE, GROUPED_KINDS, INERTIAL_KINDS
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
 from identifiability.foundation.result import shown
@@ -416,12 +417,12 @@ class Exported:
             )
         if self.error_ra is not None and self.error_ra_file is not None:
             parts.append(
-                f"On the fitted logs the real robot errs by {100 * self.error_ra:.3g} %, and what "
-                f"{self.robot.name} alone holds by {100 * self.error_ra_file:.3g} %."
+                f"On the fitted logs the real robot errs by {percent(self.error_ra)}, and what "
+                f"{self.robot.name} alone holds by {percent(self.error_ra_file)}."
             )
         elif self.error_ra is not None:
             parts.append(
-                f"On the fitted logs the real robot errs by {100 * self.error_ra:.3g} %; what "
+                f"On the fitted logs the real robot errs by {percent(self.error_ra)}; what "
                 f"{self.robot.name} alone holds was not measured when the result was made: make it "
                 "again to know."
             )
@@ -690,12 +691,12 @@ def _refuse_another(
     error = _error_of_file(robot, physical, other)
     better = ""
     if error is not None and error < alone:
-        better = f", or to {out.with_suffix(ENDINGS[other]).name} (alone {100 * error:.3g} %)"
+        better = f", or to {out.with_suffix(ENDINGS[other]).name} (alone {percent(error)})"
     given = physical.parameters
     lost = [n for n, x in values_in_file(robot, given, kind).items() if x != given[n]]
     raise IdentifiabilityError(
-        f"On the fitted logs {out.name} alone would err by {100 * alone:.3g} %, more than "
-        f"{PHYSICAL_RULES.another_robot:g} times the {100 * whole:.3g} % of all that was fitted, "
+        f"On the fitted logs {out.name} alone would err by {percent(alone)}, more than "
+        f"{PHYSICAL_RULES.another_robot:g} times the {percent(whole)} of all that was fitted, "
         f"because it cannot hold {listing(lost, 4)}: export to .json{better}, or write it all the "
         "same with --force."
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.foundation.errors import listing
+from identifiability.foundation.numbers import percent
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.samples import stands_still, torque_varies
 from identifiability.physical.feasibility import find_impossible_bodies
@@ -48,7 +49,7 @@ def find_assembly(logs: MeasuredLogs) -> tuple[str, ...]:
     Does.HINTS,
     53,
     always=True,
-    says="Noise turns the sign of the velocity in … at up to … % of the samples",
+    says="Noise turns the sign of the velocity in … at up to … of the samples",
     means="Near standstill the measured speed is noise; the direction of dry friction is then "
     "taken of the smoothed speed.",
     do="Nothing must be done. A better speed sensor, or faster motion, tells more of Coulomb "
@@ -67,7 +68,7 @@ def find_turned_signs(logs: MeasuredLogs) -> tuple[str, ...]:
         return ()
     return (
         f"Noise turns the sign of the velocity in {listing(at, 4)} at up to "
-        f"{100 * turned.max():.2g} % of the samples: the direction of friction is taken of the "
+        f"{percent(turned.max(), 2)} of the samples: the direction of friction is taken of the "
         "smoothed velocity; one that is measured with less noise tells more of it.",
     )
 

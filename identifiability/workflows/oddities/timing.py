@@ -12,6 +12,7 @@ import scipy
 
 from identifiability.foundation.linalg import RANK_TOLERANCE, ROUNDOFF
 from identifiability.foundation.names import Array
+from identifiability.foundation.rounding import format_number
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -483,8 +484,9 @@ def _by_inertia(logs: MeasuredLogs) -> str:
     if 1 / RULES.time_ratio < ratio < RULES.time_ratio:
         return ""
     return (
-        f"against the masses of the robot file, inertia shows {ratio:.2g} times as strongly as "
-        f"weight, as if each second of the log lasted {1 / np.sqrt(ratio):.2g} s"
+        "against the masses of the robot file, inertia shows "
+        f"{format_number(ratio, 2)} times as strongly as weight, as if each second of the log "
+        f"lasted {1 / np.sqrt(ratio):.2g} s"
     )
 
 

@@ -13,7 +13,7 @@ from scipy.special import stdtrit
 from identifiability.foundation.errors import ClosureError, listing
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import ENDS, REACH
+from identifiability.foundation.numbers import ENDS, REACH, percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.commands import of_commands
@@ -480,7 +480,7 @@ def find_saturation(logs: MeasuredLogs) -> tuple[str, ...]:
     if not found:
         return ()
     said = [
-        f"'{joint}.tau' stays at {value:.4g} in {100 * share:.2g} % of the samples"
+        f"'{joint}.tau' stays at {value:.4g} in {percent(share, 2)} of the samples"
         for joint, (share, value) in found.items()
     ]
     return (
@@ -538,7 +538,7 @@ class _Change:
     "exchanged joints, degrees",
     Does.MISREADS,
     2,
-    says="…: read so, the unpruned model would err by … % instead of … %.",
+    says="…: read so, the unpruned model would err by … instead of ….",
     means="Joints, signs or units of columns are other ones than the robot file's: read "
     "otherwise, the same log makes sense.",
     do="Look at the joint that is named; `--map OLD=NEW` exchanges columns, `--angles deg` "
@@ -562,8 +562,8 @@ def find_exchanged(logs: MeasuredLogs) -> tuple[str, ...]:
     if least**2 >= RULES.mixed_error * given**2 or not best.says:
         return ()
     return (
-        f"{best.says}: read so, the unpruned model would err by {100 * least:.2g} % instead of "
-        f"{100 * given:.2g} %. Check which column is which, and its unit and direction.",
+        f"{best.says}: read so, the unpruned model would err by {percent(least, 2)} instead of "
+        f"{percent(given, 2)}. Check which column is which, and its unit and direction.",
     )
 
 
