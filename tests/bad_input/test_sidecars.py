@@ -41,7 +41,7 @@ BAD = {
     "no inertia parts": ("inertia_parts = []", "'inertia_parts': list should have at least 1"),
     "inertia parts twice": ('inertia_parts = ["Ia", "Ia"]', "name each one once"),
     "unknown loop body": (LOOP + '"bas"', "names the body 'bas', .* did you mean 'base'"),
-    "loop without equations": (LOOP + '"link2"', "the loops give only 0 independent equations"),
+    "loop without equations": (LOOP + '"link2"', "no loop moves them; name the missing actuated"),
     "unknown axis": (LOOP + '"base"\naxes = ["w"]', "should be 'x', 'y' or 'z'"),
     "unknown coupled joint": (COUPLING + 'of = "sholder"', "'sholder', did you mean 'shoulder'"),
     "coupled to itself": (COUPLING + 'of = "elbow"', "cannot be coupled to itself"),

@@ -231,7 +231,8 @@ def _moving(own: Motion) -> tuple[float, np.ndarray, float, Array]:
 def _on_grid(t: Array, q: Array, step: float) -> tuple[float, Array]:
     """Return the first time, and positions at even steps from there on; rests are bridged."""
     at = np.arange(t[0], t[-1] + 0.5 * step, step)
-    return float(t[0]), np.stack([np.interp(at, t, x) for x in q.T], 1)
+    even = [np.interp(at, t, x) for x in q.T]
+    return float(t[0]), np.reshape(even, (len(even), len(at))).T
 
 
 def _find_lags(near: Array, far: Array) -> list[int]:

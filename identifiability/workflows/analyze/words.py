@@ -172,11 +172,8 @@ def _worse(motions: Motions, joints: Sequence[str], odd: int) -> str:
     others = np.delete(motions.errors, odd, axis=0)
     ratio = motions.errors[odd] / np.maximum(np.sqrt((others**2).mean(0)), 1e-300)
     k = int(np.argmax(ratio))
-    return (
-        f"; the error of {joints[k]} is {format_number(ratio[k], 2)} × as large there"
-        if ratio[k] > 1
-        else ""
-    )
+    many = format_number(ratio[k], 2)
+    return f"; the error of {joints[k]} is {many} × as large there" if ratio[k] > 1 else ""
 
 
 def _weighed(information: Information, names: Sequence[str]) -> str:
