@@ -44,6 +44,7 @@ def gather_information(
     regression: Regression,
     blocks: Annotated[int, at_least(1)] = BLOCKS,
     *,
+    shown: bool = False,
     engine: Engine | None = None,
     progress: Steps | None = None,
 ) -> Information:
@@ -55,25 +56,29 @@ def gather_information(
     blocks : int
         Blocks of time over all logs, at most; each holds consecutive samples of one log, and none
         reaches across a long gap.
+    shown : bool
+        Only samples that are looked at one by one (`Regression.windows`): all but of long logs.
     engine : Engine, optional
         Where stretches of long logs are worked on; here without.
     progress : callable(int, int), optional
     """
     names = tuple(p.name for p in regression.parameters)
     factors = _survey(regression)
-    size = max(1, -(-regression.outputs // blocks))
-    edges = [_block_edges(s, size) for s in regression.samples]
+    windows = tuple(np.array([[0, s.outputs]]) for s in regression.samples)
+    windows = regression.windows if shown else windows
+    size = max(1, -(-sum(int(np.diff(w).sum()) for w in windows) // blocks))
+    edges = [_block_edges(*own, size) for own in zip(regression.samples, windows, strict=True)]
     count, longest = sum(map(len, edges)), min(size, max(s.outputs for s in regression.samples))
     while True:
         seen = np.array([R[:, :-1].any(0) for R in factors])
         bases = [choose_basis(R, np.flatnonzero(s)) for R, s in zip(factors, seen, strict=True)]
-        gather = partial(_gather_part, seen=seen, bases=bases, edges=edges)
+        gather = partial(_gather_part, seen=seen, bases=bases, edges=edges, shown=shown)
         missed = np.zeros(seen.shape)
         held = [allot((count, min(longest, len(S)), len(S))) for S in bases]
         sums = [np.zeros((count, len(S))) for S in bases]
         counts, logs = np.zeros(count, int), np.zeros(count, int)
         data = np.zeros((count, len(bases)), int)
-        todo = regression.parts()
+        todo = [part for part in regression.parts() if part.is_shown or not shown]
         for part in todo:
             if part.remote:  # what is kept is not sent about
                 part.keep(None)
@@ -95,10 +100,11 @@ def gather_information(
     return Information(names, parts, counts, data, logs, has, echo)
 
 
-def _block_edges(samples: Prepared, size: int) -> Array:
-    """Return the outputs at which blocks of a log begin; none reaches across a long gap."""
+def _block_edges(samples: Prepared, windows: np.ndarray, size: int) -> Array:
+    """Return where blocks of a log's windows (w, 2) begin; none reaches across a long gap."""
     ends = (*samples.starts[1:], samples.outputs)
-    pairs = zip(samples.starts, ends, strict=True)
+    stretches = np.array([samples.starts, ends]).T
+    pairs = [(max(a, low), min(b, high)) for low, high in windows for a, b in stretches]
     return np.concatenate([np.arange(a, b, size) for a, b in pairs])
 
 
@@ -142,7 +148,7 @@ def _pieces(parts: Sequence[LogPart], found: Iterable[_Found], missed: Array) ->
 
 
 def _gather_part(
-    part: LogPart, seen: np.ndarray, bases: Sequence[Array], edges: Sequence[Array]
+    part: LogPart, seen: np.ndarray, bases: Sequence[Array], edges: Sequence[Array], *, shown: bool
 ) -> _Found:
     """Return the blocks of a part, and what columns not in `seen` are.
 
@@ -152,7 +158,7 @@ def _gather_part(
     into = [(np.flatnonzero(s), invert_basis(S)) for s, S in zip(seen, bases, strict=True)]
 
     def pieces() -> Iterator[_Piece]:
-        for chunk in part.chunks():
+        for chunk in part.shown() if shown else part.chunks():
             W, tau, moves, start = chunk.wide, chunk.tau, chunk.data, chunk.start
             if not seen.all():
                 missed[~seen] += np.einsum("nak,nak->ak", W, W)[~seen]

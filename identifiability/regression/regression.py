@@ -435,12 +435,16 @@ class LogPart:
             yield chunk if chunk.log == self.log else replace(chunk, log=self.log)
 
     def shown(self) -> Iterator[Chunk]:
-        """Yield the chunks of its windows alone, from where they are kept, if they are."""
+        """Yield the chunks of its windows alone, which are kept for the next time."""
         if self.kept is not None and self.kept.chunks is not None:
             yield from self._numbered(self.kept.chunks)
             return
+        done = []
         for chunk in self._computed(CHUNK, windows=self.windows):
-            yield from chunk.inside(self.windows)
+            own = chunk.inside(self.windows)
+            done += [] if self.kept is None else own
+            yield from own
+        self.keep(done)
 
     @property
     def is_kept(self) -> bool:
