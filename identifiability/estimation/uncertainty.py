@@ -242,6 +242,29 @@ def compare_halves(information: Information, fit: Estimate) -> Motions | None:
     return compare_motions(information, fit, time, later.astype(int), RULES.unasked_level)
 
 
+def compare_held_out(
+    information: Information, fit: Estimate, held_out: Information
+) -> Motions | None:
+    """Return what logs that were held out say of the fitted ones, which come first, together.
+
+    Each must have so many independent outputs a parameter, as long as noise of the fitted ones
+    lasts: if nothing changed, that of others is as long. None where there are not two.
+
+    Parameters
+    ----------
+    information, held_out : Information
+        About the fitted columns, of fitted logs and of others.
+    fit : Estimate
+        To the former.
+    """
+    both = information + held_out
+    groups = np.concatenate([np.zeros(len(information.log), int), 1 + held_out.log])
+    independent = np.bincount(groups, both.counts) * float(np.sum(1.0 / fit.times))
+    long = (independent >= Thresholds.outputs_per_parameter * len(fit.kept))[groups]
+    found = compare_motions(both.take(long), fit, fit.memory, groups[long], RULES.unasked_level)
+    return found if found is not None and found.which[0] == 0 else None
+
+
 def _welch(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
     """Return Welch's F of each parameter, its p-value, and motions less one, (k,) each.
 
@@ -349,6 +372,8 @@ class Uncertainty:
         Why something is missing, if it is.
     motions : Motions or None
         What logs by themselves say of each other; None of one log, or of too short ones.
+    held_out : Motions or None
+        What logs that were held out say of the fitted ones, which come first.
     late : (L, k) or None
         What one standard deviation of the delay of a log's commands moves, which all its samples
         share.
@@ -366,6 +391,7 @@ class Uncertainty:
     block: float
     note: str = ""
     motions: Motions | None = None
+    held_out: Motions | None = None
     late: Array | None = None
     bias: Array | None = None
     real: Array | None = None
@@ -394,7 +420,8 @@ class Uncertainty:
         roads += [] if self.scores is None else [self.scores.widened]
         largest = np.max(roads, axis=0) if roads else np.inf
         largest = np.where(np.isfinite(self.white), largest, np.inf)
-        return largest if self.motions is None else np.hypot(largest, self.motions.between)
+        both = [m.between for m in (self.motions, self.held_out) if m is not None]
+        return np.hypot(largest, np.max(both, axis=0)) if both else largest
 
     def why_unjudged(self, rules: Thresholds) -> tuple[str, ...]:
         """Return why nothing can be said of each parameter, or nothing where it can, (k,).
@@ -425,6 +452,7 @@ def assess_uncertainty(
     series: np.ndarray,
     rng: np.random.Generator,
     replicates: int,
+    held_out: Information | None = None,
 ) -> Uncertainty:
     """Return the standard deviations of a fit by every road.
 
@@ -439,9 +467,11 @@ def assess_uncertainty(
     rng : numpy.random.Generator
     replicates : int
         Of the bootstrap; 0 for none.
+    held_out : Information, optional
+        About the same columns, of logs that were not fitted.
     """
     length = max(block_length(residual[series == k]) for k in np.unique(series))
-    return resample(information, fit, length, rng, replicates)
+    return resample(information, fit, length, rng, replicates, held_out)
 
 
 def resample(
@@ -450,12 +480,13 @@ def resample(
     length: float,
     rng: np.random.Generator,
     replicates: int,
+    held_out: Information | None = None,
 ) -> Uncertainty:
     """Return the standard deviations of a fit for which a block length is known.
 
     Parameters
     ----------
-    information, fit, rng, replicates
+    information, fit, rng, replicates, held_out
         As in `assess_uncertainty`.
     length : float [samples]
         Block length of the bootstrap, unless that leaves few blocks and the residual forgets
@@ -480,9 +511,11 @@ def resample(
             note = str(error)
     scores = scatter_scores(information, fit, fit.memory)
     motions = compare_motions(information, fit, fit.memory)
+    unseen = None if held_out is None else compare_held_out(information, fit, held_out)
     mended = fit.correction
     bias = mended.bias if mended is not None and mended.weak else None
-    return Uncertainty(fit.sigma, drawn, scores, fit.times, length, note, motions, bias=bias)
+    roads = drawn, scores, fit.times, length, note
+    return Uncertainty(fit.sigma, *roads, motions, unseen, bias=bias)
 
 
 def remembering_covariance(information: Information, fit: Estimate) -> Array:

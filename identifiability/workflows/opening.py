@@ -215,6 +215,11 @@ class Opening(OfStructure):
         return self.structure.regression(self.samples)
 
     @cached_property
+    def unseen(self) -> Regression | None:
+        """The same along motion that was held out; None where none was."""
+        return self.structure.regression(self.validation) if self.validation else None
+
+    @cached_property
     def silence(self) -> str:
         """Why the fitted logs have nothing to explain, for after "because"; nothing if they do."""
         return explain_silence([s.survey for s in self.samples])
@@ -224,9 +229,7 @@ def find_missing(opening: Opening) -> Doubt:
     """Return the functions that are missing beside the unpruned model."""
     if opening.silence:
         return NO_DOUBT
-    held_out = opening.validation
-    unseen = opening.structure.regression(held_out) if held_out else None
-    return find_doubt(opening.regression, unseen)
+    return find_doubt(opening.regression, opening.unseen)
 
 
 @contextmanager

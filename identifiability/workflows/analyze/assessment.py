@@ -267,6 +267,7 @@ def assess_ladder(
     *,
     veto: bool = True,
     late: Callable[[Submodel], Array] | None = None,
+    unseen: Information | None = None,
 ) -> tuple[ModelResult, ...]:
     """Return the results of all m models.
 
@@ -289,6 +290,8 @@ def assess_ladder(
         already, where they could be.
     late : callable(Submodel), optional
         What errors of delays do to the values of a model, (L, k).
+    unseen : Information, optional
+        About all base parameters, of logs that were held out.
     """
     m = len(models)
     error, unseen_error = fitted.relative_error(), held_out.relative_error()
@@ -306,12 +309,14 @@ def assess_ladder(
     full = fit_whole(models[0].estimate.estimator, models[0].whole) if spoken else None
     for k, (model, real) in enumerate(zip(models, physical, strict=True)):
         submodel, reduced, fit = model.submodel, model.information, model.estimate
-        residual = fitted.residual[:, :, k]
-        uncertainty = assess_uncertainty(reduced, fit, residual, fitted.series, rng, replicates)
+        along = fitted.residual[:, :, k], fitted.series, rng, replicates
+        others = None if unseen is None else submodel.reduce(unseen)
+        uncertainty = assess_uncertainty(reduced, fit, *along, others)
         reported, reported_uncertainty = model.reported, uncertainty
         if reported is not model:
+            others = None if unseen is None else reported.submodel.reduce(unseen)
             reported_uncertainty = assess_uncertainty(
-                reported.information, reported.estimate, residual, fitted.series, rng, replicates
+                reported.information, reported.estimate, *along, others
             )
         if late is not None:
             uncertainty = replace(uncertainty, late=late(submodel))

@@ -180,6 +180,8 @@ class _Fitted:
     late : DelayErrors
     burst : str
         A sentence on outliers, if any.
+    unseen : Information or None
+        What held-out logs say of the parameters by themselves.
     """
 
     opening: Opening
@@ -189,6 +191,7 @@ class _Fitted:
     out: Prediction
     late: DelayErrors
     burst: str
+    unseen: Information | None
 
 
 def _fit(
@@ -209,11 +212,11 @@ def _fit(
         tasks.append(ladder.in_turns())
     predicting = share(say, "predicting torque", 0.65, 0.9)
     within, *out = predict_all(opening.regression, tasks, engine=engine, progress=predicting)
-    if opening.validation:
-        held_out = opening.structure.regression(opening.validation)
-        out = [predict(held_out, values[:, : 2 * len(ladder.models)], engine=engine)]
+    if opening.unseen is not None:
+        out = [predict(opening.unseen, values[:, : 2 * len(ladder.models)], engine=engine)]
     return _Fitted(
-        opening, rows.information, ladder, within, (out or [within])[0], late, rows.burst
+        *(opening, rows.information, ladder, within, (out or [within])[0], late, rows.burst),
+        rows.held_out,
     )
 
 
@@ -246,7 +249,7 @@ def _judge(
     opening, ladder, out = fitted.opening, fitted.ladder, fitted.out
     recordings, thresholds = session.recordings, Thresholds()
     whole = ladder.models[0].submodel
-    missing, unseen = find_missing(opening), bool(opening.validation)
+    missing = find_missing(opening)
     results = assess_ladder(
         ladder.models,
         ladder.robots,
@@ -256,15 +259,16 @@ def _judge(
         rng,
         draws,
         missing,
-        veto=unseen,
+        veto=bool(opening.validation),
         late=fitted.late.move,
+        unseen=fitted.unseen,
     )
     at = select_model(results, ladder.near)
     results, contradicted = tell_with_file(ladder.models, results, within, thresholds)
     results, nothing = doubt(opening.silence or opening.misread, results, at, out)
     leaning, leans = _seek_leaning(opening, recordings.fitted, nothing)
     joints = session.structure.robot.joints
-    several = compare_logs(joints, opening.samples, fitted.information, results[at])
+    several = compare_logs(joints, opening, fitted.information, results[at])
     hints = [*leans, *opening.hints, fitted.burst, contradicted[at], ladder.short]
     hints += check_cutoff(opening, recordings, fitted.information, results[at], session.how)
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest

@@ -473,6 +473,8 @@ class Question:
         The model that pruning starts from.
     estimator : Estimator
     delays : DelayErrors
+    held_out : Information or None
+        What logs that were held out say of the same.
     """
 
     opening: Opening
@@ -480,6 +482,7 @@ class Question:
     start: Submodel
     estimator: Estimator
     delays: DelayErrors
+    held_out: Information | None
 
     @cached_property
     def full(self) -> Estimate | None:
@@ -583,15 +586,14 @@ def measure_models(
     )
     outside, own_validation = unseen, own
     error_validation = joints_validation = np.full(len(steps), np.nan)
-    if opening.validation:
-        held_out = opening.structure.regression(opening.validation)
-        outside, own_validation = predict_all(held_out, [every, two], engine=engine)
+    if opening.unseen is not None:
+        outside, own_validation = predict_all(opening.unseen, [every, two], engine=engine)
         error_validation, joints_validation = outside.relative_error(), outside.error_over_joints()
     own_model = [question.recall(*fits[chosen])]
     missing = find_missing(opening)
     (result,) = assess_ladder(
         own_model, [physical], own, own_validation, Thresholds(), rng, replicates, missing,
-        veto=bool(opening.validation), late=question.delays.move,
+        veto=bool(opening.validation), late=question.delays.move, unseen=question.held_out,
     )  # fmt: skip
     spread = result.uncertainty
     error, error_unseen = fitted.relative_error(), unseen.relative_error()
@@ -605,9 +607,15 @@ def measure_models(
     weights = np.zeros(len(steps))
     first = first_allowed(steps)
     weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
+    # Where nothing differs from logs held out under the model to use, no other is asked.
+    same = spread.held_out is None or spread.held_out.agree
+    others = None if same else question.held_out
     spreads = [
         replace(
-            resample(reported.information, reported.estimate, spread.block, rng, replicates),
+            resample(
+                *(reported.information, reported.estimate, spread.block, rng, replicates),
+                None if others is None else reported.submodel.reduce(others),
+            ),
             late=question.delays.move(reported.submodel),
         )
         for reported in (model.reported for model in starmap(question.recall, fits))

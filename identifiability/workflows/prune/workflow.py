@@ -222,6 +222,7 @@ def _ask(session: Session, rows: Weighed, entry: LadderEntry) -> Question:
         start=start,
         estimator=settle_noise(rows.estimator, start.reduce(rows.information)),
         delays=DelayErrors.of(session, rows),
+        held_out=rows.held_out,
     )
 
 
@@ -300,7 +301,7 @@ def _hint(session: Session, rows: Weighed, measured: Measured) -> tuple[str, ...
         state_mounting(session.structure.robot, result.verdicts),
         *opening.hints,
         *check_cutoff(opening, session.recordings, rows.information, result, session.how),
-        compare_logs(joints, opening.samples, rows.information, result).hint,
+        compare_logs(joints, opening, rows.information, result).hint,
     )
     return tuple(filter(None, said))
 
