@@ -1,5 +1,6 @@
 # make demo: run the main job; make paper: check the paper's tables; make test: run the tests;
 # make lint: style, types, layers; make docs: the site, with the reference of every module;
+# make pins: do the pinned versions install on the oldest Python that is allowed?;
 # make mutants: would the tests notice faults?; make check-all: what takes too long for make test;
 # make processors: the demo and the tests with the kernels of other processors, before a release.
 # Each needs Python 3.11 or newer and nothing else: it makes .venv itself.
@@ -15,10 +16,16 @@ export OPENBLAS_NUM_THREADS := 1
 # the package anew, and pytest would rewrite every test in every worker.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo paper test lowest lint golden format bench docs mutants processors check-all clean
+.PHONY: demo paper pins test lowest lint golden format bench docs mutants processors check-all clean
 
 demo: $(VENV)/run
 	$(BIN)/identifiability demo
+
+# Whether every pin installs on the oldest Python that pyproject.toml allows: nothing is installed.
+pins: $(BIN)/python
+	$(PIP) --dry-run --ignore-installed --target $(VENV)/nowhere --only-binary=:all: \
+	  --python-version $$($(BIN)/python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb")); print(p["project"]["requires-python"].removeprefix(">=") + ".0")') \
+	  '.[test,lint,arviz,distributed,ros,excel,docs,browser,robots]'
 
 paper: $(VENV)/run
 	$(BIN)/identifiability paper
