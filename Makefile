@@ -86,9 +86,9 @@ docs: $(VENV)/dev
 	  --docformat numpy --no-show-source --footer-text identifiability \
 	  --output-directory reports/docs/modules $(MODULES)
 
-# Public robot files, 131 MB, and CasADi, 93 MB, for tests that make test leaves out.
+# Public robot files, 131 MB, for tests that make test leaves out.
 $(VENV)/robots: $(VENV)/dev
-	$(PIP) --editable '.[robots,codegen]'
+	$(PIP) --editable '.[robots]'
 	@touch $@
 
 clean:

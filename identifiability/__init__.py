@@ -202,12 +202,6 @@ def _convert_dh(*given: Any) -> Any:
     return convert_dh(*given)
 
 
-def _write_code(*given: Any) -> Any:
-    from identifiability.workflows.export.code import write_code  # noqa: PLC0415
-
-    return write_code(*given)
-
-
 # Lower rooms ask for these, which stand above them, or are extras that no room imports.
 hand_down(
     notebook_piece=_notebook_piece,
@@ -217,7 +211,6 @@ hand_down(
     write_page=_write_page,
     save_robot=_save_robot,
     convert_dh=_convert_dh,
-    write_code=_write_code,
 )
 
 

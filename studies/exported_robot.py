@@ -1,10 +1,10 @@
-"""Is the robot that comes out the one that was fitted, in simulators, in code, and read back?
+"""Is the robot that comes out the one that was fitted, in simulators, and read back?
 
 Every shipped robot (simulated logs, the paper's noise) and three real ones are fitted to one log
-and exported in both formats and as Python. On motion that was not fitted, errors must be the same
+and exported in both formats. On motion that was not fitted, errors must be the same
 on roads that share nothing with the library but the file: what a file holds by itself in MuJoCo and
 in Pinocchio (loops closed by the library, as neither reads a sidecar), and all that was fitted by
-file and sidecar, and by the generated code. Then MuJoCo runs the exported MJCF forward for two
+file and sidecar. Then MuJoCo runs the exported MJCF forward for two
 seconds, driven by the measured torque and a PD. Nothing is set by hand.
 """
 
@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 from exported.cases import Case, every_case
 from exported.drive import Driven, drive
-from exported.roads import in_mujoco, in_pinocchio, load_code, project
+from exported.roads import in_mujoco, in_pinocchio, project
 from real_data.study import ROOT
 
 from identifiability.effects.registry import default_effects
@@ -144,10 +144,6 @@ def study_case(case: Case, folder: Path) -> dict[str, Any]:
         row[f"{form}, sidecar"] = error_on(samples, read_again(exported, values, result.shapes))
         if copy.mjcf:
             driven = drive(exported.robot, copy, moved_as(copy, samples.motion), samples.tau)
-    code = load_code(export(case.robot, path, folder / "code.py").robot)
-    row["code"] = error_on(
-        samples, lambda m: code.inverse_dynamics(m.actuated_q, m.actuated_v, m.actuated_a)
-    )
     masses = mass_rows(case.robot, values)
     far = [m for m in masses if is_far(m["mass"], m["mass_file"])]
     row["mass"] = sum(m["mass"] for m in masses)
@@ -166,7 +162,7 @@ def differences(row: dict[str, Any]) -> dict[str, float]:
         pairs = [(f"{form}, {engine}", f"{form} alone") for engine in ("MuJoCo", "Pinocchio")]
         pairs += [(f"{form}, sidecar", "fitted")]
         out |= {a: abs(row[a] / row[b] - 1) for a, b in pairs if a in row}
-    return {**out, "code": abs(row["code"] / row["fitted"] - 1)}
+    return out
 
 
 def table(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
@@ -175,7 +171,7 @@ def table(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
     for row in rows:
         differ = differences(row)
         files = [v for k, v in differ.items() if "MuJoCo" in k or "Pinocchio" in k]
-        pairs = [v for k, v in differ.items() if "sidecar" in k or k == "code"]
+        pairs = [v for k, v in differ.items() if "sidecar" in k]
         out.append(
             {
                 "robot": row["robot"],
@@ -183,7 +179,7 @@ def table(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
                 "of the MJCF alone": row.get("MJCF alone", np.nan),
                 "of the URDF alone": row.get("URDF alone", np.nan),
                 "files in simulators differ by": float(np.nanmax(files)),
-                "sidecar and code differ by": float(np.nanmax(pairs)),
+                "sidecar differs by": float(np.nanmax(pairs)),
                 "same": _check(np.nanmax([*files, *pairs]) < SAME),
                 "mass [kg]": row["mass"],
                 "of the file [kg]": row["mass of the file"],

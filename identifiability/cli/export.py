@@ -11,7 +11,7 @@ from typer import Option
 from identifiability.cli import common, options
 from identifiability.cli.common import Writes
 
-ENDINGS = (".xml", ".urdf", ".json", ".py", ".c", ".csv", ".parquet", ".pq")
+ENDINGS = (".xml", ".urdf", ".json", ".py", ".csv", ".parquet", ".pq")
 
 
 @options.command(
@@ -42,7 +42,6 @@ def export(
         identifiability export arm.urdf result.json --out fitted.urdf
         identifiability export arm.urdf result.json --out simulator.xml  # rotors and friction too
         identifiability export arm.urdf result.json --out values.json
-        identifiability export arm.urdf result.json --out torque.c  # for a controller
         identifiability export robot.xml result.json --format isaaclab --out servos.py
         identifiability export robot.xml result.json --draws 200 --out draws.csv
 
@@ -52,9 +51,8 @@ def export(
     Parameters
     ----------
     out
-        File to write: .xml (MJCF) or .urdf, .json with the parameters alone, .py or .c with a
-        function that computes the torques (extra codegen; closed chains in Python, which closes
-        their loops); draws also as a table, .csv or .parquet.
+        File to write: .xml (MJCF) or .urdf, .json with the parameters alone, .py for
+        Isaac Lab; draws also as a table, .csv or .parquet.
     draws
         How many robots to draw instead.
     """

@@ -1,4 +1,4 @@
-"""Torque of an exported robot file on roads that are not the library's: MuJoCo, Pinocchio, code.
+"""Torque of an exported robot file on roads that are not the library's: MuJoCo, Pinocchio.
 
 None of them reads a sidecar. The tree's torque is theirs; closed chains are closed, and their
 torque projected, by the library.
@@ -6,7 +6,6 @@ torque projected, by the library.
 
 from __future__ import annotations
 
-import importlib.util
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
@@ -127,13 +126,3 @@ def project(robot: Robot, motion: Motion, tree: np.ndarray) -> np.ndarray:
     if motion.X is not None:
         tau = tau - np.einsum("nij,ni->nj", motion.X, tree[:, robot.dependent])
     return tau
-
-
-def load_code(path: Path) -> Any:
-    """Return generated Python as a module."""
-    spec = importlib.util.spec_from_file_location("generated", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module

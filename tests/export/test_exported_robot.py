@@ -1,4 +1,4 @@
-"""The exported robot is the fitted one, on every road; generated code needs CasADi, which is large.
+"""The exported robot is the fitted one, on every road.
 
 A short form of `studies/exported_robot.py`: roads agree on motion that was not fitted, and MuJoCo
 runs the exported file forward.
@@ -28,7 +28,7 @@ def row_of(study, name, folder):
 def test_the_exported_robot_is_the_fitted_one_on_every_road(name, study, tmp_path):
     row = row_of(study, name, tmp_path)
     known = {road: share for road, share in study.differences(row).items() if share == share}
-    assert {"code", "MJCF, MuJoCo", "MJCF, sidecar", "URDF, MuJoCo", "URDF, sidecar"} <= {*known}
+    assert {"MJCF, MuJoCo", "MJCF, sidecar", "URDF, MuJoCo", "URDF, sidecar"} <= {*known}
     assert max(known.values()) < 1e-6
     assert row["runs"]
     assert row["away"] < study.NEAR
@@ -40,7 +40,7 @@ def test_the_exported_robot_is_the_fitted_one_on_every_road(name, study, tmp_pat
 
 @pytest.mark.everything
 def test_a_wrong_road_is_seen(study):
-    row = {"robot": "x", "fitted": 0.1, "code": 0.1, "MJCF alone": 0.2, "MJCF, MuJoCo": 0.21}
+    row = {"robot": "x", "fitted": 0.1, "MJCF alone": 0.2, "MJCF, MuJoCo": 0.21}
     row |= {"MJCF, Pinocchio": float("nan"), "MJCF, sidecar": 0.1, "mass": 1, "far": ""}
     row |= {"mass of the file": 1, "runs": True, "away": 0.1}
     (line,) = study.table([row]).to_dict("records")

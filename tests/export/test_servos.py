@@ -189,7 +189,7 @@ def test_true_robots_lie_in_the_joint_set_of_the_draws(count, simulated):
         (["--draws", "3", "--out", "x.json"], "does not end in .csv, .parquet, .pq, .xml or"),
         (["--draws", "3", "--prior", "0", "--out", "x.csv"], "give a positive one"),
         (["--prior", "0.3", "--out", "x.xml"], "say how many"),
-        (["--out", "x.csv"], "does not end in .xml, .urdf, .json, .py or .c"),
+        (["--out", "x.csv"], "does not end in .xml, .urdf, .json or .py"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused(made, words, said, monkeypatch):

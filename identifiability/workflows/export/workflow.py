@@ -24,7 +24,6 @@ from identifiability.effects.vocabulary import (
     stated_numbers,
     values_in_file,
 )
-from identifiability.foundation import handed
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
 from identifiability.foundation.names import BASE, GROUPED_KINDS, INERTIAL_KINDS
@@ -341,13 +340,11 @@ def _rests(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
 
 
 #: What is written, and the ending of its file.
-Format = Literal["mjcf", "urdf", "json", "python", "c", "isaaclab"]
+Format = Literal["mjcf", "urdf", "json", "isaaclab"]
 ENDINGS: dict[Format, str] = {
     "mjcf": ".xml",
     "urdf": ".urdf",
     "json": ".json",
-    "python": ".py",
-    "c": ".c",
     "isaaclab": ".py",
 }
 
@@ -471,9 +468,8 @@ def export(
         JSON of `analyze`, `prune` or `diagnose`.
     out : path
         ``.xml`` for MJCF, ``.urdf`` for URDF, from either kind of file; ``.json`` for the
-        parameters alone; ``.py`` and ``.c`` for a function of position, velocity and acceleration
-        that returns the torque, of a closed chain in Python (extra ``codegen``).
-    form : {"mjcf", "urdf", "json", "python", "c", "isaaclab"}, optional
+        parameters alone; ``.py`` for a configuration of actuators (isaaclab).
+    form : {"mjcf", "urdf", "json", "isaaclab"}, optional
         What to write; by default what the ending says. From an MJCF comes a URDF as well, and the
         other way round, without geometry; isaaclab is a configuration of actuators for robots with
         servos.
@@ -484,8 +480,8 @@ def export(
     Raises
     ------
     IdentifiabilityError
-        If the file is no result, one of another robot, or has no masses; if code was asked for
-        that cannot be generated; if a robot file alone errs much more than all that was fitted.
+        If the file is no result, one of another robot, or has no masses; if a robot file alone
+        errs much more than all that was fitted.
     """
     robot = Robot.of(robot)
     content = read_document(result, Result, "JSON", "result", IdentifiabilityError)
@@ -514,9 +510,6 @@ def export(
     beside: dict[str, list[str]] = {}
     if wanted == "json":
         path = write_parameters_json(robot, given, physical, Path(out))
-    elif wanted in ("python", "c"):
-        robot.check_stands("code")
-        path = handed("write_code")(robot, given, shapes, Path(out), wanted)
     elif wanted == "isaaclab":
         path = write_isaaclab(robot, given, content, Path(out))
     else:
