@@ -24,7 +24,6 @@ from statistics import median
 from typing import IO, Annotated, Any, ClassVar, Literal, get_type_hints
 from urllib.parse import quote as quote_link
 
-import joblib
 import numpy as np
 import pandas as pd
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -616,9 +615,8 @@ def batch(
     say("looking at robots and logs", 0.0)
     tasks = plan_tasks(entry, start)
     with _kept(folder) as (stream, finished), nullcontext(engine) if engine else Processes() as run:
-        program = fingerprint(run_task)
-        keys = [hashlib.sha256(f"{program} {joblib.hash(task)}".encode()) for task in tasks]
-        before = ((t.name, finished.get(k.hexdigest())) for t, k in zip(tasks, keys, strict=True))
+        keys = [fingerprint(run_task, task) for task in tasks]
+        before = ((t.name, finished.get(k)) for t, k in zip(tasks, keys, strict=True))
         rows = {name: row for name, row in before if row is not None and _is_whole(folder, row)}
         missing = [(t, k) for t, k in zip(tasks, keys, strict=True) if t.name not in rows]
         found = len(rows)
@@ -628,7 +626,7 @@ def batch(
             if not row.failed:
                 write_bytes(folder / ROBOTS / f"{row.robot}.json", answer.json)
                 write_bytes(folder / row.page, answer.page)
-                _note(stream, {"key": key.hexdigest(), "row": asdict(row)})
+                _note(stream, {"key": key, "row": asdict(row)})
             say(f"asked {task.name}", len(rows) / len(tasks))
         in_order = tuple(rows[task.name] for task in tasks)
         source = "" if isinstance(study, Mapping) else str(study)

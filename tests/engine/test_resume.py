@@ -11,7 +11,6 @@ import pytest
 
 from identifiability.foundation.engines import resume as prints
 from identifiability.foundation.engines.local import Resumed, Serial
-from identifiability.foundation.engines.resume import key_path, user_key
 from identifiability.foundation.errors import OutputError
 
 calls = []
@@ -181,21 +180,6 @@ def test_a_killed_program_goes_on_where_it_was(spawn, tmp_path):
     assert log.read_text().split() == [str(k) for k in range(20)]
 
 
-@pytest.fixture
-def other_key(monkeypatch, tmp_path):
-    """Work from now on as another user, or on another machine."""
-    return lambda name: monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / name))
-
-
-def test_what_another_user_signed_is_not_run(run, other_key):
-    other_key("theirs")
-    run(square, range(3))
-    other_key("mine")
-    assert run(square, range(3))[1] == [0, 1, 2]
-    other_key("theirs")  # it is not that nothing is believed
-    assert run(square, range(1))[1] == [0]  # for it was written anew meanwhile
-
-
 def test_a_result_is_believed_under_the_name_of_its_own_work_only(run, tmp_path):
     run(square, range(2))
     first, second = files(tmp_path)
@@ -205,26 +189,9 @@ def test_a_result_is_believed_under_the_name_of_its_own_work_only(run, tmp_path)
     assert [int(x[0]) for x in results] == [0, 1]
 
 
-def test_the_key_is_made_once_for_the_user_alone(other_key, tmp_path):
-    other_key("state")
-    first = user_key()
-    assert user_key() == first
-    assert len(first) == 32
-    path = key_path()
-    assert path == tmp_path / "state" / "identifiability" / "resume.key"
-    assert [p.name for p in path.parent.iterdir()] == ["resume.key"]
-    assert path.stat().st_mode & 0o777 == 0o600
-    path.chmod(0o644)
-    with pytest.raises(OutputError, match="can be read by others; remove it"):
-        user_key()
-    path.chmod(0o600)
-    path.write_bytes(b"short")
-    with pytest.raises(OutputError, match="is no key of 32 bytes"):
-        user_key()
-
-
-def test_a_key_that_cannot_be_kept_is_one_sentence(other_key, tmp_path):
-    (tmp_path / "file").write_text("")
-    other_key("file")
-    with pytest.raises(OutputError, match=r"cannot be kept .*; set XDG_STATE_HOME"):
-        user_key()
+def test_a_folder_that_everybody_can_write_to_is_refused(tmp_path):
+    folder = tmp_path / "work"
+    folder.mkdir()
+    folder.chmod(0o777)
+    with pytest.raises(OutputError, match="can be written to by everybody"):
+        Resumed(Serial(), folder)
