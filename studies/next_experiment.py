@@ -230,7 +230,7 @@ def case(name: str, seed: int, only: str | None = None) -> dict[str, Any]:
     if found.same or not shown:
         return row | {"asked": False, "outcome": "said to be told by no motion"}
     *old, new = world.logs(found.excitation.trajectory, found.periods)
-    after = diagnose(world.robot, [*old[:FITTED], new], old[FITTED:], earlier=d, **options)
+    after = diagnose(world.robot, [*old[:FITTED], new], old[FITTED:], **options)
     outcome = judge(after, truth)
     row["told"] = tell_names(after)
     return row | {"outcome": "right" if outcome == "exact" else f"then {outcome}"}

@@ -168,3 +168,11 @@ def test_a_header_is_refused_as_the_reader_would(tmp_path):
     check_header(log, known)  # semicolons and decimal commas
     log.write_text('t,"odd\nname",shoulder.q\n')
     check_header(log, known)  # left to the reader
+
+
+def test_an_option_that_went_says_what_to_type_instead():
+    done = CliRunner().invoke(app, ["diagnose", "arm.urdf", "new.csv", "--from", "old.json"])
+    assert done.exit_code == 2
+    assert "--from is gone; give all logs: identifiability diagnose" in " ".join(
+        done.stderr.replace("│", "").split()
+    )

@@ -15,7 +15,6 @@ from identifiability.cli.common import Writes
     "workflows/diagnose/workflow.py",
     "workflows/diagnose/next_experiment.py:find_next limits",
     but=("forward", "fixed"),
-    earlier="--from",
 )
 def diagnose(
     machine: options.Machine,
@@ -50,10 +49,10 @@ def diagnose(
         identifiability diagnose arm.urdf a.csv --effects stribeck_friction,time_delay
         identifiability diagnose 3-rps a.csv --model rigid_body,viscous_friction
 
-    **"A or B"?** Log the motion of --next and go on from where this stood:
+    **"A or B"?** Log the motion of --next, and give all logs:
 
-        identifiability diagnose arm.urdf a.csv b.csv --json before.json --next motion.json
-        identifiability diagnose arm.urdf new.csv --from before.json
+        identifiability diagnose arm.urdf a.csv b.csv --next motion.json
+        identifiability diagnose arm.urdf a.csv b.csv new.csv
 
     Parameters
     ----------

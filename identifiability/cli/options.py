@@ -81,6 +81,12 @@ RENAMED = {
 }
 
 
+#: Options that went: verb and name, and what to type instead.
+GONE = {
+    ("diagnose", "--from"): "give all logs: identifiability diagnose ROBOT LOG LOG NEW_LOG",
+}
+
+
 def shipped_robots() -> list[str]:
     """Return the names of the shipped robots."""
     from identifiability.robot import locate  # noqa: PLC0415
@@ -405,9 +411,13 @@ class Command(typer.core.TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Refuse an option that has another name now, with that name."""
         for given in args[: args.index("--")] if "--" in args else args:
-            new = RENAMED.get((str(self.name), given.partition("=")[0]))
+            option = given.partition("=")[0]
+            new = RENAMED.get((str(self.name), option))
             if new is not None:
-                ctx.fail(f"{given.partition('=')[0]} is called {new} now.")
+                ctx.fail(f"{option} is called {new} now.")
+            instead = GONE.get((str(self.name), option))
+            if instead is not None:
+                ctx.fail(f"{option} is gone; {instead}.")
         return super().parse_args(ctx, args)
 
 

@@ -168,7 +168,7 @@ def test_what_small_motion_hides_is_shown_by_the_motion_that_is_asked_for():
     again = both.hidden(hidden)
     again *= np.linalg.norm(torque) / np.linalg.norm(again[: len(torque)])
     logs = record(both, again)
-    after = diagnose(robot, [*logs[:2], *logs[3:]], logs[2], earlier=d, **options)
+    after = diagnose(robot, [*logs[:2], *logs[3:]], logs[2], **options)
     assert [(e.name, e.joints) for e in after.effects] == [("joint_stiffness", ("shoulder",))]
 
 

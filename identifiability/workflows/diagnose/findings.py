@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import field
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
@@ -297,36 +296,6 @@ class Verified:
     real_after: float
 
 
-Outcome = Literal["decided", "kept", "open", "gone"]
-
-
-@frozen
-class Turn:
-    """What became of a name.
-
-    Attributes
-    ----------
-    before, after : str
-        In words; empty where it went.
-    outcome : {"decided", "kept", "open", "gone"}
-    """
-
-    before: str
-    after: str
-    outcome: Outcome
-
-    @property
-    def text(self) -> str:
-        """One sentence."""
-        ends = {
-            "decided": f"is {self.after}",
-            "kept": "stays",
-            "open": f"is {self.after}: still open",
-            "gone": "is not named any more",
-        }
-        return f"{self.before[0].upper()}{self.before[1:]} {ends[self.outcome]}."
-
-
 @frozen(kw_only=True)
 class Findings(Setting, Verified):
     """Where model and data disagree, what is missing, and what adding it does.
@@ -349,12 +318,6 @@ class Findings(Setting, Verified):
         Forward simulation before and after, where it was made.
     hints : tuple of str
         What seems to be wrong with robot file and logs, for the user to check.
-    earlier : str
-        The diagnosis that was gone on from; empty for none.
-    earlier_error : float
-        Its ε_RA on unseen motion, with what it named.
-    turns : tuple of Turn
-        What became of each of its names.
     nothing : str
         Why nothing was looked for, for after "because"; empty where it was.
     upright : Structure or None
@@ -373,9 +336,6 @@ class Findings(Setting, Verified):
     model: Model
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()
-    earlier: str = ""
-    earlier_error: float = float("nan")
-    turns: tuple[Turn, ...] = ()
     nothing: str = ""
     upright: Structure | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)

@@ -192,10 +192,7 @@ class Diagnosis(Result, Findings, Predicts):
             "changes": [_change_row(c) for c in self.changes],
             "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
             "errors": {"joints": self.error_frame().to_dict("records")},
-            "earlier": {
-                **pick(self, source="earlier", error_ra_validation="earlier_error"),
-                "turns": [vars(t) for t in self.turns],
-            },
+            "earlier": {"source": "", "error_ra_validation": None, "turns": []},  # for one release
             "change": {"interval95": list(self.interval), "measured": f"on {self.verified_on}"},
             "roles": {
                 **pick(self, chosen="chosen_by", verified="verified_on"),

@@ -145,12 +145,6 @@ def remarks(d: Findings) -> list[Remark]:
     """Return what else should be known of the named effects, and what was refuted."""
     always = [Remark("Refuted", _state_contradicted(e, d)) for e in d.refuted]
     always += [Remark("Please note", hint) for hint in d.hints]
-    if d.turns:
-        good = all(t.outcome in ("decided", "kept") for t in d.turns)
-        text = " ".join(t.text for t in d.turns)
-        errors = f"{percent(d.earlier_error)} of error then, {percent(d.held_after)} now"
-        text = f"Since {d.earlier} ({errors}): {text}"
-        always.insert(0, Remark("With a log more", text, good))
     if not d.effects:
         return always
     out = []

@@ -55,7 +55,6 @@ from identifiability.workflows.diagnose.changes import (
     stays_beside,
 )
 from identifiability.workflows.diagnose.conclude import conclude, null_odds
-from identifiability.workflows.diagnose.earlier import Before, Earlier, read_earlier
 from identifiability.workflows.diagnose.findings import NamedEffect, Placement, Shown
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.hypothesis import Hypothesis
@@ -89,7 +88,6 @@ from identifiability.workflows.opening import (
     Progress,
     Recordings,
     in_memory,
-    list_logs,
     quiet,
     read_recordings,
     require_signal,
@@ -121,7 +119,6 @@ def diagnose(
     effects: Effects | None = None,
     model: ModelLike | None = None,
     fixed: Given = False,
-    earlier: Before | None = None,
     preparation: Preparation | None = None,
     rules: Rules | None = None,
     replicates: Annotated[int, at_least(FEWEST)] | None = None,
@@ -152,10 +149,6 @@ def diagnose(
         robot file, which may be off by it, such as 0.1 (a standard deviation). A result: those of
         an `analyze`, `prune` or `diagnose`, of its JSON or its `Fit`, with their covariance, for
         the model that is diagnosed. What these errors explain is no effect.
-    earlier : path or result of `diagnose`, optional
-        A diagnosis that is gone on from, with logs more: what it left open is decided by all
-        together, what it settled is kept and tested. Logs that its file was made from need not be
-        given again where they are beside it.
     preparation : Preparation, optional
         How derivatives are made.
     rules : Rules, optional
@@ -182,11 +175,6 @@ def diagnose(
     find_families(effects)  # what is misspelt is told before logs are read
     with one_thread():
         robot = Robot.of(robot)
-        before = None
-        if earlier is not None:
-            before = read_earlier(earlier)
-            logs, validate = before.find_logs(list_logs(logs), list_logs(validate))
-            model = list(before.model) if model is None and fixed is False else model
         say("reading logs", 0.0)
         robot = settle_gains(robot, logs)
         given = read_recordings(logs, validate, Conventions.of(robot), preparation, commands=True)
@@ -209,7 +197,7 @@ def diagnose(
             commanded=commanded,
             seed=seed,
         )
-        asked = _Asked(effects, say, draws, streams, before)
+        asked = _Asked(effects, say, draws, streams)
         looked = asked.look(opened(given))
         later = common_delay(looked.found)
         if later and robot.servo is not None:
@@ -227,7 +215,6 @@ def diagnose(
             **({"prior": near} if near else {}),
             "rules": setting.rules,
             "replicates": draws,
-            **({} if before is None else {"earlier": before.source}),
             "quick": quick,
             "preparation": preparation or Preparation(),
         }
@@ -339,15 +326,12 @@ class _Asked:
     draws : int
         Simulated noises.
     streams : tuple of numpy.random.Generator
-    earlier : Earlier or None
-        A diagnosis that is gone on from.
     """
 
     effects: Effects | None
     say: Progress
     draws: int = DRAWS
     streams: tuple[np.random.Generator, ...] = ()
-    earlier: Earlier | None = None
 
     def look(self, opened: _Opened) -> _Looked:
         """Name what is missing in opened logs."""
@@ -361,11 +345,7 @@ class _Asked:
         search, verdict = self._settle(setting)
         self.say("verifying", 0.9)
         null = null_odds(search, self.draws, self.streams[0])
-        found = conclude(search, verdict, null, self.streams[2])
-        if self.earlier is None:
-            return found
-        turns, error = self.earlier.turns(found), self.earlier.error
-        return replace(found, earlier=self.earlier.source, earlier_error=error, turns=turns)
+        return conclude(search, verdict, null, self.streams[2])
 
     def _settle(self, setting: Setting) -> tuple[Search, Verdict]:
         """Return what stands, and the search for it, in logs without what changed in their midst.
@@ -373,8 +353,7 @@ class _Asked:
         A change that explains more than any name is left out before names are looked for; it must
         be there beside these all the same.
         """
-        told = () if self.earlier is None else self.earlier.families
-        effects = None if self.effects is None else dict.fromkeys((*self.effects, *told))
+        effects = self.effects
         search = Search(Problem(setting, effects), self.say)
         self.say("naming effects", 0.3)
         change, goes_first = change_first(search, effects)
@@ -384,8 +363,7 @@ class _Asked:
             named = [later.problem.candidates[k] for k in verdict.hypothesis.parts]
             if stays_beside(search, named, effects):
                 return later, verdict
-        start = Hypothesis() if self.earlier is None else self.earlier.start(search)
-        verdict = refute_worse(search, settle(search, start), self.streams[4])
+        verdict = refute_worse(search, settle(search, Hypothesis()), self.streams[4])
         change = change_beside(search, verdict, change, effects)
         without = None if change is None else leave_out(setting, change)
         return (search, verdict) if without is None else self._settle(without)
