@@ -1,7 +1,11 @@
 """``identifiability`` and ``python -m identifiability`` are the command line."""
 
 import gc
+import os
 import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import TextIO
 
 #: New objects after which cycles of them are looked for, and how often among older ones. A command
 #: makes few, and arrays are freed without: by default it spent a twentieth of its time looking.
@@ -11,13 +15,27 @@ SELDOM = (200_000, 20, 20)
 def main() -> None:
     """Run the command line; Ctrl-C ends it without a traceback from its first moment on."""
     gc.set_threshold(*SELDOM)
+    # A job of cron may have neither: what is said then goes nowhere, and the work is done.
+    sys.stdout, sys.stderr = sys.stdout or _nowhere(), sys.stderr or _nowhere()
     try:
         from identifiability.cli import main as run  # noqa: PLC0415 - takes a while
 
-        run()
+        try:
+            run()
+        finally:
+            sys.stdout.flush()
     except KeyboardInterrupt:
         _stop()
-    except ImportError as error:  # what interrupts a library of C++ while it is loaded comes as one
+    except BrokenPipeError:
+        raise
+    except OSError as error:  # of the stream alone: those of files are sentences already
+        sys.stdout = _nowhere()
+        with suppress(OSError):  # it may be the very one
+            sys.stderr.write(f"Error: the output cannot be written: {error.strerror or error}.\n")
+        raise SystemExit(2) from None
+    except (ImportError, RuntimeError) as error:
+        # What interrupts a library of C++ while it is loaded, or a class while it is made, comes
+        # wrapped.
         reason: BaseException | None = error
         while reason is not None and not isinstance(reason, (KeyboardInterrupt, SystemExit)):
             reason = reason.__cause__ or reason.__context__
@@ -26,6 +44,10 @@ def main() -> None:
         if reason is None:
             raise
         _stop()
+
+
+def _nowhere() -> TextIO:
+    return Path(os.devnull).open("w")
 
 
 def _stop() -> None:
