@@ -21,7 +21,7 @@ from identifiability.workflows.export import export
 STILL = "the robot does not move in these logs"
 FLAT = "the measured torque never changes in these logs"
 WORSE = "no model predicts motion that it has not seen better than a constant torque would"
-DEAD = "The torque in 'elbow.tau' never changes"
+DEAD = "'elbow.tau' = "
 
 
 def spoil(frame, case):
@@ -189,7 +189,7 @@ def test_a_torque_that_never_changes_beside_others_that_do_is_said_everywhere(ca
     for out in results:
         content = out.to_dict()
         page = words(out, tmp_path / "out.html")
-        assert any(h.startswith(DEAD) for h in content["hints"])
+        assert any(DEAD in h for h in content["hints"])
         assert DEAD in out.statement
         assert DEAD in page
         check_words(out.statement)

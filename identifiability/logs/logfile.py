@@ -56,6 +56,8 @@ class LogFile:
         Jumps by a turn of each column of angles, and those that are undone when it is read.
     start : float or None [s]
         As of a `Log`.
+    silent : tuple of str
+        Joints whose torque was not measured.
     """
 
     name: str
@@ -73,6 +75,7 @@ class LogFile:
     wraps: Mapping[str, Wraps] = field(default_factory=dict)
     unwrapped: Mapping[str, Wraps] = field(default_factory=dict)
     start: float | None = None
+    silent: tuple[str, ...] = ()
 
     @property
     def motion_alone(self) -> bool:
@@ -138,7 +141,7 @@ class LogFile:
             table=table,
             naming=reading.naming,
             clock=reading.clock,
-            torque=reading.torque,
+            torque=reading.torque > 0,
             sha256=digest,
             stamp=stamp,
             spikes={c: tuple(reading.finders[c].finish()) for c in known if c != "t"},
@@ -229,7 +232,9 @@ class LogFile:
         given = zip(self.naming.columns, values.T, strict=True)
         columns = {c.name: self._settle(c, x, start) for c, x in given}
         log = build_log(self.name, self.naming, columns, self.sha256)
-        return replace(log, start=self.start)
+        lost = np.isin(log.joints, self.silent)
+        gone = np.tile(lost, (len(log), 1)) if lost.any() else None
+        return replace(log, start=self.start, unmeasured=gone)
 
     def _settle(self, column: Column, values: Array, start: int) -> Array:
         """Return values of a column, (N,) from row `start` on, in SI units and without faults."""

@@ -21,6 +21,7 @@ from identifiability.logs.rules import RULES
 from identifiability.logs.signals import spread_windows
 from identifiability.logs.spikes import TURN, Spike, WrapFinder, Wraps, find_spikes, mend_column
 from identifiability.robot import Robot
+from identifiability.robot.floating import BASE_JOINTS
 
 # Logs without their wrong samples: none that stands alone decides what is identified.
 
@@ -86,6 +87,111 @@ def _state(log: Log | LogFile, wrong: dict[str, tuple[Spike, ...]]) -> str:
         f"before and after, as no motion or torque does, and {'was' if one else 'were'} {REPLACED} "
         f"({'; '.join(shown)}{more}): check the log."
     )
+
+
+# Logs without what stands still while the robot moves: a sensor or a logger hangs there.
+
+
+#: Equal values on end that say so, where most runs of equal values have one: as many times more
+#: where a slower clock, or coarse steps, repeat them.
+STUCK = 16
+
+#: Share of the usual change between rows that says that a joint was moving.
+MOVING = 0.1
+
+
+def drop_stuck(logs: Sequence[Log | LogFile]) -> tuple[list[Log | LogFile], tuple[str, ...]]:
+    """Return logs without rows and torque that stand still in mid-motion, and their hints.
+
+    Torque of a joint that never changes was not measured; where it stops changing its sensor
+    hangs, unless it stands at its largest or smallest value, as a motor at its limit does. Rows
+    that repeat from the midst of a motion on are the logger's.
+    """
+    out: list[Log | LogFile] = []
+    hints: list[str] = []
+    for log in logs:
+        if isinstance(log, LogFile):
+            left, found = _never_measured(log)
+        elif log.motion_alone or log.commanded or len(log) < STUCK:
+            left, found = log, []
+        else:
+            left, found = _drop_hung(log)
+            left, silent = _silence_stuck(left)
+            found += silent
+        out.append(left)
+        hints += [f"{log.name}: {text}" for text in found]
+    return out, tuple(hints)
+
+
+def _never_measured(log: LogFile) -> tuple[LogFile, list[str]]:
+    tau = np.concatenate([log.rows(a, b).tau for a, b in spread_windows(len(log))])
+    never = np.ptp(tau, axis=0) == 0
+    if not never.any() or never.all():
+        return log, []
+    stuck = {j: float(x) for j, x, n in zip(log.joints, tau[0], never, strict=True) if n}
+    return replace(log, silent=tuple(stuck)), [_tell_never(stuck)]
+
+
+def _drop_hung(log: Log) -> tuple[Log, list[str]]:
+    x = np.hstack([getattr(log, kind) for kind in log.channels])
+    step = np.abs(np.diff(log.q, axis=0))
+    size = np.sqrt(np.mean(step**2, axis=0))
+    gone = np.zeros(len(log), bool)
+    texts = []
+    for a, b in _runs(x):
+        # A robot that comes to rest does so by and by.
+        if a > 1 and (step[a - 1] > MOVING * size).any():
+            gone[a + 1 : b] = True
+            texts.append(f"{a + 2}–{b} (from t = {log.t[a]:.6g} s)")
+    if not texts or len(log) - gone.sum() < RULES.fewest:
+        return log, []
+    return log.each(lambda c: c[~gone], t=log.t[~gone]), [
+        f"nothing changes in data rows {listing(texts, LISTED)}, in the midst of a motion: the "
+        f"logger hung, and these {gone.sum()} of {len(log)} rows are left out; check the log."
+    ]
+
+
+def _silence_stuck(log: Log) -> tuple[Log, list[str]]:
+    low, high = log.tau.min(0), log.tau.max(0)
+    never = low == high
+    if never.all() or not np.ptp(log.q, axis=0).any():
+        return log, []
+    gone = np.zeros(log.tau.shape, bool) if log.unmeasured is None else log.unmeasured.copy()
+    never &= ~gone.all(0) & ~np.isin(log.joints, BASE_JOINTS)  # which nothing drives
+    gone[:, never] = True
+    texts, stuck = [], {j: float(x) for j, x, n in zip(log.joints, low, never, strict=True) if n}
+    if stuck:
+        texts.append(_tell_never(stuck))
+    for k in np.flatnonzero(~never & (low < high)):
+        for a, b in _runs(log.tau[:, [k]]):
+            at_limit = log.tau[a, k] in (low[k], high[k])
+            if at_limit or np.ptp(log.q[a:b, k]) <= MOVING * np.ptp(log.q[:, k]) or gone[a, k]:
+                continue
+            gone[a:b, k] = True
+            texts.append(
+                f"'{log.joints[k]}.tau' stands at {log.tau[a, k]:.4g} in data rows {a + 1}–{b}, "
+                "while that joint moves: it is no data there; check the column."
+            )
+    return (replace(log, unmeasured=gone), texts) if texts else (log, [])
+
+
+def _tell_never(stuck: dict[str, float]) -> str:
+    one = len(stuck) == 1
+    columns = listing([f"'{joint}.tau' = {x:.4g}" for joint, x in stuck.items()], 4)
+    return (
+        f"{columns} in every row, while the robot moves: it was not measured, and the equations of "
+        f"{'that joint' if one else 'those joints'} are left out; check the column"
+        f"{'' if one else 's'}."
+    )
+
+
+def _runs(x: Array) -> list[tuple[int, int]]:
+    """Return where values (N, c) stand still for longer than they usually do, as [first, last)."""
+    changes = np.flatnonzero((np.diff(x, axis=0) != 0).any(1)) + 1
+    edges = np.concatenate([[0], changes, [len(x)]])
+    lengths = np.diff(edges)
+    long = lengths >= STUCK * max(1.0, float(np.median(lengths)))
+    return [(int(a), int(a + n)) for a, n in zip(edges[:-1][long], lengths[long], strict=True)]
 
 
 # Logs whose angles go on where they were written within one turn.

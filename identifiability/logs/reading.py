@@ -302,7 +302,7 @@ class Reading:
         self.numbers: dict[str, Numbers] = {}
         self.finders: dict[str, SpikeFinder] = {}
         self.turns: dict[str, WrapFinder] = {}
-        self.clock, self.torque, self.made = Clock(source), False, list[str]()
+        self.clock, self.torque, self.made = Clock(source), 0.0, list[str]()
         self._kept: dict[str, list[Array]] = {}
         self.absent: list[str] = []
         self._held: dict[str, tuple[float, float]] = {}
@@ -350,7 +350,7 @@ class Reading:
             if column == "t" and not numbers.bad:
                 self.clock.add(values)
             elif column.endswith(".tau"):
-                self.torque = self.torque or bool(values.any())
+                self.torque = max(self.torque, float(np.nanmax(np.abs(values), initial=0.0)))
             if self.keep or not self._kept[column]:  # else the first rows tell how values come
                 self._kept[column].append(values)
             if column in self.finders:
@@ -551,6 +551,11 @@ class Reading:
             raise LogError(
                 f"{self.source} has no torque: every '<joint>.tau' is empty; give what was "
                 "measured, of some joints at least."
+            )
+        if 0 < self.torque < RULES.smallest_torque:
+            raise LogError(
+                f"{self.source}: the largest torque in it is {self.torque:.2g}, as no robot's is; "
+                "it is in another unit, or was multiplied by a factor: give it in N·m (or N)."
             )
         if not self.keep and (lost or self.absent):
             raise LogError(

@@ -17,6 +17,8 @@ class Rules(RuleTable):
         hang) of 108 answers that reach it]
     largest : float, reasoned
         No time, position or torque in SI units is larger: time since 1970 is 1.7e9 s.
+    smallest_torque : float [N·m or N], reasoned
+        Nor is all torque of a log smaller: it holds a hundredth of a milligram at a millimetre.
     shortest_step : float [s], studies/rules.py
         No log is sampled faster than this. [÷2 and ×2 change none of 65 answers that reach it]
     fastest_step : float [s], studies/rules.py
@@ -207,6 +209,7 @@ class Rules(RuleTable):
 
     fewest: int = 20
     largest: float = 1e12
+    smallest_torque: float = 1e-9
     shortest_step: float = 1e-7
     fastest_step: float = 5e-5
     slowest_step: float = 0.5

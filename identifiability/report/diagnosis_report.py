@@ -241,8 +241,8 @@ def _first_joints(d: Diagnosis, named: set[int]) -> list[int]:
 
 
 def _section_where(d: Diagnosis) -> Section:
-    causes = d.discrepancies[0].explained
-    shares = [(x.joint, *x.explained.values()) for x in d.discrepancies]
+    causes = max((x.explained for x in d.discrepancies), key=len)  # none where torque is no data
+    shares = [(x.joint, *(x.explained.get(k, np.nan) for k in causes)) for x in d.discrepancies]
     caption = "Share of the residual's variance that its averages over each of these explain"
     blocks = (
         Table.of("Residual by joint", SIZES, d.discrepancies),

@@ -7,9 +7,8 @@ import numpy as np
 from identifiability.foundation.errors import listing
 from identifiability.foundation.numbers import percent
 from identifiability.logs.prepare import Samples
-from identifiability.logs.prepare.samples import stands_still, torque_varies
+from identifiability.logs.prepare.samples import stands_still
 from identifiability.physical.feasibility import find_impossible_bodies
-from identifiability.robot.floating import BASE_JOINTS
 from identifiability.workflows.oddities.check import Does, MeasuredLogs, check
 from identifiability.workflows.oddities.rules import RULES
 
@@ -91,31 +90,6 @@ def find_outside(logs: MeasuredLogs) -> tuple[str, ...]:
     return (
         f"Of {robot.path.name}, {listing(robot.outside, 6)} and what hangs there was left out: "
         "no actuated joint reaches it.",
-    )
-
-
-@check(
-    "torque that never changes",
-    Does.HINTS,
-    55,
-    always=True,
-    says="The torque in … never changes",
-    means="The column holds one number: it was not measured, or not recorded.",
-    do="Give the right column; where there is none, lock the joint (`--lock`), or log "
-    "commands (a robot with servos).",
-)
-def find_dead(logs: MeasuredLogs) -> tuple[str, ...]:
-    """Return one sentence on torque columns of one value, or none."""
-    surveys = [s.survey for s in logs.samples]
-    varies, rows = torque_varies(surveys), np.sum([s.rows for s in surveys], axis=0)
-    dead = [j for j, v, r in zip(logs.joints, varies, rows, strict=True) if r > 1 and not v]
-    dead = [j for j in dead if j not in BASE_JOINTS]  # of which it is known that nothing drives
-    if not (dead and varies.any()):
-        return ()
-    columns = listing([f"'{j}.tau'" for j in dead], 6)
-    return (
-        f"The torque in {columns} never changes: if it was not measured, every number and "
-        "verdict here is wrong; check the column.",
     )
 
 

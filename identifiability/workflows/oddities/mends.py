@@ -9,7 +9,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
-from identifiability.logs.mend import drop_contradictions, mend_logs, unwrap_logs
+from identifiability.logs.mend import drop_contradictions, drop_stuck, mend_logs, unwrap_logs
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.repeats import Recording, drop_repeats
 from identifiability.robot.servo import Servo
@@ -65,6 +65,20 @@ def mend(logs: Reading) -> Reading:
         if one.does is Does.MENDS:
             logs = one.find(logs)
     return logs
+
+
+@check(
+    "what stands still in motion",
+    Does.MENDS,
+    200,
+    says="…: '….tau' = … in every row, while the robot moves: …",
+    means="A sensor was not connected or hung, or the logger wrote its last row again.",
+    do="Look at the column and the rows that are named. A motor that is switched off has torque, "
+    "too: that of its gear's friction, which this joint's parameters are then not known of.",
+)
+def drop_still(logs: Reading) -> Reading:
+    """Leave out torque, and rows, that stand still while the robot moves."""
+    return logs.by(drop_stuck)
 
 
 @check(

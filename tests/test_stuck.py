@@ -1,0 +1,64 @@
+"""Torque and rows that stand still while the robot moves are no data, and that is said."""
+
+import numpy as np
+import pytest
+
+from identifiability import analyze
+from identifiability.foundation.errors import LogError
+from identifiability.logs import Log
+from identifiability.logs.mend import drop_stuck
+
+
+@pytest.fixture
+def frame(simulated):
+    return simulated("two-link", "a", samples=600).to_frame()
+
+
+def mended(frame):
+    (log,), hints = drop_stuck([Log.from_frame(frame, "a.csv")])
+    return log, hints
+
+
+def test_torque_of_one_value_is_no_data_and_is_said_first(frame):
+    frame["elbow.tau"] = 3.0
+    log, hints = mended(frame)
+    assert log.unmeasured[:, 1].all()
+    assert not log.unmeasured[:, 0].any()
+    assert "'elbow.tau' = 3 in every row, while the robot moves" in hints[0]
+    found = analyze("two-link", frame)
+    assert "'elbow.tau' = 3" in found.hints[0]
+    assert not any("wrong sign" in h for h in found.hints)
+
+
+def test_rows_that_repeat_from_the_midst_of_a_motion_on_are_left_out(frame):
+    hung = frame.copy()
+    columns = [c for c in frame if c != "t"]
+    hung.loc[300:, columns] = frame.loc[300, columns].to_numpy()
+    log, (hint,) = mended(hung)
+    assert len(log) == 301
+    assert "the logger hung, and these 299 of 600 rows are left out" in hint
+
+
+def test_torque_that_stops_changing_is_no_data_from_there_on(frame):
+    frame.loc[300:, "elbow.tau"] = 0.5 * (frame["elbow.tau"].min() + frame["elbow.tau"].max())
+    log, (hint,) = mended(frame)
+    assert log.unmeasured[:, 1].tolist() == [False] * 300 + [True] * 300
+    assert "data rows 301–600" in hint
+
+
+def test_a_motor_at_its_limit_a_rest_and_a_slow_logger_are_data(frame):
+    limited = frame.assign(**{"elbow.tau": frame["elbow.tau"].clip(upper=0.0)})
+    assert mended(limited)[1] == ()
+    held = frame.iloc[np.arange(600) // 20 * 20].reset_index(drop=True).assign(t=frame["t"])
+    assert mended(held)[1] == ()
+    smooth = np.clip(np.arange(600) / 300, 0, 1)
+    rest = {c: frame[c].iloc[0] + smooth**2 * (1 - smooth) ** 2 for c in frame if c != "t"}
+    assert mended(frame.assign(**rest))[1] == ()
+
+
+@pytest.mark.parametrize("factor", [1e-18, 1e-100, 1e-300])
+def test_torque_that_no_robot_has_is_refused(frame, factor):
+    tau = [c for c in frame if c.endswith(".tau")]
+    frame[tau] *= factor
+    with pytest.raises(LogError, match=r"the largest torque in it is .*, as no robot's is"):
+        analyze("two-link", frame)
