@@ -12,7 +12,6 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
 
 from identifiability.foundation.values import frozen
 from identifiability.logs.aliases import find_unit, is_no_unit
@@ -231,12 +230,9 @@ def _notes(form: Form, lines: Sequence[str], plain: Sequence[int]) -> tuple[str,
 
 _NUMBER = re.compile(r"[-+]?\d*(?:[.,](\d*))?(?:[eE][-+]?(\d+))?")
 
-#: A last line is whole, or cut, or nobody can tell.
-End = Literal["whole", "cut", "unsure"]
 
-
-def judge_end(line: str, others: Sequence[str], form: Form) -> End:
-    """Return whether a line without an end is whole, by the form of other lines.
+def is_whole(line: str, others: Sequence[str], form: Form) -> bool:
+    """Return whether a line without an end is surely whole, by the form of other lines.
 
     Numbers of a fixed number of digits behind the point show it; of others the last digits may be
     missing, by which a number may be wrong by a power of ten.
@@ -250,24 +246,18 @@ def judge_end(line: str, others: Sequence[str], form: Form) -> End:
     form : Form
     """
     fields = form.split(line)
-    if len(fields) < len(form.columns) or line.count('"') % 2:
-        return "cut"
-    if len(fields) > len(form.columns):  # too long, which no cut makes a line
-        return "whole"
+    if len(fields) != len(form.columns) or line.count('"') % 2:
+        return len(fields) > len(form.columns)  # too long, which no cut makes a line
     last = fields[-1].strip()
     before = [row[-1].strip() for row in map(form.split, others) if len(row) == len(fields)]
     numbers = [match for text in before if text and (match := _NUMBER.fullmatch(text))]
     if not before or 2 * len(numbers) < len(before):  # a column of text
-        return "whole" if last in before else "unsure"
+        return last in before
     match = _NUMBER.fullmatch(last)
     if match is None or not last or not last[-1].isdigit():
-        return "cut" if all(n[0][-1].isdigit() for n in numbers) else "unsure"
+        return False
     decimals, exponents = ({len(n[k] or "") for n in numbers} for k in (1, 2))
-    if len(match[2] or "") < min(exponents):
-        return "cut"
     if min(exponents) > 0:
-        return "whole" if len(exponents) == 1 else "unsure"
-    if len(match[1] or "") < min(decimals) and not match[2]:
-        return "cut"
+        return len(exponents) == 1 and {len(match[2] or "")} == exponents
     fixed = len(decimals) == 1 and min(decimals) > 0 and exponents == {0}
-    return "whole" if fixed else "unsure"
+    return fixed and len(match[1] or "") >= min(decimals)

@@ -110,15 +110,17 @@ def drop_stuck(logs: Sequence[Log | LogFile]) -> tuple[list[Log | LogFile], tupl
     out: list[Log | LogFile] = []
     hints: list[str] = []
     for log in logs:
+        found: list[str] = []
         if isinstance(log, LogFile):
-            left, found = _never_measured(log)
+            long, found = _never_measured(log)
+            out.append(long)
         elif log.motion_alone or log.commanded or len(log) < STUCK:
-            left, found = log, []
+            out.append(log)
         else:
-            left, found = _drop_hung(log)
+            left, hung = _drop_hung(log)
             left, silent = _silence_stuck(left)
-            found += silent
-        out.append(left)
+            out.append(left)
+            found = hung + silent
         hints += [f"{log.name}: {text}" for text in found]
     return out, tuple(hints)
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from identifiability.foundation.errors import LogError
 from identifiability.logs.command_names import choose_commands
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.form import LINE_END, PLAIN, Form, find_encoding, find_form, judge_end
+from identifiability.logs.form import LINE_END, PLAIN, Form, find_encoding, find_form, is_whole
 from identifiability.logs.formats.bags import hash_files
 from identifiability.logs.formats.reader import (
     MISSING,
@@ -96,7 +96,7 @@ def _scan_csv(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[s
             too_long = len(rest) > MOST_PIECES * PIECE_BYTES
             cut = len(rest) if ended else _last_line(rest, table.form) or len(rest) * too_long
             if ended:
-                table, cut = _leave_half_line(table, rest, lines, row)
+                table, cut = _leave_half_line(table, rest, lines)
             if cut or (ended and (len(pieces) == 1 or rest)):
                 frame = table.parse(rest[:cut], row)
                 each(frame, table.form)
@@ -135,32 +135,15 @@ def begin_csv(path: Path, start: bytes) -> tuple[Table, bytes]:
     return Table(path, form.columns, (), line.encode(), form), start[at:]
 
 
-def _leave_half_line(
-    table: Table, rest: bytes, lines: Sequence[str], row: int
-) -> tuple[Table, int]:
-    """Return how much of the end of a file is whole, with a note if the last line is left out.
-
-    Raises
-    ------
-    LogError
-        If the last line was cut.
-    """
+def _leave_half_line(table: Table, rest: bytes, lines: Sequence[str]) -> tuple[Table, int]:
+    """Return how much of the end of a file is whole, with a note if the last line is left out."""
     end_of_file = table.form.plain_text(rest)
     at = max(end_of_file.rfind(b"\n"), end_of_file.rfind(b"\r")) + 1
     last = end_of_file[at:].decode(errors="replace")
-    if not last.strip() or not lines:
-        return table, len(rest)
     others = [line for line in lines if line.strip()]
-    judged = judge_end(last, others, table.form) if others else "whole"
-    if judged == "whole":
+    if not last.strip() or not others or is_whole(last, others, table.form):
         return table, len(rest)
     kept = len(rest) - len(last.encode(table.form.encoding, "replace"))
-    if judged == "cut":
-        number = row + len(table.parse(rest[:kept], row)) + 1
-        raise LogError(
-            f"{table.path} ends in the middle of data row {number} ('{last[-40:].strip()}'): the "
-            "file was cut; copy it again, or remove its last line."
-        )
     note = "its last line has no end and was left out, for it may have been cut"
     form = replace(table.form, notes=(*table.form.notes, note))
     return replace(table, form=form), kept

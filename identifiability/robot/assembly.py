@@ -697,8 +697,12 @@ def _nominal(
         joint, _, kind = name.rpartition(".")
         if kind == "Fc":
             values |= name_numbers(joint, {"frictionloss": value}, parts)
-    check_nominal(robot.path, values | given, ("Fv", "Fc", "Fc+", "Fc-", *parts[:1]))
-    return values | given
+    every = values | given
+    joints = ("Fv", "Fc", "Fc+", "Fc-", "K", *parts[:1])
+    positive = {n for n in every if n.rpartition(".")[2] in joints}
+    positive |= {n for n in given if n.rpartition(".")[2] in ("m", "Ixx", "Iyy", "Izz")}
+    check_nominal(robot.path, every, positive)
+    return every
 
 
 def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:

@@ -93,9 +93,6 @@ def read_forces(path: Path, m: Any, locked: Mapping[str, float]) -> Forces:
     for a in range(len(m.actuator_trntype)):
         _add_actuator(path, m, a, locks, forces)
     _refuse_on_balls(path, m, forces)
-    for d in np.flatnonzero((stiffness == 0.0) & (pull != 0.0)):
-        name = m.joint(int(m.dof_jntid[d])).name
-        raise _refusal(path, f"the springs of the joint '{name}' cancel but for a constant force")
     bits, off = mujoco.mjtDisableBit, int(m.opt.disableflags)
     idle = []
     if off & int(bits.mjDSBL_DAMPER):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from unicodedata import category
@@ -65,6 +65,10 @@ def check_magnitudes(path: Path, model: Any) -> None:
             )
 
 
+#: In words, what no file may state below zero.
+NOT_NEGATIVE = "stiffness, damping, friction, armature, mass and moments of inertia"
+
+
 def check_nominal(path: Path, values: Mapping[str, float], positive: Collection[str]) -> None:
     """Refuse values that files state and no joint has.
 
@@ -74,7 +78,7 @@ def check_nominal(path: Path, values: Mapping[str, float], positive: Collection[
     values : mapping
         By name of the parameter.
     positive : collection of str
-        Kinds of parameters that are not negative: dry and viscous friction, rotors.
+        Those that are not negative: friction, stiffness, rotors; masses and moments, if stated.
 
     Raises
     ------
@@ -84,10 +88,10 @@ def check_nominal(path: Path, values: Mapping[str, float], positive: Collection[
         joint, _, kind = name.rpartition(".")
         if kind not in INERTIAL_KINDS and not abs(value) < LARGEST:  # bodies were asked before
             raise RobotError(f"{path}: {name} = {value:g} is no number of a robot; give SI units.")
-        if value < 0 and kind in positive:
+        if value < 0 and name in positive:
             raise RobotError(
-                f"{path}: the file, or its sidecar, states {name} = {value:g}; friction (damping, "
-                f"frictionloss) and rotors (armature) are not negative: correct '{joint}'."
+                f"{path}: the file, or its sidecar, states {name} = {value:g}; {NOT_NEGATIVE} are "
+                f"not negative: correct '{joint}'."
             )
 
 
@@ -369,8 +373,52 @@ def read_markup(path: Path) -> ET.Element:
     root, _ = _with_includes(path)
     check_size(path, root)
     _check_names(path, root)
+    _check_signs(path, root)
     (_check_mjcf if root.tag == "mujoco" else _check_urdf)(path, root)
     return root
+
+
+#: What is not negative, by the elements that state it.
+_NOT_NEGATIVE = {
+    **dict.fromkeys(
+        ("joint", "tendon", "fixed", "spatial", "dynamics"),
+        ("stiffness", "damping", "friction", "frictionloss", "armature"),
+    ),
+    "inertial": ("mass", "diaginertia"),
+    "mass": ("value",),
+    "inertia": ("ixx", "iyy", "izz"),
+    "geom": ("mass", "density"),
+}
+
+
+def _check_signs(path: Path, root: ET.Element) -> None:
+    """Refuse negative stiffness, damping, armature, friction, mass and principal inertia."""
+    owner = {child: parent for parent in root.iter() for child in parent}
+    for element in root.iter():
+        stated = {key: _numbers(element.get(key, "")) for key in _NOT_NEGATIVE.get(element.tag, ())}
+        worst = {key: min(x) for key, x in stated.items() if x}
+        for key, value in worst.items():
+            if value < 0:
+                at = next((e for e in _upwards(element, owner) if e.get("name")), element)
+                raise RobotError(
+                    f"{path}: <{element.tag}> of '{at.get('name', '')}' states {key} = {value:g}; "
+                    f"{NOT_NEGATIVE} are not negative: correct it."
+                )
+
+
+def _upwards(element: ET.Element, owner: Mapping[ET.Element, ET.Element]) -> Iterator[ET.Element]:
+    at: ET.Element | None = element
+    while at is not None:
+        yield at
+        at = owner.get(at)
+
+
+def _numbers(text: str) -> list[float]:
+    """Return the numbers of an attribute, none if it is no list of numbers."""
+    try:
+        return [float(x) for x in text.split()]
+    except ValueError:
+        return []
 
 
 def file_text(path: Path, root: ET.Element) -> str:

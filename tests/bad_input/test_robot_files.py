@@ -368,12 +368,10 @@ def test_the_hash_of_a_robot_knows_what_its_file_includes(write):
 @pytest.mark.parametrize(
     ("attribute", "sentence"),
     [
-        (
-            'armature="-0.2"',
-            r"shoulder.Ia = -0.2; friction .* are not negative: correct 'shoulder'",
-        ),
-        ('damping="-1"', r"shoulder.Fv = -1; friction"),
-        ('frictionloss="-3"', r"shoulder.Fc = -3; friction"),
+        ('armature="-0.2"', r"<joint> of 'shoulder' states armature = -0.2; .* are not negative"),
+        ('damping="-1"', r"<joint> of 'shoulder' states damping = -1; "),
+        ('frictionloss="-3"', r"<joint> of 'shoulder' states frictionloss = -3; "),
+        ('stiffness="-5"', r"<joint> of 'shoulder' states stiffness = -5; "),
         ('damping="1e20"', r"shoulder.Fv = 1e\+20 is no number of a robot"),
     ],
 )
@@ -388,8 +386,37 @@ def test_nominal_values_that_no_joint_has_are_refused(tmp_path, attribute, sente
 def test_nominal_values_of_a_sidecar_are_refused_too(tmp_path):
     path = tmp_path / "robot.xml"
     path.write_text(TWO)
-    path.with_suffix(".toml").write_text('[nominal]\n"elbow.Fv" = -2.0\n')
-    with pytest.raises(RobotError, match=r"elbow.Fv = -2; friction"):
+    for name in ("elbow.Fv", "elbow.K", "link2.m", "link2.Iyy"):
+        path.with_suffix(".toml").write_text(f'[nominal]\n"{name}" = -2.0\n')
+        with pytest.raises(RobotError, match=f"{name} = -2; stiffness, damping"):
+            Robot.load(path)
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ('<inertia ixx="1" iyy="-1" izz="1"', "<inertia> of 'b' states iyy = -1; "),
+        ('<mass value="-1"', "<mass> of 'b' states value = -1; "),
+        ('friction="0"', "<dynamics> of 'j' states friction = -2; "),
+    ],
+)
+def test_what_a_urdf_states_below_zero_is_refused(given, sentence, tmp_path):
+    link = (
+        '<link name="{}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" '
+        'ixz="0" iyz="0"/></inertial></link>'
+    )
+    text = (
+        f"<robot name='r'>{link.format('a')}{link.format('b')}<joint name='j' type='continuous'>"
+        '<parent link="a"/><child link="b"/><dynamics friction="0"/></joint></robot>'
+    )
+    path = tmp_path / "robot.urdf"
+    path.write_text(text)
+    Robot.load(path)
+    before = given.replace('"-1"', '"1"')
+    after = given.replace('"0"', '"-2"')
+    at = text.rfind(before)
+    path.write_text(text[:at] + after + text[at + len(before) :])
+    with pytest.raises(RobotError, match=sentence):
         Robot.load(path)
 
 

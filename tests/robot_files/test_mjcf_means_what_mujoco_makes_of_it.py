@@ -81,10 +81,8 @@ REFUSED = {
     "spring of third order": (
         arm(elbow='stiffness="1 0 2"'), "'elbow' has stiffness or damping that is not linear"),
     "drag": (arm(elbow='damping="1 2"'), "'elbow' has stiffness or damping that is not linear"),
-    "springs that cancel": (
-        arm(elbow='stiffness="2.25" springref="1"',
-            after=TENDON.format('stiffness="-9" springlength="0.2"')),
-        "the springs of the joint 'elbow' cancel but for a constant force"),
+    "a spring that pushes": (
+        arm(after=TENDON.format('stiffness="-9" springlength="0.2"')), "states stiffness = -9"),
     "plastic spring": (arm(elbow='stiffness="1" springyield="0.1"'), "springyield"),
     "slack tendon": (
         arm(after=TENDON.format('stiffness="1" springlength="0 1"')), "'cable' has stiffness or"),

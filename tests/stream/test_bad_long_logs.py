@@ -122,7 +122,7 @@ def test_damaged_ends_and_middles(frame, saved, tmp_path):
     content = csv.read_bytes()
     whole = content.rstrip(b"\n").rpartition(b",")[0]  # the last line lost its last field
     csv.write_bytes(whole)
-    assert "ends in the middle of data row 4000 (" in same_refusal(csv)
+    assert len(Log.read(csv)) == len(LogFile.read(csv)) == ROWS - 1
     csv.write_bytes(content[:-1])  # its last digit may be missing
     short, long = Log.read(csv), LogFile.read(csv)
     assert len(short) == len(long) == ROWS - 1
