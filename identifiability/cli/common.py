@@ -42,9 +42,9 @@ def sentences() -> Iterator[None]:
         _fail(legible(f"{what}: {error.strerror or error}."))
     except MemoryError:
         _fail(
-            "There is not enough memory for this. Joints and effects take it, hardly the length of "
-            "logs: lock joints that are not asked about (--lock), name fewer effects, or leave "
-            "instruments out (--estimator ls)."
+            "There is not enough memory for this. Joints and effects take it, and logs that are "
+            "held as a whole: lock joints that are not asked about (--lock), name fewer effects, "
+            "give shorter stretches, or a CSV or Parquet file, which is read piece by piece."
         )
     except KeyboardInterrupt:
         sys.stderr.write("Stopped; no file was left half-written.\n")

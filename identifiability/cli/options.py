@@ -17,7 +17,8 @@ from functools import cache, partial, wraps
 from inspect import Parameter, Signature, getdoc, signature
 from pathlib import Path
 from shutil import rmtree
-from tempfile import mkdtemp
+from tempfile import gettempdir, mkdtemp
+from time import time
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_type_hints
 
 import typer
@@ -631,6 +632,10 @@ def write_all(*asked: tuple[Callable[[Path], Path], Path | None]) -> list[Path]:
     return written
 
 
+#: Folders of results whose own place was full, and for how many days they stay.
+RESCUED, RESCUED_FOR = "identifiability-rescued-", 30
+
+
 def _write(write: Callable[[Path], Path], path: Path) -> Path:
     """Write a result; where that fails, as on a full disk, write it elsewhere and say where."""
     from identifiability.foundation.errors import OutputError  # noqa: PLC0415
@@ -638,7 +643,10 @@ def _write(write: Callable[[Path], Path], path: Path) -> Path:
     try:
         return write(path)
     except OutputError as error:
-        elsewhere = Path(mkdtemp(prefix="identifiability-")) / path.name
+        for old in Path(gettempdir()).glob(f"{RESCUED}*"):
+            if time() - old.stat().st_mtime > RESCUED_FOR * 86400:
+                rmtree(old, ignore_errors=True)
+        elsewhere = Path(mkdtemp(prefix=RESCUED)) / path.name
         try:
             write(elsewhere)
         except BaseException as again:  # also Ctrl-C
@@ -646,7 +654,9 @@ def _write(write: Callable[[Path], Path], path: Path) -> Path:
             if isinstance(again, OutputError):
                 raise error from None
             raise
-        raise OutputError(f"{error} What was found is not lost: it is in '{elsewhere}'.") from None
+        raise OutputError(
+            f"{error} What was found is not lost: it is in '{elsewhere}', for {RESCUED_FOR} days."
+        ) from None
 
 
 def _grouped_by(library: str, panel: str, but: Sequence[str] = ()) -> Any:

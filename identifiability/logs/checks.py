@@ -11,6 +11,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.rounding import format_count
 from identifiability.foundation.values import frozen
 from identifiability.logs.rules import RULES
 
@@ -269,7 +270,7 @@ class Clock:
         """
         if self.rows < RULES.fewest:
             raise LogError(
-                f"{self.source} has {self.rows} samples, too few to say anything; at least "
+                f"{self.source} has {format_count(self.rows, 'sample')}, too few to say anything; at least "
                 f"{RULES.fewest} are needed and some hundreds are usual."
             )
         if self._back is not None:

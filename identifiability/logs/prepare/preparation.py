@@ -16,6 +16,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Positive, at_least, check_fields
+from identifiability.foundation.rounding import format_count
 from identifiability.foundation.values import frozen
 from identifiability.logs import fourier, signals
 from identifiability.logs.commands import of_commands
@@ -373,7 +374,7 @@ def _plan_series(robot: Robot, log: Log | LogFile, plan: Plan, how: Preparation)
     count = 2 * how.harmonics + 1
     if 2 * count > len(log):
         raise LogError(
-            f"{log.name} has {len(log)} samples, too few for the {count} coefficients of "
+            f"{log.name} has {format_count(len(log), 'sample')}, too few for the {count} coefficients of "
             f"{how.harmonics} harmonics; give fewer harmonics."
         )
     low, high = 4 * how.harmonics * plan.step, 2 * (log.clock.last - log.clock.first)

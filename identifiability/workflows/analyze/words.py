@@ -17,7 +17,7 @@ from identifiability.estimation.uncertainty import Motions, compare_halves
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.errors import listing
 from identifiability.foundation.numbers import percent
-from identifiability.foundation.rounding import format_number
+from identifiability.foundation.rounding import format_count, format_number
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.information import Information
@@ -262,18 +262,21 @@ def state_answer(
         known = "do not suffice to judge the unpruned model"
     text = (
         f"Of {total} parameters {base.rank} can be told apart in principle; these logs {known}. "
-        f"The model to use is {chosen.name}: {chosen.count(Class.IDENTIFIABLE)} of its "
-        f"{len(chosen.submodel)} parameters are identifiable, and it predicts motion that it has "
+        f"The model to use is {chosen.name}: {_are_identifiable(chosen, 'its ')}, and it predicts motion that it has "
         f"not seen with an error of {unseen:.3g} %."
     )
     if not (full.count(Class.IDENTIFIABLE) or chosen.count(Class.IDENTIFIABLE)):
         most = max(models, key=lambda m: m.count(Class.IDENTIFIABLE))
-        count = most.count(Class.IDENTIFIABLE)
-        text += f" In {most.name} {count} of {len(most.submodel)} parameters are identifiable."
+        text += f" In {most.name} {_are_identifiable(most)}."
     if missing.functions:
         text += f" That holds only if nothing is missing: {missing.statement}: diagnose."
     why_not = f"The unpruned model is not judged. {full.unjudged}" if full.unjudged else ""
     return " ".join(filter(None, (text, physics, why_not)))
+
+
+def _are_identifiable(model: ModelResult, its: str = "") -> str:
+    count, size = model.count(Class.IDENTIFIABLE), format_count(len(model.submodel), "parameter")
+    return f"{count} of {its}{size} {'is' if count == 1 else 'are'} identifiable"
 
 
 def state_physics(chosen: ModelResult) -> str:

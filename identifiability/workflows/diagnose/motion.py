@@ -26,6 +26,7 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import Motions, compare_motions
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
+from identifiability.foundation.rounding import format_count
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -118,7 +119,7 @@ def _one_log(log: Recording, rules: Rules) -> Roles:
     last, fewest = rules.last, rules.shortest / rules.last
     if len(log) < fewest:
         raise LogError(
-            f"{log.name} has {len(log)} samples, too few to name effects from one part and verify "
+            f"{log.name} has {format_count(len(log), 'sample')}, too few to name effects from one part and verify "
             f"them on another; give a log of at least {fewest:.0f} samples, or a second one."
         )
     fit, verify = divide(log, [0, 1 - last, 1])
