@@ -270,8 +270,8 @@ class Clock:
         """
         if self.rows < RULES.fewest:
             raise LogError(
-                f"{self.source} has {format_count(self.rows, 'sample')}, too few to say anything; at least "
-                f"{RULES.fewest} are needed and some hundreds are usual."
+                f"{self.source} has {format_count(self.rows, 'sample')}, too few to say "
+                f"anything; at least {RULES.fewest} are needed and some hundreds are usual."
             )
         if self._back is not None:
             raise LogError(

@@ -7,13 +7,14 @@ import subprocess
 import sys
 import warnings
 from pathlib import Path
+from time import time
 
 import pandas as pd
 import pytest
 
 from identifiability import Robot
 from identifiability.cli.common import harmless
-from identifiability.cli.options import Outputs
+from identifiability.cli.options import RESCUED, RESCUED_FOR, Outputs
 from identifiability.foundation import documents, output
 from identifiability.foundation.errors import IdentifiabilityError, OutputError
 from identifiability.foundation.output import csv_text, write_text
@@ -45,11 +46,15 @@ class Found:
 
 def test_a_result_that_cannot_be_written_is_written_elsewhere(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    gone = tmp_path / "gone"
+    gone, old, new = (tmp_path / n for n in ("gone", f"{RESCUED}old", f"{RESCUED}new"))
+    for folder, days in ((old, RESCUED_FOR + 1), (new, 1)):
+        folder.mkdir()
+        os.utime(folder, (time() - 86400 * days,) * 2)
     with pytest.raises(OutputError, match=r"No space left.*is not lost: it is in '") as said:
         Outputs(json=gone / "result.json").write(Found(gone), lambda *_: None)
     place = str(said.value).split("'")[-2]
     assert Path(place).read_text() == "{}"
+    assert (old.exists(), new.exists()) == (False, True)
 
 
 def test_what_else_was_found_is_written_where_one_file_cannot_be(tmp_path, monkeypatch):
@@ -133,6 +138,7 @@ def test_long_arrays_of_numbers_are_no_deep_keys(tmp_path):
 BEGINS = """
 import sys, time
 from pathlib import Path
+from time import time
 from identifiability.foundation import output
 folder = output.temporary_folder()
 begun = output._beside(Path(sys.argv[1], "result.json"))

@@ -33,7 +33,7 @@ def test_a_missing_log_is_refused(refused, write):
         ('t,a.q\n1,"2', "cannot be read as CSV: .*EOF inside string"),
         ("t,a.q\n1,2\n1,2,3\n", "cannot be read as CSV: .*Expected 2 fields in line 3, saw 3"),
         ("t,a.q\n1,2,3\n2,3,4\n", "rows with more fields than its header"),
-        ("t;a.q;a.tau\n1;2;3\n", "has 1 samples, too few to say anything; at least 20"),
+        ("t;a.q;a.tau\n1;2;3\n", "has 1 sample, too few to say anything; at least 20"),
         ('"a.q" ; "t" ; "x"\n0,1;0,2;3\n', r"has 'a.q' but no torque column 'a.tau'"),
         ("t,a.q,a.tau\n", "has 0 samples, too few to say anything; at least 20"),
     ],

@@ -374,8 +374,8 @@ def _plan_series(robot: Robot, log: Log | LogFile, plan: Plan, how: Preparation)
     count = 2 * how.harmonics + 1
     if 2 * count > len(log):
         raise LogError(
-            f"{log.name} has {format_count(len(log), 'sample')}, too few for the {count} coefficients of "
-            f"{how.harmonics} harmonics; give fewer harmonics."
+            f"{log.name} has {format_count(len(log), 'sample')}, too few for the "
+            f"{count} coefficients of {how.harmonics} harmonics; give fewer harmonics."
         )
     low, high = 4 * how.harmonics * plan.step, 2 * (log.clock.last - log.clock.first)
     if how.period is not None and not low <= how.period <= high:

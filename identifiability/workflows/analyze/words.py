@@ -262,8 +262,8 @@ def state_answer(
         known = "do not suffice to judge the unpruned model"
     text = (
         f"Of {total} parameters {base.rank} can be told apart in principle; these logs {known}. "
-        f"The model to use is {chosen.name}: {_are_identifiable(chosen, 'its ')}, and it predicts motion that it has "
-        f"not seen with an error of {unseen:.3g} %."
+        f"The model to use is {chosen.name}: {_are_identifiable(chosen, 'its ')}, and it predicts "
+        f"motion that it has not seen with an error of {unseen:.3g} %."
     )
     if not (full.count(Class.IDENTIFIABLE) or chosen.count(Class.IDENTIFIABLE)):
         most = max(models, key=lambda m: m.count(Class.IDENTIFIABLE))

@@ -119,8 +119,9 @@ def _one_log(log: Recording, rules: Rules) -> Roles:
     last, fewest = rules.last, rules.shortest / rules.last
     if len(log) < fewest:
         raise LogError(
-            f"{log.name} has {format_count(len(log), 'sample')}, too few to name effects from one part and verify "
-            f"them on another; give a log of at least {fewest:.0f} samples, or a second one."
+            f"{log.name} has {format_count(len(log), 'sample')}, too few to name effects from one "
+            f"part and verify them on another; give a log of at least {fewest:.0f} samples, or a "
+            "second one."
         )
     fit, verify = divide(log, [0, 1 - last, 1])
     verified_on = f"the last {100 * last:.0f} % of {log.name}, set aside"

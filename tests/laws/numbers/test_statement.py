@@ -91,6 +91,7 @@ def test_identifiable_parameters_of_a_model_between_are_not_called_nothing():
     text = said(Judged("full", 0, 12, kept=12), none, between=(between,))
     assert "these logs determine 0 of them in the unpruned model" in text
     assert "In middle 4 of 8 parameters are identifiable." in text
+    assert "small: 1 of its 5 parameters is identifiable" in said(None, Judged(identifiable=1))
 
 
 def log(*, moves=True, varies=True):
