@@ -92,14 +92,6 @@ def _state(log: Log | LogFile, wrong: dict[str, tuple[Spike, ...]]) -> str:
 # Logs without what stands still while the robot moves: a sensor or a logger hangs there.
 
 
-#: Equal values on end that say so, where most runs of equal values have one: as many times more
-#: where a slower clock, or coarse steps, repeat them.
-STUCK = 16
-
-#: Share of the usual change between rows that says that a joint was moving.
-MOVING = 0.1
-
-
 def drop_stuck(logs: Sequence[Log | LogFile]) -> tuple[list[Log | LogFile], tuple[str, ...]]:
     """Return logs without rows and torque that stand still in mid-motion, and their hints.
 
@@ -114,7 +106,7 @@ def drop_stuck(logs: Sequence[Log | LogFile]) -> tuple[list[Log | LogFile], tupl
         if isinstance(log, LogFile):
             long, found = _never_measured(log)
             out.append(long)
-        elif log.motion_alone or log.commanded or len(log) < STUCK:
+        elif log.motion_alone or log.commanded or len(log) < RULES.stuck:
             out.append(log)
         else:
             left, hung = _drop_hung(log)
@@ -142,7 +134,7 @@ def _drop_hung(log: Log) -> tuple[Log, list[str]]:
     texts = []
     for a, b in _runs(x):
         # A robot that comes to rest does so by and by.
-        if a > 1 and (step[a - 1] > MOVING * size).any():
+        if a > 1 and (step[a - 1] > RULES.moving * size).any():
             gone[a + 1 : b] = True
             texts.append(f"{a + 2}–{b} (from t = {log.t[a]:.6g} s)")
     if not texts or len(log) - gone.sum() < RULES.fewest:
@@ -167,7 +159,8 @@ def _silence_stuck(log: Log) -> tuple[Log, list[str]]:
     for k in np.flatnonzero(~never & (low < high)):
         for a, b in _runs(log.tau[:, [k]]):
             at_limit = log.tau[a, k] in (low[k], high[k])
-            if at_limit or np.ptp(log.q[a:b, k]) <= MOVING * np.ptp(log.q[:, k]) or gone[a, k]:
+            rests = np.ptp(log.q[a:b, k]) <= RULES.moving * np.ptp(log.q[:, k])
+            if at_limit or rests or gone[a, k]:
                 continue
             gone[a:b, k] = True
             texts.append(
@@ -192,7 +185,7 @@ def _runs(x: Array) -> list[tuple[int, int]]:
     changes = np.flatnonzero((np.diff(x, axis=0) != 0).any(1)) + 1
     edges = np.concatenate([[0], changes, [len(x)]])
     lengths = np.diff(edges)
-    long = lengths >= STUCK * max(1.0, float(np.median(lengths)))
+    long = lengths >= RULES.stuck * max(1.0, float(np.median(lengths)))
     return [(int(a), int(a + n)) for a, n in zip(edges[:-1][long], lengths[long], strict=True)]
 
 

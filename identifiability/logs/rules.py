@@ -19,6 +19,11 @@ class Rules(RuleTable):
         No time, position or torque in SI units is larger: time since 1970 is 1.7e9 s.
     smallest_torque : float [N·m or N], reasoned
         Nor is all torque of a log smaller: it holds a hundredth of a milligram at a millimetre.
+    stuck : int, reasoned
+        Equal values on end, where most runs of equal values have one, are a sensor or a logger
+        that hangs: as many times more where a slower clock, or coarse steps, repeat them.
+    moving : float, reasoned
+        Share of its usual step, or of its range, by which a joint moves there that does move.
     shortest_step : float [s], studies/rules.py
         No log is sampled faster than this. [÷2 and ×2 change none of 65 answers that reach it]
     fastest_step : float [s], studies/rules.py
@@ -210,6 +215,8 @@ class Rules(RuleTable):
     fewest: int = 20
     largest: float = 1e12
     smallest_torque: float = 1e-9
+    stuck: int = 16
+    moving: float = 0.1
     shortest_step: float = 1e-7
     fastest_step: float = 5e-5
     slowest_step: float = 0.5

@@ -71,7 +71,7 @@ def mend(logs: Reading) -> Reading:
     "what stands still in motion",
     Does.MENDS,
     200,
-    says="…: '….tau' = … in every row, while the robot moves: …",
+    says="… in every row, while the robot moves: it was not measured, and the equations of …",
     means="A sensor was not connected or hung, or the logger wrote its last row again.",
     do="Look at the column and the rows that are named. A motor that is switched off has torque, "
     "too: that of its gear's friction, which this joint's parameters are then not known of.",

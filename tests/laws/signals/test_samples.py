@@ -15,7 +15,6 @@ from identifiability.logs.prepare import Preparation, Samples, prepare_samples
 from identifiability.logs.prepare.samples import Survey, explain_silence, find_signal
 from identifiability.logs.signals import Decimation
 from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.oddities.files import find_dead
 
 
 @pytest.fixture(scope="module")
@@ -212,12 +211,6 @@ def test_the_survey_of_two_parts_is_that_of_both(two):
     assert find_signal([still, elsewhere]).tolist() == [True, False]  # at rest at two places
     constant = replace(whole, torque_range=np.array([[-1.0, 3.0], [-1.0, 3.0]]))
     assert "torque never changes" in explain_silence([constant])
-    # Of one sample nothing can be said to change.
-    for rows, said in (([50, 50], ("b",)), ([50, 1], ())):
-        sample = SimpleNamespace(survey=replace(whole, rows=np.array(rows)))
-        hint = find_dead(SimpleNamespace(samples=[sample], joints=("a", "b")))
-        assert len(hint) == len(said)
-        assert all(f"'{j}.tau'" in hint[0] for j in said)
 
 
 # --- contradictions and units -----------------------------------------------------------------
