@@ -416,7 +416,7 @@ class Session:
         if rows.opening.silence:
             return rows
         joints, samples = self.structure.robot.joints, rows.opening.samples
-        information, burst = weigh_rows(joints, samples, rows.alike, rows.estimator)
+        information, burst, _ = weigh_rows(joints, samples, rows.alike, rows.estimator)
         rows = replace(rows, information=information, burst=burst)
         return self._gather_unseen(rows) if rows.opening.validation else rows
 
@@ -473,8 +473,8 @@ def weigh_rows(
     samples: Sequence[Prepared],
     information: Information,
     estimator: Estimator,
-) -> tuple[Information, str]:
-    """Return the information with rows weighed by their noise, and a sentence on outliers if any.
+) -> tuple[Information, str, Outliers | None]:
+    """Return the information with rows weighed by their noise; a sentence on outliers, and these.
 
     Outlying stretches are weighed down, and logs count by their noise. Said is what would have
     moved a value out of its interval.
@@ -492,13 +492,14 @@ def weigh_rows(
     weighed, found = weigh_outliers(information, forget_noise(estimator))
     weighed = weigh_logs(weighed, estimator)
     if found is None or found.moved.max() <= REACH:
-        return weighed, ""
+        return weighed, "", None
     most = int(np.argmax(found.moved))
-    return weighed, (
+    said = (
         f"{_where(joints, samples, found)} is weighed down in the fit: with its whole weight "
         f"{information.columns[most]} moves by {found.moved[most]:.1f} of its standard deviations. "
         "Errors count it. Look at what happened there."
     )
+    return weighed, said, found
 
 
 def _where(joints: Sequence[str], samples: Sequence[Prepared], found: Outliers) -> str:

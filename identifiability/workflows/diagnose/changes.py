@@ -18,6 +18,7 @@ from scipy.special import logsumexp
 
 from identifiability.effects import find_families
 from identifiability.effects.effect import Placed
+from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, fit_joint, runs_of
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
@@ -536,6 +537,20 @@ def stays_beside(
 
 def _changing(effects: Collection[str] | None) -> list[str]:
     return [f for f in CHANGING if effects is None or f in effects]
+
+
+def without_outliers(setting: Setting, outliers: Outliers) -> Setting:
+    """Return a setting in which outlying stretches are no data, as where a joint stands."""
+    samples = list(setting.samples)
+    for k in np.unique(outliers.log):
+        s, own = samples[k], outliers.log == k
+        t, at = s.motion.t, s.output_times()
+        gone = np.zeros(s.tau.shape, bool) if s.dwells is None else s.dwells.copy()
+        beside = at[1] - at[0]
+        for a, b in zip(outliers.first[own], outliers.last[own], strict=True):
+            gone[(t >= at[a] - beside) & (t <= at[b - 1] + beside)] = True
+        samples[k] = replace(s, dwells=gone, echoes=())
+    return replace(setting, samples=tuple(samples))
 
 
 def leave_out(setting: Setting, change: Change) -> Setting | None:

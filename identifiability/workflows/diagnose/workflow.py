@@ -19,7 +19,7 @@ from identifiability.effects.gravity import TILTS, GravityTilt, horizontal_axes
 from identifiability.effects.measurement import CommandDelay
 from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.registry import title_of
-from identifiability.estimation.estimate import estimate, find_estimator
+from identifiability.estimation.estimate import Outliers, estimate, find_estimator
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.foundation.engines.mapping import Engine, Serial, one_thread
 from identifiability.foundation.names import BASE
@@ -53,6 +53,7 @@ from identifiability.workflows.diagnose.changes import (
     change_first,
     leave_out,
     stays_beside,
+    without_outliers,
 )
 from identifiability.workflows.diagnose.conclude import conclude, null_odds
 from identifiability.workflows.diagnose.findings import NamedEffect, Placement, Shown
@@ -307,11 +308,25 @@ def _name(asked: _Asked, setting: Setting, opening: Opening) -> tuple[Diagnosis,
     """Name effects, and say which logs and stretches of them are doubted."""
     if setting.fixed:
         return asked.run(setting), []
-    odd, decided = _doubt_logs(opening)
+    odd, decided, outliers = _doubt_logs(opening)
+    if outliers is not None:
+        first = asked.run(setting)
+        if first.changes or not _still_outlying(first, outliers):
+            return first, [decided]
+        setting = without_outliers(setting, outliers)
     if odd is None:
         return asked.run(setting), [decided] * bool(decided)
     found, said = asked.run_doubted(setting, odd)
     return found, [x for x in (said, decided) if x]
+
+
+def _still_outlying(found: Diagnosis, outliers: Outliers) -> bool:
+    """Whether stretches lie out under the model with what was named, too."""
+    joints, wls = found.robot.joints, find_estimator("wls")
+    information = gather_information(found.completed.regression(found.samples, keep=True))
+    again = weigh_rows(joints, found.samples, information, wls)[2]
+    both = () if again is None else zip(again.log, again.first, strict=True)
+    return bool(set(both) & set(zip(outliers.log, outliers.first, strict=True)))
 
 
 @frozen
@@ -396,8 +411,8 @@ class _Asked:
         return found, odd.left_out
 
 
-def _doubt_logs(opening: Opening) -> tuple[OddLog | None, str]:
-    """Return the log that disagrees, if one does, and a sentence on outlying stretches.
+def _doubt_logs(opening: Opening) -> tuple[OddLog | None, str, Outliers | None]:
+    """Return the log that disagrees, if one does, and what is said of outlying stretches.
 
     Those that are not fitted are asked where the fitted ones do not tell, as two cannot; the only
     one that is fitted cannot be left out.
@@ -412,7 +427,7 @@ def _doubt_logs(opening: Opening) -> tuple[OddLog | None, str]:
     if odd is None:
         odd = describe_odd_log(regression, every, estimator.fit(every))
         odd = None if odd is None or odd.number < fitted < 2 else odd
-    return odd, weigh_rows(opening.robot.joints, opening.samples, information, estimator)[1]
+    return odd, *weigh_rows(opening.robot.joints, opening.samples, information, estimator)[1:]
 
 
 def _settle_values(
