@@ -121,7 +121,7 @@ def fit(
     """Return the prepared log, its information, the fit, and what is said of a stretch."""
     samples, wls = prepare_samples(structure.robot, log), find_estimator("wls")
     information = gather_information(structure.regression((samples,)))
-    weighed, said = weigh_rows(structure.robot.joints, (samples,), information, wls)
+    weighed, said, _ = weigh_rows(structure.robot.joints, (samples,), information, wls)
     information = weighed if treated else information
     return samples, information, wls.fit(information), said
 

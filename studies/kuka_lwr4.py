@@ -163,7 +163,7 @@ def fit(
     information = gather_information(structure.regression([fitted]))
     if weigh:
         base = find_estimator(method)
-        information, _ = weigh_rows(robot.joints, [fitted], information, base)
+        information, *_ = weigh_rows(robot.joints, [fitted], information, base)
     estimator = settle_noise(find_estimator(method), information)
     found = [estimator.fit(submodel.reduce(information)) for submodel in submodels]
     values = np.stack([r.expand(e.value) for r, e in zip(submodels, found, strict=True)], 1)

@@ -130,7 +130,7 @@ def test_exact_logs_and_too_few_blocks_are_left_alone():
 def test_the_sentence_names_log_time_joint_and_parameter():
     W, tau = rows()
     tau[500:510, 1] += 5.0 * W[500:510, 1, 2]
-    _, text = weigh_rows(["shoulder", "elbow"], LOGS, gathered(W, tau), WLS)
+    _, text, _ = weigh_rows(["shoulder", "elbow"], LOGS, gathered(W, tau), WLS)
     assert text.startswith("two from t = 11 to 11.1 s: the torque of elbow is up to ")
     assert " is weighed down in the fit: with its whole weight c moves by " in text
     assert weigh_rows(["shoulder", "elbow"], LOGS, gathered(*rows()), WLS)[1] == ""
