@@ -62,15 +62,12 @@ def analyze(
             **own,
         )
         written = outputs.write(result, say)
-    print_analysis(result, written, [machine.robot, *logs, *own["validate"]])
+    print_analysis(result, written)
 
 
-def print_analysis(result: Analysis, written: Sequence[Path], typed: Sequence[str] = ()) -> None:
-    """Print the ladder, the errors, the statement, what to do next and the paths of what is there.
-
-    Robot and logs are called in the next line as they were `typed`.
-    """
+def print_analysis(result: Analysis, written: Sequence[Path]) -> None:
+    """Print the ladder, the errors, the statement, what to do next, the paths of what is there."""
     title = f"{result.robot.title}: models (▸ use this one)"
     first, *hints = common.apart(result.statement, result.hints)
     texts = filter(None, [first, result.mass_statement, *hints])
-    common.print_result(result, texts, written, typed, title)
+    common.print_result(result, texts, written, title)

@@ -51,16 +51,16 @@ def batch(
         from identifiability.workflows.batch import batch as run  # noqa: PLC0415
 
         result = run(study, out, engine=runner, progress=say)
-    print_batch(result, study)
+    print_batch(result)
     if result.failed:
         raise Exit(1)
 
 
-def print_batch(result: Batch, study: str) -> None:
+def print_batch(result: Batch) -> None:
     """Print a row a robot, the statement, what to do next, and where page and tables are."""
     from identifiability.workflows.batch import PAGE, TABLE  # noqa: PLC0415
 
     table = result.folder / TABLE
     written = [table, table.with_suffix(".json"), result.folder / PAGE]
     title = f"{result.name}: {result.verb}"
-    common.print_result(result, [result.statement], written, [study], title)
+    common.print_result(result, [result.statement], written, title)

@@ -68,4 +68,4 @@ def calibrate(
             engine=runner,
         )
         written = outputs.write(result, say)
-    common.print_result(result, [result.statement, *result.notes], written, [machine.robot, *logs])
+    common.print_result(result, [result.statement, *result.notes], written)

@@ -164,7 +164,6 @@ def print_result(
     result: Result,
     texts: Iterable[str] = (),
     written: Sequence[Path] = (),
-    typed: Iterable[str | Path] = (),
     title: str = "",
     most: int | None = None,
 ) -> None:
@@ -175,8 +174,6 @@ def print_result(
     result : Result
     texts : iterable of str
     written : sequence of Path
-    typed : iterable of str or Path
-        Robot and logs as they were typed, for the next line.
     title : str
         Of the first table; others have their captions.
     most : int, optional
@@ -193,7 +190,7 @@ def print_result(
             where = "the page" if any(p.suffix == ".html" for p in written) else "--report"
             print_end([f"{format_count(more, 'row')} {which}: {where} shows them all."])
     print_end(texts)
-    print_next(result, [*typed, *written])
+    print_next(result)
     print_end([], written)
 
 
@@ -202,25 +199,13 @@ def apart(statement: str, hints: Sequence[str]) -> list[str]:
     return [statement.removesuffix(" ".join(hints)).strip(), *hints]
 
 
-def print_next(result: Result, typed: Iterable[str | Path]) -> None:
-    """Print what the page proposes first, with the line to type; files are where they were typed.
-
-    Parameters
-    ----------
-    result : Result
-    typed : iterable of str or Path
-        Robot, logs and what was written, as they were typed.
-    """
+def print_next(result: Result) -> None:
+    """Print what the page proposes first, with the line to type."""
     from rich.console import Console  # noqa: PLC0415
 
-    places = {Path(word).name: str(word) for word in typed}
     for what, command in result.next()[:1]:
-        line = " ".join(places.get(word, word) for word in command.split(" "))
-        Console().print(
-            f"[bold]Next[/bold] {escaped(f'{what[0].lower()}{what[1:]} {line}')}",
-            highlight=False,
-            soft_wrap=True,
-        )
+        line = f"{what[0].lower()}{what[1:]} {command}"
+        Console().print(f"[bold]Next[/bold] {escaped(line)}", highlight=False, soft_wrap=True)
 
 
 def print_end(texts: Iterable[str], written: Iterable[Path] = ()) -> None:

@@ -64,4 +64,4 @@ def compare(
         written = outputs.write(found, say)
     common.print_end([found.answer])
     rest = [found.statement.removeprefix(found.answer).strip()]
-    common.print_result(found, rest, written, [machine.robot, *first, *second])
+    common.print_result(found, rest, written)

@@ -44,20 +44,23 @@ def demo(
         folder.mkdir(parents=True, exist_ok=True)
         outputs = options.Outputs(folder / "demo.html", folder / "demo.json")
         common.check_outputs(outputs.report, outputs.json)
-        result, logs = run_demo(quick, seed, say)
-        read = [log.write(folder / log.name) for log in logs]  # what the page's lines are about
+        result, logs = run_demo(quick, seed, say, folder)
+        read = [log.write(log.path) for log in logs]  # what the page's lines are about
         written = [*read, *outputs.write(result, say)]
-    print_analysis(result, written, ["3-rps", *map(str, read)])
+    print_analysis(result, written)
     page = (folder / "demo.html").resolve().as_uri()
     print(f"Open the page: python -m webbrowser {page}")
 
 
 def run_demo(
-    quick: bool, seed: int = 0, say: Callable[[str, float], None] = lambda _text, _share: None
+    quick: bool,
+    seed: int = 0,
+    say: Callable[[str, float], None] = lambda _text, _share: None,
+    folder: Path = Path("reports"),
 ) -> tuple[Analysis, list[Log]]:
     """Analyse Models 1 to 4 of the 3-RPS robot on trajectory 601, validated on 595.
 
-    Returns the logs, too, which are called as the files that they may be written to.
+    Returns the logs, too, which have the paths of files in a folder that they may be written to.
     """
     from dataclasses import replace  # noqa: PLC0415
 
@@ -73,5 +76,5 @@ def run_demo(
         say(f"simulating trajectory {name}", 0.0)
         motion = find_motion(robot, name, 100 if quick else None, rng)
         log = simulate(robot, motion, noise=PAPER_NOISE, rng=rng)
-        logs.append(replace(log, name=f"{name}.csv"))
+        logs.append(replace(log, name=f"{name}.csv", path=str(folder / f"{name}.csv")))
     return analyze(robot, logs[:1], logs[1:], seed=seed, progress=say), logs

@@ -98,5 +98,4 @@ def diagnose(
             told.append(found.statement)
             if not found.same:
                 written += options.write_all((found.to_json, motion))
-    typed = [machine.robot, *logs, *own["validate"]]
-    common.print_result(result, told, written, typed)
+    common.print_result(result, told, written)

@@ -115,7 +115,7 @@ def excite(
     rest = "" if json else f"{out.name} begins and ends at rest: {state_rest(result, rate)}."
     texts = [result.statement, *filter(None, [rest]), *result.hints]
     title = f"{result.robot.title}: the motion [SI units]"
-    common.print_result(result, texts, written, [machine.robot], title)
+    common.print_result(result, texts, written, title)
 
 
 def state_rest(result: Excitation, rate: float) -> str:

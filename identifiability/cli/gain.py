@@ -39,4 +39,4 @@ def gain(
         )
         written = outputs.write(result, say)
     texts = [*filter(None, [result.sidecar]), result.statement, *result.hints]
-    common.print_result(result, texts, written, [machine.robot, *logs, *own["loaded"]])
+    common.print_result(result, texts, written)

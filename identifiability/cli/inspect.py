@@ -57,12 +57,12 @@ def inspect(
             **own,
         )
         written = outputs.write(result, say, (result.write_template, template))
-    print_inspection(result, written, [machine.robot, *given])
+    print_inspection(result, written)
 
 
-def print_inspection(result: Inspection, written: Iterable[Path], typed: Iterable[str]) -> None:
+def print_inspection(result: Inspection, written: Iterable[Path]) -> None:
     """Print the joints, or what the logs hold of them, what is odd, what is next, and the paths."""
     hints = result.hints
     if not result.records:
         hints = tuple(f"{n.text} {n.line}".strip().replace("\n", " ") for n in result.needs)
-    common.print_result(result, [result.statement, *hints], list(written), typed)
+    common.print_result(result, [result.statement, *hints], list(written))

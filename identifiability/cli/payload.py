@@ -39,5 +39,4 @@ def payload(
     common.print_end([found.answer])
     title = f"What hangs on {found.body}; moments about its centre"
     rest = [found.statement.removeprefix(found.answer).strip()]
-    typed = [machine.robot, str(result), *logs, *own["without"]]
-    common.print_result(found, rest, written, typed, title)
+    common.print_result(found, rest, written, title)

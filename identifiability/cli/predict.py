@@ -53,5 +53,4 @@ def predict(
         say("predicting torque", 0.2)
         found = fit.predict(logs)
         written = outputs.write(found, say, (found.write, out))
-    typed = [machine.robot, str(result), *logs]
-    common.print_result(found, [found.statement], written, typed, "Predicted torque by joint")
+    common.print_result(found, [found.statement], written, "Predicted torque by joint")

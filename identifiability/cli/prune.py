@@ -61,16 +61,13 @@ def prune(
         )
         # The page knows of the file of the model.
         written = outputs.write(result, say, (result.write_model, out))
-    print_pruning(result, written, [machine.robot, *logs, *own["validate"]])
+    print_pruning(result, written)
 
 
-def print_pruning(result: Ladder, written: Sequence[Path], typed: Sequence[str] = ()) -> None:
-    """Print the ladder about the model to use, the statement, and the paths of what was written.
-
-    Robot and logs are called in the next line as they were `typed`.
-    """
+def print_pruning(result: Ladder, written: Sequence[Path]) -> None:
+    """Print the ladder about the model to use, the statement, the paths of what was written."""
     title = f"{result.robot.title}: reduction path (▸ use this model)"
     stability = [] if result.nothing else [result.stability.statement]
     masses = filter(None, [result.mass_statement])
     texts = [result.statement, *masses, *stability]
-    common.print_result(result, texts, written, typed, title, result.selected + 4)
+    common.print_result(result, texts, written, title, result.selected + 4)

@@ -61,5 +61,4 @@ def rollout(
         found = run(robot, logs, **own)
         more = [] if found.fitted is None else [(found.fitted.save, fitted)]
         written = outputs.write(found, say, (found.write, out), *more)
-    typed = [machine.robot, *logs, *filter(None, [own["against"]])]
-    common.print_result(found, [found.statement], written, typed, "Error of positions (rms)")
+    common.print_result(found, [found.statement], written, "Error of positions (rms)")

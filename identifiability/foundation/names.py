@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from numpy.typing import NDArray
@@ -193,3 +193,22 @@ class Renames:
     def text(self) -> str:
         """The rules as they are written for a command."""
         return "; ".join(f"{old}={new}" for old, new in self.rules)
+
+
+def shorten_paths(paths: Sequence[str]) -> list[str]:
+    """Return paths without the folders that are not needed to tell each from the others.
+
+    Example
+    -------
+    >>> shorten_paths(["x/run.csv", "y/run.csv", "y/bag:/joint_states"])
+    ['x/run.csv', 'y/run.csv', 'bag:/joint_states']
+    """
+    every, out = {f"/{path}" for path in paths}, []
+    for path in paths:
+        place, colon, topic = path.rpartition(":/")
+        folders = (place if colon else topic).split("/")
+        ends = ("/".join(folders[k:]) for k in reversed(range(len(folders))))
+        labels = (f"{end}:/{topic}" if colon else end for end in ends)
+        own = (x for x in labels if all(not p.endswith(f"/{x}") for p in every - {f"/{path}"}))
+        out.append(next(own, path))
+    return out

@@ -103,12 +103,12 @@ class Result(ABC):
         return write_json(written, {**self.to_dict(), "answers": answers})
 
     def note_written(self, kind: str, path: Path) -> Path:
-        """Remember where the result was written as ``"json"`` or ``"model"``, and return that."""
-        vars(self).setdefault("_written", {})[kind] = path.name
+        """Remember where the result was written as ``"json"``, ``"model"`` …; return that."""
+        vars(self).setdefault("_written", {})[kind] = str(path)
         return path
 
     def written(self, kind: str) -> str | None:
-        """Return the name of the file that the result was written to, if it was."""
+        """Return the path of the file that the result was written to, if it was."""
         name: str | None = vars(self).get("_written", {}).get(kind)
         return name
 

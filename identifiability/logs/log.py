@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
-from identifiability.foundation.names import Array, numbered
+from identifiability.foundation.names import Array, numbered, shorten_paths
 from identifiability.foundation.options import Expected, FilePath, Names, check_option, checked
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
@@ -47,7 +47,7 @@ class Log:
     Attributes
     ----------
     name : str
-        File name, or what the caller named it.
+        What it is called in print: its path, as short as it differs from those beside it.
     joints : tuple of str
         Joints (or motors) in column order.
     t : (N,) [s]
@@ -73,6 +73,8 @@ class Log:
     base : (N, k) or None
         How a base that floats moved and what touches it, as `identifiability.logs.base.read_base`
         has it.
+    path : str
+        The path that was given, behind which a bag names its topic; empty for arrays.
     """
 
     name: str
@@ -93,6 +95,7 @@ class Log:
     servo_delay: float | None = None
     rollout: Array | None = None
     base: Array | None = None
+    path: str = ""
 
     def __len__(self) -> int:
         return len(self.t)
@@ -125,8 +128,9 @@ class Log:
         reading = Reading(str(path), conventions or Conventions())
         digest, _ = scan_file(Path(path), reading.add, reading.known)
         values = reading.finish()
-        log = _with_base(build_log(Path(path).name, reading.naming, values, digest), reading)
-        return replace(log, motion_alone=bool(reading.made), start=reading.start)
+        (name,) = shorten_paths([str(path)])
+        log = _with_base(build_log(name, reading.naming, values, digest), reading)
+        return replace(log, motion_alone=bool(reading.made), start=reading.start, path=str(path))
 
     @staticmethod
     def from_frame(

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.values import frozen
 from identifiability.logs import source
 from identifiability.logs.checks import Clock, find_channels
@@ -31,7 +31,7 @@ class LogFile:
     Attributes
     ----------
     name : str
-        File name.
+        As of a `Log`.
     joints : tuple of str
         Joints (or motors) in column order.
     channels : tuple of str
@@ -55,6 +55,7 @@ class LogFile:
     wraps, unwrapped : mapping of str to Wraps
         Jumps by a turn of each column of angles, and those that are undone when it is read.
     start : float or None [s]
+    path : str
         As of a `Log`.
     silent : tuple of str
         Joints whose torque was not measured.
@@ -76,6 +77,7 @@ class LogFile:
     unwrapped: Mapping[str, Wraps] = field(default_factory=dict)
     start: float | None = None
     silent: tuple[str, ...] = ()
+    path: str = ""
 
     @property
     def motion_alone(self) -> bool:
@@ -135,7 +137,8 @@ class LogFile:
             raise LogError(f"{path} changed while it was read; wait until it is complete.")
         known = reading.numbers
         return LogFile(
-            name=path.name,
+            name=shorten_paths([str(path)])[0],
+            path=str(path),
             joints=reading.naming.joints,
             channels=find_channels(reading.naming.joints, known),
             table=table,
@@ -234,7 +237,7 @@ class LogFile:
         log = build_log(self.name, self.naming, columns, self.sha256)
         lost = np.isin(log.joints, self.silent)
         gone = np.tile(lost, (len(log), 1)) if lost.any() else None
-        return replace(log, start=self.start, unmeasured=gone)
+        return replace(log, start=self.start, unmeasured=gone, path=self.path)
 
     def _settle(self, column: Column, values: Array, start: int) -> Array:
         """Return values of a column, (N,) from row `start` on, in SI units and without faults."""

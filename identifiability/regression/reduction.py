@@ -153,9 +153,7 @@ def find_ladder(
     found = ladder_path(robot) if ladder is None and beside else ladder
     if isinstance(found, (str, Path)):
         entry = read_ladder(found)
-        return LadderSource(
-            entry, Path(found).name, hashlib.sha256(Path(found).read_bytes()).hexdigest()
-        )
+        return LadderSource(entry, str(found), hashlib.sha256(Path(found).read_bytes()).hexdigest())
     if found is None:
         entry, origin = default_ladder(robot), "default"
     elif isinstance(found, LadderEntry):

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from identifiability.foundation.answers import Column, Table, measured_cells
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rounding import digits, join, rough_percent
 from identifiability.report.blocks import Section, Sketch, fold_rows, picture, section
@@ -117,5 +117,7 @@ def section_parameters(result: Comparison) -> Section:
 
 def section_method(result: Comparison) -> Section:
     """Return what was compared, and how."""
-    pairs = join([f"{one} with {other}" for one, other in result.pairs])
+    every = (*result.before, *result.after)
+    called = dict(zip(every, shorten_paths(every), strict=True))
+    pairs = join([f"{called[one]} with {called[other]}" for one, other in result.pairs])
     return section("comparison.method", result.how, f"Compared: {pairs}." if pairs else None)

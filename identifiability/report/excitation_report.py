@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from identifiability.foundation.answers import Column, Table
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.rounding import digits, format_count, format_number, join
 from identifiability.report.blocks import Fold, Gallery, Prose, Section, Sketch, picture, section
 from identifiability.report.drawing import (
@@ -225,7 +225,7 @@ def section_gain(result: Excitation) -> Section:
 
 def section_method(result: Excitation) -> Section:
     """Return how the motion was found, for those who repeat it."""
-    logs = ", ".join(result.logs)
+    logs = ", ".join(shorten_paths(result.logs))
     text = words(
         "excitation.how",
         harmonics=(result.in_place or result.trajectory).harmonics,

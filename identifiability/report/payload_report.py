@@ -23,7 +23,8 @@ def sketch(result: Load) -> Sketch | None:
 
 def heading(result: Load) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
-    return "Payload report", f"{result.robot.path.name} · {result.model} · {join(result.logs, 3)}"
+    logs = join([result.called[log] for log in result.logs], 3)
+    return "Payload report", f"{result.robot.path.name} · {result.model} · {logs}"
 
 
 def sections(result: Load) -> list[Section | None]:
@@ -55,7 +56,7 @@ def section_how(result: Load) -> Section:
     """Return how the load was found, and what it leaves of the torque."""
     rows = zip(result.robot.joints, result.estimate.rms, result.robot.torque_units, strict=True)
     left = join([f"{joint} {digits(3)(rms)} {unit}" for joint, rms, unit in rows], 12)
-    pairs = join([f"{one} with {other}" for one, other in result.pairs])
+    pairs = join([f"{result.called[a]} with {result.called[b]}" for a, b in result.pairs])
     words = "payload.how"
     return section(
         "payload.method",

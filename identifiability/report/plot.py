@@ -24,6 +24,7 @@ from matplotlib.figure import Figure
 
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import listing, near_match
+from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import OptionError
 from identifiability.report.belief import draw_precision
 from identifiability.report.models import draw_errors, draw_ladder, sigma_percents
@@ -117,7 +118,7 @@ def torque(result: TorquePrediction, joint: str, log: int = 0) -> Figure:
         raise OptionError(f"log must be from 0 to {len(result.logs) - 1}, not {log}.")
     k, rows = joints.index(joint), result.log == log
     measured, predicted = result.tau[rows, k], result.predicted[rows, k]
-    title = f"{joint}, {result.logs[log]}"
+    title = f"{joint}, {shorten_paths(result.logs)[log]}"
     return draw_torque(result.t[rows], measured, predicted, title, result.robot.torque_units[k])
 
 

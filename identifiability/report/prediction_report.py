@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.rounding import error_text, format_count
 from identifiability.report.blocks import Gallery, Section, Sketch, picture, section
 from identifiability.report.skeleton import Part, sketch_parts
@@ -57,7 +58,7 @@ def _draw(result: TorquePrediction, log: int) -> Gallery:
         measured, predicted = result.tau[part, k], result.predicted[part, k]
         figure = draw_torque(result.t[part], measured, predicted, title, units[k], most)
         pictures.append(picture("torque", figure, joint=joint))
-    return Gallery(tuple(pictures), f"A stretch of {result.logs[log]}.")
+    return Gallery(tuple(pictures), f"A stretch of {shorten_paths(result.logs)[log]}.")
 
 
 def section_joints(result: TorquePrediction) -> Section:

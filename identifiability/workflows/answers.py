@@ -166,7 +166,7 @@ def after_mass(answer: Answer, warning: str) -> Answer:
 def answer_next(commands: Sequence[tuple[str, str]]) -> Answer:
     """Return what to do next, with lines for the terminal."""
     one = "this" if len(commands) == 1 else "one of these"
-    short = f"Run {one} where robot and logs are."
+    short = f"Run {one} in the folder in which this was run."
     return Answer("What next?", short, commands=tuple(commands))
 
 

@@ -20,6 +20,7 @@ from dataclasses import asdict, field, fields, replace
 from glob import escape, glob, has_magic
 from inspect import Parameter, signature
 from pathlib import Path
+from shlex import quote
 from statistics import median
 from typing import IO, Annotated, Any, ClassVar, Literal, get_type_hints
 from urllib.parse import quote as quote_link
@@ -52,7 +53,6 @@ from identifiability.robot import Robot
 from identifiability.robot.locate import locate_robot
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.answers import answer_next, hides_joints, list_worst, with_hints
-from identifiability.workflows.commands import quote
 from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.opening import Progress
 from identifiability.workflows.prune import prune

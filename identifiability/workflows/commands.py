@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from dataclasses import fields
+from shlex import quote
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from identifiability.foundation.result import Result
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.prepare.preparation import SettledPreparation
+from identifiability.logs.repeats import Recording
 from identifiability.physical.feasibility import is_another
 from identifiability.regression.reduction import LadderSource, ladder_path
 from identifiability.robot import Robot
@@ -25,12 +26,12 @@ OPTIONS = ("derivatives", "cutoff", "period", "harmonics", "decimate")
 def source_name(robot: Robot) -> str:
     """Return how a command names the robot, with what was said of it by options.
 
-    It is the name of its file, or that of a shipped robot.
+    It is the path that was given, or the name of a shipped robot.
     """
     shipped = robot.path.parent.parent == shipped_folder()
-    name = robot.path.parent.name if shipped else quote(robot.path.name)
+    name = robot.path.parent.name if shipped else quote(str(robot.path))
     other = robot.sidecar is not None and robot.sidecar != find_sidecar(robot.path)
-    sidecar = [f"--sidecar {quote(robot.sidecar.name)}"] if other and robot.sidecar else []
+    sidecar = [f"--sidecar {quote(str(robot.sidecar))}"] if other and robot.sidecar else []
     sidecar += [] if robot.base_option is None else [f"--base {robot.base_option}"]
     locks = (f"{joint}={robot.locked[joint]:g}" for joint in robot.lock_option)
     return " ".join([name, *sidecar, *(f"--lock {quote(lock)}" for lock in locks)])
@@ -56,24 +57,24 @@ def preparing_options(how: object) -> str:
     return "".join(f" --{name} {text}" for name, text in texts.items())
 
 
-def file_names(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the files of logs by what the logs are called; parts of one are one file."""
-    return tuple(dict.fromkeys(re.sub(r", (part \d+|rows \d+–\d+)", "", name) for name in names))
+def given_paths(logs: Iterable[Recording | Prepared]) -> tuple[str, ...]:
+    """Return the paths of logs as they were given; of those in memory what they are called."""
+    return tuple(log.path or log.name for log in logs)
 
 
-def name_logs(robot: Robot, names: Iterable[str], option: str = "", how: object = None) -> str:
-    """Return the logs of a command, by the names of their files, and how they are read.
+def name_logs(robot: Robot, paths: Iterable[str], option: str = "", how: object = None) -> str:
+    """Return the logs of a command, each once, and how they are read.
 
     Parameters
     ----------
     robot : Robot
-    names : iterable of str
+    paths : iterable of str
     option : str
         Stands before each of them.
     how : Preparation, optional
         What was asked for.
     """
-    files = [f"{option} {quote(name)}".strip() for name in file_names(names)]
+    files = [f"{option} {quote(path)}".strip() for path in dict.fromkeys(paths)]
     return f"{' '.join(files)}{reading_options(robot)}{preparing_options(how)}"
 
 
@@ -82,9 +83,9 @@ def held_back(samples: Sequence[Prepared], fitted: Sequence[Prepared] = ()) -> s
 
     A part of a fitted log is none: it is set aside again by itself.
     """
-    own = file_names(s.name for s in fitted)
-    names = (n for n in file_names(s.name for s in samples) if n not in own)
-    return "".join(f" --validate {quote(n)}" for n in names)
+    own = given_paths(fitted)
+    paths = (path for path in dict.fromkeys(given_paths(samples)) if path not in own)
+    return "".join(f" --validate {quote(path)}" for path in paths)
 
 
 def on_file(result: Result, kind: str, name: str, make: str, use: str) -> str:
@@ -128,15 +129,10 @@ def name_export(
     return "Take its parameters along, more than robot files hold:", "fitted.json"
 
 
-def quote(name: str) -> str:
-    """Return a name as a shell takes it."""
-    return name if re.fullmatch(r"[\w./:@%+=,-]+", name) else "'" + name.replace("'", "'\\''") + "'"
-
-
 def ladder_option(robot: Robot, source: LadderSource | None) -> str:
     """Return the ladder that was given, as an option; begins with a space."""
     if source is None or not source.origin.lower().endswith(".toml"):
         return ""
     beside = ladder_path(robot)
-    given = beside is None or beside.name != source.origin
+    given = beside is None or str(beside) != source.origin
     return f" --ladder {quote(source.origin)}" if given else ""

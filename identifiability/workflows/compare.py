@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cached_property, reduce
 from operator import add
 from pathlib import Path
+from shlex import quote
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -35,7 +36,7 @@ from identifiability.foundation.answers import Answer, Column, Table, measured_c
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
 from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.foundation.names import GROUPED_KINDS, Array, shorten_paths
 from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
@@ -55,7 +56,7 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.answers import answer_next, with_hints
-from identifiability.workflows.commands import file_names, name_logs, quote, source_name
+from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.opening import Logs
 from identifiability.workflows.pairs import Pair, find_pairs, pair_information, share_noise
 from identifiability.workflows.predict import Fit, Predicts, find_fit
@@ -676,9 +677,16 @@ class Comparison(OfStructure, Result):
         return (_change_table(self),)
 
     @property
+    def called(self) -> tuple[list[str], list[str]]:
+        """What is compared, as it is called in print."""
+        every, k = shorten_paths((*self.before, *self.after)), len(self.before)
+        return every[:k], every[k:]
+
+    @property
     def statement(self) -> str:
         """The answer in plain words."""
-        sides = f"{listing(self.before, 3)} and {listing(self.after, 3)}"
+        one, other = self.called
+        sides = f"{listing(one, 3)} and {listing(other, 3)}"
         tested = (
             f"Between {sides} {len(self.causes)} causes were tested at a family-wise level of "
             f"{100 * Thresholds.sign_level:g} %."
@@ -913,7 +921,7 @@ def _compare_results(robot: Robot, before: Any, after: Any) -> Comparison:
             "logs."
         )
     names = [
-        Path(side).name if isinstance(side, (str, Path)) else f"{word} result"
+        str(side) if isinstance(side, (str, Path)) else f"{word} result"
         for side, word in ((before, "the first"), (after, "the second"))
     ]
     difference = Difference.of_fits(one, other)
@@ -935,7 +943,7 @@ def _compare_logs(
     submodel = build_ladder(source.entry, structure)[0]
     sides = Session.read_sides(structure, before, after, preparation, engine)
     first, second = (side.recordings.fitted for side in sides)
-    names = (tuple(r.name for r in first), tuple(r.name for r in second))
+    names = given_paths(first), given_paths(second)
     session = sides[0].beside(sides[1])
     opening = session.open("compared")
     pairs = find_pairs(robot, second, first, session.how)
@@ -990,7 +998,8 @@ TRUST = {
 
 
 def _what(result: Comparison) -> Answer:
-    sides = f"from {join(result.before, SHOWN_NAMES)} to {join(result.after, SHOWN_NAMES)}"
+    before, after = result.called
+    sides = f"from {join(before, SHOWN_NAMES)} to {join(after, SHOWN_NAMES)}"
     question = f"What changed {sides}?"
     if not result.changes:
         tone = "amber" if result.blindness else "green"
@@ -1039,14 +1048,14 @@ def _next_commands(result: Comparison) -> list[tuple[str, str]]:
     kinds = {c.cause.kind for c in result.changes}
     out = []
     if "load" in kinds:
-        fitted = f"identifiability analyze {robot} {before} --json result.json"
-        options = "".join(f" --without {quote(n)}" for n in file_names(result.before))
+        fitted = f"identifiability analyze {robot} {before} --json analyze.json"
+        options = "".join(f" --without {quote(path)}" for path in dict.fromkeys(result.before))
         places = [c.cause.place for c in result.changes if c.cause.kind == "load"]
         weigh = f"{name_logs(result.robot, result.after)}{options} --body {places[0]}"
-        call = f"{fitted} && identifiability payload {robot} result.json {weigh}"
+        call = f"{fitted} && identifiability payload {robot} analyze.json {weigh}"
         out.append(("Fit the robot without the load, and weigh the load:", call))
     elif result.changes:
-        fit = f"identifiability analyze {robot} {after} --json result.json --report report.html"
+        fit = f"identifiability analyze {robot} {after} --json analyze.json --report report.html"
         out.append(("Fit the robot as it is now:", fit))
     elif result.difference.kind == "pairs":
         both = name_logs(result.robot, (*result.before, *result.after), how=how)

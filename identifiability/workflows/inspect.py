@@ -427,6 +427,7 @@ class Record:
     """
 
     name: str
+    path: str
     sha256: str
     channels: tuple[str, ...]
     samples: int
@@ -476,6 +477,7 @@ def describe_log(
     stale = StaleRule.of(raw).share
     return Record(
         name=log.name,
+        path=log.path,
         sha256=log.sha256,
         channels=log.channels,
         samples=len(log),
@@ -556,7 +558,7 @@ def _trace(windows: Sequence[Log], prepared: Prepared | None) -> Trace:
 
 
 #: Fields of a record that a row a joint does not repeat.
-_OWN = ("sha256", "channels", "notes", "joints", "trace")
+_OWN = ("sha256", "channels", "notes", "joints", "trace", "path")
 
 
 #: What roles are called in a sentence.
@@ -761,13 +763,13 @@ class Inspection(OfStructure, Result):
                 f"'{path}' is there and is no empty template; it may be a log, so nothing is "
                 "written over: give a new name."
             )
-        return write_text(path, text)
+        return self.note_written("template", write_text(path, text))
 
 
 def _record(record: Record) -> dict[str, Any]:
     given = {f: getattr(record, f) for f in record.__dataclass_fields__ if f not in _OWN}
     return {
-        **_plain(given),
+        **_plain({**given, "name": record.path or record.name}),
         "sha256": record.sha256,
         "channels": list(record.channels),
         "notes": list(record.notes),
@@ -877,7 +879,7 @@ def _with_logs(
         describe_log(robot, log, alone.get(k), refused.get(k, ""))
         for k, log in enumerate(recordings.fitted)
     )
-    hashes = {f"sha256 {log.name}": log.sha256 for log in recordings.fitted}
+    hashes = {f"sha256 {log.path or log.name}": log.sha256 for log in recordings.fitted}
     return Inspection(
         structure=found.structure,
         joints=found.joints,
@@ -1007,14 +1009,13 @@ def _next_commands(result: Inspection) -> list[tuple[str, str]]:
         "Write an empty log with the right columns:",
         f"identifiability inspect {robot} --template log.csv",
     )
-    if not result.records:
-        motion = f"identifiability excite {robot} --out motion.json --report motion.html"
-        return [template, ("Find a motion that is worth measuring:", motion)]
-    good = [r.name for r in result.records if not r.refused]
+    good = [r.path or r.name for r in result.records if not r.refused]
     if not good:
-        return [template]
+        motion = f"identifiability excite {robot} --out motion.json --report motion.html"
+        measure = ("Find a motion that is worth measuring:", motion)
+        return [measure] if result.written("template") else [template, measure]
     logs = name_logs(result.robot, good)
-    judge = f"identifiability analyze {robot} {logs} --report report.html --json result.json"
+    judge = f"identifiability analyze {robot} {logs} --report report.html --json analyze.json"
     out = [("Say which parameters they determine:", judge)]
     if result.excited is not None and result.excited.rank < result.base.rank:
         begun = name_logs(result.robot, good, "--start-from")

@@ -26,6 +26,7 @@ from identifiability.foundation.engines.local import Processes
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.engines.resume import NUMERICS, find_version
 from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -275,6 +276,19 @@ def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log | Log
     return out
 
 
+def read_sides(
+    first: Logs, second: Logs, known: Conventions
+) -> tuple[list[Log | LogFile], list[Log | LogFile]]:
+    """Return logs of two sides, called by as much of their paths as tells all of them apart."""
+    one = read_logs(first, known)
+    every = [*one, *read_logs(second, known, len(one))]
+    short = shorten_paths([log.path or log.name for log in every])
+    for k, (log, name) in enumerate(zip(every, short, strict=True)):
+        if [log.name] == shorten_paths([log.path]):  # nobody called it otherwise
+            every[k] = replace(log, name=name)
+    return every[: len(one)], every[len(one) :]
+
+
 def read_recordings(
     logs: Logs,
     validate: Logs = (),
@@ -306,8 +320,7 @@ def read_recordings(
         If there is none to fit, or one is given twice.
     """
     known = known or Conventions()
-    train = read_logs(logs, known)
-    held_out = read_logs(validate, known, len(train))
+    train, held_out = read_sides(logs, validate, known)
     if not train:
         raise LogError("No log was given; give at least one.")
     check_held_out(train, held_out)
@@ -522,7 +535,7 @@ def state_provenance(
         out["ladder"] = source.origin
         out["sha256 ladder"] = source.sha256
     for s in samples:
-        out[f"sha256 {s.name}"] = s.sha256
+        out[f"sha256 {s.path or s.name}"] = s.sha256
     return out
 
 

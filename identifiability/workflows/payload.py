@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial, reduce
 from operator import add
+from shlex import quote
 from typing import Any, ClassVar
 
 import numpy as np
@@ -26,7 +27,7 @@ from identifiability.foundation.answers import Answer, Cell, Column, Table, meas
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.foundation.names import GROUPED_KINDS, Array, shorten_paths
 from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
@@ -58,7 +59,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.robot.changed import last_bodies
 from identifiability.robot.kinematics import WORLD
 from identifiability.workflows.answers import answer_next, with_hints
-from identifiability.workflows.commands import name_logs, quote, source_name
+from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.opening import Logs
 from identifiability.workflows.pairs import Pair, find_pairs, pair_information, share_noise
 from identifiability.workflows.predict import Fit, FitLike, find_fit, state_missing
@@ -678,13 +679,19 @@ class Load(Result):
         """Return one row a quantity: ``name``, value, interval, unit, whether it is told, why."""
         return pd.DataFrame([asdict(q) for q in self.quantities])
 
+    @property
+    def called(self) -> dict[str, str]:
+        """What logs are called in print, by their paths."""
+        every = (*self.logs, *self.without)
+        return dict(zip(every, shorten_paths(every), strict=True))
+
     def log_frame(self) -> pd.DataFrame:
         """Return the mass by each log alone, with half of its interval for noise; none of one."""
         motions = self.estimate.motions
         if motions is None:
             return pd.DataFrame(columns=["log", "mass", "half"])
         at = GROUPED_KINDS.index("m")
-        names = [self.logs[k] for k in self.estimate.logs]
+        names = [self.called[self.logs[k]] for k in self.estimate.logs]
         return pd.DataFrame(
             {"log": names, "mass": motions.values[:, at], "half": REACH * motions.sd[:, at]}
         )
@@ -792,13 +799,14 @@ def payload(
                 structure=fit.structure, carried=_carried(fit.structure, place, nearest)
             )
         length = float(np.median(natural_scale(_bodies(fit.structure))[1]))
+    paths = given_paths(given), given_paths(other)
     return Load(
         robot=robot,
         body=place,
         model=fit.submodel.name,
-        logs=tuple(r.name for r in given),
-        without=tuple(r.name for r in other),
-        pairs=tuple((given[p.at[0]].name, other[p.at[1]].name) for p in pairs),
+        logs=paths[0],
+        without=paths[1],
+        pairs=tuple((paths[0][p.at[0]], paths[1][p.at[1]]) for p in pairs),
         estimate=found,
         parameters=nearest,
         quantities=state_quantities(found, nearest, length),

@@ -7,6 +7,7 @@ from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from functools import cached_property
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -20,7 +21,7 @@ from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import Result, shown
@@ -42,7 +43,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.sidecar import Value
 from identifiability.workflows.answers import answer_next, answer_quality, state_joints, with_hints
-from identifiability.workflows.commands import name_export, name_logs, quote, source_name
+from identifiability.workflows.commands import given_paths, name_export, name_logs, source_name
 from identifiability.workflows.opening import Logs
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
@@ -208,11 +209,11 @@ class TorquePrediction(Result):
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        pairs = list(zip(self.logs, self.measured, strict=True))
+        pairs = list(zip(shorten_paths(self.logs), self.measured, strict=True))
         known, silent = ([n for n, m in pairs if m is kind] for kind in (True, False))
         if not known:
             text = (
-                f"The torque of {listing(self.logs, 4)} is predicted by the model "
+                f"The torque of {listing(silent, 4)} is predicted by the model "
                 f"'{self.model}'; none was measured, so nothing is known of its error."
             )
             return " ".join((text, *self._unknown_words, *self.hints))
@@ -331,7 +332,7 @@ class TorquePrediction(Result):
         OutputError
             If it cannot be written, or is none of these.
         """
-        return write_table(path, self.to_frame())
+        return self.note_written("table", write_table(path, self.to_frame()))
 
 
 # `Fit`: what a result keeps of its model: values, their covariance, how torque scatters.
@@ -532,9 +533,9 @@ class Fit(Covaries):
             model=self.submodel.name,
             origin=self.origin,
             onward=name_export(self.robot, self.names, self.errors),
-            logs=tuple(s.name for s in samples),
+            logs=given_paths(samples),
             measured=measured,
-            notes={s.name: s.notes for s in samples},
+            notes={s.path or s.name: s.notes for s in samples},
             hints=tuple(filter(None, (state_missing(self.missing), *hints))),
             **dict(zip(names, joined, strict=True)),
         )
@@ -635,7 +636,7 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
     missing = tuple(f.text for f in content.missing_functions)
     real, alone = content.physical.error_ra, content.physical.error_ra_files.get("mjcf")
     errors = None if real is None or alone is None else (real, alone)
-    return replace(fit, origin=Path(path).name, errors=errors, missing=missing)
+    return replace(fit, origin=str(path), errors=errors, missing=missing)
 
 
 def _build(entry: FitEntry, robot: Robot, where: str) -> Fit:
@@ -836,7 +837,7 @@ def _split(fit: Fit, motion: Motion) -> tuple[Array, Array, Array]:
 
 def _what(result: TorquePrediction) -> Answer:
     joints = format_count(len(result.robot.joints), "joint")
-    short = f"The torque of {joints} along {join(result.logs, 3)}."
+    short = f"The torque of {joints} along {join(shorten_paths(result.logs), 3)}."
     text = f"By the model “{result.model}” of {result.origin}, at "
     text += f"{format_count(len(result.t), 'sample')}."
     if not all(result.measured):
@@ -884,10 +885,9 @@ def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
     every = name_logs(result.robot, result.logs)
     pairs = zip(result.logs, result.measured, strict=True)
     measured = name_logs(result.robot, [n for n, known in pairs if known])
-    table = (
-        "Have every sample with its intervals as a table:",
-        f"identifiability predict {robot} {given} {every} --out torque.csv",
-    )
+    line = f"identifiability predict {robot} {given} {every} --out torque.csv"
+    table = [("Have every sample with its intervals as a table:", line)]
+    table *= result.written("table") is None
     if any(result.measured) and _few(result):
         page = f"{measured} --report missing.html"
         return [
@@ -895,10 +895,10 @@ def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
                 "Find out what is missing on this motion:",
                 f"identifiability diagnose {robot} {page}",
             ),
-            table,
+            *table,
         ]
     text, name = result.onward
-    return [table, (text, f"identifiability export {robot} {given} --out {name}")]
+    return [*table, (text, f"identifiability export {robot} {given} --out {name}")]
 
 
 def _joint_table(result: TorquePrediction) -> Table:

@@ -290,7 +290,8 @@ class RolledOut(Result):
             "robot": self.robot.identity,
             "statement": self.statement,
             "logs": [
-                {"name": log.name, "samples": len(log), "sha256": log.sha256} for log in self.logs
+                {"name": log.path or log.name, "samples": len(log), "sha256": log.sha256}
+                for log in self.logs
             ],
             "window": self.window,
             "rollouts": runs,

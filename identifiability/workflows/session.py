@@ -63,6 +63,7 @@ from identifiability.workflows.opening import (
     open_logs,
     quiet,
     read_recordings,
+    read_sides,
     require_signal,
     share,
     state_reading,
@@ -273,6 +274,7 @@ class Session:
         LogError
             If a log stands on both.
         """
+        first, second = read_sides(first, second, Conventions.of(structure.robot))
         one = cls.read(structure, first, (), preparation, engine=engine, commands=False)
         if alone and not list_logs(second):
             return one, replace(one, recordings=Recordings(()))

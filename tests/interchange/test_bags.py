@@ -86,7 +86,7 @@ def test_one_of_several_topics_is_named_behind_a_colon(frame, states, write_bag)
     bag = write_bag({"/arm/states": states(frame, JOINTS), "/b": states(other, JOINTS)})
     assert refused(bag) == (
         f"{bag} has joint states on the topics /arm/states, /b; name one of them as "
-        "'bag:/arm/states'."
+        f"'{bag}:/arm/states'."
     )
     assert Log.read(f"{bag}:/b").q[:, 1].max() == 0.0
     assert Log.read(f"{bag}:/arm/states").q[:, 1].max() > 0.0

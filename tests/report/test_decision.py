@@ -28,12 +28,11 @@ from identifiability.workflows.answers import (
     state_joints,
 )
 from identifiability.workflows.commands import (
-    file_names,
+    given_paths,
     held_back,
     ladder_option,
     name_logs,
     preparing_options,
-    quote,
     reading_options,
     source_name,
 )
@@ -66,16 +65,17 @@ def test_trust_falls_with_a_warning_and_is_gone_with_a_doubt():
 
 
 def test_names_are_quoted_for_a_shell():
-    assert quote("run-1.csv") == "run-1.csv"
-    assert quote("my run's.csv") == "'my run'\\''s.csv'"
-    assert source_name(Robot.load("3-rps")) == "3-rps"
+    robot = Robot.load("3-rps")
+    assert source_name(robot) == "3-rps"
+    assert name_logs(robot, ["run-1.csv"]) == "run-1.csv"
+    assert shlex.split(name_logs(robot, ["my run's.csv", "b"])) == ["my run's.csv", "b"]
 
 
 @pytest.mark.everything
 def test_commands_stand_on_the_page_and_can_be_copied(paper_analysis):
     html = render_page(build_analysis_page(paper_analysis))
-    export = r"identifiability export 3-rps result.json --out fitted.(xml|json)"
-    made = r"identifiability analyze 3-rps [^\"]* --json result.json &amp;&amp; "
+    export = r"identifiability export 3-rps analyze.json --out fitted.(xml|json)"
+    made = r"identifiability analyze 3-rps [^\"]* --json analyze.json &amp;&amp; "
     assert re.search(f'data-copy="{made}{export}"', html)
     written = replace(paper_analysis)
     written.note_written("json", Path("mine.json"))
@@ -161,14 +161,12 @@ def test_a_body_is_as_good_as_its_best_parameter(paper_analysis):
 
 def test_parts_of_a_log_are_one_file_in_a_command(paper_analysis):
     (s,) = paper_analysis.samples
-    names = [f"run.csv, part {k}" for k in (1, 2)]
-    assert name_logs(paper_analysis.robot, names) == "run.csv"
-    assert file_names([*names, "other.csv"]) == ("run.csv", "other.csv")
-    stretches = ["run.csv, rows 1–20", "run.csv, rows 31–9000", "run.csv, rows 1–20, part 2"]
-    assert file_names(stretches) == ("run.csv",)
-    held = [replace(s, name=n) for n in names]
-    assert held_back(held) == " --validate run.csv"
-    assert held_back(held, [replace(s, name="run.csv")]) == ""  # a part of it was set aside
+    parts = [replace(s, name=f"run.csv, part {k}", path="x/run.csv") for k in (1, 2)]
+    other = replace(s, name="y/run.csv", path="y/run.csv")
+    assert given_paths(parts) == ("x/run.csv", "x/run.csv")
+    assert name_logs(paper_analysis.robot, given_paths(parts)) == "x/run.csv"
+    assert held_back([*parts, other]) == " --validate x/run.csv --validate y/run.csv"
+    assert held_back([*parts, other], parts[:1]) == " --validate y/run.csv"  # a part was set aside
 
 
 def test_commands_read_robot_and_logs_as_they_were_read(tmp_path):
@@ -177,7 +175,7 @@ def test_commands_read_robot_and_logs_as_they_were_read(tmp_path):
     shutil.copy(Robot.load("two-link").sidecar, tmp_path / "two.toml")
     columns = {r"axis(\d)_pos": r"joint\1.q"}
     robot = Robot.load(path, lock=["elbow=0.5"], columns=columns, time_unit="ms", angles="deg")
-    assert source_name(robot) == "two.xml --lock elbow=0.5"
+    assert source_name(robot) == f"{path} --lock elbow=0.5"
     words = shlex.split(reading_options(robot))
     assert words == [
         *("--map", r"axis(\d)_pos=joint\1.q", "--time-unit", "ms", "--angles", "deg"),
@@ -217,9 +215,9 @@ def test_a_sidecar_and_a_ladder_are_named_where_they_do_not_lie_beside_the_robot
     path, other = tmp_path / "two.xml", tmp_path / "other.toml"
     path.write_text(known.path.read_text())
     shutil.copy(known.sidecar, other)
-    assert source_name(Robot.load(path, other)) == "two.xml --sidecar other.toml"
+    assert source_name(Robot.load(path, other)) == f"{path} --sidecar {other}"
     shutil.copy(known.sidecar, tmp_path / "two.toml")
-    assert source_name(Robot.load(path)) == "two.xml"
+    assert source_name(Robot.load(path)) == str(path)
     entry = LadderEntry(models=[ModelEntry(name="m")])
     robot = Robot.load(path)
     assert ladder_option(robot, LadderSource(entry, "pruned.toml", "")) == " --ladder pruned.toml"

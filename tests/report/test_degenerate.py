@@ -29,7 +29,8 @@ def test_a_robot_that_stands_still_is_a_result(chain_analysis):
     answers = page.summary[0].answers
     assert [a.short for a in answers[::2]] == ["Nothing, and none.", "No."]
     assert answers[2].text.startswith("Nothing is identifiable")
-    assert [c for _, c in answers[3].commands] == ["identifiability inspect robot.xml 'log 1'"]
+    line = f"identifiability inspect {analysis.robot.path} 'log 1'"
+    assert [c for _, c in answers[3].commands] == [line]
     for row in cells(analysis):
         assert [c.text for c in row[1:3]] == ["—", "—"]
         assert row[5].text == "—"

@@ -315,9 +315,11 @@ def _choose_topic(path: Path, reader: Any, wanted: str | None) -> str:
             f"{listing(others) or 'nothing'}."
         )
     if wanted is None:
+        first = {topic: next(_messages(path, reader, topic), None) for topic in found}
+        told = [t for t, x in first.items() if x and np.isfinite(x[1].effort).any()]
         raise LogError(
             f"{path} has joint states on the topics {listing(found)}; name one of them as "
-            f"'{path.name}:{found[0]}'."
+            f"'{path}:{(told or found)[0]}'."
         )
     raise LogError(
         f"{path} has no joint states on the topic '{wanted}'{near_match(wanted, found)} It has "

@@ -110,6 +110,8 @@ class LongSamples:
     sha256 : str
     hints : tuple of str
         What seems to be wrong with the log.
+    path : str
+        As of the log.
     """
 
     name: str
@@ -119,6 +121,7 @@ class LongSamples:
     notes: tuple[str, ...]
     sha256: str
     hints: tuple[str, ...] = ()
+    path: str = ""
 
     @property
     def outputs(self) -> int:
@@ -232,6 +235,7 @@ def prepare_log(
         notes=(*notes, *plan.band_notes),
         sha256=log.sha256,
         hints=plan.hints,
+        path=log.path,
     )
 
 

@@ -333,6 +333,8 @@ class Samples:
         The smoothed motion, with itself and new noise of the log's size as a second record.
     dwells : (N, n) bool or None
         Where a joint stands, so that its torque has no weight; None for nowhere.
+    path : str
+        As of the log.
     """
 
     name: str
@@ -351,6 +353,7 @@ class Samples:
     hints: tuple[str, ...] = ()
     echoes: tuple[Samples, ...] = ()
     dwells: np.ndarray | None = None
+    path: str = ""
 
     @property
     def beside(self) -> Samples | None:
@@ -527,7 +530,7 @@ def prepare_rows(
     motion = replace(motion, **moved, start=log.start)
     samples = Samples(log.name, motion, tau, plan.decimation, (), log.sha256, own, plan.cutoff)
     samples = replace(samples, lost=lost, breaks=breaks, hints=plan.hints, dwells=dwells)
-    return replace(samples, band=plan.band)
+    return replace(samples, band=plan.band, path=log.path)
 
 
 def _touch(robot: Robot, log: Log) -> Array | None:

@@ -591,10 +591,12 @@ def tell_errors(
     blank = (np.nan,) * len(OF_JOINT)
     for k, s in enumerate(samples):
         crossed = np.nan if validation else float(unseen.relative_error(k)[0])
-        rows.append(("log", s.name, "", float(fitted.relative_error(k)[0]), crossed, *blank))
+        rows.append(
+            ("log", s.path or s.name, "", float(fitted.relative_error(k)[0]), crossed, *blank)
+        )
     for k, s in enumerate(validation):
         error = float(unseen.relative_error(k)[0])
-        rows.append(("log", s.name, "", np.nan, error, *blank))
+        rows.append(("log", s.path or s.name, "", np.nan, error, *blank))
     return pd.DataFrame(rows, columns=["of", "name", "unit", *OF_LOG, *OF_JOINT])
 
 
@@ -818,7 +820,9 @@ class Laddered(Result, Opening, Predicts):
             },
             **({} if self.moved is None else {"rollout": self.moved.to_dict()}),
             "hints": list(self.hints),
-            "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},
+            "preparation": {
+                s.path or s.name: list(s.notes) for s in (*self.samples, *self.validation)
+            },
             "method": self.method,
             "estimator": used.estimate.estimator.name,
             "provenance": self.provenance,

@@ -53,6 +53,7 @@ from identifiability.workflows.answers import (
     with_hints,
 )
 from identifiability.workflows.commands import (
+    given_paths,
     held_back,
     ladder_option,
     name_export,
@@ -268,7 +269,7 @@ def _answers(analysis: Analysis) -> tuple[Answer, ...]:
 def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
     """Return at most three lines for the terminal, the most useful first."""
     robot, how = source_name(analysis.robot), analysis.settings.get("preparation")
-    names = [s.name for s in analysis.samples]
+    names = given_paths(analysis.samples)
     logs = name_logs(analysis.robot, names, how=how)
     held = held_back(analysis.validation)
     if analysis.leaning is not None:
@@ -276,7 +277,7 @@ def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
         return [
             (
                 "Take gravity as the logs have it, and find what else is missing:",
-                f"{diagnose} --report missing.html --out model.toml --json result.json",
+                f"{diagnose} --report missing.html --out model.toml --json diagnose.json",
             )
         ]
     if analysis.nothing:
@@ -290,7 +291,7 @@ def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
     if chosen.count(Class.IDENTIFIABLE) < len(chosen.submodel):
         text = "Drop what noise decides, and keep a model that a real robot can have:"
         more = f"{ladder_option(analysis.robot, analysis.source)} --report pruned.html"
-        out.append((text, f"identifiability prune {robot} {logs}{held}{more} --json result.json"))
+        out.append((text, f"identifiability prune {robot} {logs}{held}{more} --json prune.json"))
         text = "Or measure what these logs leave open:"
         begun = name_logs(analysis.robot, names, "--start-from", how)
         out.append((text, f"identifiability excite {robot} {begun} --out next.json"))
@@ -298,7 +299,7 @@ def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
     again += f"{ladder_option(analysis.robot, analysis.source)} --json"
     text, name = name_export(analysis.robot, *analysis.exported)
     use = f"identifiability export {robot} {{file}} --out {name}"
-    line = on_file(analysis, "json", "result.json", again, use)
+    line = on_file(analysis, "json", "analyze.json", again, use)
     out.append((text, line))
     return out[:3]
 
@@ -494,9 +495,9 @@ def error_tables(result: Laddered) -> tuple[Table, ...]:
     if len(samples) == 1:
         return (joints,)
     errors = result.error_frame()
-    logs = errors[errors["of"] == "log"][["name", "error", "error_validation"]]
+    logs = errors[errors["of"] == "log"][["error", "error_validation"]]
     pairs = zip(samples, logs.itertuples(index=False), strict=True)
-    each = [(name, s.outputs, a, b) for s, (name, a, b) in pairs]
+    each = [(s.name, s.outputs, a, b) for s, (a, b) in pairs]
     return joints, Table.of("Each log by itself", LOGS, each, worst=3)
 
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
 from itertools import chain, islice
+from shlex import quote
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -65,10 +66,10 @@ from identifiability.workflows.calibrate.world import (
     repeat,
 )
 from identifiability.workflows.commands import (
+    given_paths,
     held_back,
     ladder_option,
     name_logs,
-    quote,
     source_name,
 )
 from identifiability.workflows.diagnose import FalseNames, measure_false_names
@@ -756,14 +757,14 @@ def _next_commands(calibration: Calibration) -> list[tuple[str, str]]:
     if analysis is None:
         return []
     robot, how = source_name(analysis.robot), analysis.settings.get("preparation")
-    names = [s.name for s in analysis.samples]
+    names = given_paths(analysis.samples)
     logs = name_logs(analysis.robot, names, how=how) + ladder_option(
         analysis.robot, analysis.source
     )
     word = calibration.answer.word
     use = (
         "Use intervals and verdicts:",
-        f"identifiability analyze {robot} {logs} --report report.html --json result.json",
+        f"identifiability analyze {robot} {logs} --report report.html --json analyze.json",
     )
     begun = name_logs(analysis.robot, names, "--start-from", how)
     longer = (

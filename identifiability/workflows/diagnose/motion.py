@@ -296,7 +296,9 @@ def prepare_thin(
     samples = Samples(log.name, motion, tau, plan.decimation, notes, log.sha256)
     dwells = [p.dwells for p in parts if p.dwells is not None]
     samples = replace(samples, dwells=np.concatenate(dwells) if dwells else None)
-    return replace(samples, cutoff=plan.cutoff, breaks=parts[0].breaks, hints=plan.hints)
+    return replace(
+        samples, cutoff=plan.cutoff, breaks=parts[0].breaks, hints=plan.hints, path=log.path
+    )
 
 
 def find_odd_log(information: Information, fit: Estimate) -> tuple[Motions, int] | None:

@@ -29,6 +29,7 @@ from identifiability.workflows.answers import (
     with_hints,
 )
 from identifiability.workflows.commands import (
+    given_paths,
     held_back,
     name_export,
     name_logs,
@@ -196,8 +197,8 @@ class Diagnosis(Result, Findings, Predicts):
             "change": {"interval95": list(self.interval), "measured": f"on {self.verified_on}"},
             "roles": {
                 **pick(self, chosen="chosen_by", verified="verified_on"),
-                "fitted": [s.name for s in self.samples],
-                "verified_logs": [s.name for s in self.validation],
+                "fitted": list(given_paths(self.samples)),
+                "verified_logs": list(given_paths(self.validation)),
                 "left_out": list(self.left_out),
             },
             "real_robot": pick(self, error_ra_before="real_before", error_ra_after="real_after"),
@@ -217,7 +218,9 @@ class Diagnosis(Result, Findings, Predicts):
             "aliases": [pick(a, "remaining", **hidden) for a in self.aliases if a.structural],
             "not_applicable": [vars(r) for r in self.refusals],
             "steps": [pick(s, "best", "p_value", "gain", "accepted", "reason") for s in self.steps],
-            "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},
+            "preparation": {
+                s.path or s.name: list(s.notes) for s in (*self.samples, *self.validation)
+            },
             "provenance": dict(self.provenance),
         }
 
@@ -304,7 +307,7 @@ def simulate_forward(d: Findings, rng: np.random.Generator) -> ForwardGap:
 def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     """Return lines for the terminal, the most useful first."""
     robot = source_name(d.robot)
-    logs = name_logs(d.robot, [s.name for s in d.samples], how=d.preparation)
+    logs = name_logs(d.robot, given_paths(d.samples), how=d.preparation)
     logs += held_back(d.validation, d.samples)
     ask = f"identifiability diagnose {robot} {logs} --next motion.json"
     if not d.effects:
@@ -326,7 +329,7 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
         ),
         (
             text,
-            on_file(d, "json", "result.json", f"{again} --json", use),
+            on_file(d, "json", "diagnose.json", f"{again} --json", use),
         ),
     ]
 

@@ -430,8 +430,8 @@ def gather_known(question: Question, samples: Sequence[Prepared], planned: int) 
     variance = estimate(information).variance
     weights = 1.0 / np.maximum(variance, 1e-12 * float(variance.max()) or 1.0)
     R = information.factor(weights)[:k, :k]
-    names = tuple(s.name for s in samples)
-    return Known(R.T @ R, weights, information.samples / len(samples), names)
+    paths = tuple(s.path or s.name for s in samples)
+    return Known(R.T @ R, weights, information.samples / len(samples), paths)
 
 
 def _check_fit(

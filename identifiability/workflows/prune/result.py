@@ -44,6 +44,7 @@ from identifiability.workflows.answers import (
     with_hints,
 )
 from identifiability.workflows.commands import (
+    given_paths,
     held_back,
     name_export,
     name_logs,
@@ -237,12 +238,12 @@ def _identifiable(ladder: Ladder) -> str:
 
 def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
     robot, how = source_name(ladder.robot), ladder.settings.get("preparation")
-    logs = name_logs(ladder.robot, [s.name for s in ladder.samples], how=how)
+    logs = name_logs(ladder.robot, given_paths(ladder.samples), how=how)
     held = held_back(ladder.validation)
     if ladder.nothing:
         return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
     again = f"identifiability prune {robot} {logs}{held}"
-    another = name_logs(ladder.robot, [s.name for s in (ladder.validation or ladder.samples)])
+    another = name_logs(ladder.robot, given_paths(ladder.validation or ladder.samples))
     text, name = name_export(ladder.robot, *ladder.exported)
     export = f"identifiability export {robot} {{file}} --out {name}"
     predict = f"identifiability predict {robot} {{file}} {another} --out torque.csv"
@@ -250,11 +251,11 @@ def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
     commands = [
         (
             text,
-            on_file(ladder, "json", "result.json", f"{again} --json", export),
+            on_file(ladder, "json", "prune.json", f"{again} --json", export),
         ),
         (
             "Predict torque, of this log or another:",
-            on_file(ladder, "json", "result.json", f"{again} --json", predict),
+            on_file(ladder, "json", "prune.json", f"{again} --json", predict),
         ),
         (
             "Find out what even this model misses:",

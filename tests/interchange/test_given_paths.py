@@ -1,0 +1,119 @@
+"""Logs are known by the path that was given: none is lost, and what is proposed runs as it is."""
+
+import html
+import json
+import re
+import shlex
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from identifiability import Robot, analyze
+from identifiability.cli import app
+from identifiability.foundation.names import shorten_paths
+from identifiability.logs import Log
+
+OPTIONS = {
+    verb: {o for p in command.params for o in p.opts}
+    for verb, command in vars(typer.main.get_command(app))["commands"].items()
+}
+ROBOT = "my arm/two link.xml"
+
+#: Fitted and held-out logs.
+EQUAL_NAMES = (["x/run.csv", "y/run.csv"], ["the z/run.csv", "w/run.csv"])
+BAGS = (["bag1:/joint_states", "bag2:/joint_states"], ["bag3:/joint_states"])
+APART = (["run.csv", "x/run.csv"], [])
+
+
+def call(words):
+    """Run a command in this process, quickly; return what it says."""
+    more = [x for x in ("--quick",) if x in OPTIONS[words[0]]]
+    done = CliRunner().invoke(app, [*words, *more])
+    assert done.exit_code == 0, f"{shlex.join(words)}\n{done.output}\n{done.exception}"
+    return done.stdout
+
+
+@pytest.fixture
+def folder(tmp_path, simulated, states, write_bag, monkeypatch):
+    """A folder with a robot and logs of equal names, in which one is."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my arm").mkdir()
+    (tmp_path / ROBOT).write_bytes(Robot.load("two-link").path.read_bytes())
+    names = ["run.csv", *EQUAL_NAMES[0], *EQUAL_NAMES[1], "bag1", "bag2", "bag3"]
+    for seed, name in enumerate(names):
+        log = simulated("two-link", "ab"[seed % 2], seed=seed, samples=200)
+        if name.startswith("bag"):
+            frame, other = log.to_frame(), [f"{j}.tau" for j in log.joints]
+            without = frame.drop(columns=other)
+            topics = {"/a": states(without, log.joints), "/joint_states": states(frame, log.joints)}
+            write_bag(topics, name=name)
+        else:
+            (tmp_path / name).parent.mkdir(exist_ok=True)
+            log.write(tmp_path / name)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "logs",
+    [EQUAL_NAMES, BAGS, pytest.param(APART, marks=pytest.mark.everything)],
+    ids=["equal names", "bags", "folders"],
+)
+def test_every_log_counts_and_what_is_proposed_runs_as_it_is_printed(logs, folder):
+    fitted, held = logs
+    judged = [word for path in held for word in ("--validate", path)]
+    written = ["--report", "page.html", "--json", "result.json"]
+    said = call(["analyze", ROBOT, *fitted, *judged, *written])
+    told = json.loads((folder / "result.json").read_text())
+    assert [row["log"] for row in told["errors"]["logs"]] == [*fitted, *held]
+    assert {f"sha256 {path}" for path in (*fitted, *held)} <= told["provenance"].keys()
+    page = (folder / "page.html").read_text(encoding="utf-8")
+    assert all(f">{x}<" in page for x in shorten_paths([*fitted, *held]))
+    copied = [html.unescape(x) for x in re.findall('data-copy="identifiability ([^"]*)"', page)]
+    assert re.findall(r"^Next .*?: identifiability (.*)$", said, re.MULTILINE) == copied[:1]
+    before = (folder / "result.json").read_bytes()
+    for line in copied:
+        words = shlex.split(line)
+        assert words[1] == ROBOT
+        if words[0] in ("analyze", "prune", "diagnose"):
+            assert words[2 : 2 + len(fitted)] == fitted
+            assert [b for a, b in zip(words, words[1:], strict=False) if a == "--validate"] == held
+        call(words)
+    assert (folder / "result.json").read_bytes() == before
+
+
+def test_two_sides_of_equal_names_stay_apart(folder):
+    said = call(["compare", ROBOT, "x/run.csv", "y/run.csv", "--json", "changed.json"])
+    assert "x/run.csv and y/run.csv" in said
+    told = json.loads((folder / "changed.json").read_text())
+    assert (told["before"], told["after"]) == (["x/run.csv"], ["y/run.csv"])
+
+
+def test_the_topic_that_has_effort_is_proposed_where_it_is(folder):
+    done = CliRunner().invoke(app, ["analyze", ROBOT, str(folder / "bag1")])
+    (proposed,) = re.findall(r"name one of them as '(.*)'", done.output)
+    assert proposed == f"{folder / 'bag1'}:/joint_states"
+    assert len(Log.read(proposed)) == 200
+
+
+def test_what_was_written_is_not_proposed_again(folder):
+    call(["inspect", ROBOT, "--template", "log.csv"])
+    call(["analyze", ROBOT, "run.csv", "--json", "result.json"])
+    for line, written in (
+        (["inspect", ROBOT], ["--template", "log.csv"]),
+        (["predict", ROBOT, "result.json", "x/run.csv"], ["--out", "torque.csv"]),
+    ):
+        proposals = [
+            re.findall("^Next .*$", call([*line, *x]), re.MULTILINE) for x in ([], written)
+        ]
+        assert f"identifiability {line[0]} " in proposals[0][0]
+        assert f"identifiability {line[0]} " not in "".join(proposals[1])
+
+
+def test_paths_are_shortened_as_far_as_they_stay_distinct(folder):
+    paths = ["a/x/run.csv", "b/x/run.csv", "b/x/run.csv", "b/other.csv", "run.csv", "c/bag:/a/b"]
+    short = ["a/x/run.csv", "b/x/run.csv", "b/x/run.csv", "other.csv", "run.csv", "bag:/a/b"]
+    assert shorten_paths(paths) == short
+    result = analyze(ROBOT, [folder / "x/run.csv", folder / "y/run.csv"], replicates=0)
+    assert [s.name for s in result.samples] == ["x/run.csv", "y/run.csv"]
+    assert [s.path for s in result.samples] == [str(folder / n) for n in ("x/run.csv", "y/run.csv")]
