@@ -276,6 +276,8 @@ class Outliers:
         Its outputs [first, last) in that log.
     beyond : (m, n)
         Mean square of each actuator's residual there, in those of the usual block.
+    weight : (m,)
+        The least of its actuators' weights.
     moved : (k,)
         By how much each value moves with their whole weight, in the standard deviations that the
         scatter of all blocks gives.
@@ -285,6 +287,7 @@ class Outliers:
     first: np.ndarray
     last: np.ndarray
     beyond: Array
+    weight: Array
     moved: Array
 
 
@@ -318,7 +321,12 @@ def weigh_outliers(
     moved = np.abs(before.value - fit.value) / np.where(known, scatter, np.inf)
     stop = _ends(information)
     return weighed, Outliers(
-        information.log[out], (stop - information.counts)[out], stop[out], beyond.T[out], moved
+        log=information.log[out],
+        first=(stop - information.counts)[out],
+        last=stop[out],
+        beyond=beyond.T[out],
+        weight=weights.min(0)[out],
+        moved=moved,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.rounding import digits, join
 from identifiability.report.blocks import Section, Sketch, picture, section
 from identifiability.report.comparison_report import draw_intervals
@@ -23,7 +24,7 @@ def sketch(result: Load) -> Sketch | None:
 
 def heading(result: Load) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
-    logs = join([result.called[log] for log in result.logs], 3)
+    logs = join(shorten_paths(result.logs), 3)
     return "Payload report", f"{result.robot.path.name} · {result.model} · {logs}"
 
 
@@ -56,7 +57,9 @@ def section_how(result: Load) -> Section:
     """Return how the load was found, and what it leaves of the torque."""
     rows = zip(result.robot.joints, result.estimate.rms, result.robot.torque_units, strict=True)
     left = join([f"{joint} {digits(3)(rms)} {unit}" for joint, rms, unit in rows], 12)
-    pairs = join([f"{result.called[a]} with {result.called[b]}" for a, b in result.pairs])
+    every = (*result.logs, *result.without)
+    called = dict(zip(every, shorten_paths(every), strict=True))
+    pairs = join([f"{called[one]} with {called[other]}" for one, other in result.pairs])
     words = "payload.how"
     return section(
         "payload.method",

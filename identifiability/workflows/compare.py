@@ -677,15 +677,9 @@ class Comparison(OfStructure, Result):
         return (_change_table(self),)
 
     @property
-    def called(self) -> tuple[list[str], list[str]]:
-        """What is compared, as it is called in print."""
-        every, k = shorten_paths((*self.before, *self.after)), len(self.before)
-        return every[:k], every[k:]
-
-    @property
     def statement(self) -> str:
         """The answer in plain words."""
-        one, other = self.called
+        one, other = _sides(self)
         sides = f"{listing(one, 3)} and {listing(other, 3)}"
         tested = (
             f"Between {sides} {len(self.causes)} causes were tested at a family-wise level of "
@@ -997,8 +991,14 @@ TRUST = {
 }
 
 
+def _sides(result: Comparison) -> tuple[list[str], list[str]]:
+    """Return what is compared, as it is called in print."""
+    every, k = shorten_paths((*result.before, *result.after)), len(result.before)
+    return every[:k], every[k:]
+
+
 def _what(result: Comparison) -> Answer:
-    before, after = result.called
+    before, after = _sides(result)
     sides = f"from {join(before, SHOWN_NAMES)} to {join(after, SHOWN_NAMES)}"
     question = f"What changed {sides}?"
     if not result.changes:

@@ -679,19 +679,14 @@ class Load(Result):
         """Return one row a quantity: ``name``, value, interval, unit, whether it is told, why."""
         return pd.DataFrame([asdict(q) for q in self.quantities])
 
-    @property
-    def called(self) -> dict[str, str]:
-        """What logs are called in print, by their paths."""
-        every = (*self.logs, *self.without)
-        return dict(zip(every, shorten_paths(every), strict=True))
-
     def log_frame(self) -> pd.DataFrame:
         """Return the mass by each log alone, with half of its interval for noise; none of one."""
         motions = self.estimate.motions
         if motions is None:
             return pd.DataFrame(columns=["log", "mass", "half"])
         at = GROUPED_KINDS.index("m")
-        names = [self.called[self.logs[k]] for k in self.estimate.logs]
+        short = shorten_paths(self.logs)
+        names = [short[k] for k in self.estimate.logs]
         return pd.DataFrame(
             {"log": names, "mass": motions.values[:, at], "half": REACH * motions.sd[:, at]}
         )

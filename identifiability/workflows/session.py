@@ -494,17 +494,17 @@ def weigh_rows(
     weighed, found = weigh_outliers(information, forget_noise(estimator))
     weighed = weigh_logs(weighed, estimator)
     if found is None or found.moved.max() <= REACH:
-        return weighed, "", None
-    most = int(np.argmax(found.moved))
+        return weighed, "", found
+    most, where = int(np.argmax(found.moved)), where_outlying(joints, samples, found)
     said = (
-        f"{_where(joints, samples, found)} is weighed down in the fit: with its whole weight "
+        f"{where} is weighed down in the fit: with its whole weight "
         f"{information.columns[most]} moves by {found.moved[most]:.1f} of its standard deviations. "
         "Errors count it. Look at what happened there."
     )
     return weighed, said, found
 
 
-def _where(joints: Sequence[str], samples: Sequence[Prepared], found: Outliers) -> str:
+def where_outlying(joints: Sequence[str], samples: Sequence[Prepared], found: Outliers) -> str:
     """Return where outliers are, the farthest first, and how far from the model."""
     ends = np.flatnonzero((np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])) + 1
     stretches = list(pairwise([0, *ends.tolist(), len(found.log)]))

@@ -216,7 +216,7 @@ def test_the_command_answers_first_and_writes_what_was_asked(fit, make_logs, pla
     assert "at body link_6" in out.stdout.splitlines()[0]
     content = json.loads(data.read_text())
     assert content["schema"] == "identifiability/payload/1"
-    assert content["pairs"] == [["with.csv", "without.csv"]]
+    assert content["pairs"] == [[str(loaded), str(bare)]]
     by = {q["name"]: q for q in content["quantities"]}
     assert by["mass"]["low"] < 1.52 < by["mass"]["high"]
     text = page.read_text(encoding="utf-8")

@@ -94,7 +94,13 @@ from identifiability.workflows.opening import (
     require_signal,
     state_provenance,
 )
-from identifiability.workflows.session import Session, settle_gains, settle_prior, weigh_rows
+from identifiability.workflows.session import (
+    Session,
+    settle_gains,
+    settle_prior,
+    weigh_rows,
+    where_outlying,
+)
 
 #: Simulated noises, and those without which no p-value falls below 5 %.
 DRAWS, FEWEST = 199, 19
@@ -304,15 +310,21 @@ def _open(
     return _Opened(setting, opening, leaning)
 
 
+#: Rows of less robust weight are no data for names, unless a change or a name explains them.
+SMALL = 0.5
+
+
 def _name(asked: _Asked, setting: Setting, opening: Opening) -> tuple[Diagnosis, list[str]]:
     """Name effects, and say which logs and stretches of them are doubted."""
     if setting.fixed:
         return asked.run(setting), []
     odd, decided, outliers = _doubt_logs(opening)
-    if outliers is not None:
+    if outliers is not None and outliers.weight.min() < SMALL:
         first = asked.run(setting)
         if first.changes or not _still_outlying(first, outliers):
-            return first, [decided]
+            return first, [decided] * bool(decided)
+        where = where_outlying(opening.robot.joints, opening.samples, outliers)
+        decided = decided or f"{where} was left out. Look at what happened there."
         setting = without_outliers(setting, outliers)
     if odd is None:
         return asked.run(setting), [decided] * bool(decided)
@@ -325,8 +337,11 @@ def _still_outlying(found: Diagnosis, outliers: Outliers) -> bool:
     joints, wls = found.robot.joints, find_estimator("wls")
     information = gather_information(found.completed.regression(found.samples, keep=True))
     again = weigh_rows(joints, found.samples, information, wls)[2]
-    both = () if again is None else zip(again.log, again.first, strict=True)
-    return bool(set(both) & set(zip(outliers.log, outliers.first, strict=True)))
+    if again is None:
+        return False
+    same = again.log[:, None] == outliers.log
+    begun = again.first[:, None] < outliers.last
+    return bool((same & begun & (outliers.first < again.last[:, None])).any())
 
 
 @frozen

@@ -1,0 +1,34 @@
+"""A burst in the torque of one joint takes no name away: it is no data, and it is said."""
+
+import pandas as pd
+import pytest
+
+from identifiability.workflows.diagnose import diagnose
+from identifiability.workflows.study import new_study
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("study") / "new"
+    new_study(folder)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("rows", "size"),
+    [
+        (7, 1.0),
+        pytest.param(30, 1.0, marks=pytest.mark.everything),
+        pytest.param(7, 3.0, marks=pytest.mark.everything),
+        (30, 3.0),
+    ],
+)
+def test_a_burst_leaves_the_study_its_name_and_its_error(rows, size, study):
+    burst = pd.read_csv(study / "run1.csv")
+    effort = burst["joint_2.tau"]
+    burst.loc[375 : 375 + rows - 1, "joint_2.tau"] += size * effort.std()
+    logs = [burst, study / "run2.csv"]
+    found = diagnose(study / "robot.urdf", logs, study / "run3.csv", forward=False, quick=True)
+    assert [(e.name, e.joints) for e in found.effects] == [("stribeck_friction", ("joint_2",))]
+    assert found.held_after < 0.0125
+    assert "the torque of joint_2 is up to" in found.statement
