@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import inspect
 import io
+import runpy
 import sys
 import textwrap
 from collections.abc import Iterator
@@ -315,6 +316,15 @@ def write_tolerances() -> str:
     return "\n".join(out)
 
 
+def write_studies() -> str:
+    """Return one line a study, from the registry."""
+    studies = runpy.run_path(str(DOCS.parent / "studies" / "registry.py"))["STUDIES"]
+    rows = [
+        f"| {', '.join(f'`{w}`' for w in (s.name, *s.words))} | {_cell(s.asks)} |" for s in studies
+    ]
+    return "\n".join(["| study | asks |", "|---|---|", *rows])
+
+
 def _basis(basis: str) -> str:
     return f"`{basis}`" if "/" in basis else basis
 
@@ -352,6 +362,13 @@ words may be written as one. What is called otherwise, `--map` or `[columns]` of
 Units stand in brackets behind a name, or in a row under the header; angles and lengths also by the
 second (`deg/s`, `mm/s²`).
 """
+STUDIES = """# Studies
+
+A study in `studies/` measures what a sentence of this documentation claims, and writes a page and
+a JSON file to `reports/`. From a checkout `identifiability paper NAME` or `python studies NAME`
+runs it (`--quick`: in short); without a name those of the paper are run. The logs of real arms are
+no part of this project: `$IDENTIFIABILITY_DATA` is their folder.
+"""
 NUMBERS = """# Every number by which it decides
 
 Each room of the program has one frozen table, `rules.py`; pages print those by which their answer
@@ -383,6 +400,7 @@ def pages() -> dict[Path, str]:
         "effects": (EFFECTS, effects),
         "messages": (MESSAGES, write_messages()),
         "log-words": (LOG_WORDS, write_words()),
+        "studies": (STUDIES, write_studies()),
         "rules": (NUMBERS, write_rules(), write_tolerances()),
     }
     return {

@@ -7,7 +7,6 @@ samples for everybody, one thread, each contender alone in a process of its own.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -28,6 +27,7 @@ from peers.tables import (
     time_table,
     versions,
 )
+from shared import study_parser
 
 from identifiability.foundation.output import write_json
 from identifiability.report import Gallery, Picture, Prose, Section, frame_table, write_page
@@ -182,11 +182,7 @@ def write(runs: Sequence[Measured], out: Path, seed: int) -> None:
 
 def main(argv: Sequence[str] | None = None) -> list[Measured]:
     """Run the benchmark."""
-    parser = argparse.ArgumentParser(
-        prog="benchmark_peers", description=str(__doc__).partition("\n")[0]
-    )
-    parser.add_argument("--out", type=Path, default=ROOT / "reports" / "benchmark_peers.json")
-    parser.add_argument("--quick", action="store_true", help="1000 and 10,000 samples, once each")
+    parser = study_parser("benchmark_peers", __doc__, "1000 and 10,000 samples, once each")
     parser.add_argument("--samples", type=int, nargs="+", default=SAMPLES)
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--seed", type=int, default=0)

@@ -6,7 +6,6 @@ weighted least squares; then the paper's own noise, on the motion too, through t
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy.signal import lfilter
 from scipy.special import ndtr
+from shared import study_parser
 
 from identifiability.estimation.estimate import find_estimator, weigh_outliers
 from identifiability.foundation.names import Array
@@ -325,9 +325,7 @@ def write(result: Result, out: Path, trials: int, seed: int) -> None:
 
 def main(argv: Sequence[str] | None = None) -> Result | None:
     """Run the study."""
-    parser = argparse.ArgumentParser(prog="coverage", description=str(__doc__).partition("\n")[0])
-    parser.add_argument("--out", type=Path, default=ROOT / "reports" / "coverage.json")
-    parser.add_argument("--quick", action="store_true", help="8 repetitions instead of 200")
+    parser = study_parser("coverage", __doc__, "8 repetitions instead of 200")
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--noises", action="store_true", help="print the table of six noises")

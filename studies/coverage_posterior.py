@@ -8,7 +8,6 @@ what it would say if it stated all of them, stand beside the coverage.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from shared import study_parser
 
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.least_squares import refit
@@ -238,13 +238,14 @@ def state(cells: Sequence[Cell]) -> str:
 
 def main(argv: Sequence[str] | None = None) -> list[Cell]:
     """Run the study."""
-    parser = argparse.ArgumentParser(prog="coverage_posterior")
-    parser.add_argument("--out", type=Path, default=ROOT / "reports" / "coverage_posterior.json")
+    parser = study_parser("coverage_posterior", __doc__, "three logs of the smallest robot")
     parser.add_argument("--logs", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--robots", nargs="+", default=list(ROBOTS), choices=list(ROBOTS))
     parser.add_argument("--slow", action="store_true", help="only where one actuator is slow")
     given = parser.parse_args(argv)
+    if given.quick:
+        given.logs, given.robots, given.slow = 3, list(ROBOTS)[:1], True
     rows = [c for c in CORRELATIONS if c[0] > c[1] or not given.slow]
     cells = [
         cell

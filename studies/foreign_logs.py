@@ -12,7 +12,6 @@ are there.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 import warnings
@@ -27,7 +26,7 @@ import pandas as pd
 from foreign import CASES
 from foreign.case import Case
 from foreign.good import FINDERS, false_frame
-from real_data.study import ROOT
+from shared import study_parser
 
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.output import write_json
@@ -208,13 +207,13 @@ def count_frame(outcomes: Sequence[Outcome]) -> pd.DataFrame:
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Run the study."""
-    parser = argparse.ArgumentParser(prog="foreign_logs", description=str(__doc__).split("\n")[0])
-    parser.add_argument("--out", type=Path, default=ROOT / "reports" / "foreign_logs.json")
+    parser = study_parser("foreign_logs", __doc__, "every twelfth log, no good ones")
     parser.add_argument("--data", type=Path, help="folder of the data sets")
     parser.add_argument("--only", help="families or names that hold this text")
     parser.add_argument("--seeds", type=int, default=2, help="random motions a robot, twice")
     given = parser.parse_args(argv)
     cases = [c for c in CASES if not given.only or given.only in f"{c.family}: {c.name}"]
+    cases, given.seeds = (cases[::12], 0) if given.quick else (cases, given.seeds)
     outcomes = []
     for o in run(cases):
         outcomes.append(o)

@@ -5,15 +5,14 @@ to verify) with autocorrelated torque noise and quantised encoders; the diagnosi
 and the logs, nothing else. Also nulls, pairs, effects outside the dictionary, the paper's cases.
 
     python studies/hidden_effect.py --quick
-    python studies/hidden_effect.py --seeds 10 --nulls 67 --out studies/results
+    python studies/hidden_effect.py --seeds 10 --nulls 67 --out reports/hidden_effect.json
 
-Every trial is written as soon as it is there, to `hidden_effect.jsonl` in the folder `--out`; the
-same command goes on where it was stopped. Tables and the list of what must hold stand beside it.
+Every trial is written as soon as it is there, to a file `.jsonl` beside `--out`; the same command
+goes on where it was stopped.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
@@ -25,8 +24,9 @@ from hidden_effect_outside import OUTSIDE, SMOOTH
 from hidden_effect_trials import ENCODER, FAMILIES, PAPER, RHO, Job, run
 from joblib import Parallel, delayed
 from scipy import stats
+from shared import study_parser, write_answer
 
-from identifiability.foundation.output import plain, write_json, write_text
+from identifiability.foundation.output import plain
 
 ROBOTS = ("3-rps", "five-bar", "six-dof-arm")
 SIZES = ("0.5", "1", "realistic")
@@ -39,6 +39,8 @@ PAIRS = (
 PARTS = ("single", "null", "pair", "outside", "paper")
 #: Outcomes that are right; "A or B" has the truth among two names that cannot be told apart.
 RIGHT = ("exact", "A or B")
+#: Columns of what must hold.
+CHECKED = ("what", "trials", "good", "share", "low", "high", "must", "holds", "outcomes")
 #: Trials after which the tables are written again.
 OFTEN = 50
 
@@ -63,7 +65,7 @@ def list_jobs(seeds: int, nulls: int, robots: Sequence[str], parts: Sequence[str
                 yield Job("paper", "3-rps", (truth,), "paper", RHO, 0.0, seed)
 
 
-def run_rest(jobs: Sequence[Job], path: Path | None, workers: int) -> pd.DataFrame:
+def run_rest(jobs: Sequence[Job], path: Path, workers: int) -> pd.DataFrame:
     """Run the jobs that a file does not have yet, and append each as soon as it is there."""
     rows = read_rows(path)
     done = {r["key"] for r in rows}
@@ -74,13 +76,12 @@ def run_rest(jobs: Sequence[Job], path: Path | None, workers: int) -> pd.DataFra
     )
     for row in results:
         rows.append(row)
-        if path is not None:
-            with path.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(row) + "\n")
+        with path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(row) + "\n")
         if row["outcome"] != "no place":
             print(f"{row['key']}: {row['outcome']} [{row['named']}]", flush=True)
-        if path is not None and len(rows) % OFTEN == 0:
-            write_tables(pd.DataFrame(rows), path.parent)
+        if len(rows) % OFTEN == 0:
+            write_tables(pd.DataFrame(rows), path.with_suffix(".json"))
     return pd.DataFrame(rows)
 
 
@@ -93,9 +94,9 @@ def _row(job: Job) -> dict[str, Any]:
     return row
 
 
-def read_rows(path: Path | None) -> list[dict[str, Any]]:
+def read_rows(path: Path) -> list[dict[str, Any]]:
     """Return the trials of a file; a last line that was cut off is left out."""
-    if path is None or not path.is_file():
+    if not path.is_file():
         return []
     rows = []
     for line in path.read_text(encoding="utf-8").splitlines():
@@ -162,30 +163,31 @@ def check(frame: pd.DataFrame) -> list[dict[str, Any]]:
     return out
 
 
-def write_tables(frame: pd.DataFrame, folder: Path) -> None:
-    """Write the tables beside the trials, whole or not at all."""
-    write_text(folder / "hidden_effect_summary.csv", summarise(frame).to_csv(index=False))
-    result = {"schema": "identifiability/hidden-effect/1", "trials": len(frame),
-              "checks": check(frame)}  # fmt: skip
-    write_json(folder / "hidden_effect.json", result)
+def write_tables(frame: pd.DataFrame, out: Path) -> None:
+    """Write the numbers and the page."""
+    checks = pd.DataFrame(check(frame), columns=[*CHECKED])
+    checks["outcomes"] = [", ".join(f"{k} {n}" for k, n in x.items()) if isinstance(x, dict) else ""
+                          for x in checks["outcomes"]]  # fmt: skip
+    failed = checks["what"][~checks["holds"].astype(bool)]
+    verdict = f"Not met: {'; '.join(failed)}." if len(failed) else "All that was asked for holds."
+    tables = {"What must hold": checks, "Trials": summarise(frame)}
+    write_answer(out, "Hidden effects", f"{len(frame)} trials. {verdict}", tables, __doc__)
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the trials that are missing and print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="one seed, two nulls")
+    parser = study_parser("hidden_effect", __doc__, "the five-bar alone, one seed, pairs and nulls")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--nulls", type=int, default=67, help="seeds a cell and robot")
     parser.add_argument("--robots", nargs="*", default=list(ROBOTS), choices=ENCODER)
     parser.add_argument("--parts", nargs="*", default=list(PARTS), choices=PARTS)
     parser.add_argument("--jobs", type=int, default=2, help="processes")
-    parser.add_argument("--out", type=Path, default=None, help="folder; goes on where it stopped")
     options = parser.parse_args(argv)
-    seeds, nulls = (1, 2) if options.quick else (options.seeds, options.nulls)
-    path = None
-    if options.out is not None:
-        options.out.mkdir(parents=True, exist_ok=True)
-        path = options.out / "hidden_effect.jsonl"
+    seeds, nulls = options.seeds, options.nulls
+    if options.quick:
+        seeds, nulls, options.robots, options.parts = 1, 1, ["five-bar"], ["null", "pair"]
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    path = options.out.with_suffix(".jsonl")
     jobs = list(list_jobs(seeds, nulls, options.robots, options.parts))
     frame = run_rest(jobs, path, options.jobs)
     print(summarise(frame).to_string())
@@ -193,9 +195,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         print(f"{'holds' if row['holds'] else 'FAILS'}  {row['good']:4d} of {row['trials']:4d} "
               f"({100 * row['share']:5.1f} %, must be ≥ {100 * row['must']:.0f} %)  {row['what']} "
               f"{row.get('outcomes', '')}")  # fmt: skip
-    if path is not None:
-        write_tables(frame, path.parent)
-        print(path.with_suffix(".json"))
+    write_tables(frame, options.out)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ large as machines have them; the level of the noise is set so that z is what was
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import json
 import re
@@ -493,23 +492,3 @@ def whitened(rows: Array, sd: Array, memory: float, rate: float) -> Array:
     noise = np.sqrt(0.5 * len(rows) * (1 - memory**2)) / np.abs(1 - memory * turn)
     found = np.fft.rfft(rows, axis=0)[: len(f)] / (noise[:, None] * sd)[:, :, None]
     return np.concatenate([found.real, found.imag]).reshape(-1, rows.shape[2])
-
-
-def main() -> None:
-    """Write cases."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--cases", type=int, default=40)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--stream", default="0")
-    parser.add_argument("--only", choices=sorted(set(KINDS)), help="make all of one kind")
-    asked = parser.parse_args()
-    for number in range(asked.first, asked.first + asked.cases):
-        path = make_case(asked.folder, asked.stream, number, asked.only)
-        truth = json.loads((path / "truth.json").read_text())
-        what = ", ".join(f"{e['family']}@{e['place']} z {e['z']:.1f}" for e in truth["effects"])
-        print(path.name, truth["robot"], what, f"noise {truth['noise']['level']:.4f}", flush=True)
-
-
-if __name__ == "__main__":
-    main()

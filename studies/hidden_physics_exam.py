@@ -21,7 +21,6 @@ describes what is hidden; presliding in a joint that sticks is none where the se
 
 from __future__ import annotations
 
-import argparse
 import json
 import subprocess
 import time
@@ -32,8 +31,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from hidden_effect_drawn import read_trials
+from hidden_effect import read_rows
 from hidden_physics_cases import FITTED, KINDS, load_logs, load_robot, make_case
+from shared import study_parser
 
 from identifiability import analyze, diagnose
 from identifiability.foundation.errors import IdentifiabilityError
@@ -383,9 +383,9 @@ def stream_of(commit: str) -> str:
     return whole
 
 
-def main() -> None:
+def main(argv: Sequence[str] | None = None) -> None:
     """Run the cases that are missing, and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = study_parser("hidden_physics", __doc__, "two cases")
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--commit", help="the commit that is judged; its hash draws the cases")
     which.add_argument("--stream", default="0", help="seeds of the cases; 0 while developing")
@@ -395,17 +395,17 @@ def main() -> None:
     parser.add_argument("--only", choices=sorted(set(KINDS)), help="make all of one kind")
     parser.add_argument("--folder", type=Path, default=ROOT / "reports" / "cases",
                         help="scratch folder of the cases")  # fmt: skip
-    parser.add_argument("--out", type=Path, default=ROOT / "reports", help="folder of the results")
-    asked = parser.parse_args()
-    asked.out.mkdir(parents=True, exist_ok=True)
-    out = asked.out / "hidden_physics.json"
+    asked = parser.parse_args(argv)
+    asked.cases = 2 if asked.quick else asked.cases
+    out = asked.out
+    out.parent.mkdir(parents=True, exist_ok=True)
     if asked.rows:
-        frame = pd.DataFrame([r for path in asked.rows for r in read_trials(path)])
+        frame = pd.DataFrame([r for path in asked.rows for r in read_rows(path)])
         frame = frame.sort_values("number")
         show(frame, out, f"stream {', '.join(sorted({c[:12] for c in frame.case}))}")
         return
     stream = stream_of(asked.commit) if asked.commit else asked.stream
-    done = {r["case"] for r in read_trials(out.with_suffix(".jsonl"))}
+    done = {r["case"] for r in read_rows(out.with_suffix(".jsonl"))}
     for number in range(asked.first, asked.first + asked.cases):
         path = make_case(asked.folder, stream, number, asked.only)
         if path.name in done:
@@ -417,7 +417,7 @@ def main() -> None:
               f"[{row['said']}] {row['before']:.4f} → {row['after']:.4f}, {row['seconds']:.1f} s",
               flush=True)  # fmt: skip
     told = f"drawn by commit {stream}" if asked.commit else f"stream {stream}"
-    show(pd.DataFrame(read_trials(out.with_suffix(".jsonl"))), out, told)
+    show(pd.DataFrame(read_rows(out.with_suffix(".jsonl"))), out, told)
 
 
 if __name__ == "__main__":

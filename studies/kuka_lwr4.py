@@ -19,10 +19,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from real_data.study import FOLDER, read_arguments, write_study
+from real_data import FOLDER
+from shared import data_folder, study_parser
 
 from identifiability.estimation.estimate import Method, find_estimator, settle_noise
 from identifiability.estimation.prediction import Prediction, predict
+from identifiability.foundation.output import write_json
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.preparation import settle_cutoff
@@ -41,6 +43,9 @@ KNOWN = {
     ("with rotor inertia", 3, 1): (7.7, 7.7),
     ("rigid body alone", 1, 3): (36.8, 36.8),
 }
+
+#: The runs of the data.
+RUNS = (1, 2, 3)
 
 #: The models to compare.
 LADDER = FOLDER / "kuka_lwr4_ladder.toml"
@@ -131,10 +136,10 @@ class Fit:
     determined: tuple[bool, ...]
 
 
-def run_analysis(data: Path, train: int, method: Method) -> Analysis:
+def run_analysis(data: Path, train: int, method: Method, runs: Sequence[int] = RUNS) -> Analysis:
     """Return the analysis of one run, validated on the others, as any user would get it."""
     robot = load_robot(data)
-    others = [load_log(data, robot, run) for run in others_than(train)]
+    others = [load_log(data, robot, run) for run in others_than(train, runs)]
     return analyze(robot, load_log(data, robot, train), others, LADDER, method=method)
 
 
@@ -146,6 +151,7 @@ def fit(
     method: Method,
     *,
     weigh: bool = False,
+    runs: Sequence[int] = RUNS,
 ) -> Fit:
     """Fit to one run, stage by stage, so that the log can be treated in other ways.
 
@@ -153,8 +159,8 @@ def fit(
     stretches less.
     """
     derivatives, end, preparation = PROCESSINGS[processing]
-    runs = (train, *others_than(train))
-    logs = [load_log(data, robot, run, derivatives=derivatives, end=end) for run in runs]
+    every = (train, *others_than(train, runs))
+    logs = [load_log(data, robot, run, derivatives=derivatives, end=end) for run in every]
     how = settle_cutoff(robot, logs[:1], preparation)  # as `analyze` does
     fitted, *others = (prepare_samples(robot, log, how) for log in logs)
     entry = read_ladder(LADDER)
@@ -171,9 +177,9 @@ def fit(
     return Fit(submodels, held_out, tuple(bool(e.determined.all()) for e in found))
 
 
-def others_than(train: int) -> list[int]:
+def others_than(train: int, runs: Sequence[int] = RUNS) -> list[int]:
     """Return the runs that a model fitted to one is validated on."""
-    return [run for run in (1, 2, 3) if run != train]
+    return [run for run in runs if run != train]
 
 
 def held_out_errors(prediction: Prediction, log: int, model: int) -> dict[str, float]:
@@ -195,9 +201,11 @@ def held_out_errors(prediction: Prediction, log: int, model: int) -> dict[str, f
     return {name: 100 * float(value) for name, value in values.items()}
 
 
-def table_rows(fit: Fit, train: int, **labels: str) -> Iterator[dict[str, Any]]:
+def table_rows(
+    fit: Fit, train: int, runs: Sequence[int] = RUNS, **labels: str
+) -> Iterator[dict[str, Any]]:
     """Yield one row a held-out run and model."""
-    for log, run in enumerate(others_than(train)):
+    for log, run in enumerate(others_than(train, runs)):
         for k, submodel in enumerate(fit.models):
             yield {
                 "train": train,
@@ -210,15 +218,17 @@ def table_rows(fit: Fit, train: int, **labels: str) -> Iterator[dict[str, Any]]:
             }
 
 
-def compare(data: Path, processings: Sequence[str], methods: Sequence[Method]) -> pd.DataFrame:
+def compare(
+    data: Path, processings: Sequence[str], methods: Sequence[Method], runs: Sequence[int] = RUNS
+) -> pd.DataFrame:
     """Return the held-out errors of every run, way of processing and method."""
     robot = load_robot(data)
     rows: list[dict[str, Any]] = []
     for processing in processings:
         for method in methods:
-            for train in (1, 2, 3):
-                found = fit(data, robot, train, processing, method)
-                rows += table_rows(found, train, derivatives=processing, method=method)
+            for train in runs:
+                found = fit(data, robot, train, processing, method, runs=runs)
+                rows += table_rows(found, train, runs, derivatives=processing, method=method)
     return pd.DataFrame(rows)
 
 
@@ -252,16 +262,22 @@ def print_runs(runs: Sequence[dict[str, float]]) -> None:
 
 def main(argv: Sequence[str] | None = None) -> pd.DataFrame:
     """Run the study, print its table and write its files."""
-    arguments = read_arguments("kuka_lwr4", str(__doc__).partition("\n")[0], argv)
+    parser = study_parser("kuka_lwr4", __doc__, "one way, runs 1 and 3")
+    parser.add_argument("--data", help="folder of the data sets")
+    arguments = parser.parse_args(argv)
+    data, used = data_folder("kuka_lwr4", arguments.data), RUNS
     if arguments.quick:
-        frame = compare(arguments.data, ["ours"], ["wls"])
+        used = (1, 3)
+        frame = compare(data, ["ours"], ["wls"], used)
     else:
-        frame = compare(arguments.data, list(PROCESSINGS), ["ols", "wls"])
-    runs = [describe_run(arguments.data, run) for run in (1, 2, 3)]
+        frame = compare(data, list(PROCESSINGS), ["ols", "wls"])
+    runs = [describe_run(data, run) for run in used]
     print_runs(runs)
     print_table(frame)
     result = {"study": "kuka_lwr4", "runs": runs, "errors": frame.to_dict("records")}
-    write_study(arguments.out, result, run_analysis(arguments.data, 1, "wls"))
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    print(f"\n{write_json(arguments.out, result)}")
+    print(run_analysis(data, 1, "wls", used).write_report(arguments.out.with_suffix(".html")))
     return frame
 
 

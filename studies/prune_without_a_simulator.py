@@ -1,6 +1,6 @@
 """Does pruning find the model worth using from robot and logs alone, without a simulated robot?
 
-Four questions, each with its answer in numbers:
+Five questions, each with its answer in numbers:
 
 1. The paper's 3-RPS with the paper's noise, three trajectories and many seeds: does pruning end at
    the nine friction and actuator parameters and a few rigid-body ones, how often at exactly those
@@ -10,30 +10,27 @@ Four questions, each with its answer in numbers:
    under white and under autocorrelated noise?
 3. Does the search cost the same for a thousand and for a million samples?
 4. Real logs of a KUKA LWR4+ (if they are there): is the error on another trajectory smaller than
-   that of the unpruned model, when the size is chosen on the fitted log only? Run 3 is twice as
-   fast as run 1; from 1 to 3 we ask once as if we did not know that and once with ``reach=2``.
+   that of the unpruned model, when the size is chosen on the fitted log only?
 5. A real log of a Stäubli TX40 (if it is there): how many of the 25 essential parameters that were
    published for it are among those that pruning keeps?
-
-Run it with ``python studies/prune_without_a_simulator.py [--quick] [--out FILE.json]``.
 """
 
 from __future__ import annotations
 
-import argparse
-import os
 import time
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import kuka_lwr4
 import numpy as np
+import pandas as pd
 import staubli_tx40
+from shared import data_folder, study_parser, write_answer
 
 from identifiability import Log, Robot, estimate
 from identifiability.estimation.prediction import predict
-from identifiability.foundation.output import write_json
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import build_ladder, ladder_path, read_ladder
 from identifiability.regression.regression import Model, Regression
@@ -42,7 +39,6 @@ from identifiability.simulation.simulator import ar1
 from identifiability.workflows.prune import Ladder, prune
 from identifiability.workflows.prune.elimination import find_path
 
-ROOT = Path(__file__).resolve().parents[1]
 NEXT = {"571": "595", "595": "601", "601": "571"}
 SLIDERS = {f"slider{k}.{kind}" for k in (1, 2, 3) for kind in ("Fv", "Fc", "Jr")}
 MODEL_4 = SLIDERS | {"platform.mx", "leg2_upper.m", "leg3_upper.m"}
@@ -223,18 +219,14 @@ def question_5(data: Path) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
-    parser.add_argument("--quick", action="store_true", help="a tenth of the repetitions")
-    parser.add_argument("--out", type=Path, help="write the numbers as JSON")
-    parser.add_argument(
-        "--data", type=Path,
-        default=Path(os.environ.get("IDENTIFIABILITY_DATA", ROOT.parent / "shared" / "data")),
-        help="folder with kuka_lwr4 (default: $IDENTIFIABILITY_DATA)",
-    )  # fmt: skip
-    arguments = parser.parse_args()
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = study_parser(
+        "prune_without_a_simulator", __doc__, "a tenth of the repetitions, no real logs"
+    )
+    parser.add_argument("--data", type=Path, help="folder of the data sets")
+    arguments = parser.parse_args(argv)
     quick = arguments.quick
-    result = {
+    result: dict[str, dict[str, Any]] = {
         "3-RPS": question_1(4 if quick else 40),
         "planted truth": question_2(10 if quick else 100),
         "cost": question_3([1000, 10_000] if quick else [1000, 10_000, 100_000, 1_000_000]),
@@ -242,14 +234,22 @@ def main() -> None:
     for title, folder, ask in (
         ("KUKA LWR4+", "kuka_lwr4", question_4), ("Stäubli TX40", "staubli_tx40", question_5),
     ):  # fmt: skip
-        data = arguments.data / folder
-        result[title] = ask(data) if data.is_dir() else {"skipped": f"there is no {data}"}
-    for title, part in result.items():
-        print(f"\n{title}")
-        for key, value in part.items():
-            print(f"  {key}: {value}")
-    if arguments.out is not None:
-        print(write_json(arguments.out, result))
+        data = data_folder(folder, arguments.data)
+        if quick or not data.is_dir():
+            result[title] = {"skipped": "a quick run" if quick else f"there is no {data}"}
+        else:
+            result[title] = ask(data)
+    tables = {
+        title: pd.DataFrame({"what": list(part), "found": [*map(str, part.values())]})
+        for title, part in result.items()
+    }
+    for title, table in tables.items():
+        print(f"\n{title}\n{table.to_string(index=False, header=False)}")
+    statement = (
+        f"Planted models: {next(iter(result['planted truth'].values()))}. The 3-RPS: exactly "
+        f"Model 4 in {result['3-RPS']['exactly Model 4']}."
+    )
+    write_answer(arguments.out, "Pruning without a simulator", statement, tables, __doc__, result)
 
 
 if __name__ == "__main__":

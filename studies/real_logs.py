@@ -15,26 +15,25 @@ $IDENTIFIABILITY_DATA.
 
 from __future__ import annotations
 
-import argparse
-import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import kuka_lwr4
+import pandas as pd
 import staubli_tx40
+from shared import data_folder, study_parser, write_answer
 
 from identifiability import Log, Robot, analyze, diagnose
 from identifiability.logs.conventions import Conventions
 from identifiability.physical.cad_prior import total_mass
 from identifiability.workflows.diagnose.words import contradiction
 from identifiability.workflows.prune import prune
-
-ROOT = Path(__file__).resolve().parents[1]
 
 Case = tuple[str, Robot, list[Log], Log]
 
@@ -48,80 +47,103 @@ def cut(log: Log, parts: int) -> list[Log]:
     ]
 
 
-def find_cases(data: Path, folder: Path) -> Iterator[Case]:
-    """Yield name, robot, fitted logs and the log that is held out."""
-    where = data / "kuka_lwr4"
-    robot = kuka_lwr4.load_robot(where)
-    runs = {k: kuka_lwr4.load_log(where, robot, k) for k in (1, 3)}
-    for fitted, other in ((1, 3), (3, 1)):
-        yield f"KUKA {fitted} → {other}", robot, [runs[fitted]], runs[other]
-    where = data / "staubli_tx40"
-    robot = staubli_tx40.load_robot(where)
-    thirds = cut(staubli_tx40.load_log(where, robot), 3)[:2]  # the last is nobody's
-    where = data / "unisa"
-    ur10 = Robot.load(where / "ur10.urdf")
-    halves = cut(Log.read(f"{where / 'ur10_exciting.db3'}:/joint_states"), 2)
-    for name, arm, pair in (("TX40", robot, thirds), ("UR10", ur10, halves)):
-        for fitted, other in ((0, 1), (1, 0)):
-            yield f"{name} {fitted + 1} → {other + 1}", arm, [pair[fitted]], pair[other]
-    where = data / "kr300"
-    out = folder / "kr300.xml"
-    convert = [sys.executable, "-m", "identifiability", "convert", where / "dh.toml", "--out", out]
-    subprocess.run(convert, check=True, capture_output=True)
-    heavy = Robot.load(out)
-    logs = {k: Log.read(where / f"{k}.csv", Conventions.of(heavy)) for k in "ABC"}
-    for fitted, other in (("AC", "B"), ("AB", "C")):
-        name = f"KR300 {', '.join(fitted)} → {other}"
-        yield name, heavy, [logs[k] for k in fitted], logs[other]
+def find_cases(data: Path | None, folder: Path) -> Iterator[Case]:
+    """Yield name, robot, fitted logs and the log that is held out, of the data that are there."""
+    kuka, tx40, unisa, kr300 = (
+        data_folder(name, data) for name in ("kuka_lwr4", "staubli_tx40", "unisa", "kr300")
+    )
+    halves: list[tuple[str, Robot, list[Log]]] = []
+    if kuka.is_dir():
+        robot = kuka_lwr4.load_robot(kuka)
+        runs = {k: kuka_lwr4.load_log(kuka, robot, k) for k in (1, 3)}
+        for fitted, other in ((1, 3), (3, 1)):
+            yield f"KUKA {fitted} → {other}", robot, [runs[fitted]], runs[other]
+    if tx40.is_dir():
+        robot = staubli_tx40.load_robot(tx40)
+        thirds = cut(staubli_tx40.load_log(tx40, robot), 3)[:2]  # the last is nobody's
+        halves.append(("TX40", robot, thirds))
+    if unisa.is_dir():
+        log = Log.read(f"{unisa / 'ur10_exciting.db3'}:/joint_states")
+        halves.append(("UR10", Robot.load(unisa / "ur10.urdf"), cut(log, 2)))
+    for name, arm, pair in halves:
+        for a, b in ((0, 1), (1, 0)):
+            yield f"{name} {a + 1} → {b + 1}", arm, [pair[a]], pair[b]
+    if kr300.is_dir():
+        out = folder / "kr300.xml"
+        words = [sys.executable, "-m", "identifiability", "convert"]
+        convert = [*words, str(kr300 / "dh.toml"), "--out", str(out)]
+        subprocess.run(convert, check=True, capture_output=True)
+        heavy = Robot.load(out)
+        logs = {k: Log.read(kr300 / f"{k}.csv", Conventions.of(heavy)) for k in "ABC"}
+        for parts, unseen in (("AC", "B"), ("AB", "C")):
+            name = f"KR300 {', '.join(parts)} → {unseen}"
+            yield name, heavy, [logs[k] for k in parts], logs[unseen]
 
 
-def main() -> None:
-    """Print a row a case."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--only", default="")
-    parser.add_argument("--prune", action="store_true")
-    parser.add_argument("--diagnose", action="store_true")
-    asked = parser.parse_args()
-    named: dict[str, set[str]] = {}
-    refused: dict[str, dict[str, str]] = {}
-    data = Path(os.environ.get("IDENTIFIABILITY_DATA", ROOT.parent / "shared" / "data"))
+def main(argv: Sequence[str] | None = None) -> pd.DataFrame:
+    """Run the study."""
+    parser = study_parser("real_logs", __doc__, "the KUKA alone")
+    parser.add_argument("--only", default="", help="cases whose names hold this text")
+    parser.add_argument("--prune", action="store_true", help="the unpruned and the pruned model")
+    parser.add_argument("--diagnose", action="store_true", help="effects that stand instead")
+    parser.add_argument("--data", type=Path, help="folder of the data sets")
+    asked = parser.parse_args(argv)
+    only = "KUKA" if asked.quick else asked.only
+    kept = Kept({}, {})
+    rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:
-        for name, robot, fitted, other in find_cases(data, Path(folder)):
-            if asked.only in name and asked.diagnose:
-                print(
-                    f"{name}: {state_diagnosed(name, robot, fitted, other, named, refused)}",
-                    flush=True,
-                )
-            elif asked.only in name:
-                print(f"{name}: {state(robot, fitted, other)}", flush=True)
-                if asked.prune:
-                    print(f"{name}, pruned: {state_pruned(robot, fitted, other)}", flush=True)
+        for name, robot, fitted, other in find_cases(asked.data, Path(folder)):
+            if only not in name:
+                continue
+            if asked.diagnose:
+                row = state_diagnosed(name, robot, fitted, other, kept)
+            else:
+                row = state(robot, fitted, other)
+                row |= state_pruned(robot, fitted, other) if asked.prune else {}
+            rows.append({"case": name, **row})
+            print(rows[-1], flush=True)
+    frame = pd.DataFrame(rows)
+    names = ", ".join(frame["case"]) if rows else "none, as there are no data"
+    statement = f"What was not fitted and chose nothing, of {len(rows)} cases: {names}."
+    write_answer(asked.out, "Real arms, unseen motion", statement, {"Cases": frame}, __doc__)
+    return frame
 
 
-def state(robot: Robot, fitted: list[Log], other: Log) -> str:
+def state(robot: Robot, fitted: list[Log], other: Log) -> dict[str, Any]:
     """Return the errors of what an analysis of some logs alone recommends on another."""
     alone, told = analyze(robot, fitted, replicates=0), analyze(robot, fitted, other, replicates=0)
     at = alone.selected
     used, seen = alone.models[at], told.models[at]
     free, real = 100 * seen.error_ra_validation, 100 * seen.error_ra_physical
-    mass = total_mass(robot, used.physical.parameters())
-    return (
-        f"{used.name}, {len(used.submodel)} parameters: estimated {free:.2f} %, nearest real robot "
-        f"{real:.2f} % (prior {used.physical.cad_weight:g}, {mass:.4g} kg of "
-        f"{total_mass(robot, robot.nominal):.4g}), recommended "
-        f"{real if used.physical_used else free:.2f} %; expected "
-        f"{100 * used.error_ra_validation:.2f} and {100 * used.error_ra_physical:.2f} %"
-    )
+    return {
+        "model": f"{used.name}, {len(used.submodel)} parameters",
+        "estimated [%]": free,
+        "nearest real robot [%]": real,
+        "recommended [%]": real if used.physical_used else free,
+        "expected [%]": 100 * used.error_ra_validation,
+        "expected of a real robot [%]": 100 * used.error_ra_physical,
+        "prior": used.physical.cad_weight,
+        "mass [kg]": total_mass(robot, used.physical.parameters()),
+        "mass of the file [kg]": total_mass(robot, robot.nominal),
+    }
 
 
-def state_pruned(robot: Robot, fitted: list[Log], other: Log) -> str:
+def state_pruned(robot: Robot, fitted: list[Log], other: Log) -> dict[str, Any]:
     """Return errors of the unpruned and the pruned model, and those over joints' own scales."""
     found = prune(robot, fitted, other, replicates=0)
-    text = [
-        f"{len(r)}: {100 * r.error_ra_validation:.2f} % ({100 * r.error_joints_validation:.2f} %)"
-        for r in (found.full, found.chosen)
-    ]
-    return f"unpruned {text[0]}, pruned {text[1]}"
+    return {
+        f"{name} [%]": f"{len(r)} parameters: {100 * r.error_ra_validation:.2f} "
+        f"({100 * r.error_joints_validation:.2f})"
+        for name, r in (("unpruned", found.full), ("pruned", found.chosen))
+    }
+
+
+@dataclass
+class Kept:
+    """What other parts of a robot's data name, and what they refute with which words, by robot."""
+
+    named: dict[str, set[str]]
+    refused: dict[str, dict[str, str]]
 
 
 def state_diagnosed(
@@ -129,9 +151,8 @@ def state_diagnosed(
     robot: Robot,
     fitted: list[Log],
     other: Log,
-    named: dict[str, set[str]],
-    refused: dict[str, dict[str, str]],
-) -> str:
+    kept: Kept,
+) -> dict[str, Any]:
     """Return what a diagnosis names, and keep what stands and what does not of each robot."""
     found, arm = diagnose(robot, fitted, other, forward=False), name.partition(" ")[0]
     stand = {f"{e.name} {p.place}" for e in found.effects for p in e.placements}
@@ -140,19 +161,18 @@ def state_diagnosed(
         for e in found.refuted
         for p in e.placements
     }
-    before, after = 100 * found.held_before, 100 * found.held_after
-    names, earlier = named.setdefault(arm, set()), refused.setdefault(arm, {})
+    names, earlier = kept.named.setdefault(arm, set()), kept.refused.setdefault(arm, {})
     contrary = [f"{k} ({falls[k]} here)" for k in falls.keys() & names]
     contrary += [f"{k} ({earlier[k]} there)" for k in earlier.keys() & stand]
     names |= stand
     earlier |= falls
-    text = [
-        f"named: {', '.join(sorted(stand)) or 'none'}",
-        f"not kept: {', '.join(f'{k} {said}' for k, said in sorted(falls.items())) or 'none'}",
-        f"named by one part and not kept by another: {', '.join(sorted(contrary)) or 'none'}",
-        f"error {before:.2f} → {after:.2f} %",
-    ]
-    return "; ".join(text)
+    return {
+        "named": ", ".join(sorted(stand)) or "none",
+        "not kept": ", ".join(f"{k} {said}" for k, said in sorted(falls.items())) or "none",
+        "named by one part and not kept by another": ", ".join(sorted(contrary)) or "none",
+        "before [%]": 100 * found.held_before,
+        "after [%]": 100 * found.held_after,
+    }
 
 
 if __name__ == "__main__":

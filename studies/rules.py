@@ -12,7 +12,6 @@ processor time; ``--every 7`` asks each seventh.
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 import sys
@@ -29,17 +28,17 @@ from textwrap import fill
 from typing import Any
 from unittest.mock import patch
 
-import bad_samples
 import foreign_logs
 import numpy as np
-from foreign import CASES
+import pandas as pd
+from foreign import CASES, good
 from foreign.tables import CONTAINERS, NAMES, TEXT
-from real_data.study import ROOT
+from shared import study_parser, write_answer
 
 import identifiability
 from identifiability import Robot, analyze, compare, diagnose, excite, payload, prune
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.foundation.output import plain, write_json
+from identifiability.foundation.output import plain
 from identifiability.foundation.rules import Rule, RuleTable
 from identifiability.regression.structure import Structure
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
@@ -123,7 +122,7 @@ class Job:
 
 def opened(robot: Robot, log: Any, *, read: bool = False) -> tuple[str, ...]:
     """Return what is said of a log that is read, and opened."""
-    session = Session.read(Structure.of(robot, bad_samples.MODEL), log)
+    session = Session.read(Structure.of(robot, good.MODEL), log)
     said = session.recordings.hints
     if read:
         return (*said, f"{[len(x) for x in session.recordings.fitted]} rows")
@@ -150,12 +149,12 @@ def foreign_jobs(folder: Path) -> Iterator[Job]:
 
 def good_jobs() -> Iterator[Job]:
     """Yield good logs with noise of many kinds."""
-    for name, trajectory in bad_samples.ROBOTS.items():
+    for name, trajectory in good.ROBOTS.items():
         robot = Robot.load(name)
         motion = PrescribedMotion.of(shipped_trajectory(robot, trajectory), SAMPLES)
         clean = simulate(robot, motion, noise=Noise(), rng=np.random.default_rng(0))
-        for what, noise in bad_samples.NOISES.items():
-            log = bad_samples.noisy(clean, noise, np.random.default_rng(1), derivatives=False)
+        for what, noise in good.NOISES.items():
+            log = good.noisy(clean, noise, np.random.default_rng(1), derivatives=False)
             yield Job(f"{name}, noise: {what}", partial(opened, robot, log), (), True)
 
 
@@ -290,16 +289,32 @@ def write(found: dict[str, dict[str, Any]]) -> None:
             path.write_text(entry.sub(told, path.read_text(encoding="utf-8")), encoding="utf-8")
 
 
+def show(out: Path, asked: int, found: dict[str, dict[str, Any]]) -> None:
+    """Write what was found so far."""
+    reached = {name: own for name, own in found.items() if own["reached"]}
+    deciding = [n for n, own in reached.items() if any(own[s] for s in SIGNS)]
+    table = pd.DataFrame(
+        [{"number": n, "value": str(own["value"]), "found": sensitivity(own)}
+         for n, own in reached.items()], columns=["number", "value", "found"],
+    )  # fmt: skip
+    statement = (
+        f"{asked} answers reach {len(reached)} of {len(found)} numbers by hand, of which "
+        f"{len(deciding)} change an answer when they are halved or doubled."
+    )
+    more = {"answers": asked, "numbers": found}
+    write_answer(out, "Which numbers decide?", statement, {"Numbers": table}, __doc__, more)
+
+
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Run the study."""
-    parser = argparse.ArgumentParser(prog="rules", description=str(__doc__).split("\n")[0])
-    parser.add_argument("--out", type=Path, default=ROOT / "reports" / "rules.json")
+    parser = study_parser("rules", __doc__, "four answers")
     parser.add_argument("--every", type=int, default=1, help="ask each n-th answer only")
     parser.add_argument("--start", type=int, default=0, help="from this one on")
     parser.add_argument("--jobs", default="foreign,good,verbs", help="kinds of answers")
     parser.add_argument("--write", action="store_true", help="write it into the tables")
     parser.add_argument("--known", type=Path, help="what was found before, to write or tell")
     given = parser.parse_args(argv)
+    given.every = 40 if given.quick else given.every
     warnings.simplefilter("ignore")
     every, first, asked = list(numbers()), set[str](), 0
     found: dict[str, dict[str, Any]] = {
@@ -321,8 +336,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
                 else:
                     own[SIGNS[factor > 1]].append(f"{what}: {job.name}")
             print(f"asked: {job.name}", flush=True)
-            given.out.parent.mkdir(parents=True, exist_ok=True)
-            write_json(given.out, {"answers": asked, "numbers": found})
+            show(given.out, asked, found)
     for name, own in found.items():
         print(tell(name, own))
     if given.write:

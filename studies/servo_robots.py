@@ -16,13 +16,14 @@ import itertools
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pandas as pd
+from shared import study_parser, write_answer
 
 from identifiability import Log, analyze, diagnose, rollout
 from identifiability.estimation.rollouts import roll_late
@@ -546,8 +547,9 @@ def hide(
     }
 
 
-def examine_faults(given: argparse.Namespace) -> None:
-    """Print what is named of what is hidden, by robot and rate."""
+def examine_faults(given: argparse.Namespace) -> pd.DataFrame:
+    """Return what is named of what is hidden, by robot and rate."""
+    found = []
     with tempfile.TemporaryDirectory() as folder:
         for name, rate in itertools.product(given.robot, given.rate):
             robot, (draw, commands, size) = load(name, Path(folder)), JUDGED[name]
@@ -575,8 +577,10 @@ def examine_faults(given: argparse.Namespace) -> None:
                 .mean()
                 .round(2)
             )
-            whole = marks.assign(robots=table.size()).to_string()
-            print(f"{name}, {rate:g} Hz:\n{whole}", flush=True)
+            whole = marks.assign(robots=table.size(), robot=name, rate=rate).reset_index()
+            print(f"{name}, {rate:g} Hz:\n{whole.to_string()}", flush=True)
+            found.append(whole)
+    return pd.concat(found)
 
 
 def write_samples(name: str) -> None:
@@ -592,9 +596,9 @@ def write_samples(name: str) -> None:
         frame.round(5).to_csv(path, index=False)
 
 
-def main() -> None:
-    """Print how well numbers, delays and rollouts of drawn robots are found."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run the study, or write the sample logs of shipped robots."""
+    parser = study_parser("servo_robots", __doc__, "one robot of two links")
     parser.add_argument(
         "--logs", action="store_true", help="write the sample logs and nothing else"
     )
@@ -607,15 +611,23 @@ def main() -> None:
     parser.add_argument("--prior", type=float, help="share of the file's bodies; as analyze has it")
     parser.add_argument("--faults", action="store_true", help="hide something, and diagnose")
     parser.add_argument("--kind", nargs="+", choices=list(FAULTS), help="of what is hidden")
-    given = parser.parse_args()
-    if given.faults:
-        examine_faults(given)
-        return
+    given = parser.parse_args(argv)
     if given.logs:
         for name in SAMPLES:
             write_samples(name)
         return
+    if given.quick:
+        given.seeds, given.robot, given.rate, given.wrong = 1, list(JUDGED)[:1], [50.0], [0.1]
+    table = examine_faults(given) if given.faults else judge_robots(given)
+    statement = f"{given.seeds} robots drawn of each of {', '.join(given.robot)}."
+    title = "Hidden in servos" if given.faults else "Servos from commands alone"
+    write_answer(given.out, title, statement, {"Robots": table}, __doc__)
+
+
+def judge_robots(given: argparse.Namespace) -> pd.DataFrame:
+    """Return how well numbers, delays and rollouts of drawn robots are found, a row a cell."""
     cells = itertools.product(given.robot, given.rate, given.wrong)
+    rows = []
     with tempfile.TemporaryDirectory() as folder:
         for name, rate, wrong in cells:
             robot, (draw, commands, size) = load(name, Path(folder)), JUDGED[name]
@@ -625,11 +637,11 @@ def main() -> None:
                 often = np.random.default_rng([seed, 2]).choice(SERVO_RATES)
                 how = Recorder(rate, commands, delay, given.bits, float(often))
                 judged.append(judge(robot, draw, wrong, how, size, seed, given.prior))
-            print(
-                f"{name}, {rate:g} Hz, bodies ± {100 * wrong:g} %, {given.seeds} robots:\n"
-                f"{summarise(judged)}",
-                flush=True,
-            )
+            found = summarise(judged)
+            print(f"{name}, {rate:g} Hz, bodies ± {100 * wrong:g} %:\n{found}", flush=True)
+            rows.append({"robot": name, "rate [Hz]": rate, "bodies ± [%]": 100 * wrong,
+                         "found": found})  # fmt: skip
+    return pd.DataFrame(rows)
 
 
 if __name__ == "__main__":

@@ -16,13 +16,15 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from real_data.study import FOLDER, read_arguments, write_study
+from real_data import FOLDER
 from scipy import signal
+from shared import data_folder, study_parser
 
 from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.linalg import scan_columns
 from identifiability.foundation.names import Array
+from identifiability.foundation.output import write_json
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.gather import gather_information
@@ -85,11 +87,12 @@ def load_robot(data: Path) -> Robot:
     return Robot.load(data / "tx40_mdh_modified.urdf", FOLDER / "staubli_tx40.toml")
 
 
-def load_log(data: Path, robot: Robot) -> Log:
-    """Return the run as a log of the motors."""
+def load_log(data: Path, robot: Robot, share: float = 1.0) -> Log:
+    """Return the run as a log of the motors, or the first share of it."""
     assert robot.transmission is not None
     q = pd.read_csv(data / "pos_read_data.csv").to_numpy()
     tau = pd.read_csv(data / "curr_data.csv").to_numpy()
+    q, tau = (x[: int(share * len(q))] for x in (q, tau))
     columns = {"t": STEP * np.arange(len(q))}
     for k, motor in enumerate(robot.transmission.motors):
         columns |= {f"{motor}.q": q[:, k], f"{motor}.tau": tau[:, k]}
@@ -138,16 +141,18 @@ def published_in_ours(base: BaseParameters, expressions: Sequence[str]) -> tuple
     return T, np.abs(g - T @ base.G).max(1)
 
 
-def run_analysis(data: Path, method: Method) -> Analysis:
+def run_analysis(data: Path, method: Method, share: float = 1.0) -> Analysis:
     """Return the analysis of the log as any user would get it."""
     robot = load_robot(data)
-    return analyze(robot, load_log(data, robot), ladder=LADDER, method=method)
+    return analyze(robot, load_log(data, robot, share), ladder=LADDER, method=method)
 
 
-def fit_ours(data: Path, base: BaseParameters, processing: str, method: Method) -> Fit:
+def fit_ours(
+    data: Path, base: BaseParameters, processing: str, method: Method, share: float = 1.0
+) -> Fit:
     """Fit with this library, stage by stage, so that the log can be treated in other ways."""
     robot = load_robot(data)
-    samples = prepare_samples(robot, load_log(data, robot), PROCESSINGS[processing])
+    samples = prepare_samples(robot, load_log(data, robot, share), PROCESSINGS[processing])
     regression = Regression(robot, ladder_model(read_ladder(LADDER)), (samples,), base.kept)
     found = estimate(gather_information(regression), method)
     prediction = predict(regression, found.value[:, None])
@@ -297,7 +302,8 @@ def fit_all(data: Path, base: BaseParameters, *, quick: bool) -> Iterator[tuple[
     methods: tuple[Method, ...] = ("ols", "wls")
     for processing in ("ours",) if quick else PROCESSINGS:
         for method in methods:
-            yield processing, method, fit_ours(data, base, processing, method)
+            share = 2 / 3 if quick else 1.0
+            yield processing, method, fit_ours(data, base, processing, method, share)
     for wrist in () if quick else (False, True):
         label = "as published" + (", joint 6 accelerated" if wrist else "")
         for method in methods:
@@ -310,10 +316,13 @@ def fit_all(data: Path, base: BaseParameters, *, quick: bool) -> Iterator[tuple[
 
 def main(argv: Sequence[str] | None = None) -> list[dict[str, Any]]:
     """Run the study, print its tables and write its files."""
-    arguments = read_arguments("staubli_tx40", str(__doc__).partition("\n")[0], argv)
-    data, published = arguments.data, read_published(arguments.data)
-    analysis = run_analysis(data, "wls")
-    ours = fit_ours(data, analysis.base, "ours", "wls")
+    parser = study_parser("staubli_tx40", __doc__, "one way, the first two thirds of the log")
+    parser.add_argument("--data", help="folder of the data sets")
+    arguments = parser.parse_args(argv)
+    data = data_folder("staubli_tx40", arguments.data)
+    share, published = 2 / 3 if arguments.quick else 1.0, read_published(data)
+    analysis = run_analysis(data, "wls", share)
+    ours = fit_ours(data, analysis.base, "ours", "wls", share)
     print_table(compare(analysis.base, ours, published, "wls"))
     print()
     summaries, tables = [], {}
@@ -322,7 +331,9 @@ def main(argv: Sequence[str] | None = None) -> list[dict[str, Any]]:
         summaries.append(summarize(label, method, fit, table))
         tables[f"{label}, {method}"] = table.to_dict("records")
     result = {"study": "staubli_tx40", "fits": summaries, "parameters": tables}
-    write_study(arguments.out, result, analysis)
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    print(f"\n{write_json(arguments.out, result)}")
+    print(analysis.write_report(arguments.out.with_suffix(".html")))
     return summaries
 
 

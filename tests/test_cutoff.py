@@ -173,7 +173,7 @@ def _judge(positions, cutoff, encoder, seed):
 
 @pytest.mark.everything
 def test_what_is_said_without_a_hint_holds_whatever_encoder_and_cut_off(positions):
-    """`studies/cutoff.py` in short."""
+    """Of an encoder alone, at many steps."""
     seeds = range(12)
     rows = [
         (encoder, cutoff, *_judge(positions, cutoff, encoder, seed))

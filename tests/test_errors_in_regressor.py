@@ -1,4 +1,4 @@
-"""Ten periods of the 3-RPS with the paper's noise: studies/errors_in_regressor.py in short."""
+"""Ten periods of the 3-RPS with the paper's noise."""
 
 from dataclasses import replace
 

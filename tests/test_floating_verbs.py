@@ -15,7 +15,7 @@ from identifiability.logs.prepare.echo import add_echoes
 from identifiability.logs.prepare.longsamples import prepare_samples
 from identifiability.robot.locate import shipped_folder
 
-STUDY = Path(__file__).resolve().parents[1] / "studies/floating_bases.py"
+STUDY = Path(__file__).resolve().parents[1] / "studies/shipped/floating_bases.py"
 DRIVE = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"]
 
 

@@ -1,19 +1,14 @@
-"""Odd but legal robots (studies/odd_robots.py) have an answer, and intervals that hold."""
+"""Odd but legal robots have an answer, and intervals that hold."""
 
 import json
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from odd_robots import Odd, outside
 
 from identifiability import IdentifiabilityError, Robot, analyze
 from identifiability.foundation.output import plain
 from identifiability.workflows.analyze.words import state_physics
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "studies"))
-
-from odd_robots import Odd, outside
 
 
 def ask(odd, folder):

@@ -144,16 +144,16 @@ class Rules(RuleTable):
         No computed derivatives are low-passed below this for the motion's sake: however
         slow the program, friction and flexibility make joints move at some hertz, and
         inertia is seen nowhere but there.
-    cutoff_wide : float, studies/cutoff.py
+    cutoff_wide : float, calibrated
         The cut-off in bandwidths of the motion.
-    cutoff_lowered : float, studies/cutoff.py
+    cutoff_lowered : float, calibrated
         Noise may lower the cut-off to this share of either: at three bandwidths few outputs
         are left, and nothing can be judged; gravity and friction are seen in slow motion
         too, whatever its accelerations are, and need outputs.
     cutoff_highest : float, studies/rules.py
         Largest cut-off as a share of the sampling rate. [÷2 changes 72 (numbers: time in ns),
         ×2 changes 67 (numbers: time in ns) of 91 answers that reach it]
-    noise_share : float, studies/cutoff.py
+    noise_share : float, calibrated
         Largest power that noise may have in the acceleration, as a share of the
         acceleration's.
     noise_still : float, studies/rules.py

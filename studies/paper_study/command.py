@@ -9,31 +9,17 @@ from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 
-from identifiability.foundation.engines.local import Engine, Serial, choose_engine
+from registry import STUDIES, Study
+from shared import ROOT
+
+from identifiability.cli.common import progress, sentences
+from identifiability.cli.options import Place
+from identifiability.foundation.engines.local import Engine, Serial
+from identifiability.foundation.errors import IdentifiabilityError
 from paper_study.index import write_index
 from paper_study.page import write_study
 from paper_study.result import Progress, StudyResult
 from paper_study.subject import SHIPPED
-
-#: The checkout.
-ROOT = Path(__file__).resolve().parents[2]
-
-#: Studies in the order of the index: module → what they are called on the command line.
-STUDIES = {
-    "table_1_base_parameters": ("1", "table1"),
-    "table_2_model_1": ("2", "table2"),
-    "table_3_noise": ("3", "table3"),
-    "figure_4_noise_levels": ("figure4", "fig4"),
-    "table_4_stribeck": ("4", "table4"),
-    "table_5_passive_friction": ("5", "table5"),
-    "table_6_no_actuators": ("6", "table6"),
-    "figure_5_split_forces": ("figure5", "fig5"),
-    "figure_3_forces": ("figure3", "fig3"),
-    "table_7_stand_in": ("7", "table7"),
-    "table_8_stand_in": ("8", "table8"),
-    "figure_6_held_out": ("figure6", "fig6"),
-    "paper_slips": ("slips",),
-}
 
 
 @dataclass(frozen=True)
@@ -86,32 +72,33 @@ class Options:
 Run = Callable[[Options], StudyResult]
 
 
-def find_studies(words: Sequence[str]) -> list[str]:
-    """Return the studies that some words name; all of them for no words.
+def find_studies(words: Sequence[str]) -> list[Study]:
+    """Return the studies that some words name; those of the paper for no words.
 
     Raises
     ------
-    KeyError
-        With a sentence, if a word names none.
+    IdentifiabilityError
+        If a word names none.
     """
     if not words:
-        return list(STUDIES)
+        return [s for s in STUDIES if s.paper]
     chosen = []
     for word in words:
         plain = word.lower().removesuffix(".py").replace(" ", "").replace("-", "_")
         key = plain.replace("table_", "table").replace("figure_", "figure")
-        found = [n for n, short in STUDIES.items() if plain == n or key in short]
+        found = [s for s in STUDIES if plain == s.name or key in s.words]
         if not found:
-            raise KeyError(
-                f"There is no study '{word}'. The studies are {', '.join(STUDIES)}; short names "
-                f"such as 3, table3 and figure4 will do."
+            raise IdentifiabilityError(
+                f"There is no study '{word}'. The studies are "
+                f"{', '.join(s.name for s in STUDIES)}; short names such as 3, table3 and figure4 "
+                f"will do."
             )
-        chosen += [n for n in found if n not in chosen]
+        chosen += [s for s in found if s not in chosen]
     return chosen
 
 
 def run_studies(names: Sequence[str], options: Options, out: Path) -> list[StudyResult]:
-    """Run studies, write their pages and the index."""
+    """Run studies of the paper, and write their pages."""
     results = []
     for k, name in enumerate(names):
         run: Run = import_module(name).run
@@ -120,7 +107,6 @@ def run_studies(names: Sequence[str], options: Options, out: Path) -> list[Study
         result = run(options.part(name, *share))
         write_study(result, out)
         results.append(result)
-    write_index(out)
     return results
 
 
@@ -133,29 +119,46 @@ def print_result(result: StudyResult, out: Path) -> None:
     print(f"      {out / result.name}.html")
 
 
-def run_script(run: Run, argv: Sequence[str] | None = None) -> None:
-    """Run one study from the command line; exit with 1 if a required check fails."""
-    module = sys.modules[run.__module__]
-    parser = argparse.ArgumentParser(
-        description=module.__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--quick", action="store_true", help="few seeds")
+def main(argv: Sequence[str], place: Place | None = None) -> int:
+    """Run studies from the command line; return 1 if a required check of the paper fails.
+
+    Parameters
+    ----------
+    argv : sequence of str
+    place : Place, optional
+        Where trials run; processes of this machine by default.
+    """
+    parser = argparse.ArgumentParser(prog="studies", description="Run studies by the registry.")
+    parser.add_argument("names", nargs="*", help="such as 3, figure4, coverage (the paper's)")
+    parser.add_argument("--quick", action="store_true", help="in short: few seeds, coarse grids")
     parser.add_argument("--seeds", type=int, help="trials of every case (40; 4 if quick)")
-    parser.add_argument("--engine", help="serial, processes (default) or dask")
     parser.add_argument("--workers", type=int, help="processes (one a core)")
-    parser.add_argument("--scheduler", help="address of a Dask scheduler")
-    parser.add_argument("--resume", type=Path, help="folder that keeps finished work")
     parser.add_argument("--out", type=Path, default=ROOT / "reports", help="folder (reports)")
     given = parser.parse_args(argv)
     if given.seeds is not None and given.seeds < 1:
         parser.error("--seeds must be at least 1")
-    from identifiability.cli.common import progress, sentences  # noqa: PLC0415 - quick --help
+    place = place or Place(workers=given.workers)
+    with sentences():
+        studies = find_studies(given.names)
+        paper = [s.module for s in studies if s.paper]
+        results: list[StudyResult] = []
+        if paper:
+            with progress() as say, place.running() as engine:
+                options = Options(given.quick, given.seeds, engine, progress=say)
+                results = run_studies(paper, options, given.out)
+        for study in studies:
+            if not study.paper:
+                words = study.quick.split() if given.quick else []
+                words += ["--out", str(given.out / f"{study.name}.json")]
+                import_module(study.module).main(words)
+        index = write_index(given.out)
+    for result in results:
+        print_result(result, given.out)
+    print(index)
+    return 0 if all(r.passed for r in results) else 1
 
-    chosen = (given.engine, given.workers, given.scheduler, given.resume)
-    with sentences(), progress() as say, choose_engine(*chosen) as engine:
-        options = Options(given.quick, given.seeds, engine, progress=say)
-        result = run(options)
-        write_study(result, given.out)
-        write_index(given.out)
-    print_result(result, given.out)
-    sys.exit(0 if result.passed else 1)
+
+def run_script(run: Run) -> None:
+    """Run one study of the paper as a script."""
+    name = Path(str(sys.modules[run.__module__].__file__)).stem
+    sys.exit(main([name, *sys.argv[1:]]))

@@ -7,6 +7,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from shared import data_folder
+
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.workflows.analyze import Analysis
 
@@ -35,7 +37,7 @@ def real_rows(*, quick: bool = False) -> tuple[list[dict[str, Any]], list[str]]:
             missing.append(f"{robot}: left out in a quick run.")
             continue
         try:
-            folder = import_module("real_data.study").data_folder(name)
+            folder = data_folder(name)
             if not folder.is_dir():
                 missing.append(
                     f"{robot}: there is no data set '{name}' here; its study says where to get it."

@@ -7,19 +7,21 @@ from pathlib import Path
 
 import pytest
 
+from identifiability import diagnose
+
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 
 
 @pytest.fixture(scope="module")
 def study():
     sys.path.insert(0, str(STUDIES))
-    yield importlib.import_module("hidden_effect_kuka")
+    yield importlib.import_module("kuka_lwr4")
     sys.path.remove(str(STUDIES))
 
 
 @pytest.fixture(scope="module")
 def data(study):
-    shared = importlib.import_module("real_data.study")
+    shared = importlib.import_module("shared")
     folder = shared.data_folder("kuka_lwr4")
     if not folder.is_dir():
         pytest.skip(f"no data in {folder}; set {shared.VARIABLE}")
@@ -27,9 +29,21 @@ def data(study):
 
 
 @pytest.fixture(scope="module")
-def diagnosed(study, data):
+def run(study, data):
+    """A function (train, test, options) -> diagnosis of the rigid-body model."""
+    robot = study.load_robot(data)
+
+    def diagnosis(train, test, **options):
+        log, unseen = (study.load_log(data, robot, k) for k in (train, test))
+        return diagnose(robot, log, unseen, model=["rigid_body"], forward=False, **options)
+
+    return diagnosis
+
+
+@pytest.fixture(scope="module")
+def diagnosed(run):
     """A function (train, test) -> diagnosis with all effects."""
-    return cache(lambda train, test: study.run(data, [train], [test], forward=False))
+    return cache(run)
 
 
 #: Joints with dry friction by the motion of either run alone, 0.5 to 1.1 N·m.
@@ -55,13 +69,9 @@ MISTAKEN = {"stribeck_friction", "quadratic_friction", "load_dependent_friction"
     ],
 )  # fmt: skip
 def test_friction_and_offset_are_named_and_the_classic_mistakes_are_not(
-    study, data, diagnosed, train, test, effects, shrink
+    run, diagnosed, train, test, effects, shrink
 ):
-    d = (
-        study.run(data, [train], [test], effects=effects, quick=True, forward=False)
-        if effects
-        else diagnosed(train, test)
-    )
+    d = run(train, test, effects=effects, quick=True) if effects else diagnosed(train, test)
     names = {e.name for e in d.effects}
     assert names >= FOUND
     assert not names & MISTAKEN

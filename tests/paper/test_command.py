@@ -10,9 +10,10 @@ import table_1_base_parameters
 import typer
 from paper_study import command
 from paper_study.result import StudyCheck
+from registry import STUDIES
 from typer.testing import CliRunner
 
-STUDIES = Path(command.__file__).resolve().parents[1]
+FOLDER = Path(command.__file__).resolve().parents[1]
 
 #: The module; its name in `identifiability.cli` is the command.
 module = import_module("identifiability.cli.paper")
@@ -47,7 +48,10 @@ def test_outside_a_checkout_it_says_where_the_studies_are(run, tmp_path, monkeyp
     monkeypatch.setattr(module, "STUDIES", tmp_path / "studies")
     out = run("3")
     assert out.exit_code == 2
-    assert "part of the source checkout" in " ".join(out.stderr.split())
+    said = " ".join(out.stderr.split())
+    assert "part of the source checkout" in said
+    assert f"git clone {module.SOURCE}" in said
+    assert said.count(". ") == 0
 
 
 def test_an_unknown_table_is_one_sentence(run):
@@ -56,9 +60,9 @@ def test_an_unknown_table_is_one_sentence(run):
     assert "no study '17'" in out.stderr
 
 
-@pytest.mark.parametrize("name", command.STUDIES)
+@pytest.mark.parametrize("name", [s.module for s in STUDIES if s.paper])
 def test_every_script_states_its_question(name):
-    text = (STUDIES / f"{name}.py").read_text(encoding="utf-8")
+    text = (FOLDER / f"{name}.py").read_text(encoding="utf-8")
     assert text.startswith('"""')
     assert "?" in text.splitlines()[0]
     assert "run_script(run)" in text
@@ -66,7 +70,7 @@ def test_every_script_states_its_question(name):
 
 @pytest.mark.everything  # what it runs is run above, in this process
 def test_a_script_runs_alone(tmp_path):
-    script = STUDIES / "paper_slips.py"
+    script = FOLDER / "paper_slips.py"
     words = [sys.executable, str(script), "--quick", "--workers", "1", "--out", str(tmp_path)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -5,19 +5,21 @@ import re
 from importlib import import_module
 
 import pytest
-from paper_study.command import STUDIES, Options, find_studies, run_studies
-from paper_study.index import find_statement
+from paper_study.command import Options, find_studies, run_studies
+from paper_study.index import find_statement, write_index
 from paper_study.page import write_study
 from paper_study.printed import read_printed
+from registry import STUDIES
+
+from identifiability.foundation.errors import IdentifiabilityError
+
+PAPER = [study.name for study in STUDIES if study.paper]
 
 #: Four draws of the noise; the trials are shared by the studies of a process.
 QUICK = Options(quick=True)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(n, marks=pytest.mark.everything if k % 3 else ()) for k, n in enumerate(STUDIES)],
-)
+@pytest.mark.parametrize("name", PAPER[::3])  # all of them by test_registry.py
 def test_a_quick_study_passes_and_writes_its_page(name, tmp_path):
     result = import_module(name).run(QUICK)
     assert result.name == name
@@ -53,6 +55,7 @@ def test_the_index_links_every_report_with_its_result(tmp_path):
         '<h1>A robot</h1><p class="statement">Nine of ten are <b>known</b>.</p>', encoding="utf-8"
     )
     run_studies(["table_1_base_parameters", "paper_slips"], QUICK, tmp_path)
+    write_index(tmp_path)
     text = (tmp_path / "index.html").read_text(encoding="utf-8")
     for name in ("table_1_base_parameters", "paper_slips", "demo"):
         assert f'href="{name}.html"' in text
@@ -72,9 +75,9 @@ def test_the_index_links_every_report_with_its_result(tmp_path):
     ],
 )
 def test_studies_go_by_short_names(word, wanted):
-    assert find_studies([word]) == [wanted]
+    assert [study.name for study in find_studies([word])] == [wanted]
 
 
 def test_an_unknown_study_is_refused_with_the_known_ones():
-    with pytest.raises(KeyError, match=r"no study '9'.*table_3_noise"):
+    with pytest.raises(IdentifiabilityError, match=r"no study '9'.*table_3_noise"):
         find_studies(["9"])

@@ -22,7 +22,7 @@ def data(study):
     """A function name -> data folder; without the data the test is skipped, in CI it fails."""
 
     def find(name: str) -> Path:
-        shared = study("real_data.study")
+        shared = study("shared")
         folder = shared.data_folder(name)
         if not folder.is_dir():
             pytest.skip(f"no data in {folder}; set {shared.VARIABLE}")

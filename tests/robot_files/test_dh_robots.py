@@ -235,7 +235,6 @@ def hits(name, seed, trajectories, samples=None, replicates=1000):
 @pytest.mark.everything
 @pytest.mark.parametrize("name", ARMS)
 def test_an_arm_is_identified_back_from_a_noisy_log(name):
-    """`studies/dvrk.py` in short: there 20 seeds cover at least .93."""
     held, spring = hits(name, 0, "abd", samples=500, replicates=50)
     assert held.mean() > 0.85  # one seed; intervals of one seed err together
     assert spring == pytest.approx(1.0, abs=0.06)

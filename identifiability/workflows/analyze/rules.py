@@ -17,9 +17,9 @@ class Rules(RuleTable):
         deviation: there are many parameters.
     cutoff_inside : float, by hand
         A cut-off below so many times the band of the motion cuts into it.
-    cutoff_loud : float, studies/cutoff.py
+    cutoff_loud : float, calibrated
         Noise with a larger share of an acceleration's power is said. On one period of a
-        motion intervals hold up to three tenths (`studies/cutoff.py`).
+        motion intervals hold up to three tenths.
     inflation_mild : float, by hand
         σ may grow by this factor before the report warns of autocorrelation.
     """

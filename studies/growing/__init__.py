@@ -1,1 +1,0 @@
-"""How time and memory grow: the robots, the runs, and what others need."""

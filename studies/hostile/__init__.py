@@ -1,1 +1,0 @@
-"""Hostile days: files that nobody means well with, and faults while a command works."""

@@ -1,1 +1,0 @@
-"""The inner work of the library beside the naive form of each, with the same answers."""

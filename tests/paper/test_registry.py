@@ -1,0 +1,51 @@
+"""Every study stands in the registry, and runs in short as it says there."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from registry import STUDIES
+from shared import VARIABLE, data_folder
+
+FOLDER = Path(__file__).resolve().parents[2] / "studies"
+
+
+def test_no_study_is_outside_the_registry_and_there_are_not_more():
+    run = {p.stem for p in FOLDER.glob("*.py") if '__name__ == "__main__"' in p.read_text()}
+    assert run - {"__main__"} == {study.module for study in STUDIES}
+    assert len(STUDIES) == len({study.name for study in STUDIES}) <= 25
+
+
+def test_every_study_has_one_sentence_and_names_of_its_own():
+    names = [name for study in STUDIES for name in (study.name, *study.words)]
+    assert len(names) == len(set(names))
+    for study in STUDIES:
+        assert study.asks.endswith("?")
+        assert study.asks.count("?") == 1
+
+
+def test_the_library_finds_studies_without_a_path(tmp_path):
+    """Run outside of the checkout, in a process that knows nothing of the folder."""
+    words = ["-m", "identifiability", "paper", "slips", "--quick", "--out", str(tmp_path)]
+    env = os.environ | {"PYTHONPATH": str(FOLDER.parent)}
+    done = subprocess.run(
+        [sys.executable, *words], cwd=tmp_path, env=env, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "paper_slips.html").stat().st_size > 10_000
+
+
+@pytest.mark.everything
+@pytest.mark.parametrize("study", STUDIES, ids=lambda s: s.name)
+def test_a_study_runs_in_short_and_writes_its_page(study, tmp_path):
+    if study.data and not data_folder(study.data).is_dir():
+        pytest.skip(f"no data in {data_folder(study.data)}; set {VARIABLE}")
+    words = [sys.executable, FOLDER, study.name, "--quick", "--workers", "1", "--out", tmp_path]
+    env = os.environ | {"PYTHONPATH": str(FOLDER.parent)}
+    done = subprocess.run(words, env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / f"{study.name}.html").read_text(encoding="utf-8")
+    assert '<p class="statement">' in page
+    assert (tmp_path / "index.html").exists()
