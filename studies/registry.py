@@ -70,7 +70,10 @@ STUDIES = (
         file="hidden_physics_exam",
     ),
     Study("coverage", "Do intervals of 95 % hold the truth in 95 % of the cases?"),
-    Study("coverage_posterior", "Do the intervals of a posterior of 95 % hold the truth in 95 % of the cases?"),
+    Study(
+        "coverage_posterior",
+        "Do the intervals of a posterior of 95 % hold the truth in 95 % of the cases?",
+    ),
     Study("kuka_lwr4", "What does a model of a KUKA LWR4+ err on other runs?", data="kuka_lwr4"),
     Study(
         "staubli_tx40",

@@ -1,14 +1,153 @@
-"""Odd but legal robots have an answer, and intervals that hold."""
+"""Odd but legal robots, whose logs MuJoCo alone makes, have an answer, and intervals that hold."""
+
+from __future__ import annotations
 
 import json
+from dataclasses import dataclass
+from pathlib import Path
 from types import SimpleNamespace
 
+import mujoco
+import numpy as np
+import pandas as pd
 import pytest
-from odd_robots import Odd, outside
 
-from identifiability import IdentifiabilityError, Robot, analyze
+from identifiability import IdentifiabilityError, Model, Robot, analyze, find_base_parameters
 from identifiability.foundation.output import plain
+from identifiability.regression.reduction import DEFAULT_EFFECTS
 from identifiability.workflows.analyze.words import state_physics
+
+#: Samples times joints of a log, at most: a larger one asks nothing else.
+MOST = 100_000
+
+
+@dataclass(frozen=True)
+class Odd:
+    """A robot: scale [m], masses [kg] and joints; its logs: rate [Hz], samples, fastest motion."""
+
+    scale: float
+    mass: float
+    kinds: str
+    rate: float
+    samples: int
+    fastest: float
+    seed: int
+
+    @classmethod
+    def draw(cls, seed: int, joints: float = 30.0, most: int = MOST) -> Odd:
+        """Return a robot; everything is uniform on a scale of logarithms."""
+        rng = np.random.default_rng(seed)
+
+        def between(low: float, high: float) -> float:
+            return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+        scale, mass = between(1e-3, 10.0), between(1e-3, 1e3)
+        kinds = "".join(rng.choice(list("HHHS"), round(between(1.0, joints))))
+        rate, samples = between(10.0, 2e4), round(between(30, 1e5))
+        own = np.sqrt(9.81 / scale) / (2 * np.pi)  # of a pendulum of this size [Hz]
+        fastest = min(rate / 25, own * between(0.5, 5.0))
+        return cls(scale, mass, kinds, rate, min(samples, most // len(kinds)), fastest, seed)
+
+    @property
+    def bodies(self) -> list[dict[str, np.ndarray]]:
+        """Mass, centre, principal moments, axes and joint of every body."""
+        rng = np.random.default_rng([self.seed, 1])
+        made = []
+        for kind in self.kinds:
+            mass = self.mass * rng.uniform(0.3, 1.0)
+            a, b, c = mass * (self.scale * rng.uniform(0.1, 0.3, 3)) ** 2
+            quat = rng.normal(size=4)
+            load = mass * 9.81 * (self.scale if kind == "H" else 1.0)
+            made.append(
+                {
+                    "mass": np.array(mass),
+                    "centre": self.scale * rng.uniform(-0.3, 0.3, 3),
+                    "moments": np.array([b + c, a + c, a + b]),
+                    "quat": quat / np.linalg.norm(quat),
+                    "friction": load * rng.uniform(0.02, 0.2, 2),  # Fc, Fv at a unit of speed
+                    "rotor": np.array((a + b if kind == "H" else mass) * rng.uniform(0.1, 1.0)),
+                }
+            )
+        return made
+
+    def text(self, wrong: float = 0.0) -> str:
+        """Return the MJCF; masses and moments off by a share."""
+        rng, opened = np.random.default_rng([self.seed, 2]), []
+        for k, (kind, b) in enumerate(zip(self.kinds, self.bodies, strict=True)):
+            off = 1 + wrong * rng.uniform(-1, 1)
+            row = {n: " ".join(f"{x:.17g}" for x in np.ravel(off * v)) for n, v in b.items()}
+            centre, quat = (" ".join(f"{x:.17g}" for x in b[n]) for n in ("centre", "quat"))
+            turned = f'quat="{quat}"' if k else ""
+            opened.append(
+                f'<body name="l{k}" pos="{self.scale if k else 0:.17g} 0 0" {turned}><inertial '
+                f'pos="{centre}" mass="{row["mass"]}" diaginertia="{row["moments"]}"/>'
+                f'<joint name="j{k}" type="{"hinge" if kind == "H" else "slide"}" axis="0 1 0"/>'
+            )
+        motors = "".join(f'<motor joint="j{k}"/>' for k in range(len(self.kinds)))
+        return (
+            '<mujoco><compiler angle="radian" boundmass="0" boundinertia="0"/><worldbody>'
+            f"{''.join(opened)}{'</body>' * len(self.kinds)}</worldbody>"
+            f"<actuator>{motors}</actuator></mujoco>"
+        )
+
+    def log(self, which: int) -> pd.DataFrame:
+        """Return a log: positions with encoder noise, torque with 1 % of its spread as noise."""
+        rng = np.random.default_rng([self.seed, 3, which])
+        n, t = len(self.kinds), np.arange(self.samples) / self.rate
+        w = 2 * np.pi * self.fastest * rng.uniform(0.1, 1.0, (6, n))
+        size = np.where(np.array(list(self.kinds)) == "H", 1.0, self.scale)
+        a, phase = size * rng.uniform(0.1, 0.5, (6, n)), rng.uniform(0, 2 * np.pi, (6, n))
+        angle = w * t[:, None, None] + phase
+        q, dq = (a * np.sin(angle)).sum(1), (a * w * np.cos(angle)).sum(1)
+        ddq = -(a * w**2 * np.sin(angle)).sum(1)
+        model = mujoco.MjModel.from_xml_string(self.text())
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        data, tau = mujoco.MjData(model), np.empty((len(t), n))
+        for k in range(len(t)):
+            data.qpos[:], data.qvel[:], data.qacc[:] = q[k], dq[k], ddq[k]
+            mujoco.mj_inverse(model, data)
+            tau[k] = data.qfrc_inverse
+        dry, viscous = np.array([b["friction"] for b in self.bodies]).T
+        tau += dry * np.sign(dq) + viscous * dq / size
+        tau += ddq * np.array([b["rotor"] for b in self.bodies])
+        tau += 0.01 * (tau.std(0) + 1e-300) * rng.normal(size=tau.shape)
+        q += 1e-5 * size * rng.normal(size=q.shape)
+        columns = {
+            f"j{k}.{name}": x[:, k] for name, x in (("q", q), ("tau", tau)) for k in range(n)
+        }
+        return pd.DataFrame({"t": t, **columns})
+
+    def truth(self) -> dict[str, float]:
+        """Return the parameters that made the logs, by the library's names."""
+        model, values = mujoco.MjModel.from_xml_string(self.text()), dict[str, float]()
+        for k, (kind, b) in enumerate(zip(self.kinds, self.bodies, strict=True)):
+            m, c, turn = model.body_mass[k + 1], model.body_ipos[k + 1], np.empty(9)
+            mujoco.mju_quat2Mat(turn, model.body_iquat[k + 1])
+            R = turn.reshape(3, 3)
+            inertia = R @ np.diag(model.body_inertia[k + 1]) @ R.T
+            inertia += m * (np.dot(c, c) * np.eye(3) - np.outer(c, c))
+            whole = (m, *(m * c), *inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]])
+            named = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+            values |= {f"l{k}.{n}": v for n, v in zip(named, whole, strict=True)}
+            size = 1.0 if kind == "H" else self.scale
+            own = {"Fc": b["friction"][0], "Fv": b["friction"][1] / size, "Ia": b["rotor"]}
+            values |= {f"j{k}.{n}": float(v) for n, v in (own | {"off": 0.0}).items()}
+        return values
+
+
+def outside(odd: Odd, path: Path, told: dict) -> tuple[int, int, list[str]]:
+    """Return how many values are called identifiable, how many are outside, and which."""
+    base = find_base_parameters(Robot.load(path), Model.of(*DEFAULT_EFFECTS))
+    truth = odd.truth()
+    phi = np.array([truth[p.name] for p in base.parameters])
+    true = dict(zip(base.names, base.G @ phi, strict=True))
+    called = [p for p in told["full_parameters"] if p["verdict"] == "identifiable"]
+    bad = [
+        f"{p['name']} = {p['value']:.3g}, true {true[p['name']]:.3g}, {p['interval95']}"
+        for p in called
+        if not p["interval95"][0] <= true[p["name"]] <= p["interval95"][1]
+    ]
+    return len(called), len(bad), bad
 
 
 def ask(odd, folder):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
-from roads import in_mujoco, in_pinocchio, project
 
 from identifiability.effects import FAMILIES
 from identifiability.logs.prepare import Samples, prepare_samples
@@ -17,6 +17,10 @@ from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
 from identifiability.workflows.export import export
 from identifiability.workflows.instruments import follow
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from roads import in_mujoco, in_pinocchio, project
 
 
 def error_ra(tau, predicted):

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
-from planted_load import PlantedLoad, unit_loads
 
 from identifiability import Robot, analyze
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.simulation.simulator import Campaign
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from planted_load import PlantedLoad, unit_loads
 
 BODY = {"six-dof-arm": "link_6", "two-link": "link2", "3-rps": "platform"}
 MOTIONS = {"six-dof-arm": ("a", "b"), "two-link": ("a", "b"), "3-rps": ("601", "595")}
