@@ -53,9 +53,6 @@ def excite(
     (multi-sine, chirp, steps; rest to rest), such that in a simulation of its file position, speed
     and servo torque stay within limits. Begin with less, *--scale 0.3*: the file may be wrong.
 
-    A robot that floats and stands on its `[[contacts]]` gets a motion **in place**: its base shifts
-    over its feet, and each swings in turn while the others stand.
-
     By default all parameters shall be told well by one log (condition number). Ask for more with
 
         identifiability excite arm.urdf --start-from run.csv --parameter link3.mx --out next.json

@@ -32,9 +32,6 @@ def rollout(
         identifiability rollout robot.xml unseen.csv --fit run.csv --fitted fitted.xml
         identifiability rollout robot.xml unseen.csv --against fitted.xml --out positions.csv
 
-    A robot that floats is moved on its feet, in windows that begin with what was measured, by
-    commands or, where there are none, by logged torque.
-
     **You get** the error of each joint's positions [mrad or mm], over whole logs and over windows
     of one second that begin with what was measured. Use logs that were not fitted.
 

@@ -145,8 +145,7 @@ def sketch(result: Excitation) -> Sketch | None:
         for owner in known
     }
     q = result.motion[1]
-    based = np.zeros((len(q), len(result.robot.joints) - q.shape[1]))  # where a base that floats is
-    pose = actuated_pose(result.robot, np.hstack([based, q]))
+    pose = actuated_pose(result.robot, q)
     return sketch_parts(result.robot, parts, "decision.excited", pose, "not in the model")
 
 
@@ -182,8 +181,7 @@ def section_motion(result: Excitation) -> Section:
     """Return every joint along the motion, and the limits it keeps."""
     t, *parts = result.motion
     limits, robot = result.limits, result.robot
-    motors = robot.actuated[-len(limits.joints) :]  # a base that floats comes before them
-    slides = [robot.is_prismatic(int(k)) for k in motors]
+    slides = [robot.is_prismatic(int(k)) for k in robot.actuated]
     pictures = []
     for k, joint in enumerate(limits.joints):
         unit = "m" if slides[k] else "rad"
@@ -195,7 +193,7 @@ def section_motion(result: Excitation) -> Section:
         "excitation.motion",
         Gallery(tuple(pictures)),
         result.tables()[0],
-        *([] if result.in_place else [Fold("Coefficients", (_coefficients(result),))]),
+        Fold("Coefficients", (_coefficients(result),)),
     )
 
 
@@ -228,12 +226,12 @@ def section_method(result: Excitation) -> Section:
     logs = ", ".join(shorten_paths(result.logs))
     text = words(
         "excitation.how",
-        harmonics=(result.in_place or result.trajectory).harmonics,
+        harmonics=result.trajectory.harmonics,
         motions=format_count(result.evaluations, "motion"),
         seconds=f"{result.seconds:.0f}",
         seed=result.seed,
         effects=", ".join(result.effects),
         measured=sentence("excitation.measured", logs=logs) if logs else "",
     )
-    own = ("how", "model", "run_in") if result.in_place is None else ("in_place", "model")
-    return section("excitation.method", Prose(tuple(text[name] for name in own)))
+    shown = tuple(text[name] for name in ("how", "model", "run_in"))
+    return section("excitation.method", Prose(shown))

@@ -9,7 +9,7 @@ from identifiability.report.blocks import Section, Trace, Traces, section
 from identifiability.report.drawing import peak_rows
 from identifiability.report.skeleton import move_skeletons
 from identifiability.report.torque import LINE_POINTS
-from identifiability.workflows.rollout import RolledOut, moved_words
+from identifiability.workflows.rollout import RolledOut
 
 
 def heading(result: RolledOut) -> tuple[str, str]:
@@ -38,11 +38,7 @@ def section_motion(result: RolledOut) -> tuple[Section, ...]:
     ]
     caption = f"The robots along {log.name}, and how far their joints are from the recording (rms)."
     moving = move_skeletons(result.robot, log.t, motions, errors, caption, result.unit)
-    return (
-        ()
-        if moving is None
-        else (section("rollout.motion", moving, log=log.name, **moved_words(result)),)
-    )
+    return () if moving is None else (section("rollout.motion", moving, log=log.name),)
 
 
 def section_positions(result: RolledOut) -> Section:
@@ -60,9 +56,9 @@ def section_positions(result: RolledOut) -> Section:
         rows = peak_rows(tuple(lines.values()), most)
         drawn = {n: y[rows] for n, y in lines.items()}
         groups.append(Trace.of(joint, unit, t[rows], drawn, "position"))
-    return section("rollout.positions", Traces(tuple(groups)), log=log.name, **moved_words(result))
+    return section("rollout.positions", Traces(tuple(groups)), log=log.name)
 
 
 def section_joints(result: RolledOut) -> Section:
     """Return the errors of every joint."""
-    return section("rollout.joints", result.tables()[0], **moved_words(result))
+    return section("rollout.joints", result.tables()[0])

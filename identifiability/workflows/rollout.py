@@ -27,30 +27,19 @@ from identifiability.foundation.rounding import digits
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
-from identifiability.logs.conventions import Conventions
-from identifiability.logs.mend import check_units
-from identifiability.logs.prepare.plan import joint_log
 from identifiability.logs.tables import write_table
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.changed import new_place
-from identifiability.robot.floating import SIX
 from identifiability.robot.servo import state_delay
 from identifiability.simulation.rollout import NO_SERVO, CommandedRobot, forgotten
 from identifiability.simulation.rules import RULES as SIMULATION_RULES
-from identifiability.simulation.walking import BasePath, WalkingRobot
 from identifiability.workflows.answers import hides_joints, list_worst
-from identifiability.workflows.opening import Logs, in_memory, list_logs, read_recordings
+from identifiability.workflows.opening import Logs
 from identifiability.workflows.servo_gains import learn_gains, read_commanded
 from identifiability.workflows.servo_limits import learn_limits
 
-#: Length of a window [s], and of one of a robot that floats which logged torque moves, as nothing
-#: brings it back to where it was.
+#: After how long a rollout begins anew with what was measured, in windows [s].
 WINDOW: Tolerance = 1.0
-FREE: Tolerance = 0.1
-
-#: How many delays are tried where no file states that of a robot that floats, and the longest [s].
-DELAYS = 13
-LATEST: Tolerance = 0.04
 
 Other = Annotated[
     Robot | Result | str | Path,
@@ -99,10 +88,6 @@ class RolledOut(Result):
         With what was fitted to logs first; its `save` writes it.
     hints : tuple of str
         How logs were read, and what was mended in them.
-    window : float [s]
-        After which a rollout begins anew with what was measured, in windows.
-    torque : bool
-        Whether logged torque moved it, and not commands.
     """
 
     schema: ClassVar[str] = "identifiability/rollout/1"
@@ -112,13 +97,6 @@ class RolledOut(Result):
     runs: tuple[Rolled, ...]
     fitted: Robot | None = None
     hints: tuple[str, ...] = ()
-    window: float = WINDOW
-    torque: bool = False
-
-    @property
-    def floats(self) -> bool:
-        """Whether nothing holds the base: all there is of it then are windows."""
-        return self.robot.base is not None
 
     @cached_property
     def errors(self) -> Array:
@@ -137,7 +115,7 @@ class RolledOut(Result):
         rows = []
         for run in self.runs:
             pairs = zip(getattr(run, which), self.logs, strict=True)
-            skip = [0 if self.floats else forgotten(log) for log in self.logs]
+            skip = [forgotten(log) for log in self.logs]
             apart = [(x - log.q)[a:] for (x, log), a in zip(pairs, skip, strict=True)]
             every = np.concatenate(apart)
             if which == "windows":
@@ -159,23 +137,7 @@ class RolledOut(Result):
     def alike(self) -> np.ndarray:
         """Which joints turn, or if none does, slide, (n,) bool: what errors are told of."""
         slides = np.array([self.robot.is_prismatic(int(k)) for k in self.robot.actuated], bool)
-        motors = np.arange(len(slides)) >= len(slides) - len(self.robot.motor_joints)
-        alike: np.ndarray = motors & (slides if slides[motors].all() else ~slides)
-        return alike
-
-    @property
-    def of_base(self) -> str:
-        """By how much the base of the last robot errs where nothing holds it, in words."""
-        if not self.floats:
-            return ""
-        place, turn = (1e3 * float(np.sqrt(np.sum(x**2)))
-                       for x in np.split(self.window_errors[-1, :SIX], 2))  # fmt: skip
-        return (
-            f"The base{self._of_last} errs by {place:.3g} mm and {turn:.3g} mrad against "
-            "what the inertial sensor and the feet on the ground say of it. A robot on its feet "
-            f"soon leaves any recording, so each window of {self.window:g} s begins with what was "
-            "measured; contacts are balls on a plane."
-        )
+        return slides if slides.all() else ~slides
 
     @property
     def unit(self) -> str:
@@ -189,15 +151,12 @@ class RolledOut(Result):
         if not hides_joints(each, np.inf):
             return ""
         joints = [j for j, a in zip(self.robot.joints, self.alike, strict=True) if a]
-        return f"By joint{self._of_last}: {list_worst(joints, each, self.unit)}."
-
-    @property
-    def _of_last(self) -> str:
-        return f" of the robot {self.runs[-1].name}" if len(self.runs) > 1 else ""
+        of_last = f" of the robot {self.runs[-1].name}" if len(self.runs) > 1 else ""
+        return f"By joint{of_last}: {list_worst(joints, each, self.unit)}."
 
     def answers(self) -> tuple[Answer, ...]:
         """Return by how much positions err, and how late commands act."""
-        return (_error(self),) if self.torque else (_error(self), _delay(self))
+        return _error(self), _delay(self)
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
@@ -212,8 +171,7 @@ class RolledOut(Result):
         """The answer in plain words."""
         names = listing([log.name for log in self.logs], 3)
         told = [self._tell(k) for k in range(len(self.runs))]
-        moved = moved_words(self)
-        text = f"Moved by the {moved['what']} of {names} {moved['begun']}, {told[0]}"
+        text = f"Moved by the commands of {names} from where it began, {told[0]}"
         if len(told) > 1:
             ratios = self.totals[1:] / self.totals[0]
             for other, ratio in zip(told[1:], ratios, strict=True):
@@ -225,17 +183,15 @@ class RolledOut(Result):
             + (", found from these logs" if run.found else "")
             for run in self.runs
         ]
-        late_text = "" if self.torque else f"{late[0][0].upper()}{'; '.join(late)[1:]}."
-        parts = (f"{text}.", self.by_joint, self.of_base, late_text, *self.hints)
+        late_text = f"{late[0][0].upper()}{'; '.join(late)[1:]}."
+        parts = (f"{text}.", self.by_joint, late_text, *self.hints)
         return " ".join(filter(None, parts))
 
     def _tell(self, k: int) -> str:
         run = self.runs[k]
         if not np.isfinite(self.totals[k]):
             return f"{run.name} diverges"
-        short = f"in windows of {self.window:g} s {1e3 * self.window_totals[k]:.3g} {self.unit}"
-        if self.floats:
-            return f"{run.name} errs {short} (rms)"
+        short = f"in windows of {WINDOW:g} s {1e3 * self.window_totals[k]:.3g} {self.unit}"
         return f"{run.name} errs by {1e3 * self.totals[k]:.3g} {self.unit} (rms; {short})"
 
     def to_frame(self) -> pd.DataFrame:
@@ -243,7 +199,7 @@ class RolledOut(Result):
         frame = pd.DataFrame({"joint": list(self.robot.joints)})
         for run, whole, short in zip(self.runs, self.errors, self.window_errors, strict=True):
             frame[f"error of {run.name}"] = whole
-            frame[f"{self.window:g} s windows of {run.name}"] = short
+            frame[f"{WINDOW:g} s windows of {run.name}"] = short
         return frame
 
     def positions_frame(self) -> pd.DataFrame:
@@ -293,7 +249,7 @@ class RolledOut(Result):
                 {"name": log.path or log.name, "samples": len(log), "sha256": log.sha256}
                 for log in self.logs
             ],
-            "window": self.window,
+            "window": WINDOW,
             "rollouts": runs,
         }
 
@@ -312,8 +268,7 @@ def rollout(
     Parameters
     ----------
     robot : Robot, path or shipped name
-        With servos, in its file or its sidecar. One that floats, on its feet, is also moved by
-        logged torque where there are none.
+        With servos, in its file or its sidecar. One that floats is put on a stand.
     logs : log, path, DataFrame, or several
         Logs with commands, ``<joint>.cmd``, beside positions; torque is not looked at.
     against : Robot, path or result, optional
@@ -329,8 +284,7 @@ def rollout(
     """
     with one_thread("blas"):
         robot = Robot.of(robot)
-        if robot.base is not None:
-            return _walk(robot, logs, against, fit)
+        robot.check_stands("rollout")
         if robot.servo is None:
             raise RobotError(f"{robot.path} {NO_SERVO}")
         read, said = read_commanded(robot, logs)
@@ -371,63 +325,6 @@ def rollout(
     )
 
 
-def _walk(robot: Robot, logs: Logs, against: Other | None, fit: Logs) -> RolledOut:
-    """Roll out a robot that floats, in windows that begin with what was measured."""
-    if list_logs(fit):
-        robot.check_stands("fitting to rollouts")
-    base = robot.base
-    assert base is not None
-    WalkingRobot(robot, torque=True)  # says what it lacks before logs are read
-    servo = None if base.servo is None or base.servo.unknown.any() else base.servo
-    known = replace(Conventions.of(robot), commands=servo is not None, servo=servo)
-    given = read_recordings(logs, known=known, commands=servo is not None, learns=False)
-    read = [log.select(robot.motor_joints) for log in in_memory(given.fitted, Log)]
-    torque = servo is None or any(log.q_ref is None and log.dq_ref is None for log in read)
-    for log in read:
-        check_units(robot, [joint_log(robot, log)])
-        if torque and log.motion_alone:
-            raise LogError(
-                f"{log.name} has neither torque nor commands of servos whose gains {robot.path} "
-                "states, and a rollout needs one of both."
-            )
-    window = FREE if torque else WINDOW
-    robots = [robot, *([] if against is None else [_other(robot, against)])]
-    measured, runs = [], []
-    for one in robots:
-        if one.base is None or one.motor_joints != robot.motor_joints:
-            raise RobotError(
-                f"{one.path} has other joints than {robot.path}, which floats on "
-                f"{listing(robot.motor_joints)}; compare robots with the same joints."
-            )
-        machine, along, late = WalkingRobot(one, torque=torque), [], []
-        for log in read:
-            path, rows = BasePath(robot, log), _windows(log, window)
-            stated = None if one.base.servo is None else one.base.servo.delay
-            first = -signals.sampling_step(log.t)  # a command was given since the row before
-            tried = [*np.linspace(first, LATEST, DELAYS)] if stated is None else [stated]
-            tried = [0.0] if torque else tried
-            found = [machine.roll(log, path, rows, delay)[: rows[-1][1]] for delay in tried]
-            truth = np.hstack([path.measured, log.q])[: rows[-1][1]]
-            best = int(np.argmin([np.nanmean((x - truth)[:, SIX:] ** 2) for x in found]))
-            along.append(found[best])
-            late.append(float(tried[best]))
-            if one is robot:
-                measured.append(_on_base(robot, log, truth))
-        stated_delay = torque or (one.base.servo is not None and one.base.servo.delay is not None)
-        runs.append(Rolled(_name(one), tuple(late), not stated_delay, *[tuple(along)] * 2))
-    if len(runs) > 1 and runs[1].name == runs[0].name:
-        runs[1] = replace(runs[1], name=f"{runs[1].name} (the other)")
-    return RolledOut(robot=robot, logs=tuple(measured), runs=tuple(runs),
-                     hints=given.hints, window=window, torque=torque)  # fmt: skip
-
-
-def _on_base(robot: Robot, log: Log, q: Array) -> Log:
-    """Return the part of a log that was rolled out, with where its base was beside its joints."""
-    cut = replace(log, dq=None, ddq=None, q_ref=None, dq_ref=None, tau_ff=None, unmeasured=None,
-                  base=None).each(lambda x: x[: len(q)])  # fmt: skip
-    return replace(cut, t=log.t[: len(q)], joints=robot.joints, q=q, tau=np.zeros_like(q))
-
-
 def _name(robot: Robot) -> str:
     path = robot.path
     return path.name if path.stem != "robot" else f"{robot.name}/{path.name}"
@@ -459,22 +356,11 @@ def _roll(robot: Robot, logs: Sequence[Log]) -> Rolled:
     return Rolled(_name(robot), late, stated is None, whole, short)
 
 
-def _windows(log: Log, window: float = WINDOW) -> list[tuple[int, int]]:
+def _windows(log: Log) -> list[tuple[int, int]]:
     """Return the rows of windows of some seconds; one, where a log is shorter."""
-    rows = max(2, round(window / signals.sampling_step(log.t)))
+    rows = max(2, round(WINDOW / signals.sampling_step(log.t)))
     starts = range(0, len(log) - rows + 1, rows)
     return [(a, a + rows) for a in starts] or [(0, len(log))]
-
-
-def moved_words(result: RolledOut) -> dict[str, str]:
-    """Return how robots were moved: by what, from where, and over what errors are told."""
-    windows = f"windows of {result.window:g} s that begin with what was measured"
-    whole = "whole logs, where what drifts adds up, and over "
-    return {
-        "what": "torque" if result.torque else "commands",
-        "begun": "from where each window began" if result.floats else "from where it began",
-        "over": f"{'' if result.floats else whole}{windows}",
-    }
 
 
 def _error(result: RolledOut) -> Answer:
@@ -482,11 +368,10 @@ def _error(result: RolledOut) -> Answer:
     texts = [f"{x:.3g} {unit}" if np.isfinite(x) else "it diverges" for x in totals]
     pairs = zip(result.runs, texts, 1e3 * result.window_totals, strict=True)
     text = " ".join(
-        f"{run.name}: {'' if result.floats else f'{x} over whole logs, '}{w:.3g} {unit} over "
-        f"windows of {result.window:g} s."
+        f"{run.name}: {x} over whole logs, {w:.3g} {unit} over windows of {WINDOW:g} s."
         for run, x, w in pairs
     )
-    text = " ".join(filter(None, (text, result.by_joint, result.of_base)))
+    text = " ".join(filter(None, (text, result.by_joint)))
     short = " → ".join(texts)
     better = len(totals) > 1 and totals[1] < totals[0]
     tone = "blue" if len(totals) == 1 else "green" if better else "amber"
@@ -511,9 +396,8 @@ def _joint_table(result: RolledOut) -> Table:
     for run, errors in zip(
         result.runs, zip(result.errors, result.window_errors, strict=True), strict=True
     ):
-        titles = (run.name, f"{result.window:g} s windows")
-        for title, each in list(zip(titles, errors, strict=True))[result.floats :]:
-            title = f"{run.name}, {title}" if result.floats else title  # noqa: PLW2901
+        titles = (run.name, f"{WINDOW:g} s windows")
+        for title, each in zip(titles, errors, strict=True):
             own.append(Column(title, digits(3)))
             cells.append(tuple(1e3 * each))
     own.append(Column("unit"))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
-from identifiability.foundation.errors import ClosureError, IdentifiabilityError
+from identifiability.foundation.errors import ClosureError, IdentifiabilityError, RobotError
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.gather import gather_information
@@ -19,8 +19,9 @@ from identifiability.simulation import (
     shipped_trajectory,
     simulate,
 )
-from identifiability.workflows.excite import find_limits
+from identifiability.workflows.excite import excite, find_limits
 from identifiability.workflows.excite.search import DRAWS
+from identifiability.workflows.rollout import rollout
 
 from .conftest import condition, regressor
 
@@ -275,3 +276,9 @@ def test_logs_may_be_frames(simulated, two_link, find):
     assert isinstance(log, Log)
     result = find(two_link, start_from=[log.to_frame()], iterations=1)
     assert result.logs == ("log 1",)
+
+
+@pytest.mark.parametrize("verb", [excite, lambda robot: rollout(robot, "walk.csv")])
+def test_a_robot_on_its_feet_is_put_on_a_stand(verb):
+    with pytest.raises(RobotError, match=r"floats, and .* is not supported: put it on a stand"):
+        verb("walking-quadruped")

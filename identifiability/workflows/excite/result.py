@@ -34,7 +34,6 @@ from identifiability.simulation.motion import (
 from identifiability.workflows.answers import answer_next, note, sentence
 from identifiability.workflows.commands import name_logs, on_file, source_name
 from identifiability.workflows.excite.criteria import Criterion
-from identifiability.workflows.excite.in_place import InPlace
 from identifiability.workflows.excite.limits import Clearance, Drive, Limits
 from identifiability.workflows.excite.rules import RULES
 from identifiability.workflows.excite.search import End, Iteration
@@ -193,7 +192,6 @@ class Excitation(Result):
         Largest condition number of the closure along the motion; 1 for an open chain.
     room : float [m]
         Least distance of the workspace's points from the walls of their boxes; infinite without.
-        In place that of the zero-moment point from where it may no longer be.
     history : tuple of Iteration
         Of the search.
     evaluations : int
@@ -202,8 +200,6 @@ class Excitation(Result):
     end : {"converged", "evaluations", "time"}
         What ended the search.
     seed : int
-    in_place : InPlace or None
-        Of a robot that floats and moves in place: which foot swings when.
     gap : float [m]
         Least distance at any sample of bodies that are not joined; infinite where none is watched.
     hints : tuple of str
@@ -234,7 +230,6 @@ class Excitation(Result):
     seconds: float
     end: End
     seed: int
-    in_place: InPlace | None = None
     gap: float = np.inf
     hints: tuple[str, ...] = ()
     provenance: Mapping[str, str] = field(default_factory=dict)
@@ -286,7 +281,7 @@ class Excitation(Result):
 
     def to_log_frame(self) -> pd.DataFrame:
         """Return one period of the motion, which begins at speed, as a table."""
-        return _motion_frame(self.limits.joints, PrescribedMotion(*self.motion), self.in_place)
+        return _motion_frame(self.limits.joints, PrescribedMotion(*self.motion))
 
     def play(self, rate: float = 500.0, periods: int = 1) -> PrescribedMotion:
         """Return what a controller plays: from rest, through whole periods, back to rest.
@@ -303,10 +298,6 @@ class Excitation(Result):
         LogError
             If no lead-in keeps the limits.
         """
-        if self.in_place is not None:  # which begins and ends at rest
-            path = self.trajectory
-            t = np.arange(round(path.period * periods * rate) + 1) / rate
-            return PrescribedMotion(t, *path.motion(t), name=path.name)
         return play(self.robot, self.trajectory, self.limits, rate, periods)
 
     def to_dict(self) -> dict[str, Any]:
@@ -331,7 +322,6 @@ class Excitation(Result):
             "after": self.after.figure,
             "closure": self.closure,
             **({"gap": self.gap} if np.isfinite(self.gap) else {}),
-            **({} if self.in_place is None else {"in_place": self.in_place.to_dict()}),
             "joints": self.to_frame().to_dict("records"),
             "parameters": self.parameters_frame().to_dict("records"),
             "complete": self.end == "converged",
@@ -353,8 +343,7 @@ class Excitation(Result):
         Parameters
         ----------
         path : path
-            CSV with t, JOINT.q, JOINT.dq and JOINT.ddq, in place also which contacts are meant to
-            stand on the ground, CONTACT.closed; or an MCAP bag with one message of
+            CSV with t, JOINT.q, JOINT.dq and JOINT.ddq; or an MCAP bag with one message of
             ``trajectory_msgs/JointTrajectory`` (extra ``ros``).
         rate : float [Hz]
         periods : int
@@ -366,7 +355,7 @@ class Excitation(Result):
         motion = self.play(rate, periods)
         if Path(path).suffix.lower() == ".mcap":
             return write_trajectory_bag(path, self.limits.joints, motion)
-        return write_text(path, csv_text(_motion_frame(self.limits.joints, motion, self.in_place)))
+        return write_text(path, csv_text(_motion_frame(self.limits.joints, motion)))
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what the robot should do, what it tells, whether it may play it, what next."""
@@ -399,8 +388,7 @@ class Excitation(Result):
     def worth(self) -> str:
         """What the motion tells, in words."""
         words = {"information": self._information, "separate": self._separation}
-        told = words.get(self.criterion.name, self._condition)()
-        return told if self.in_place is None else f"{told} {self.in_place.told}"
+        return words.get(self.criterion.name, self._condition)()
 
     @property
     def limits_statement(self) -> str:
@@ -414,13 +402,7 @@ class Excitation(Result):
             ]
         if np.isfinite(self.gap):
             told.append(f"Bodies that are not joined keep {1000 * self.gap:.3g} mm apart")
-        if self.in_place is not None:
-            inside = 1000 * (self.room + self.in_place.margin)
-            told.append(
-                f"Its zero-moment point, by the file's masses, stays {inside:.3g} mm inside of "
-                "the feet that stand"
-            )
-        elif np.isfinite(self.room):
+        if np.isfinite(self.room):
             told.append(f"It stays {1000 * self.room:.3g} mm inside the workspace")
         if self.limits.assumed:
             told.append(f"Nobody stated the {self.limits.state_assumed()}, so these were assumed")
@@ -470,17 +452,11 @@ class Excitation(Result):
         return text
 
 
-def _motion_frame(
-    joints: tuple[str, ...], motion: PrescribedMotion, in_place: InPlace | None = None
-) -> pd.DataFrame:
+def _motion_frame(joints: tuple[str, ...], motion: PrescribedMotion) -> pd.DataFrame:
     columns = {"t": motion.t}
     for k, joint in enumerate(joints):
         for kind, x in (("q", motion.q), ("dq", motion.dq), ("ddq", motion.ddq)):
             columns[f"{joint}.{kind}"] = x[:, k]
-    if in_place is not None:
-        closed = in_place.closed(motion.t % in_place.period)
-        names = [c.name for c in in_place.contacts]
-        columns |= {f"{n}.closed": closed[:, k].astype(float) for k, n in enumerate(names)}
     return pd.DataFrame(columns)
 
 
@@ -520,16 +496,15 @@ def _safe(result: Excitation) -> Answer:
 def _next_commands(result: Excitation) -> list[tuple[str, str]]:
     robot = source_name(result.robot)
     logs = name_logs(result.robot, [*result.logs, "next.csv"])
-    hung = "" if result.in_place is None else " --base fixed"
     return [
         (
-            f"Rehearse it in simulation{', on a stand' if hung else ''}:",
+            "Rehearse it in simulation:",
             on_file(
                 result,
                 "json",
                 "motion.json",
                 f"identifiability excite {robot} --out",
-                f"identifiability simulate {robot} {{file}} --out rehearsal.csv{hung}",
+                f"identifiability simulate {robot} {{file}} --out rehearsal.csv",
             ),
         ),
         (

@@ -21,7 +21,6 @@ from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot, complete_motion
 from identifiability.simulation.motion import Trajectory
 from identifiability.workflows.excite.criteria import Known, Question
-from identifiability.workflows.excite.in_place import InPlace
 from identifiability.workflows.excite.limits import (
     Clearance,
     Drive,
@@ -107,11 +106,6 @@ class Series:
         x[:, :amplitudes] *= level[:, None]
         return x
 
-    def shrink(self, x: Array, samples: int) -> Array:
-        """Return candidates (m, size) that keep limits of joints: all do."""
-        assert samples
-        return x
-
     def series(self, x: Array) -> tuple[Array, Array]:
         """Return offsets (m, n) and velocity amplitudes (m, n, 2H) of candidates (m, size)."""
         m, n, H = len(x), self.joints, self.harmonics
@@ -188,14 +182,14 @@ class Objective:
     ----------
     question : Question
     known : Known
-    series : Series or InPlace
+    series : Series
     samples : int
         At which a candidate is evaluated.
     """
 
     question: Question
     known: Known
-    series: Series | InPlace
+    series: Series
     samples: int
 
     @property

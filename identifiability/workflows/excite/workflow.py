@@ -37,9 +37,7 @@ from identifiability.workflows.excite.criteria import (
     pose_question,
     scaled,
 )
-from identifiability.workflows.excite.in_place import InPlace, find_in_place
 from identifiability.workflows.excite.limits import (
-    Limits,
     LimitsLike,
     Workspace,
     doubt_assumed,
@@ -54,8 +52,8 @@ from identifiability.workflows.session import Session
 #: Length of a period [s], by default.
 PERIOD: Tolerance = 7.5
 
-#: Motions that a search looks at; each of a robot that stands on its feet takes longer.
-EVALUATIONS, IN_PLACE = 15_000, 2_500
+#: Motions that a search looks at.
+EVALUATIONS = 15_000
 
 
 @checked
@@ -91,8 +89,7 @@ def excite(
     at_rest : bool
         Begin and end without speed and acceleration, which takes two harmonics of each joint.
     duration : float [s], optional
-        The period, by default 7.5 s; of commands 15 s in all. Of a robot that floats and stands on
-        its feet the whole motion in place, from rest to rest; by default what its swings take.
+        The period, by default 7.5 s; of commands 15 s in all.
     samples : int
         Samples a period; all of them are checked.
     limits : Limits, mapping, path or None
@@ -119,8 +116,8 @@ def excite(
     iterations : int
         Of the optimiser a round.
     evaluations : int
-        Motions that are looked at, at most, after the first random ones; by default 15 000, in
-        place 2500. The same number gives the same motion on every machine of a kind.
+        Motions that are looked at, at most, after the first random ones; by default 15 000.
+        The same number gives the same motion on every machine of a kind.
     time_limit : float [s], optional
         Wall-clock time after which the search stops all the same; the result is then not
         reproducible, and says so.
@@ -148,18 +145,16 @@ def excite(
         raise OptionError("To begin and end at rest takes at least 2 harmonics; give more.")
     with one_thread("blas"):
         robot = Robot.of(robot)
+        robot.check_stands("designing a motion")
         rule = criterion or _suggested(parameters, start_from, separate)
         say("reading logs", 0.0)
         bounds = find_limits(robot, limits)
         question = pose_question(robot, rule, model, parameters, separate)
         logs, wrong = _start(question, start_from, preparation, engine)
-        low = tuple(doubt_assumed(bounds, _reached(bounds, logs)))
+        low = tuple(doubt_assumed(bounds, _reached(logs)))
         hints = (*low, *wrong, *free_again(model), *unused_ladder(robot, model))
-        series: Series | InPlace = Series(bounds, duration or PERIOD, harmonics, at_rest)
-        if robot.base is not None:
-            series, stays = find_in_place(robot, bounds, duration, harmonics)
-            hints = (*stays, *hints)
-        evaluations = evaluations or (EVALUATIONS if robot.base is None else IN_PLACE)
+        series = Series(bounds, duration or PERIOD, harmonics, at_rest)
+        evaluations = evaluations or EVALUATIONS
         asked = {"iterations": iterations, "evaluations": evaluations, "time_limit": time_limit}
         options = {**asked, "preparation": preparation or Preparation()}
         found = find_motion(
@@ -179,10 +174,9 @@ def excite(
         return replace(found, preparation=preparation or Preparation())
 
 
-def _reached(limits: Limits, logs: Sequence[Prepared]) -> dict[str, tuple[Array, Array]]:
+def _reached(logs: Sequence[Prepared]) -> dict[str, tuple[Array, Array]]:
     """Return how far, how fast and how hard joints that motors drive moved in logs."""
-    own = slice(-len(limits.joints), None)
-    return {s.name: (s.survey.low[:, own], s.survey.high[:, own]) for s in logs}
+    return {s.name: (s.survey.low, s.survey.high) for s in logs}
 
 
 def _start(
@@ -203,7 +197,7 @@ def _start(
 def find_motion(
     question: Question,
     known: Known,
-    series: Series | InPlace,
+    series: Series,
     *,
     samples: int,
     iterations: int,
@@ -222,7 +216,7 @@ def find_motion(
     question : Question
     known : Known
         What was measured already.
-    series : Series or InPlace
+    series : Series
         All motions that may be found.
     samples, iterations, evaluations, time_limit, seed, name
         As for `excite`.
@@ -264,7 +258,6 @@ def find_motion(
         before=_merit(question, _before(objective, found, samples)),
         after=_merit(question, G),
         limits=series.limits,
-        in_place=series if isinstance(series, InPlace) else None,
         closure=float(space.condition[0]),
         room=float(-space.outside[0]),
         gap=gap,
@@ -293,17 +286,11 @@ def _best(
     Last is how near bodies come that are not joined [m].
     """
     order = [k for k in np.argsort(found.costs)[:10] if found.costs[k] < OPEN]
-    ends, kept = [x for _, x in found.found], []
-    for tried in [*ends, *found.draws[order]]:
-        x = objective.series.shrink(tried[None], samples)[0]
+    for x in [*(x for _, x in found.found), *found.draws[order]]:
         G, space = objective.look(x, samples)
         gap = float(objective.gaps(x, samples).min())
         if space.kept(objective.limits.closure_bound)[0] and gap >= RULES.clearance / 2:
-            kept.append((float(objective.question.criterion.cost(G)[0]), x, G[0], space, gap))
-            if isinstance(objective.series, Series):  # others are made smaller than they were found
-                break
-    if kept:
-        return min(kept, key=lambda one: one[0])[1:]
+            return x, G[0], space, gap
     robot, limits = objective.question.structure.robot, objective.limits
     demands = []
     if robot.closed:
@@ -311,11 +298,6 @@ def _best(
         demands.append(f"loops that close everywhere with a condition number below {bound}")
     if limits.boxes:
         demands.append(f"{listing([b.body for b in limits.boxes])} within the box")
-    if isinstance(objective.series, InPlace):
-        demands.append(
-            "limits of joints, and a zero-moment point "
-            f"{1e3 * objective.series.margin:.3g} mm inside of the feet that stand"
-        )
     if objective.watched[0] is not None:
         demands.append(f"bodies that keep {500 * RULES.clearance:g} mm from each other")
     raise ClosureError(
