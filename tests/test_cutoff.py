@@ -1,15 +1,13 @@
-"""The cut-off decides what noise is fitted: values that follow it are said."""
+"""The cut-off decides what noise is fitted: one that does not suit a log is said."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from identifiability import Log, analyze, diagnose, prune
+from identifiability import analyze, diagnose, prune
 from identifiability.logs.prepare import Preparation
 from identifiability.simulation import Noise
-from identifiability.workflows import session
-from identifiability.workflows.analyze import fit as check
 
 
 @pytest.fixture(scope="module")
@@ -23,10 +21,6 @@ def positions(simulated_session):
     return make
 
 
-#: A cut-off that a coarse encoder (5 mrad) does not suit.
-HIGH = Preparation(cutoff=8.0)
-
-
 def about_cutoff(result):
     return [h for h in result.hints if "cut-off" in h]
 
@@ -36,81 +30,11 @@ def test_a_good_cut_off_gives_no_hint(positions, seed):
     assert about_cutoff(analyze("two-link", positions(2e-5, seed), replicates=100)) == []
 
 
-def test_coarse_encoders_move_values_and_the_hint_says_which_how_far_and_what_to_do(positions):
-    how = {"preparation": HIGH, "replicates": 100}
-    found = analyze("two-link", positions(5e-3), estimator="ls", **how)
-    (hint,) = about_cutoff(found)
-    assert hint.startswith("Identifiable values follow the cut-off of 8 Hz")
-    assert ".Iyy by " in hint
-    assert " σ" in hint
-    assert "at 16 Hz" in hint
-    assert "(--cutoff)" in hint
-    assert hint in found.statement
-    assert hint in found.to_dict()["hints"]
-    # The remedy helps.
-    again = analyze("two-link", positions(5e-3), preparation=Preparation(cutoff=4), replicates=100)
-    assert about_cutoff(again) == []
-    # What instruments mend does not follow the cut-off, and is not said to.
-    assert about_cutoff(analyze("two-link", positions(5e-3), **how)) == []
-    # And what is chosen does not need it: noise lowers it.
-    chosen = analyze("two-link", positions(5e-3), replicates=100)
-    assert about_cutoff(chosen) == []
-    assert 5 < chosen.samples[0].cutoff < 7
-    assert "noise has more than 1 % of the acceleration's power" in chosen.samples[0].notes[0]
-
-
-def test_the_values_that_are_named_are_identifiable_and_do_move(positions):
-    log, how = positions(5e-3), {"estimator": "ls", "replicates": 100}
-    found = analyze("two-link", log, preparation=HIGH, **how)
-    (hint,) = about_cutoff(found)
-    double = analyze("two-link", log, preparation=Preparation(cutoff=16), **how)
-    values = double.to_frame(found.chosen.name).set_index("name").value
-    named = [v for v in found.chosen.verdicts if f"{v.name} by" in hint]
-    assert named
-    for v in named:
-        assert v.verdict.value == "identifiable"
-        assert not v.interval95[0] <= values[v.name] <= v.interval95[1]
-
-
-def test_measured_derivatives_have_no_cut_off_to_vary(simulated_session):
-    log = simulated_session("two-link", "a", 0, Noise(additive=0.02, encoder=5e-3))
-    assert about_cutoff(analyze("two-link", log, replicates=20)) == []
-
-
 @pytest.mark.everything
 def test_pruning_says_it_too(positions):
     loud = Preparation(cutoff=16)
     hints = about_cutoff(prune("two-link", positions(5e-3), preparation=loud, replicates=20))
     assert hints[0].startswith("Noise of what is differentiated has ")
-
-
-def test_a_long_log_is_fitted_again_in_windows_with_the_same_answer(positions, monkeypatch):
-    log = positions(5e-3)
-    several = [positions(5e-3, seed) for seed in range(4)]
-    t = log.t[1] * np.arange(4 * len(log))
-    q, tau = (np.concatenate([getattr(s, x) for s in several]) for x in ("q", "tau"))
-    long = Log("long", log.joints, t, q, tau, None, None, "")
-    sizes = []
-    prepare = check.prepare_samples
-
-    def count(robot, part, how):
-        sizes.append(len(part))
-        return prepare(robot, part, how)
-
-    monkeypatch.setattr(check, "prepare_samples", count)
-    monkeypatch.setattr(session, "ENOUGH", 1200)
-    found = analyze("two-link", long, preparation=HIGH, replicates=100)
-    assert ".Iyy by" in about_cutoff(found)[0]
-    assert sizes == [300] * 12  # four windows, at the cut-off itself, half and double of it
-
-
-def test_of_many_short_logs_some_are_fitted_again_whole():
-    found = check._windows([750] * 30, session.ENOUGH)
-    assert all((a, b) == (0, 750) for _, a, b in found)
-    assert len({k for k, _, _ in found}) == len(found) == 15
-    assert sum(b - a for _, a, b in found) <= session.ENOUGH
-    long = check._windows([1_000_000, 500], session.ENOUGH)
-    assert session.ENOUGH / 2 < sum(b - a for _, a, b in long) <= session.ENOUGH
 
 
 def test_logs_have_one_cut_off_that_the_fitted_ones_decide(positions):

@@ -5,8 +5,6 @@ All from `Information` alone; scores scatter over stretches of time, column by c
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.special import ndtr, ndtri, stdtrit
 
@@ -62,15 +60,6 @@ class Bootstrap:
             rho = np.corrcoef(self.values, rowvar=False)
         whole: Array = np.nan_to_num(np.atleast_2d(rho))
         return whole
-
-    def stretch(self, value: Array, factor: Array) -> Bootstrap:
-        """Return the values farther from those of the fit.
-
-        Parameters
-        ----------
-        value, factor : (k,)
-        """
-        return replace(self, values=value + factor * (self.values - value))
 
     def interval(self, level: float = LEVEL) -> Array:
         """Return percentile intervals, (k, 2)."""

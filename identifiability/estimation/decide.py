@@ -19,7 +19,7 @@ from identifiability.estimation.uncertainty import Uncertainty, recurrence
 from identifiability.estimation.verdict import Class, Verdict, percent_of
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import GROUPED_KINDS, Array
-from identifiability.foundation.numbers import REACH, holm
+from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rounding import percent_digits
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -322,7 +322,7 @@ def decide(
     with np.errstate(divide="ignore", invalid="ignore"):
         z = np.where(e.determined & (sigma > 0), np.abs(value) / sigma, 0.0)
         z = np.where(e.determined & (sigma == 0) & (value != 0), np.inf, z)
-    certain = holm(2 * ndtr(-z)) < rules.sign_level
+    certain = 2 * ndtr(-z) < rules.sign_level
     paper = e.paper_rule
     least = float(e.sigma_percent.min(initial=np.inf))
     out, moved = [], grounds.bias_sigma
@@ -402,7 +402,7 @@ def _decide(
         (
             percent < 100,
             Class.NOT_IDENTIFIABLE,
-            f"σ is {about} % of the value: with this many parameters even the sign may be chance.",
+            f"σ is {about} % of the value: even the sign may be chance.",
         ),
     )
     otherwise = f"σ is {about} % of the value: zero and the other sign fit as well."

@@ -16,7 +16,7 @@ class Thresholds(RuleTable):
     sigma_percent : float [%], by hand
         Largest σ of an identifiable parameter, of its value: robust σ of what its label says.
     sign_level : float, level
-        Family-wise level at which the sign must be certain (Holm over all parameters).
+        Level at which the sign of a parameter must be certain.
     recurrence : float, by hand
         Share of resampled logs (block bootstrap) that call an identifiable parameter well known,
         too, below which the share is said: it is information, no condition.

@@ -11,13 +11,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtrc, chdtri, fdtrc, stdtrit
 
-from identifiability.estimation.bootstrap import (
-    Bootstrap,
-    ScoreScatter,
-    bootstrap,
-    longer,
-    scatter_scores,
-)
+from identifiability.estimation.bootstrap import Bootstrap, ScoreScatter, bootstrap, scatter_scores
 from identifiability.estimation.estimate import forget_noise
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.noise import block_length
@@ -40,10 +34,6 @@ from identifiability.regression.information import Information
 # nothing about one parameter's, so it is pooled, in units of the sampling variance: model errors,
 # like noise, move most what a motion shows least. Only a parameter that moves for sure has one of
 # its own.
-#
-# One log says nothing of another motion; but where its halves are long enough to be judged by
-# themselves they are compared in the same way. Stretches that are shorter scatter by less than
-# they know, because a slow noise seems to be a part of what each of them shows.
 
 
 #: Blocks may be so many autocorrelation times short where longer ones would be too few.
@@ -211,35 +201,6 @@ def compare_motions(
     if motions.agree:
         return motions
     return replace(motions, between=np.sqrt(_excess(motions, ratios, fit.value)))
-
-
-def compare_halves(information: Information, fit: Estimate) -> Motions | None:
-    """Return what the halves of one log say of each other; None where they are too short.
-
-    Each must have what noise beside all columns asks of a log, and what scores need: so many
-    independent outputs a parameter, and so many stretches that are longer than its noise remembers
-    at any actuator. The fit to both does not tell how long: what changes between them is slow.
-
-    Parameters
-    ----------
-    information : Information
-        About the fitted columns, of one log.
-    fit : Estimate
-        To all of it.
-    """
-    middle = np.cumsum(information.counts) - information.counts / 2
-    later = middle > information.samples / 2
-    time = 0.0
-    for half in (information.take(~later), information.take(later)):
-        if half.rows <= len(fit.kept):
-            return None
-        times = forget_noise(fit.estimator).fit(half).times
-        independent = half.samples * float(np.sum(1.0 / times))
-        least = RULES.stretches_fewest * RULES.memories * float(times.max())
-        if half.samples < least or independent < Thresholds.outputs_per_parameter * len(fit.kept):
-            return None
-        time = max(time, float(times.max()))
-    return compare_motions(information, fit, time, later.astype(int), RULES.unasked_level)
 
 
 def compare_held_out(
@@ -410,16 +371,13 @@ class Uncertainty:
 
     @property
     def scatter(self) -> Array:
-        """The larger of the estimates that allow for autocorrelation, and what logs add, (k,).
+        """What scores scatter by, which allows for autocorrelation, and what logs add, (k,).
 
-        Infinite where neither resampling nor scores could be asked: a formula is believed only as
-        far as its model of the noise, and few samples do not show that. Beside both others it only
-        made intervals a quarter too wide.
+        Infinite where scores could not be asked: a formula is believed only as far as its model of
+        the noise, and few samples do not show that. Resampling is a check beside it.
         """
-        roads = [] if self.bootstrap is None else [self.bootstrap.sd]
-        roads += [] if self.scores is None else [self.scores.widened]
-        largest = np.max(roads, axis=0) if roads else np.inf
-        largest = np.where(np.isfinite(self.white), largest, np.inf)
+        wide = np.inf if self.scores is None else self.scores.widened
+        largest = np.where(np.isfinite(self.white), wide, np.inf)
         both = [m.between for m in (self.motions, self.held_out) if m is not None]
         return np.hypot(largest, np.max(both, axis=0)) if both else largest
 
@@ -496,7 +454,6 @@ def resample(
     # remembers is enough.
     memory, short = float(fit.times.max()), information.samples / (2 * RULES.blocks_fewest)
     length = min(length, max(RULES.memories * memory, short))
-    # Blocks of two memories still tell by how much longer ones would scatter more.
     shortened = information.samples < RULES.blocks_fewest * length
     length = max(LEAST_MEMORIES * memory, short) if shortened else length
     drawn, note = None, ""
@@ -505,8 +462,6 @@ def resample(
     elif fit.kept:
         try:
             drawn = bootstrap(information, fit, rng, replicates=replicates, length=length)
-            if shortened:
-                drawn = drawn.stretch(fit.value, np.sqrt(longer(drawn.sd**2, fit, length)))
         except IdentifiabilityError as error:
             note = str(error)
     scores = scatter_scores(information, fit, fit.memory)

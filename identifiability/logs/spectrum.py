@@ -212,7 +212,6 @@ def choose_band(
     spectra: Sequence[Spectrum],
     sliding: Sequence[bool] = (),
     cutoff: float | None = None,
-    fastest: float = np.inf,
 ) -> Band:
     """Return the low-pass for all logs that are judged together.
 
@@ -230,19 +229,16 @@ def choose_band(
         Which joints are prismatic: accelerations are compared within a kind.
     cutoff : float or None [Hz]
         One that was given; None chooses it.
-    fastest : float [Hz]
-        Joints that seem to be faster have no say: steps of a coarse encoder may look like motion.
     """
     joints = np.max([s.bandwidths() for s in spectra], axis=0)
-    asked = joints <= fastest
-    band = float(joints[asked].max(initial=0.0))
+    band = float(joints.max(initial=0.0))
     rate = min(s.rate for s in spectra)
     highest = RULES.cutoff_highest * rate
     most = max(RULES.cutoff_wide * band, RULES.cutoff_lowest)
     signal = np.sum([s.acceleration(most) for s in spectra], axis=0)
     kinds = np.array(sliding or [False] * len(signal), bool)
     largest = [signal[kinds == kind].max(initial=0.0) for kind in kinds]
-    counts = asked & (signal > 0) & (signal >= RULES.noise_still**2 * np.array(largest))
+    counts = (signal > 0) & (signal >= RULES.noise_still**2 * np.array(largest))
 
     def noise(at: float) -> float:
         power = np.sum([s.noise_in_acceleration(at) for s in spectra], axis=0)
@@ -270,6 +266,5 @@ def choose_band(
         )
     # Columns are computed of so many samples for each output, which the low-pass must suit.
     highest /= max(1, int(0.5 * rate / chosen) // signals.DENSE)
-    # What a joint without a say has above is noise, which no spectrum tells.
-    wide = max(chosen, min(limit, highest)) if asked.all() else chosen
+    wide = max(chosen, min(limit, highest))
     return Band(wide, chosen, band, limit, noise(wide), reason, joints, rate)

@@ -10,7 +10,6 @@ from identifiability.effects.gravity import GravityTilt, horizontal_axes, tilt_t
 from identifiability.effects.nominal import gravity_torque, rigid_torque
 from identifiability.logs.prepare import prepare_samples
 from identifiability.logs.prepare.preparation import settle_cutoff
-from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.report.results import answer_first
@@ -19,10 +18,9 @@ from identifiability.robot.description import Tilt
 from identifiability.robot.kinematics import turn
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.simulation.mujoco_robot import MujocoRobot
-from identifiability.workflows.analyze.result import next_commands
 from identifiability.workflows.export import export
 from identifiability.workflows.export.workflow import write_parameters
-from identifiability.workflows.gravity import find_leaning, settle_direction, state_leaning
+from identifiability.workflows.gravity import find_leaning, settle_direction
 from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.rules import RULES as WORKFLOWS_RULES
 
@@ -141,21 +139,6 @@ def test_a_wall_is_found_stated_written_and_drawn(on_a_wall, tmp_path):
     again = analyze(robot, log, unseen, ladder=found, quick=True, replicates=0)
     assert "In this model gravity points along" in again.statement
     assert again.chosen.error_ra_validation < 0.03
-
-
-@pytest.mark.everything
-def test_where_nothing_is_believed_and_gravity_disagrees_diagnose_comes_next(on_a_wall):
-    robot, (log, _) = on_a_wall
-    few = ("viscous_friction", "rigid_body")
-    ladder = LadderEntry(models=[ModelEntry(name="bodies", effects=few)])
-    result = analyze(robot, log, ladder=ladder, quick=True, replicates=0)
-    lost = replace(result, nothing="no model predicts", leaning=find_leaning(logs(robot, log)))
-    assert lost.leaning.tilt.degrees == pytest.approx(90.0, abs=2.0)
-    ((_, command),) = next_commands(lost)
-    assert command.startswith("identifiability diagnose ")
-    ((_, command),) = next_commands(replace(lost, leaning=None))
-    assert command.startswith("identifiability inspect ")
-    assert "gravity points along" in state_leaning(lost.leaning)
 
 
 def test_an_arm_in_a_plane_says_that_it_shows_one_axis_alone(on_a_wall):

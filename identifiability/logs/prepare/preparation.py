@@ -201,7 +201,6 @@ def settle_cutoff(
     robot: Robot,
     logs: Sequence[Log | LogFile],
     how: Preparation | None,
-    fastest: float = np.inf,
 ) -> Preparation:
     """Return a preparation with one cut-off for all logs: what is compared has one band.
 
@@ -211,8 +210,6 @@ def settle_cutoff(
     logs : sequence of Log or LogFile
         That decide: the fitted ones. What is held out has no say in what is fitted.
     how : Preparation or None
-    fastest : float [Hz]
-        Joints whose band seems to be wider have no say.
 
     Raises
     ------
@@ -223,18 +220,16 @@ def settle_cutoff(
     raw = [Windows.of(log, mend=_is_filtered(log, how)) for log in logs]
     computed = [x for log, x in zip(logs, raw, strict=True) if _is_filtered(log, how)]
     if computed:
-        how = _settle(robot, computed, how, fastest)
+        how = _settle(robot, computed, how)
     if how.keep_rest or not logs:
         return how
     stays = [_find_stays(robot, log, x, how) for log, x in zip(logs, raw, strict=True)]
     return SettledPreparation(**{**vars(how), "stands": ever_stand(stays)})
 
 
-def _settle(
-    robot: Robot, logs: Sequence[Windows], how: Preparation, fastest: float = np.inf
-) -> SettledPreparation:
+def _settle(robot: Robot, logs: Sequence[Windows], how: Preparation) -> SettledPreparation:
     """Return the preparation for logs, from windows of each."""
-    band = _choose_band(robot, logs, how.cutoff, fastest)
+    band = _choose_band(robot, logs, how.cutoff)
     own = {"cutoff": band.cutoff, "outputs": how.outputs or band.outputs, "band": band}
     return SettledPreparation(**{**vars(how), **own})
 
@@ -245,9 +240,7 @@ def _is_filtered(log: Log | LogFile, how: Preparation) -> bool:
     return how.derivatives == "butterworth" or (how.derivatives == "auto" and not have)
 
 
-def _choose_band(
-    robot: Robot, logs: Sequence[Windows], cutoff: float | None, fastest: float
-) -> Band:
+def _choose_band(robot: Robot, logs: Sequence[Windows], cutoff: float | None) -> Band:
     """Return the band of what is differentiated."""
     spectra: list[Spectrum] = []
     for raw in logs:
@@ -256,9 +249,7 @@ def _choose_band(
         if windows[0].dq is not None:
             source, order = [w.dq for w in windows if w.dq is not None], 1
         spectra += spectra_of(source, raw.gaps.step, order)
-    return choose_band(
-        spectra, [robot.is_prismatic(int(k)) for k in robot.actuated], cutoff, fastest
-    )
+    return choose_band(spectra, [robot.is_prismatic(int(k)) for k in robot.actuated], cutoff)
 
 
 def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:

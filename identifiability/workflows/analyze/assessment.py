@@ -186,8 +186,7 @@ class ModelResult(JudgedModel):
         Whether a real robot has these parameters, and the nearest that has.
     physical_as_good : bool
         Whether the nearest real robot stands for the estimate: of stretches of the fitted logs it
-        does not surely predict worse, or is to be expected to err no more over the robot's range;
-        and validation logs do not object.
+        does not surely predict worse, or is to be expected to err no more over the robot's range.
     """
 
     uncertainty: Uncertainty
@@ -265,7 +264,6 @@ def assess_ladder(
     replicates: int,
     doubt: Doubt = NO_DOUBT,
     *,
-    veto: bool = True,
     late: Callable[[Submodel], Array] | None = None,
     unseen: Information | None = None,
 ) -> tuple[ModelResult, ...]:
@@ -285,9 +283,6 @@ def assess_ladder(
         Of the bootstrap.
     doubt : Doubt, optional
         Functions that are missing beside all base parameters.
-    veto : bool
-        Whether the others are logs that were held out; stretches of the fitted ones have been asked
-        already, where they could be.
     late : callable(Submodel), optional
         What errors of delays do to the values of a model, (L, k).
     unseen : Information, optional
@@ -321,7 +316,7 @@ def assess_ladder(
         if late is not None:
             uncertainty = replace(uncertainty, late=late(submodel))
             reported_uncertainty = replace(reported_uncertainty, late=late(reported.submodel))
-        as_good = stands_for(held_out if veto else None, real, k, m + k)
+        as_good = real.as_good or real.elsewhere
         if as_good:
             uncertainty = hold_over(uncertainty, model, real)
             reported_uncertainty = hold_over(reported_uncertainty, reported, real)
@@ -470,27 +465,6 @@ def _add_file(
     return replace(result, verdicts=tuple(verdicts)), both.hint
 
 
-def stands_for(held_out: Prediction | None, real: PhysicalResult, one: int, other: int) -> bool:
-    """Return whether the nearest real robot stands for the estimate, unless unseen motion objects.
-
-    Folds of the fitted logs choose, and what is held out has a veto: where one of the two surely
-    errs more there, over all joints or at any, and the other does not, that one is used.
-    """
-    stands = real.as_good or real.elsewhere
-    if held_out is None:
-        return stands
-    worse, better = (
-        bool(held_out.joints_above(a)[:, b].any()) or _surely_above(held_out, a, b)
-        for a, b in ((one, other), (other, one))
-    )
-    return stands if worse == better else better
-
-
-def _surely_above(held_out: Prediction, against: int, model: int) -> bool:
-    rise = held_out.error_over_joints()[model] - held_out.error_over_joints()[against]
-    return bool(rise > REACH * held_out.standard_error_over_joints(against)[model])
-
-
 def forbidden_signs(submodel: Submodel, information: Information, fit: Estimate) -> tuple[str, ...]:
     """Return the parameters with a sign that physics forbids, the paper's test."""
     settled = settle_signs(information, fit, submodel.nonnegative)
@@ -520,10 +494,9 @@ def _aliases(information: Information, fit: Estimate, submodel: Submodel) -> tup
 def select_model(results: Sequence[ModelResult], near: np.ndarray) -> int:
     """Return the smallest of the models that may stand for the best, possible ones first.
 
-    Folds of the fitted logs choose (`evidence.near_best`); motion that is held out has a veto: a
-    model that surely errs more there than the best of them, over all joints or at any, is not used.
+    Folds of the fitted logs choose (`evidence.near_best`); logs that are held out do not.
 
-    Of those that are left, models come last of which the data call something identifiable that
+    Of those that they leave, models come last of which the data call something identifiable that
     physics forbids, and models that a real robot can have first, then those without forbidden
     signs.
 
@@ -535,10 +508,7 @@ def select_model(results: Sequence[ModelResult], near: np.ndarray) -> int:
     error = np.array([r.error_joints_validation for r in results])
     if not np.isfinite(error).any():
         return len(results) - 1
-    best = float(np.nanmin(error))
-    slack = [best + REACH * np.nan_to_num(r.error_joints_se) for r in results]
-    sound = [error[k] <= slack[k] and not r.worse_at for k, r in enumerate(results)]
-    good = np.flatnonzero(near & sound) if (near & sound).any() else np.flatnonzero(sound)
+    good = np.flatnonzero(near) if near.any() else np.arange(len(results))
 
     def rank(k: int) -> tuple[bool, bool, bool, int, float]:
         r = results[k]

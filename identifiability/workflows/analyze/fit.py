@@ -4,26 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
-from identifiability.estimation.estimate import settle_noise
-from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.evidence import Folds, HeldOut, Score, near_best
 from identifiability.estimation.least_squares import Noise, leave_open
 from identifiability.estimation.prediction import Task
 from identifiability.estimation.torque_errors import take_turns
-from identifiability.estimation.verdict import Class
-from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
+from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rounding import format_number
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation, Samples, prepare_samples
-from identifiability.logs.prepare.preparation import SettledPreparation
-from identifiability.logs.repeats import Recording
+from identifiability.logs.prepare.preparation import SettledPreparation, settle_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Band
 from identifiability.physical.cad_prior import WEAK, WEIGHTS
@@ -40,11 +34,9 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
-from identifiability.workflows.analyze.assessment import ModelResult
 from identifiability.workflows.analyze.rules import RULES
-from identifiability.workflows.instruments import follow
 from identifiability.workflows.opening import Opening, Recordings
-from identifiability.workflows.session import Session, Weighed, enough_samples, settle_band
+from identifiability.workflows.session import Session, Weighed
 
 
 @frozen
@@ -174,46 +166,7 @@ def fit_ladder(
     m = len(models)
     order = [*range(0, 2 * m, 2), *range(1, 2 * m, 2)]
     near = near_best([one.free for one in found])
-    near |= stand_for_impossible(
-        near, [len(r) for r in submodels], robots, [one.real for one in found]
-    )
     return FittedLadder(models, robots, crossed[:, :, order], held_out.folds, near, short)
-
-
-def stand_for_impossible(
-    near: np.ndarray,
-    sizes: Sequence[int],
-    robots: Sequence[PhysicalResult],
-    real: Sequence[Score | None],
-) -> np.ndarray:
-    """Return which model stands where none that folds choose is possible, (m,) bool.
-
-    What a model with impossible values says of the robot is its nearest real robot, and that of a
-    smaller one has what its bodies cannot do without: the two are compared, as `prune` does.
-
-    Parameters
-    ----------
-    near : (m,) bool
-        What folds choose.
-    sizes : sequence of int
-        Parameters of the m models.
-    robots : sequence of PhysicalResult
-        With their certificates.
-    real : sequence of Score or None
-        What the nearest real robots predict of the folds.
-    """
-    out = np.zeros(len(near), bool)
-    good = [int(k) for k in np.flatnonzero(near)]
-    chosen = [k for k in good if real[k] is not None]
-    if not chosen or any(robots[k].feasible for k in good):
-        return out
-    best = min(chosen, key=lambda k: sizes[k])
-    smaller = [k for k, r in enumerate(robots) if r.feasible and sizes[k] < sizes[best]]
-    if smaller:
-        at = max(smaller, key=lambda k: sizes[k])
-        own, other = real[at], real[best]
-        out[at] = own is not None and other is not None and near_best([own, other])[0]
-    return out
 
 
 def hold_folds(information: Information, estimator: Estimator) -> tuple[HeldOut, str]:
@@ -293,55 +246,32 @@ def settle_robot(
     return Settled(nearest, score, real, np.stack([free, values], 2))
 
 
-# The low-pass of computed derivatives: does it cut the motion, let noise in, do values follow it?
-#
-# The model is fitted again, as it was, with torque up to half and to double of where it is kept;
-# the motion is low-passed there too where it was, and else no lower than before. Where the band is
-# right, little changes: a value moves by what the rows that were added or lost knew of it
-# [Hausman 1978]. Where noise, flexibility or the motion itself lie at the edge of the band, values
-# follow the cut-off.
-
-
-#: Multiples of the cut-off that are tried.
-FACTORS: tuple[Tolerance, Tolerance] = (0.5, 2.0)
-
-#: Windows in which samples lie that are fitted again, where logs are longer.
-WINDOWS = 4
-
-#: Parameters that a hint names.
-NAMED = 3
+# The low-pass of computed derivatives: does it cut the motion, does it let noise in?
 
 
 def check_cutoff(
     opening: Opening,
     recordings: Recordings,
-    information: Information,
-    result: ModelResult,
     how: Preparation,
 ) -> tuple[str, ...]:
-    """Return what to say of the cut-off: of what it lets through, and of what follows it.
+    """Return what to say of the cut-off: of what it lets through.
 
     Parameters
     ----------
     opening : Opening
     recordings : Recordings
         What its samples were prepared from.
-    information : Information
-        About all columns, each row weighed by its noise.
-    result : ModelResult
-        The model whose values are looked at.
     how : Preparation
         With the cut-off for all logs.
     """
     # Torque of commands is calibrated along rollouts at one cut-off, and is not that of another.
     if recordings.commanded or not isinstance(how, SettledPreparation) or how.band is None:
         return ()
-    held_out = settle_band(opening.structure, recordings.held_out, how)
+    held_out = settle_cutoff(opening.structure.robot, recordings.held_out, how)
     seen = held_out.band if isinstance(held_out, SettledPreparation) else None
     names = " and ".join(log.name for log in recordings.held_out)
     unseen = _say_cut(seen, names) if seen and not _say_cut(how.band, "") else ""
-    varied = vary_cutoff(opening, recordings.fitted, information, result, how)
-    return (*say_band(how), *filter(None, (unseen, varied)))
+    return (*say_band(how), *filter(None, (unseen,)))
 
 
 def say_band(how: Preparation | None) -> tuple[str, ...]:
@@ -378,130 +308,3 @@ def _say_noise(band: Band) -> str:
         f"an acceleration below the cut-off of {band.cutoff:.3g} Hz, which pulls inertias towards "
         f"zero: {remedy}."
     )
-
-
-def vary_cutoff(
-    opening: Opening,
-    logs: Sequence[Recording],
-    information: Information,
-    result: ModelResult,
-    how: SettledPreparation,
-) -> str:
-    """Return one sentence on identifiable values that follow the cut-off, or nothing.
-
-    Where noise is small up to the cut-off but not up to double of it, values may follow it there:
-    then only half of it says something.
-    """
-    known = np.array([v.verdict is Class.IDENTIFIABLE for v in result.verdicts])
-    structure = opening.structure
-    bands = [(s.cutoff, s.band) for s in opening.samples if s.cutoff and s.band]
-    if not known.any() or len(bands) < len(opening.samples):
-        return ""
-    windows = _windows([len(log) for log in logs], enough_samples(structure.robot))
-
-    def refit(factor: float) -> Estimate | None:
-        cut = []
-        for k, _, _ in windows:
-            wide, kept = bands[k]
-            widest = max(wide, factor * kept) if wide > kept else factor * kept
-            cut.append(replace(how, cutoff=widest, outputs=factor * kept))
-        try:
-            samples = tuple(
-                prepare_samples(structure.robot, logs[k].rows(a, b), at)
-                for (k, a, b), at in zip(windows, cut, strict=True)
-            )
-        except IdentifiabilityError:  # nothing is left of one at such a cut-off
-            return None
-        parts = [(logs[k].rows(a, b), s) for (k, a, b), s in zip(windows, samples, strict=True)]
-        own = result.estimate.estimator
-        again = gather_information(structure.regression(follow(own, structure.robot, parts)))
-        shares = [(k, a / len(logs[k]), b / len(logs[k])) for k, a, b in windows]
-        again = _weigh_alike(again, shares, information)
-        return settle_noise(own, again).fit(result.submodel.reduce(again))
-
-    whole = sum(b - a for _, a, b in windows) == sum(len(log) for log in logs)
-    base = result.estimate if whole else refit(1.0)
-    if base is None:
-        return ""
-    found = []
-    b = how.band
-    silent = b is not None and b.cutoff <= b.limit
-    for factor in FACTORS:
-        if b is not None and silent and factor * b.outputs > b.limit:
-            continue
-        other = refit(factor)
-        if other is None:
-            continue
-        moved = _moves(result, base, other)
-        at = np.flatnonzero(known & (np.abs(moved) > 0))
-        if len(at):
-            band = " … ".join(sorted({f"{factor * kept:.3g}" for _, kept in bands}, key=float))
-            order = at[np.argsort(-moved[at])]
-            names = (f"{result.submodel.columns[k]} by {moved[k]:.2g} σ" for k in order)
-            found.append(f"{listing(names, NAMED)} at {band} Hz")
-    if not found:
-        return ""
-    now = " … ".join(sorted({f"{kept:.3g}" for _, kept in bands}, key=float))
-    return (
-        f"Identifiable values follow the cut-off of {now} Hz and leave their intervals: "
-        f"{'; '.join(found)}. Set it from the band of the motion (--cutoff) and use what stays."
-    )
-
-
-def _weigh_alike(
-    again: Information, windows: Sequence[tuple[int, float, float]], information: Information
-) -> Information:
-    """Return rows of another band with the weights that rows at their time had.
-
-    Parameters
-    ----------
-    again : Information
-        Of windows, each a log.
-    windows : sequence of (log, start, stop)
-        Shares of the logs.
-    information : Information
-        Weighed.
-    """
-    if information.weights is None:
-        return again
-    place = np.empty(len(again.counts), int)
-    for w, (k, a, b) in enumerate(windows):
-        there, own = np.flatnonzero(information.log == k), again.log == w
-        stop, ends = (np.cumsum(x) for x in (information.counts[there], again.counts[own]))
-        middle = (ends - 0.5 * again.counts[own]) / ends[-1]
-        at = np.searchsorted(stop / stop[-1], a + middle * (b - a))
-        place[own] = there[np.minimum(at, len(there) - 1)]
-    weights = information.weights[:, place]
-    echo = again.echo
-    if echo is not None:  # it has as many logs of its own for each
-        of_log = echo.log * len(windows) // (int(echo.log.max()) + 1)
-        means = [weights[:, again.log == w].mean(1) for w in range(len(windows))]
-        echo = echo.weigh(np.stack(means, 1)[:, of_log])
-    return replace(again.weigh(weights), echo=echo)
-
-
-def _moves(result: ModelResult, base: Estimate, other: Estimate) -> Array:
-    """Return by how many robust σ values move, (k,); 0 where that is within what it may be."""
-    robust = np.asarray(result.uncertainty.robust, float)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # White formulas miss what the residual remembers; and of fewer rows less is known.
-        wider = np.maximum(robust / result.estimate.sigma, 1.0)
-        fewer = np.maximum(base.sigma / result.estimate.sigma, 1.0)
-        chance = wider * np.sqrt(np.abs(other.sigma**2 - base.sigma**2))
-        move = np.abs(other.value - base.value)
-        beyond = (move > REACH * fewer * robust) & (move > RULES.cutoff_sure * chance)
-        sizes: Array = np.where(beyond & base.determined & other.determined, move / robust, 0.0)
-    if other.correction is not None:  # there noise was not mended, which says nothing of the band
-        sizes[[c in other.correction.touched for c in other.columns]] = 0.0
-    return sizes
-
-
-def _windows(lengths: Sequence[int], enough: int) -> list[tuple[int, int, int]]:
-    """Return log, first and last (exclusive) row of what is fitted again: all, or evenly spaced."""
-    if sum(lengths) <= enough:
-        return [(k, 0, length) for k, length in enumerate(lengths)]
-    pieces = []
-    for k, length in enumerate(lengths):
-        edges = np.linspace(0, length, -(-length * WINDOWS // enough) + 1).astype(int).tolist()
-        pieces += [(k, a, b) for a, b in pairwise(edges)]
-    return pieces[:: -(-sum(lengths) // enough)]

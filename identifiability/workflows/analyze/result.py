@@ -61,7 +61,6 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
-from identifiability.workflows.gravity import Leaning
 from identifiability.workflows.opening import is_reading
 from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 
@@ -91,8 +90,6 @@ class Analysis(Laddered):
         As asked for.
     recordings : tuple of Log or LogFile
         What the fitted logs were prepared from.
-    leaning : Leaning or None
-        Where gravity points by the torque, where nothing is believed and it is not the file's.
     several : SeveralLogs or None
         Whether the logs, or stretches of one, lead to the same values of the selected model.
     folds : Folds or None
@@ -107,7 +104,6 @@ class Analysis(Laddered):
     settings: Mapping[str, object] = field(default_factory=dict)
     recordings: tuple[Recording, ...] = ()
     several: SeveralLogs | None = None
-    leaning: Leaning | None = None
     folds: Folds | None = None
 
     @property
@@ -272,14 +268,6 @@ def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
     names = given_paths(analysis.samples)
     logs = name_logs(analysis.robot, names, how=how)
     held = held_back(analysis.validation)
-    if analysis.leaning is not None:
-        diagnose = f"identifiability diagnose {robot} {logs}{held}"
-        return [
-            (
-                "Take gravity as the logs have it, and find what else is missing:",
-                f"{diagnose} --report missing.html --out model.toml --json diagnose.json",
-            )
-        ]
     if analysis.nothing:
         return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
     chosen, out = analysis.chosen, []

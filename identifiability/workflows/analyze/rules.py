@@ -12,9 +12,6 @@ class Rules(RuleTable):
 
     Attributes
     ----------
-    cutoff_sure : float, reasoned
-        A value moves with the cut-off if its move is so many times its own standard
-        deviation: there are many parameters.
     cutoff_inside : float, by hand
         A cut-off below so many times the band of the motion cuts into it.
     cutoff_loud : float, calibrated
@@ -24,7 +21,6 @@ class Rules(RuleTable):
         σ may grow by this factor before the report warns of autocorrelation.
     """
 
-    cutoff_sure: float = 4.0
     cutoff_inside: float = 2.0
     cutoff_loud: float = 0.2
     inflation_mild: float = 1.2

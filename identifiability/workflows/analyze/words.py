@@ -13,7 +13,7 @@ from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.instrumental import RenoisedLeastSquares
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.uncertainty import Motions, compare_halves
+from identifiability.estimation.uncertainty import Motions
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.errors import listing
 from identifiability.foundation.numbers import percent
@@ -27,14 +27,11 @@ from identifiability.workflows.analyze.assessment import ModelResult
 from identifiability.workflows.opening import Opening
 from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 
-# What logs say of each other, in words; of one long log, what its halves say.
+# What logs say of each other, in words.
 
 
 #: Parameters that a sentence names.
 NAMED = 3
-
-#: What of one log is compared.
-HALVES = ("the first half", "the second half")
 
 CAUSE = "a payload, a temperature or another robot does that"
 LEFT_OUT = "or the model leaves out what differs between them (diagnose looks for it)"
@@ -50,7 +47,7 @@ class SeveralLogs:
     motions : Motions or None
         None where there are not two that can be fitted by themselves.
     names : tuple of str
-        Of its logs, or of the halves of one.
+        Of its logs.
     columns : tuple of str
         The k parameters.
     statement : str
@@ -83,7 +80,7 @@ class SeveralLogs:
 def compare_logs(
     joints: Sequence[str], opening: Opening, information: Information, result: ModelResult
 ) -> SeveralLogs:
-    """Return what logs say of each other under a model, or the halves of one log.
+    """Return what logs say of each other under a model.
 
     Where logs that were held out differ from the fitted ones, that comes first.
 
@@ -135,21 +132,7 @@ def _compare_fitted(
             return SeveralLogs(motions, names, columns, text)
         hint = _blame(motions, names, columns, joints)
         return SeveralLogs(motions, names, columns, hint, hint)
-    log = samples[0].name
-    motions = compare_halves(result.submodel.reduce(information), result.estimate)
-    if motions is None:
-        text = f"{ONE} {log} is too short for its halves to be compared."
-        return SeveralLogs(None, (), columns, text)
-    if motions.agree:
-        text = f"{ONE} The halves of {log} agree: {_chance(motions, columns)}."
-        return SeveralLogs(motions, HALVES, columns, text)
-    hint = (
-        f"{HALVES[0].capitalize()} of {log} disagrees with the second: "
-        f"{differences(motions, columns, 0)}{_worse(motions, joints, 0)}. Something changed "
-        "while it was logged (a temperature, a load, a contact), or the model leaves out what only "
-        "a part of the motion shows: compare it with another log."
-    )
-    return SeveralLogs(motions, HALVES, columns, f"{ONE} {hint}", hint)
+    return SeveralLogs(None, (), columns, ONE)
 
 
 def _blame(
@@ -300,7 +283,7 @@ def state_physics(chosen: ModelResult) -> str:
                 f"The nearest real robot errs by {percent(chosen.error_ra_physical)}. Along "
                 "such motion they err surely less, but over the robot's range their own errors "
                 "reach as far as the difference. Its values are those to use, and predictions and "
-                "exports have them, unless held-out motion of another kind objects."
+                "exports have them."
             )
     if count := len(chosen.infeasible):
         return (

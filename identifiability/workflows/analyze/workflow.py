@@ -21,7 +21,6 @@ from identifiability.foundation.options import (
 )
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.repeats import Recording
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import (
     LadderLike,
@@ -42,8 +41,6 @@ from identifiability.workflows.analyze.fit import (
 )
 from identifiability.workflows.analyze.result import Analysis
 from identifiability.workflows.analyze.words import compare_logs, doubt, state_mounting, state_weak
-from identifiability.workflows.gravity import Leaning, find_leaning, state_leaning
-from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.opening import (
     Logs,
     Opening,
@@ -259,18 +256,16 @@ def _judge(
         rng,
         draws,
         missing,
-        veto=bool(opening.validation),
         late=fitted.late.move,
         unseen=fitted.unseen,
     )
     at = select_model(results, ladder.near)
     results, contradicted = tell_with_file(ladder.models, results, within, thresholds)
     results, nothing = doubt(opening.silence or opening.misread, results, at, out)
-    leaning, leans = _seek_leaning(opening, recordings.fitted, nothing)
     joints = session.structure.robot.joints
     several = compare_logs(joints, opening, fitted.information, results[at])
-    hints = [*leans, *opening.hints, fitted.burst, contradicted[at], ladder.short]
-    hints += check_cutoff(opening, recordings, fitted.information, results[at], session.how)
+    hints = [*opening.hints, fitted.burst, contradicted[at], ladder.short]
+    hints += check_cutoff(opening, recordings, session.how)
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest
         mounting = state_mounting(session.structure.robot, results[at].verdicts)
         hints += [state_weak(results[at]), mounting, several.hint, results[at].warning]
@@ -292,19 +287,8 @@ def _judge(
         nothing=nothing,
         recordings=recordings.fitted,
         several=several,
-        leaning=leaning,
         missing=missing,
         commands=opening.commands,
         rolled=recordings.rolled,
         late=fitted.late.move(whole) @ whole.M.T,
     )
-
-
-def _seek_leaning(
-    opening: Opening, recordings: Sequence[Recording], nothing: str
-) -> tuple[Leaning | None, tuple[str, ...]]:
-    """Return where gravity points, and that in words, if no value is believed and it differs."""
-    if not nothing or opening.silence:
-        return None, ()
-    found = find_leaning(MeasuredLogs(opening.structure, tuple(recordings), opening.samples))
-    return found, () if found is None else (state_leaning(found),)

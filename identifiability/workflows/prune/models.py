@@ -593,7 +593,7 @@ def measure_models(
     missing = find_missing(opening)
     (result,) = assess_ladder(
         own_model, [physical], own, own_validation, Thresholds(), rng, replicates, missing,
-        veto=bool(opening.validation), late=question.delays.move, unseen=question.held_out,
+        late=question.delays.move, unseen=question.held_out,
     )  # fmt: skip
     spread = result.uncertainty
     error, error_unseen = fitted.relative_error(), unseen.relative_error()

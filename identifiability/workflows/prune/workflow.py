@@ -300,7 +300,7 @@ def _hint(session: Session, rows: Weighed, measured: Measured) -> tuple[str, ...
         state_weak(result),
         state_mounting(session.structure.robot, result.verdicts),
         *opening.hints,
-        *check_cutoff(opening, session.recordings, rows.information, result, session.how),
+        *check_cutoff(opening, session.recordings, session.how),
         compare_logs(joints, opening, rows.information, result).hint,
     )
     return tuple(filter(None, said))

@@ -11,12 +11,10 @@ from identifiability.estimation.estimate import estimate
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import (
-    MOST_STRETCHES,
     Uncertainty,
     _excess,
     _pool,
     _welch,
-    compare_halves,
     compare_held_out,
     compare_motions,
 )
@@ -191,39 +189,6 @@ def test_one_log_short_logs_and_rounding_say_nothing():
     tau = W @ VALUES + 0.1 * rng.standard_normal((160, 2))
     short = Information.of_rows("abcd", W, tau, log, BLOCK)  # ten blocks each
     assert compare_motions(short, estimate(short), 1.0) is None
-
-
-def halved(seed, change=0.0, rho=0.0, times=2):
-    """Return what the halves of one log say, whose third value changes in the second one."""
-    rng = np.random.default_rng([12, seed])
-    W = np.concatenate([motion(rng) for _ in range(times)])
-    later = np.arange(len(W)) >= len(W) / 2
-    tau = W @ VALUES + change * later[:, None] * W[:, :, 2] + 0.3 * ar1(rng, rho, len(W), 2)
-    whole = Information.of_rows("abcd", W, tau, np.zeros(len(W), int), BLOCK)
-    return compare_halves(whole, estimate(whole))
-
-
-def test_halves_of_one_log_are_compared_alike():
-    found = halved(1, 0.5)
-    assert list(np.flatnonzero(found.moved)) == [2]
-    assert found.dof.max() < MOST_STRETCHES
-    assert halved(1).agree
-
-
-def test_halves_that_are_short_beside_what_the_noise_remembers_are_not_compared():
-    for rho, times, asked in ((0.0, 2, True), (0.98, 2, False), (0.98, 40, True)):
-        found = [halved(seed, rho=rho, times=times) for seed in range(3)]
-        assert [m is not None for m in found] == [asked] * 3
-    assert halved(0, change=5.0) is not None  # what changes is slow, and no noise
-
-
-@pytest.mark.everything
-def test_a_log_that_does_not_change_is_seldom_said_to():
-    trials = 200
-    fired = sum(
-        not m.agree for rho in (0.0, 0.5) for m in (halved(k, rho=rho) for k in range(trials))
-    )
-    assert fired <= binom.ppf(0.999, 2 * trials, ESTIMATION_RULES.unasked_level)
 
 
 def judged(seed, change=0.0, rho=0.5, logs=1, samples=2 * SAMPLES):

@@ -8,7 +8,6 @@ import pytest
 
 from identifiability import analyze
 from identifiability.estimation.evidence import Score
-from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.uncertainty import remembering_covariance
 from identifiability.logs.prepare import prepare_samples
 from identifiability.physical import project
@@ -22,7 +21,6 @@ from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
-from identifiability.workflows.analyze.assessment import stands_for
 from identifiability.workflows.analyze.fit import hold_folds
 
 BODY = np.array([0.2, 0.01, 0.0, 0.3, 0.02, 0.25, 0.3, 0.1, -0.2, 2.0])
@@ -211,24 +209,6 @@ def test_the_nearest_robot_stands_where_the_difference_is_within_the_errors(weig
     for share, stands in ((0.1, True), (100.0, False)):
         step[list(found.estimate.kept)] = share * wide
         assert stands_elsewhere(model, own + found.submodel.M @ step) is stands
-
-
-def test_motion_that_is_held_out_has_a_veto_and_no_more():
-    rng = np.random.default_rng(5)
-    tau = np.stack([np.sin(np.arange(400) / 9), np.cos(np.arange(400) / 7)], 1)
-    wrong = [e * rng.normal(size=tau.shape) for e in (0.1, 0.1, 0.2)]
-    told = np.stack([tau + w for w in wrong], 2)
-    held_out = Prediction.of([np.arange(400.0)], tau, told, np.zeros(400, int))
-    good, bad = (SimpleNamespace(as_good=x, elsewhere=False) for x in (True, False))
-    apart = SimpleNamespace(as_good=False, elsewhere=True)
-    assert stands_for(held_out, good, 0, 1)  # not told apart there: what the folds say
-    assert not stands_for(held_out, bad, 0, 1)
-    assert stands_for(held_out, apart, 0, 1)
-    for real in (good, bad, apart):  # of stretches of the fitted logs the folds have spoken
-        assert stands_for(None, real, 0, 2) is (real is not bad)
-    assert not stands_for(held_out, good, 0, 2)  # surely worse there
-    assert not stands_for(held_out, apart, 0, 2)
-    assert stands_for(held_out, bad, 2, 0)
 
 
 def test_a_hundred_kinds_of_friction_do_not_keep_newton_from_its_end(monkeypatch):

@@ -9,14 +9,12 @@ import pytest
 from identifiability.estimation.bootstrap import merge_blocks
 from identifiability.estimation.decide import column_noise, column_rms
 from identifiability.estimation.estimate import find_estimator
-from identifiability.estimation.evidence import Score
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import Submodel
 from identifiability.workflows.analyze.assessment import assess_ladder, select_model
-from identifiability.workflows.analyze.fit import stand_for_impossible
 
 from .made import gather
 
@@ -50,38 +48,6 @@ def test_the_smallest_model_that_folds_leave_is_used():
     assert choose(models, [True, False, False]) == 0
 
 
-def test_where_all_that_folds_choose_is_impossible_nearest_real_robots_are_compared():
-    """The largest smaller model that can exist stands, if its real robot predicts as well."""
-
-    def score(density, square=1.0):
-        return Score(np.full(10, density), np.full((10, 1), square), np.ones(1), 1 / 9)
-
-    sizes, near = (9, 7, 5, 3), np.array([True, True, False, False])
-    possible = [SimpleNamespace(feasible=x) for x in (False, False, True, True)]
-    alike = [score(-3.0), score(-3.0), score(-3.1), score(-3.0)]
-    found = stand_for_impossible(near, sizes, possible, alike)
-    assert found.tolist() == [False, False, True, False]
-    worse = [*alike[:2], score(-5.0, 1.5), alike[3]]
-    assert not stand_for_impossible(near, sizes, possible, worse).any()
-    assert not stand_for_impossible(near, sizes, possible, [None] * 4).any()
-    # A larger possible one stands for none, and one among those that folds choose needs no other.
-    first = [SimpleNamespace(feasible=x) for x in (True, False, False, False)]
-    assert not stand_for_impossible(~near, sizes, first, alike).any()
-    among = [SimpleNamespace(feasible=x) for x in (False, True, True, True)]
-    assert not stand_for_impossible(near, sizes, among, alike).any()
-
-
-def test_motion_that_is_held_out_vetoes_what_surely_errs_more_and_chooses_nothing():
-    models = [Judged(9, 0.100), Judged(7, 0.104, 0.005), Judged(5, 0.106, 0.005)]
-    models[2].error_joints_se = 0.003  # 1.96 of these are less than what it errs more
-    assert choose(models) == 1
-    models[1].error_joints_se = 0.0
-    assert choose(models) == 0
-    assert choose(models, [False, True, True]) == 0  # all that folds leave are vetoed
-    assert choose([Judged(9, 0.1), Judged(5, 0.05, 0.0)], [True, True]) == 1
-    assert choose([Judged(9, 0.1, 0.03), Judged(5, 0.05)], [True, False]) == 0
-
-
 def test_of_models_that_predict_as_well_one_that_a_real_robot_can_have_comes_first():
     models = [Judged(9, 0.1), Judged(5, 0.101, 0.01, False), Judged(3, 0.102, 0.01, False, False)]
     assert choose(models) == 0
@@ -110,20 +76,12 @@ def test_possible_models_come_first_only_among_those_that_predict_as_well():
     assert choose([Judged(9, 0.1, 0.0, False), Judged(5, 0.1)], [True, False]) == 0
 
 
-def test_a_model_that_is_surely_worse_at_one_joint_is_not_used():
-    models = [Judged(9, 0.1), Judged(5, 0.101, 0.01, worse_at=("wrist",))]
-    assert choose(models) == 0
-    models[1].worse_at = ()
-    assert choose(models) == 1
-
-
 def test_of_equal_sizes_the_better_one_is_used():
     assert choose([Judged(5, 0.102, 0.01), Judged(5, 0.1), Judged(5, 0.101, 0.01)]) == 1
 
 
-def test_without_errors_the_last_model_is_used_and_without_a_standard_error_the_best():
+def test_without_errors_the_last_model_is_used():
     assert choose([Judged(9, np.nan), Judged(5, np.nan)]) == 1
-    assert choose([Judged(9, 0.1, np.nan), Judged(5, 0.11, np.nan)]) == 0
 
 
 # A ladder of two models, assessed from numbers alone
