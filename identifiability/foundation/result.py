@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -10,6 +12,7 @@ from identifiability.foundation import handed
 from identifiability.foundation.errors import listing, near_match
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.output import check_ending, write_json
+from identifiability.foundation.rounding import stated
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,10 +32,31 @@ def shown(statement: str, frame: pd.DataFrame | None = None, more: str = "") -> 
     return html
 
 
+def _stating(tell: Callable[..., Any]) -> Callable[..., Any]:
+    @wraps(tell)
+    def told(self: Result, *given: Any, **named: Any) -> Any:
+        found = tell(self, *given, **named)
+        if isinstance(found, dict):
+            return stated(found)
+        if "t" in found:  # samples
+            return found
+        rows = stated(found.to_dict("records"))
+        numeric = found.select_dtypes(["float", "object"]).columns
+        return found.assign(**{name: [row[name] for row in rows] for name in numeric})
+
+    return told
+
+
 class Result(ABC):
     """An answer; `schema` names its kind in JSON and finds its page."""
 
     schema: ClassVar[str]
+
+    def __init_subclass__(cls) -> None:
+        """Round what answers state, as plain values or as tables that are not samples."""
+        super().__init_subclass__()
+        for name in [n for n in vars(cls) if n == "to_dict" or n.endswith("_frame")]:
+            setattr(cls, name, _stating(vars(cls)[name]))
 
     @property
     @abstractmethod

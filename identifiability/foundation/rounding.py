@@ -1,4 +1,4 @@
-"""Numbers as text: the only place where results are rounded; and how a verdict looks.
+"""Numbers as documents and as text: the only place where results are rounded; looks of verdicts.
 
 Colour and symbol, never colour alone, in tables and figures alike.
 """
@@ -9,8 +9,12 @@ import math
 from collections.abc import Callable
 from decimal import ROUND_HALF_EVEN, Decimal
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
+import numpy as np
+
+from identifiability.foundation.linalg import TINY
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
 # How a verdict looks, in tables and figures alike: colour and symbol, never colour alone.
@@ -67,7 +71,130 @@ def mark_of(kind: str) -> Mark:
     return MARKS.get(kind, _OTHER)
 
 
-# Numbers as text: the only place where results are rounded.
+# Numbers in documents: those that are stated, and those that are computed with again.
+#
+# Digits beyond what a number means differ between processors, which sum in other orders. What is
+# read is rounded by its own σ; what torque is computed from by its σ given all other values, for
+# rounding correlated values by their own moves the sum that is known best by several of its σ.
+
+
+#: Digits of a number without σ, of a probability, and of a value that no datum limits.
+STATED, OF_CHANCE, UNLIMITED = 6, 3, 9
+
+#: What a row with ``sigma`` or ``sd`` has in the same unit, and what is as uncertain as its value.
+OF_UNIT = {
+    "value", "values", "mean", "nominal", "projected", "interval95", "data_interval95", "between",
+    "sigma", "sd", "sigma_doubt", "sigma_models", "sigma_omit",
+}  # fmt: skip
+OF_VALUE = {"sigma_percent", "sigma_robust_percent", "torque_share"}
+
+
+class Exact(float):
+    """A number that is computed with again: documents keep its digits."""
+
+
+def exact(content: Any) -> Any:
+    """Return plain values or arrays with all digits of their numbers kept in documents."""
+    if isinstance(content, dict):
+        return {key: exact(value) for key, value in content.items()}
+    if isinstance(content, (list, tuple, np.ndarray)):
+        return [exact(value) for value in content]
+    return Exact(content) if isinstance(content, float) else content
+
+
+def stated(content: Any, sigma: Any = None) -> Any:
+    """Return plain values rounded to what they mean: σ/100 in a row that has σ, else 6 digits.
+
+    Examples
+    --------
+    >>> stated({"value": 0.8272061, "sigma": 0.1192, "error": 0.026174895, "p": 4.29019e-16})
+    {'value': 0.827, 'sigma': 0.119, 'error': 0.0261749, 'p': 4.29e-16}
+    """
+    if isinstance(content, dict):
+        own = content.get("sigma", content.get("sd"))
+        return {key: stated(value, _sigma_of(key, content, own)) for key, value in content.items()}
+    if isinstance(content, (list, tuple, np.ndarray)):
+        each = sigma if isinstance(sigma, list) else [sigma] * len(content)
+        return [stated(value, s) for value, s in zip(content, each, strict=True)]
+    if not isinstance(content, float) or isinstance(content, Exact):
+        return content
+    if not math.isfinite(content):
+        return float(content)
+    if isinstance(sigma, float) and 0 < sigma < math.inf:
+        return round(float(content), 2 - _exponent(sigma)) + 0.0
+    return float(f"{content:.{(sigma if isinstance(sigma, int) else STATED) - 1}e}")
+
+
+def _sigma_of(key: object, row: dict[Any, Any], sigma: Any) -> Any:
+    """Return σ of what stands in a row, or how many digits it has; None if nothing says."""
+    if key in ("p", "p_value"):
+        return OF_CHANCE
+    if key == "bias_sigma":  # in units of σ
+        return 1.0
+    if key in OF_VALUE and sigma and row.get("value"):
+        return abs((row[key] or 0.0) * sigma / row["value"])
+    return sigma if key in OF_UNIT else None
+
+
+def precision_of(covariance: Array) -> tuple[Array, Array]:
+    """Return the inverse of a covariance (k, k) and a factor F of it, F Fᵀ; zero where it is zero.
+
+    What is better known than rounding tells counts as known so well.
+    """
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scale = np.divide(1.0, sd, out=np.zeros_like(sd), where=sd > 0)
+    size, axes = np.linalg.eigh(covariance * np.outer(scale, scale))
+    root = scale[:, None] * axes / np.sqrt(np.maximum(size, TINY * size.max(initial=1.0)))
+    return root @ root.T, root
+
+
+def round_known(
+    values: Array, precision: Array, keeps: Callable[[Array], bool] = lambda _: True
+) -> Array:
+    """Return values (k,) rounded to 1/100 of their σ given all others.
+
+    As many digits more are kept as it takes for no sum of them to move by more than 1/100 of its
+    σ, and for what must hold of them to hold.
+
+    Parameters
+    ----------
+    values : (k,)
+    precision : (k, k)
+        Inverse of their covariance; zero for what no datum limits.
+    keeps : callable
+        Whether it holds of rounded values.
+    """
+    for more in range(UNLIMITED):
+        out = _rounded(values, np.diag(precision), more)
+        moved = out - values
+        if moved @ precision @ moved <= 1e-4 and keeps(out):
+            return out
+    return values
+
+
+def _rounded(values: Array, known: Array, more: int) -> Array:
+    pairs = zip(values.tolist(), known.tolist(), strict=True)
+    return np.array(
+        [
+            round(x, 2 + more - _exponent(p**-0.5)) if p > 0 else float(f"{x:.{UNLIMITED + more}g}")
+            for x, p in pairs
+        ]
+    )
+
+
+def round_covariance(covariance: Array) -> Array:
+    """Return a covariance (k, k) rounded so that σ of no sum of values changes by more than 1 %."""
+    precision, root = precision_of(covariance)
+    known = np.sqrt(np.outer(np.diag(precision), np.diag(precision))).ravel()
+    even = (covariance + covariance.T) / 2
+    for more in range(UNLIMITED):
+        out = _rounded(even.ravel(), known**2, more).reshape(covariance.shape)
+        if np.abs(np.linalg.eigvalsh(root.T @ (out - even) @ root)).max(initial=0.0) <= 0.02:
+            return out
+    return covariance
+
+
+# Numbers as text.
 
 
 #: What stands where there is no number.

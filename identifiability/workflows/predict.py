@@ -25,12 +25,23 @@ from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import Result, shown
-from identifiability.foundation.rounding import digits, error_text, format_count, join
+from identifiability.foundation.rounding import (
+    digits,
+    error_text,
+    exact,
+    format_count,
+    join,
+    precision_of,
+    round_covariance,
+    round_known,
+    stated,
+)
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.tables import write_table
+from identifiability.physical.pseudo_inertia import check_body
 from identifiability.regression.reduction import (
     LadderEntry,
     ModelEntry,
@@ -544,19 +555,43 @@ class Fit(Covaries):
         """Return what is read back, as plain values."""
         entry = model_entry(self.submodel, self.structure.base, self.structure.model.texts)
         how = {f.name: getattr(self.preparation, f.name) for f in fields(Preparation)}
-        return {
+        told = {
             "model": entry.model_dump(by_alias=True, exclude_none=True),
             "names": list(self.names),
             "units": list(self.submodel.units),
-            "values": self.values.tolist(),
-            **{
-                name: value.tolist() if isinstance(value, np.ndarray) else value
-                for name, value in asdict(self.spread).items()
-            },
-            "base_covariance": self.base_covariance.tolist(),
-            "base_unknown": self.base_unknown.tolist(),
+            "values": round_known(self.values, precision_of(self.covariance)[0]),
+            **asdict(self.spread),
+            "covariance": round_covariance(self.covariance),
+            "base_covariance": round_covariance(self.base_covariance),
+            "base_unknown": self.base_unknown,
             "preparation": how,
         }
+        scatter = {name: stated(told[name]) for name in ("low", "raw", "dof")}
+        return {**exact(told), **scatter}
+
+    def state_robot(self, told: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a real robot with the digits of its parameters that torque and bodies need.
+
+        Parameters
+        ----------
+        told : mapping
+            As `real_robot_dict` returns it.
+        """
+        parameters = told["parameters"]
+        columns, bodies = self.structure.columns, self.structure.inertial
+        at = [columns.index(name) if name in columns else -1 for name in parameters]
+        G = np.pad(self.structure.G, ((0, 0), (0, 1)))[:, at]
+        values = np.array([*parameters.values()])
+        whole = [rows for rows in bodies.tolist() if set(rows) <= set(at)]
+
+        def exist(phi: Array) -> Array:
+            bodies = [check_body(phi[[at.index(k) for k in rows]], "").feasible for rows in whole]
+            return np.array(bodies, bool)
+
+        before, precision = exist(values), G.T @ precision_of(self.base_covariance)[0] @ G
+        found = round_known(values, precision, lambda phi: bool((exist(phi) >= before).all()))
+        again = {name: exact(told[name]) for name in ("shapes", "gravity") if name in told}
+        return {**told, **again, "parameters": dict(zip(parameters, exact(found), strict=True))}
 
 
 class PreparationEntry(Entry):

@@ -786,7 +786,7 @@ class Laddered(Result, Opening, Predicts):
                 "error_ra_validation": used.error_ra_physical,
                 "used": used.physical_used,
                 "elsewhere": used.physical.elsewhere,
-                **self._real_robot,
+                **(self._real_robot if self.nothing else self.fit.state_robot(self._real_robot)),
             },
             **({} if self.moved is None else {"rollout": self.moved.to_dict()}),
             "hints": list(self.hints),

@@ -25,7 +25,7 @@ from identifiability.foundation.errors import ClosureError, IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
-from identifiability.foundation.rounding import format_time
+from identifiability.foundation.rounding import format_time, stated
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -156,7 +156,8 @@ class NextMotion:
         content = {**self.excitation.to_dict(), "comment": self.statement, "next": told}
         # Of the shapes that a rival may have the most alike one counts, not all of them together.
         del content["before"], content["after"]
-        return content
+        rounded: dict[str, Any] = stated(content)
+        return rounded
 
 
 @checked

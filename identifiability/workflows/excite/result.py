@@ -20,7 +20,13 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.output import csv_text, write_text
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import digits, format_count, format_number, whole_percent
+from identifiability.foundation.rounding import (
+    digits,
+    exact,
+    format_count,
+    format_number,
+    whole_percent,
+)
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
@@ -309,9 +315,9 @@ class Excitation(Result):
         }
         return {
             "comment": f"{self.statement} Coefficients are amplitudes of velocity.",
-            "period": path.period,
+            "period": exact(path.period),
             "samples": path.samples,
-            "trajectories": {path.name: joints},
+            "trajectories": exact({path.name: joints}),
             "schema": self.schema,
             "robot": self.robot.name,
             "criterion": self.criterion.name,
