@@ -39,6 +39,7 @@ from identifiability.estimation.noise import (
 )
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import listing
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -256,8 +257,9 @@ class Rows:
 
     @cached_property
     def columns(self) -> tuple[np.ndarray, ...]:
-        """Columns of the model that act at each joint."""
-        return tuple(np.flatnonzero(x.any(0)) for x in self.X.transpose(1, 0, 2))
+        """Columns of the model that act at each joint; rounding of what cancels there does not."""
+        size = np.abs(self.X).max(0, initial=0.0)
+        return tuple(np.flatnonzero(x) for x in size > ROUNDOFF * size.max(0, initial=0.0))
 
     @cached_property
     def lagged(self) -> tuple[LaggedProducts, ...]:

@@ -41,8 +41,8 @@ def _stating(tell: Callable[..., Any]) -> Callable[..., Any]:
         if "t" in found:  # samples
             return found
         rows = stated(found.to_dict("records"))
-        numeric = found.select_dtypes(["float", "object"]).columns
-        return found.assign(**{name: [row[name] for row in rows] for name in numeric})
+        inexact = [name for name in found if found[name].dtype.kind in "fO"]
+        return found.assign(**{name: [row[name] for row in rows] for name in inexact})
 
     return told
 

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from identifiability import Analysis, Robot, analyze, diagnose, prune
 from identifiability.cli import app
 from identifiability.foundation.errors import IdentifiabilityError, LogError
+from identifiability.foundation.numbers import REACH
 from identifiability.logs import Log
 
 
@@ -48,9 +49,10 @@ def test_what_is_read_back_predicts_the_same(analysis, make_log, tmp_path):
         assert kept.names == result.fit.names
         before, after = result.predict(log), kept.predict(log)
         assert before.error_ra < 0.1
-        for what in ("predicted", "mean", "low", "new"):
-            same = pytest.approx(getattr(before, what), rel=1e-6, abs=1e-9)
-            assert getattr(after, what) == same
+        moved = np.abs(after.predicted - before.predicted)
+        assert (moved <= 0.01 * before.mean / REACH + 1e-12).all()
+        for what in ("mean", "low", "new"):
+            assert getattr(after, what) == pytest.approx(getattr(before, what), rel=0.01)
 
 
 def test_torque_is_told_apart_low_passed_and_raw(make_log):
@@ -190,7 +192,7 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path):
     assert both.error_ra == pytest.approx(whole.error_ra)
     assert both.inside == pytest.approx(whole.inside)
     assert [e["error"] for e in both.to_dict()["logs"]] == pytest.approx(
-        [np.nan, whole.error_ra], nan_ok=True
+        [np.nan, whole.error_ra], nan_ok=True, rel=1e-5
     )
     assert "log 1 has no torque: it is predicted alone" in both.statement
     with pytest.raises(LogError, match=r"no torque column 'shoulder\.tau'"):
