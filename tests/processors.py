@@ -39,6 +39,9 @@ CLOSE = 1e-6
 #: solver bounds no more tightly than that.
 MARGIN = 1e-4
 
+#: Last digits of stated numbers of a study that may differ: values on the edge of their rounding.
+HANDFUL = 5
+
 #: Standard errors that two samples may be apart: among a thousand numbers none is by chance.
 APART = 5.0
 
@@ -84,6 +87,20 @@ def run_demo(core: str, folder: Path) -> dict[str, Any]:
     subprocess.run(command, cwd=ROOT, env=environment(core), check=True, stdout=subprocess.DEVNULL)
     content: dict[str, Any] = json.loads((folder / "demo.json").read_text(encoding="utf-8"))
     return content
+
+
+def run_study(core: str, folder: Path) -> dict[str, Any]:
+    """Return what the first study states under a core type, by verb."""
+    program, env = (sys.executable, "-m", "identifiability"), environment(core)
+    env["PYTHONPATH"] = str(ROOT)
+    subprocess.run([*program, "new", str(folder)], env=env, check=True, capture_output=True)
+    logs = ("robot.urdf", "run1.csv", "run2.csv", "--validate", "run3.csv")
+    out = {}
+    for verb, *options in (("analyze",), ("prune", "--quick"), ("diagnose",)):
+        command = [*program, verb, *logs, *options, "--json", f"{verb}.json"]
+        subprocess.run(command, cwd=folder, env=env, check=True, capture_output=True)
+        out[verb] = json.loads((folder / f"{verb}.json").read_text(encoding="utf-8"))
+    return out
 
 
 def leaves(content: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[tuple[Any, ...], Any]]:

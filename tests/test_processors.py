@@ -114,6 +114,25 @@ def test_core_types_that_cannot_be_run_are_listed_with_the_reason(processors, mo
     assert said[1] == "Nehalem: not run, its kernels stop with code -4"
 
 
+@pytest.mark.everything
+def test_stated_numbers_of_the_first_study_are_those_of_another_processor(processors, tmp_path):
+    """But for a handful of last digits; without rounding 97 in 100 differ."""
+    cores, found = ("Haswell", "Nehalem"), []
+    for core in cores:
+        try:
+            processors.find_kernels(core)
+        except RuntimeError as error:
+            pytest.skip(f"{core}: {error}")
+        found.append(processors.run_study(core, tmp_path / core))
+    ours, theirs = (dict(processors.leaves(x)) for x in found)
+    assert ours.keys() == theirs.keys()
+    numbers = [at for at in ours if isinstance(ours[at], float)]
+    assert len(numbers) > 10_000
+    assert sum(ours[at] != theirs[at] for at in numbers) <= processors.HANDFUL
+    for at in numbers:  # the last digit of σ / 100, or of six
+        assert ours[at] == pytest.approx(theirs[at], rel=0.02, abs=1e-6), at
+
+
 def test_a_coefficient_on_the_edge_of_its_digits_has_one_label(rps):
     base = find_base_parameters(rps, Model.of("rigid_body"))
     row, column = np.argwhere((base.G != 0) & (np.abs(base.G) != 1))[0]
