@@ -121,7 +121,8 @@ def stated(content: Any, sigma: Any = None) -> Any:
     if not math.isfinite(content):
         return float(content)
     if isinstance(sigma, float) and 0 < sigma < math.inf:
-        return round(float(content), 2 - _exponent(sigma)) + 0.0
+        # Twice: 0.00605 ± rounding must not be 0.006 here and 0.0061 on another processor.
+        return round(float(f"{content:.12g}"), 2 - _exponent(sigma)) + 0.0
     return float(f"{content:.{(sigma if isinstance(sigma, int) else STATED) - 1}e}")
 
 
