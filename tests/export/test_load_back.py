@@ -40,7 +40,7 @@ def test_the_same_logs_say_the_same_of_what_was_exported(name, tmp_path):
     path = before.to_json(tmp_path / "result.json")
     exported = export(robot, path, tmp_path / f"fitted{robot.path.suffix}")
     copy = Robot.load(exported.robot)
-    for parameter, value in before.chosen.physical.parameters().items():
+    for parameter, value in before.to_dict()["physical"]["parameters"].items():
         assert copy.nominal.get(parameter, 0.0) == pytest.approx(value, rel=1e-9, abs=1e-12)
     after = analyze(copy, logs[0], logs[1], ladder=entry, replicates=20)
     assert after.base.names == before.base.names
