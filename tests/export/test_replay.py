@@ -79,7 +79,7 @@ def test_other_engines_find_the_stated_errors(name, what, replayed, tmp_path):
 def test_an_effect_with_a_shape_comes_back_with_it(replayed, tmp_path):
     result, log = fit("two-link", "stribeck_friction")
     found = replayed(result.robot, result, log, tmp_path)
-    parameters = result.chosen.physical.parameters()
+    parameters = result.to_dict()["physical"]["parameters"]
     assert found.robot.nominal["elbow.Fs"] == parameters["elbow.Fs"] > 0
     assert found.robot.shapes == pytest.approx(
         {"shoulder.stribeck_friction": 0.4, "elbow.stribeck_friction": 0.5}
@@ -94,6 +94,6 @@ def test_springs_and_payloads_are_in_the_file(replayed, tmp_path):
     result, log = fit("two-link", "payload")
     found = replayed(result.robot, result, log, tmp_path)
     assert not found.exported.beside
-    p = result.chosen.physical.parameters()
-    assert found.robot.nominal["link2.m"] == p["link2.m"] + p["link2.payload_m"]
+    p = result.to_dict()["physical"]["parameters"]
+    assert found.robot.nominal["link2.m"] == pytest.approx(p["link2.m"] + p["link2.payload_m"])
     assert not any("payload" in name for name in found.robot.nominal)

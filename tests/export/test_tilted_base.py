@@ -128,7 +128,7 @@ def test_a_wall_is_found_stated_written_and_drawn(on_a_wall, tmp_path):
     assert found.held_after < 0.03 < 0.3 < found.held_before
     told = found.to_dict()
     assert told["robot"]["gravity"]["degrees"] == pytest.approx(90.0, abs=1.0)
-    assert told["effects"][0]["gravity"]["degrees_sd"] == pytest.approx(tilt.leaning.sd)
+    assert told["effects"][0]["gravity"]["degrees_sd"] == pytest.approx(tilt.leaning.sd, rel=1e-5)
     assert told["model"] == list(found.base)
     drawing = str(answer_first(found).sketch.markup)
     assert "rotate(" in drawing
