@@ -196,12 +196,6 @@ def _save_robot(*given: Any) -> Any:
     return save_robot(*given)
 
 
-def _convert_dh(*given: Any) -> Any:
-    from identifiability.robot.dh import convert_dh  # noqa: PLC0415
-
-    return convert_dh(*given)
-
-
 # Lower rooms ask for these, which stand above them, or are extras that no room imports.
 hand_down(
     notebook_piece=_notebook_piece,
@@ -210,7 +204,6 @@ hand_down(
     result_plots=_result_plots,
     write_page=_write_page,
     save_robot=_save_robot,
-    convert_dh=_convert_dh,
 )
 
 

@@ -19,7 +19,7 @@ from identifiability.cli.options import Verb
 #: Verbs in the order of the help; any other file here with a function of its name is one, too.
 FIRST = (
     *("new", "demo", "inspect", "analyze", "prune", "diagnose", "simulate", "excite", "predict"),
-    *("export", "calibrate", "payload", "compare", "rollout", "gain", "convert", "batch", "paper"),
+    *("export", "calibrate", "payload", "compare", "rollout", "gain", "batch", "paper"),
 )
 
 
@@ -52,12 +52,22 @@ class Verbs(Mapping[str, Any]):
         return self.made[name]
 
 
+#: Verbs that went, and what to type instead.
+GONE = {"convert": "identifiability new FOLDER --robot table.toml"}
+
+
 class Group(typer.core.TyperGroup):
     """The command line: its help needs no verb's options."""
 
     def __init__(self, **given: Any) -> None:
         super().__init__(**given)
         self.commands = Verbs()  # type: ignore[assignment] # nothing is added to it
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the command that was typed; of one that went, what to type instead."""
+        if args and args[0] in GONE:
+            ctx.fail(f"'{args[0]}' is gone: type {GONE[args[0]]}")
+        return super().resolve_command(ctx, args)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""

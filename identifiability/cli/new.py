@@ -36,9 +36,15 @@ def new(
     identifiability new mine monday.csv tuesday.csv --robot arm.urdf
     identifiability new mine --robot arm.urdf
     ```
+
+    A table of Denavit and Hartenberg becomes a URDF and its sidecar:
+
+    ```
+    identifiability new mine --robot table.toml
+    ```
     """
     with common.sentences():
         from identifiability.workflows.study import new_study  # noqa: PLC0415
 
         made = new_study(folder, robot, logs or ())
-    common.print_end([made.statement], made.written)
+    common.print_end([*made.notes, made.statement], made.written)

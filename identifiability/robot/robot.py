@@ -7,7 +7,6 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
-from identifiability.foundation import handed
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Renames
 from identifiability.foundation.options import Expected, FilePath, Positive, checked
@@ -26,6 +25,7 @@ from identifiability.robot.changed import (
 from identifiability.robot.description import Description
 from identifiability.robot.files import read_robot
 from identifiability.robot.locking import LockOption, read_locks
+from identifiability.robot.table import write_table
 
 RobotSource = Annotated[str | Path, Expected("the path of a robot file or a shipped robot's name")]
 DhSource = Annotated[
@@ -107,26 +107,27 @@ class Robot(Description):
     def from_dh(table: DhSource, out: FilePath | None = None) -> Robot:
         """Write the robot file of a table of Denavit and Hartenberg, and read it.
 
-        A robot is always a standard file: the table is where it comes from. What the table leaves
-        open (masses, rounded angles) is said in a comment of the file.
+        The robot is the file; what the table leaves open (masses, rounded angles) is said in a
+        comment of it.
 
         Parameters
         ----------
         table : str, Path or mapping
-            A TOML file as `identifiability.robot.dh_table` describes it, or its content.
+            A TOML file as `identifiability.robot.table` describes it, or its content.
         out : str or Path, optional
-            The MJCF to write (``.xml``); its sidecar stands beside it. Without it both are gone
-            when the program ends, unless the robot is saved.
+            The URDF to write; its sidecar stands beside it. Without it both are gone when the
+            program ends, unless the robot is saved.
 
         Raises
         ------
         RobotError
-            If the table contradicts itself, or leaves joints undetermined.
+            If the table contradicts itself.
         OutputError
-            If the files cannot be written, or the sidecar would replace one of the user's own.
+            If the files cannot be written.
         """
-        place = new_place("robot_from_dh", ".xml") if out is None else out
-        return Robot.load(handed("convert_dh")(table, place).robot)
+        place = new_place("robot_from_dh", ".urdf") if out is None else out
+        write_table(table, place)
+        return Robot.load(place)
 
     @staticmethod
     @checked
@@ -144,20 +145,20 @@ class Robot(Description):
             Each after its parent: ``name``, ``parent`` (default: the one before, or ``"base"``),
             ``position`` [m] and ``rpy`` [rad] of its frame in that of its parent (as in a URDF),
             ``joint`` (its name; without one the link is fixed), ``type`` (``"revolute"`` or
-            ``"prismatic"``), ``axis`` (default z), ``range``, ``passive``, ``equals``, ``mass``
-            [kg], ``centre`` of mass [m], ``inertia`` about it (``xx``, ``yy``, ``zz``, ``xy`` …
-            [kg·m²]), all in the frame of the link.
+            ``"prismatic"``), ``axis`` (default z), ``range``, ``mass`` [kg], ``centre`` of mass
+            [m], ``inertia`` about it (``xx``, ``yy``, ``zz``, ``xy`` … [kg·m²]), all in the frame
+            of the link.
         out : str or Path, optional
-            The MJCF to write (``.xml``). Without it the file is gone when the program ends, unless
-            the robot is saved.
+            The URDF to write. Without it the file is gone when the program ends, unless the robot
+            is saved.
         **more
-            ``closures``, ``springs``, ``home``, ``gravity`` and ``sidecar`` (its ``nominal`` has
-            friction and rotors), as in a table of `identifiability.robot.dh_table`.
+            ``gravity`` and ``sidecar`` (loops, couplings, home; its ``nominal`` has friction and
+            rotors).
 
         Raises
         ------
         RobotError
-            If the links contradict each other, or leave joints undetermined.
+            If the links contradict each other.
         OutputError
             If the file cannot be written.
 
@@ -173,7 +174,7 @@ class Robot(Description):
         ('shoulder', 'elbow')
         """
         table = {"convention": "frames", "name": name, "links": [dict(x) for x in links], **more}
-        return Robot.from_dh(table, new_place(name, ".xml") if out is None else out)
+        return Robot.from_dh(table, new_place(name, ".urdf") if out is None else out)
 
     @checked
     def with_values(self, values: Annotated[Mapping[str, float], _VALUES]) -> Robot:

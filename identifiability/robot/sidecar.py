@@ -433,8 +433,8 @@ class Sidecar(_Strict):
         list,
     )
     guessed: Names = described(
-        "Bodies whose masses and inertias in the file are guesses, as `convert` makes where a "
-        "table states none: no torque is compared with what they ask for.",
+        "Bodies whose masses and inertias in the file are guesses, as those that a table "
+        "leaves out: no torque is compared with what they ask for.",
         ["forearm"],
         list,
     )

@@ -6,9 +6,11 @@ import json
 import os
 import shlex
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from string import Template
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 from identifiability.foundation.errors import LogError, OutputError, listing
@@ -19,6 +21,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.formats.reader import check_there
 from identifiability.robot import Robot
 from identifiability.robot.locate import find_sidecar, locate_robot, shipped_robots
+from identifiability.robot.table import write_table
 from identifiability.workflows.inspect import template_frame
 
 # `new_study`: copy or write what a study begins with.
@@ -48,6 +51,8 @@ class Study:
         The log that judges.
     has_logs : bool
         Whether these are there.
+    notes : tuple of str
+        What a table of the robot left open.
     """
 
     folder: Path
@@ -56,6 +61,7 @@ class Study:
     fitted: tuple[str, ...]
     held_back: str | None
     has_logs: bool
+    notes: tuple[str, ...] = ()
 
     @property
     def next_line(self) -> str:
@@ -97,8 +103,8 @@ def new_study(
     folder : str or Path
         Folder to make: new, or empty.
     robot : str or Path
-        MJCF or URDF file, which is copied with its sidecar, or a shipped robot's name, such as
-        3-rps.
+        MJCF or URDF file, which is copied with its sidecar, a table of Denavit and Hartenberg
+        (TOML), of which URDF and sidecar are written, or a shipped robot's name, such as 3-rps.
     logs : sequence of path, optional
         Your own logs, which stay where they are: script and Makefile name them. The last of several
         judges and is not fitted.
@@ -112,7 +118,12 @@ def new_study(
     RobotError
         If the robot cannot be read.
     """
-    folder, source = Path(folder), locate_robot(robot)
+    folder = Path(folder)
+    if str(robot).lower().endswith(".toml"):
+        with TemporaryDirectory() as made:
+            written = write_table(robot, Path(made) / "robot.urdf")
+            return replace(new_study(folder, Path(made) / "robot.urdf", logs), notes=written)
+    source = locate_robot(robot)
     for log in logs:
         check_there(Path(log))
         if set(str(log)) & set(" #$:"):
