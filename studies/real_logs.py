@@ -15,8 +15,6 @@ $IDENTIFIABILITY_DATA.
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -69,11 +67,7 @@ def find_cases(data: Path | None, folder: Path) -> Iterator[Case]:
         for a, b in ((0, 1), (1, 0)):
             yield f"{name} {a + 1} → {b + 1}", arm, [pair[a]], pair[b]
     if kr300.is_dir():
-        out = folder / "kr300.xml"
-        words = [sys.executable, "-m", "identifiability", "convert"]
-        convert = [*words, str(kr300 / "dh.toml"), "--out", str(out)]
-        subprocess.run(convert, check=True, capture_output=True)
-        heavy = Robot.load(out)
+        heavy = Robot.from_dh(kr300 / "dh.toml", folder / "kr300.urdf")
         logs = {k: Log.read(kr300 / f"{k}.csv", Conventions.of(heavy)) for k in "ABC"}
         for parts, unseen in (("AC", "B"), ("AB", "C")):
             name = f"KR300 {', '.join(parts)} → {unseen}"

@@ -114,7 +114,6 @@ WRITTEN = {
     "export": (["two-link", "r.json"], ["--out"]),
     "simulate": (["two-link", "random"], ["--out"]),
     "excite": (["two-link", "--out", "m.json"], ["--report", "--out"]),
-    "convert": (["dh.toml"], ["--out"]),
     "demo": ([], ["--folder"]),
     "paper": ([], ["--out"]),
     "new": (["x.pdf"], []),

@@ -60,7 +60,7 @@ _PI = re.compile(r"([+-]?)\s*(\d{0,9}\.?\d{0,9})\s*\*?\s*(?:pi|π)\s*(?:/\s*(\d{
 def _angle(value: Any) -> Any:
     """Check that a text is a part of π; it stays one, as its unit is never degrees."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        raise ValueError('give a number, or a text such as "-pi/2"')
+        raise ValueError('give a number, or a text such as "-pi/2"')  # noqa: TRY004 # pydantic's
     return (read_pi(value), "rad") if isinstance(value, str) else (float(value), "")
 
 
@@ -249,7 +249,7 @@ def _urdf(table: Table) -> ET.Element:
             place, inside = inside, place
         before, ends[row.name] = row.name, f"{row.name}_end" if split else row.name
         _inertial(ET.SubElement(top, "link", name=row.name), row, inside)
-        kind = "fixed" if row.joint is None else row.type
+        kind: str = "fixed" if row.joint is None else row.type
         kind = "continuous" if kind == "revolute" and row.range is None else kind
         made = _joint(top, row.joint or f"{row.name}_fixed", kind, parent, row.name, place)
         if row.joint is not None:
@@ -276,7 +276,7 @@ def _joint(
 
 
 def _inertial(link: ET.Element, row: Row, inside: pin.SE3) -> None:
-    """State mass, centre and inertia in the frame of a link in which those of the row lie inside."""
+    """State a row's mass, centre and inertia in the frame of its link, in which they lie inside."""
     if row.joint is None and row.mass is None:
         return
     mass = 1.0 if row.mass is None else row.mass

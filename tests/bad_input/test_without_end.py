@@ -25,8 +25,8 @@ from identifiability.logs.tables import LONGEST_CELL, open_parquet
 from identifiability.regression.reduction import ladder_model, read_ladder
 from identifiability.robot import markup as magnitudes
 from identifiability.robot import markup as xml
-from identifiability.robot.dh import convert_dh
 from identifiability.robot.files import read_geometry
+from identifiability.robot.table import write_table
 from identifiability.workflows import batch as studies
 from identifiability.workflows.predict import read_fit
 
@@ -260,7 +260,7 @@ def test_limits_of_ladders_and_tables(refuses, tmp_path):
     unknown = f'[[models]]\nname = "{"m" * 60}"\neffects = ["{"x" * 60}"]'
     refuses(lambda p: ladder_model(read_ladder(p)), "ladder.toml", unknown, "There is no effect")
     table = f'convention = "standard"\n{link}'
-    refuses(lambda p: convert_dh(p, tmp_path / "o.xml"), "dh.toml", table, "is no part of pi")
+    refuses(lambda p: write_table(p, tmp_path / "o.urdf"), "dh.toml", table, "is no part of pi")
 
 
 def test_limits_of_results(refuses):

@@ -121,8 +121,8 @@ def new_study(
     folder = Path(folder)
     if str(robot).lower().endswith(".toml"):
         with TemporaryDirectory() as made:
-            written = write_table(robot, Path(made) / "robot.urdf")
-            return replace(new_study(folder, Path(made) / "robot.urdf", logs), notes=written)
+            notes = write_table(robot, Path(made) / "robot.urdf")
+            return replace(new_study(folder, Path(made) / "robot.urdf", logs), notes=notes)
     source = locate_robot(robot)
     for log in logs:
         check_there(Path(log))
