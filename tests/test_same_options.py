@@ -1,21 +1,27 @@
 """The same preparation, engine and progress options in every verb; `--quick` overrides nothing."""
 
+import importlib
 import inspect
 import io
+from dataclasses import fields
 from types import SimpleNamespace
+from typing import Literal, get_origin, get_type_hints
 
 import pytest
 import typer
 from rich.console import Console
 
 import identifiability
-from identifiability import cli
 from identifiability.cli import app, common, options
+from identifiability.foundation.engines.local import choose_engine
 
 #: Verbs that take logs, and options that mean the same in each.
 VERBS = ("analyze", "prune", "diagnose", "calibrate", "excite", "inspect")
 SHARED = ("derivatives", "cutoff", "period", "harmonics", "decimate", "engine", "workers", "map",
           "scheduler", "resume", "time_unit", "seed", "lock", "sidecar", "plugin")  # fmt: skip
+#: Verbs whose options are those of the function of their name.
+OPTIONS = ("analyze", "prune", "diagnose", "excite", "calibrate", "simulate", "inspect", "payload",
+           "compare", "rollout")  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -45,21 +51,33 @@ def test_every_verb_has_them(verb, commands):
         ("compare", "ladder"),
     ],
 )
-def test_options_have_names_defaults_and_help_of_the_library(verb, names, commands):
+def test_options_have_names_and_defaults_of_the_library(verb, names, commands):
     known = {p.name: p for p in commands[verb].params}
     library = inspect.signature(getattr(identifiability, verb)).parameters
-    told = " ".join(inspect.getdoc(getattr(identifiability, verb)).replace("``", "`").split())
     for name in names.split():
         assert (known[name].default or None) == (library[name].default or None)
-        assert (
-            name == "seed" or known[name].help.removesuffix(" May be given several times.") in told
-        )
+
+
+@pytest.mark.parametrize(
+    ("group", "function"),
+    [
+        *((importlib.import_module(f"identifiability.cli.{verb}").Options,
+           getattr(identifiability, verb)) for verb in OPTIONS),
+        (options.Derived, identifiability.Preparation),
+        (options.Place, choose_engine),
+    ],
+)  # fmt: skip
+def test_a_group_of_options_is_what_its_function_takes(group, function):
+    library, kinds = inspect.signature(function).parameters, get_type_hints(group)
+    theirs = get_type_hints(inspect.unwrap(function) if inspect.isfunction(function) else function)
+    for field in fields(group):
+        assert field.default == library[field.name].default
+        if get_origin(kinds[field.name]) is Literal:
+            assert kinds[field.name] == theirs[field.name]
 
 
 def arguments_of(verb, monkeypatch, *words):
     """What the library is called with by a command line."""
-    import importlib
-
     seen = {}
 
     class StoppedError(Exception):
@@ -145,28 +163,10 @@ def test_a_pipe_gets_lines_and_a_terminal_a_bar(monkeypatch):
         assert not isinstance(say, common.Lines)
 
 
-#: What a verb explains although its function has an argument of the name: the endings of drawn
-#: robots as well, and the words that stand for a motion.
-OWN = {("export", "out"), ("simulate", "motion")}
-
-
-def test_no_verb_explains_again_what_its_function_declares():
-    again = set()
-    for name in cli.FIRST:
-        verb = cli._find(name)
-        library = verb.make.keywords["library"]
-        if library:
-            _, found = options._source(library if ":" in library else f"{library}:{name}")
-            theirs = {argument for argument, *_ in options._fields(found)}
-            own = options._helps(inspect.getdoc(verb.function))
-            again |= {(name, option) for option in theirs & set(own)}
-    assert again == OWN
-
-
 @pytest.mark.parametrize(
     ("words", "kept"),
     [
-        ([], None),
+        ([], False),
         (["--fixed"], True),
         (["--fixed-share", "0"], 0.0),
         (["--prior", "0.1"], 0.1),

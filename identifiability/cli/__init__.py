@@ -14,7 +14,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from identifiability.cli.options import Verb
+from identifiability.cli.options import Verb, helps
 
 #: Verbs in the order of the help; any other file here with a function of its name is one, too.
 FIRST = (
@@ -71,8 +71,8 @@ class Group(typer.core.TyperGroup):
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""
-        verbs = {name: _find(name) for name in self.commands}
-        brief = {n: typer.core.TyperCommand(n, help=v.help) for n, v in verbs.items() if v}
+        told = helps()["verbs"]
+        brief = {n: typer.core.TyperCommand(n, help=told.get(n)) for n in self.commands}
         typer.core.TyperGroup(
             name=self.name,
             commands=brief,  # type: ignore[arg-type] # of typer's own kind
@@ -88,6 +88,7 @@ app = typer.Typer(
     cls=Group,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    help="Which dynamic parameters do your logs determine, and which model is worth using?",
     rich_markup_mode="markdown",
 )
 
@@ -110,7 +111,7 @@ def _describe(
         ),
     ] = False,
 ) -> None:
-    """Which dynamic parameters do your logs determine, and which model is worth using?"""
+    """Take the options before a verb."""
 
 
 def main() -> None:

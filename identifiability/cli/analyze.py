@@ -3,16 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated
 
 from identifiability.cli import common, options
+from identifiability.foundation.options import NotNegative, Replicates, Seed
 
 if TYPE_CHECKING:
     from identifiability.workflows.analyze import Analysis
 
 
-@options.command("workflows/analyze/workflow.py")
+@dataclass(frozen=True)
+class Options:
+    """What is asked for."""
+
+    validate: Annotated[
+        Sequence[str], "Logs held out; without them errors come from blocked cross-validation."
+    ] = ()
+    ladder: Annotated[
+        options.Ladder,
+        "TOML of models to compare; by default the one beside the robot, else with torque offsets "
+        "and without.",
+    ] = None
+    method: options.Method = "wls"
+    estimator: options.Estimator = "auto"
+    replicates: Annotated[
+        Replicates | None, "Refits of the block bootstrap; by default 2000, or 200 if `quick`."
+    ] = None
+    posterior: Annotated[
+        bool, "Also sample the posteriors of the selected model; costs two to three times the rest."
+    ] = False
+    cad_prior: Annotated[
+        NotNegative | None,
+        "Weight of a log-det prior around the robot file's bodies [σ²]; 0 for none, by default "
+        "what predicts best.",
+    ] = None
+    prior: options.Prior = None
+    seed: Seed = 0
+    quick: options.Quick = False
+
+
+@options.command()
 def analyze(
     machine: options.Machine,
     recorded: options.Recorded,
@@ -20,36 +52,9 @@ def analyze(
     outputs: options.Outputs,
     derived: options.Derived,
     place: options.Place,
-    **own: Any,
+    own: Options,
 ) -> None:
-    """Say which parameters the logs determine, and which model of a ladder to use.
-
-    **You give** a robot file and one or more logs of its motion and torque. The motion should be
-    as fast and as varied as the robot will ever move: what it never excites, no fit can tell.
-
-    **You get** one verdict a parameter. *identifiable*: use the value. *weak*: only its sign is
-    certain. *negligible*: leave it out. *not identifiable*: do not believe the number, whatever it
-    is; the reason says whether noise, the motion or the structure is to blame. *not judged*: the
-    logs are too short, or too slow for their cut-off, to say anything. And you get the
-    model to use (▸): the smallest that predicts unseen motion as well as the best does.
-
-    **Hold a log back** with --validate. Without one, stretches of the logs take turns.
-
-    Begin with
-
-        identifiability analyze 3-rps run.csv --report report.html
-
-    and read the report from the top. Then
-
-        identifiability analyze 3-rps run.csv --validate other.csv
-        identifiability analyze arm.urdf a.csv b.csv --json arm.json
-        identifiability analyze arm.urdf run.csv --cutoff 10
-        identifiability analyze arm.urdf run.mcap:/joint_states
-
-    Too few identifiable? Move faster and in other directions, log longer, or let *prune* look for
-    the smaller model that these logs support. Error much above the noise? Something is missing in
-    the model: *diagnose* names it.
-    """
+    """Say which parameters the logs determine, and which model of a ladder to use."""
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.analyze import analyze as run  # noqa: PLC0415
 
@@ -59,7 +64,7 @@ def analyze(
             progress=say,
             engine=place.stated(runner),
             preparation=derived.preparation(),
-            **own,
+            **vars(own),
         )
         written = outputs.write(result, say)
     print_analysis(result, written)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, is_dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Literal, NoReturn
@@ -298,54 +298,60 @@ class Writes:
 
 
 def look(
-    given: Mapping[str, Any], marks: Mapping[str, tuple[Any, ...]], *, motion_alone: bool = False
+    given: Mapping[str, Any],
+    marks: Mapping[str, Sequence[Any]],
+    machine: Any,
+    recorded: Any,
+    *,
+    motion_alone: bool = False,
 ) -> None:
     """Refuse what is not there or cannot be written, and logs with other columns, in no time.
 
     Parameters
     ----------
     given : mapping
-        What was typed: options by name, and groups of options.
+        What was typed, by the name of the option.
     marks : mapping
-        `Reads` and `Writes` by the name of the option, those of groups among them.
+        What stands beside them, `Reads` and `Writes` among it.
+    machine, recorded : Machine, Recorded or None
+        Groups that say of which robot the logs are.
     motion_alone : bool
         Logs of motion alone have no torque.
+
+    Raises
+    ------
+    IdentifiabilityError
     """
-    flat = dict(given)
-    for group in filter(is_dataclass, given.values()):
-        flat |= {name: getattr(group, name) for name in marks if hasattr(group, name)}
-    machine, recorded = given.get("machine"), given.get("recorded")
-    logs = [path for name in LOGS for path in flat.get(name) or ()]
-    sides = [path for name in SIDES for path in _several(flat.get(name))]
+    logs = [path for name in LOGS for path in given.get(name) or ()]
+    sides = [path for name in SIDES for path in _several(given.get(name))]
     results = [path for path in sides if path.lower().endswith(".json")]
     logs += [path for path in sides if path not in results]
-    with sentences():
-        read = [*(() if machine is None else (machine.robot, machine.sidecar)), *logs, *results]
-        marked = list(_marked(flat, marks))
-        read += [value for mark, value in marked if isinstance(mark, Reads)]
-        written = [(mark, Path(value)) for mark, value in marked if isinstance(mark, Writes)]
-        check_outputs(*(path for mark, path in written if mark.endings), inputs=read)
-        for ends, path in written:
-            ends.check(path)
-        robot = given.get("robot") if machine is None else machine.robot
-        if robot is not None:
-            from identifiability.robot.locate import locate_robot  # noqa: PLC0415
+    marked = list(_marked(given, marks))
+    robot = given.get("robot")
+    read = [robot, given.get("sidecar"), *logs, *results]
+    read += [value for mark, value in marked if isinstance(mark, Reads)]
+    written = [(mark, Path(value)) for mark, value in marked if isinstance(mark, Writes)]
+    check_outputs(*(path for mark, path in written if mark.endings), inputs=read)
+    for ends, path in written:
+        ends.check(path)
+    if robot is not None:
+        from identifiability.robot.locate import locate_robot  # noqa: PLC0415
 
-            locate_robot(robot)
-        for mark, value in marked:
-            if isinstance(mark, Reads):
-                mark.check(value)
-        for result in results:
-            Reads("result", "JSON").check(result)
-        _look_at_logs(logs, machine, recorded, motion_alone=motion_alone)
+        locate_robot(robot)
+    for mark, value in marked:
+        if isinstance(mark, Reads):
+            mark.check(value)
+    for result in results:
+        Reads("result", "JSON").check(result)
+    _look_at_logs(logs, machine, recorded, motion_alone=motion_alone)
 
 
 def _marked(
-    given: Mapping[str, Any], marks: Mapping[str, tuple[Any, ...]]
+    given: Mapping[str, Any], marks: Mapping[str, Sequence[Any]]
 ) -> Iterable[tuple[Reads | Writes, Any]]:
     for name, several in marks.items():
         for mark in several:
-            if given.get(name) is not None:
+            if isinstance(mark, (Reads, Writes)) and given.get(name) is not None:
                 yield mark, given[name]
 
 

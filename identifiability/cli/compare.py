@@ -2,53 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-from typer import Argument, Option
+from typer import Option
 
 from identifiability.cli import common, options
 
 
-@options.command("workflows/compare.py")
+@dataclass(frozen=True)
+class Options:
+    """What is asked for."""
+
+    ladder: Annotated[
+        options.Ladder,
+        "TOML whose first model logs are compared under; by default the one beside the robot, else "
+        "every base parameter, with torque offsets.",
+    ] = None
+    method: options.Method = "wls"
+    estimator: options.Estimator = "auto"
+
+
+@options.command()
 def compare(
     machine: options.Machine,
     recorded: options.Recorded,
-    before: Annotated[str, Argument()],
-    after: Annotated[str, Argument()],
+    before: Annotated[str, "Log, with columns as for `analyze`, or result (JSON), of before."],
+    after: Annotated[str, "Log or result of after; a result where the other is one, of its model."],
     derived: options.Derived,
     outputs: options.Outputs,
-    more_before: Annotated[list[str] | None, Option("--before", metavar="LOG")] = None,
-    more_after: Annotated[list[str] | None, Option("--after", metavar="LOG")] = None,
-    **own: Any,
+    own: Options,
+    more_before: Annotated[
+        Sequence[str], Option("--before", metavar="LOG"), "Another log of before."
+    ] = (),
+    more_after: Annotated[
+        Sequence[str], Option("--after", metavar="LOG"), "Another log of after."
+    ] = (),
 ) -> None:
-    """Say what changed between two logs, or two results, of one robot.
-
-    **You give** a log or a result (.json) of before and one of after; *--before* and *--after* add
-    logs. Logs of the same motion are best: they are compared sample by sample, so that what the
-    model gets wrong cancels; logs of other motions by a fit to each side; results by their values.
-
-        identifiability compare arm.urdf monday.csv friday.csv --report changed.html
-        identifiability compare arm.urdf a.csv c.csv --before b.csv --after d.csv
-        identifiability compare arm.urdf old.json new.json
-
-    **You get** what changed, with a 95 % interval and p: friction of a joint and by how many
-    percent, a load on a body, an offset of torque, rotor inertia, any other value. All of them
-    together are tested at a level of 5 %, so "nothing changed" is wrong in one case of twenty when
-    nothing did; the last sentence says from which size on a change would have been found.
-
-    Parameters
-    ----------
-    more_before
-        Another log of before; may be given several times.
-    more_after
-        Another log of after; may be given several times.
-    """
+    """Say what changed between two logs, or two results, of one robot."""
     with common.sentences(), common.progress() as say:
         from identifiability.foundation.options import OptionError  # noqa: PLC0415
         from identifiability.workflows.compare import compare as find  # noqa: PLC0415
 
-        first, second = [before, *(more_before or [])], [after, *(more_after or [])]
+        first, second = [before, *more_before], [after, *more_after]
         say("reading logs", 0.0)
         sides = []
         for side in (first, second):
@@ -60,7 +58,7 @@ def compare(
                 )
             sides.append(side[0] if results else side)
         say("comparing", 0.3)
-        found = find(machine.load(recorded), *sides, preparation=derived.preparation(), **own)
+        found = find(machine.load(recorded), *sides, preparation=derived.preparation(), **vars(own))
         written = outputs.write(found, say)
     common.print_end([found.answer])
     rest = [found.statement.removeprefix(found.answer).strip()]

@@ -6,11 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from typer import Option
-
 from identifiability.cli import common, options
 from identifiability.cli.analyze import print_analysis
 from identifiability.cli.common import Writes
+from identifiability.foundation.options import Seed
 
 if TYPE_CHECKING:
     from identifiability.logs import Log
@@ -19,27 +18,13 @@ if TYPE_CHECKING:
 
 @options.command()
 def demo(
-    quick: bool = False,
-    folder: Annotated[Path, Option(), Writes()] = Path("reports"),
-    seed: options.Seed = 0,
+    quick: Annotated[bool, "100 samples instead of 750."] = False,
+    folder: Annotated[Path, "Where to write demo.html, demo.json and the logs.", Writes()] = Path(
+        "reports"
+    ),
+    seed: Seed = 0,
 ) -> None:
-    """Run the main job on a simulated robot: the paper's 3-RPS with the paper's noise.
-
-    **You give** nothing. **You get** a report to look at before you have logs of your own: Models
-    1 to 4 of the paper are fitted to one trajectory and validated on another, in some seconds.
-
-        identifiability demo
-        identifiability demo --quick --folder look
-
-    **Then** *identifiability new study* makes a folder with a robot, logs and commands to change.
-
-    Parameters
-    ----------
-    quick
-        100 samples instead of 750.
-    folder
-        Where to write demo.html, demo.json and the logs.
-    """
+    """Run the main job on a simulated robot: the paper's 3-RPS with the paper's noise."""
     with common.sentences(), common.progress() as say:
         folder.mkdir(parents=True, exist_ok=True)
         outputs = options.Outputs(folder / "demo.html", folder / "demo.json")

@@ -2,20 +2,46 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from typer import Option
 
 from identifiability.cli import common, options
 from identifiability.cli.common import Writes
+from identifiability.foundation.options import Seed, Simulated
 
 
-@options.command(
-    "workflows/diagnose/workflow.py",
-    "workflows/diagnose/next_experiment.py:find_next limits",
-    but=("forward", "fixed"),
-)
+@dataclass(frozen=True)
+class Options:
+    """What is asked for."""
+
+    validate: Annotated[
+        Sequence[str],
+        "Logs that are not fitted: they may refute a name, and measure the gap; by default the "
+        "last log, or the last quarter of the only one.",
+    ] = ()
+    effects: Annotated[
+        options.Effects | None,
+        "Families that may be named, such as stribeck_friction; usually all.",
+    ] = None
+    model: Annotated[
+        options.Model,
+        "Effects of the model to diagnose; by default rigid body, viscous and symmetric Coulomb "
+        "friction and actuator inertia. What a model file leaves out, holds or ties is free.",
+    ] = None
+    replicates: Annotated[
+        Simulated | None,
+        "Simulated noises; the smallest p-value is 1 / (replicates + 1). By default 199, or 99 if "
+        "`quick`.",
+    ] = None
+    seed: Seed = 0
+    quick: options.Quick = False
+
+
+@options.command()
 def diagnose(
     machine: options.Machine,
     recorded: options.Recorded,
@@ -23,50 +49,40 @@ def diagnose(
     outputs: options.Outputs,
     derived: options.Derived,
     place: options.Place,
-    out: Annotated[Path | None, Option(), Writes(".toml")] = None,
-    motion: Annotated[Path | None, Option("--next"), Writes(".json")] = None,
-    fixed: Annotated[bool, Option("--fixed")] = False,
-    fixed_from: Annotated[Path | None, Option(), options.RESULT] = None,
-    fixed_share: Annotated[float | None, Option("--fixed-share", "--prior")] = None,
-    **own: Any,
+    own: Options,
+    out: Annotated[
+        Path | None,
+        "Write the model with the named effects here, as a model file for every other verb.",
+        Writes(".toml"),
+    ] = None,
+    motion: Annotated[
+        Path | None,
+        Option("--next"),
+        'Write the motion to log next here: it tells an "A or B" apart or, where there is none, '
+        "shows what these logs cannot tell from the model.",
+        Writes(".json"),
+    ] = None,
+    limits: Annotated[
+        options.Limits, "TOML with limits of the joints for --next, as for `excite`."
+    ] = None,
+    fixed: Annotated[
+        bool,
+        Option("--fixed"),
+        "Keep the values of the robot file as if they were exact; then wrong masses, payloads and "
+        "gravity are candidates too.",
+    ] = False,
+    fixed_from: Annotated[
+        Path | None,
+        "Keep the values of a result, with their covariance, instead of refitting them.",
+        options.RESULT,
+    ] = None,
+    fixed_share: Annotated[
+        float | None,
+        Option("--fixed-share", "--prior"),
+        "Keep the values of the robot file, which may be off by this share (a standard deviation).",
+    ] = None,
 ) -> None:
-    """Find where model and logs disagree, name the missing effect, add it, show the gap shrink.
-
-    **You give** a robot file and logs, as for *analyze*, and best one more with --validate: it
-    takes no part in the choice and says whether the gap closes there too.
-
-    **You get** the effects that are missing, each with its joint, how often simulated noise alone
-    brings such a name (p, of all effects and joints together), and the error on unseen motion
-    before and after. A name is given only where its odds are 19 to 1 at least and motion that took
-    no part is likelier with it. "A or B" means that this motion cannot tell two effects apart;
-    *excite --separate A --separate B* finds one that can. No name? Then the last sentences say how
-    small an effect would have been seen.
-
-    **Then** fit the model that has it: --out writes it for every other verb.
-
-        identifiability diagnose arm.urdf a.csv b.csv --validate c.csv --out model.toml
-        identifiability analyze arm.urdf a.csv b.csv --validate c.csv --ladder model.toml
-        identifiability diagnose arm.urdf a.csv --effects stribeck_friction,time_delay
-        identifiability diagnose 3-rps a.csv --model rigid_body,viscous_friction
-
-    **"A or B"?** Log the motion of --next, and give all logs:
-
-        identifiability diagnose arm.urdf a.csv b.csv --next motion.json
-        identifiability diagnose arm.urdf a.csv b.csv new.csv
-
-    Parameters
-    ----------
-    out
-        Write the model with the named effects here, as a model file for every other verb.
-    motion
-        Write the motion to log next here: it tells an "A or B" apart or, where there is none, shows
-        what these logs cannot tell from the model. --limits holds for it. The log of it is as long
-        as is likely to decide, 16 min at most.
-    fixed_from
-        Keep the values of a result, with their covariance, instead of refitting them.
-    fixed_share
-        Keep the values of the robot file, which may be off by this share (a standard deviation).
-    """
+    """Find where model and logs disagree, name the missing effect, add it, show the gap shrink."""
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.foundation.options import OptionError  # noqa: PLC0415
         from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415
@@ -79,22 +95,20 @@ def diagnose(
                 f"'fixed' can be said in one way at a time, not by {' and '.join(kept)}; give one "
                 "of these."
             )
-        for value in kept.values():
-            own["fixed"] = value
-        limits = own.pop("limits")
         result = run(
             machine.load(recorded),
             logs,
             preparation=derived.preparation(),
             engine=place.stated(runner),
             progress=say,
-            **own,
+            fixed=next(iter(kept.values()), False),
+            **vars(own),
         )
         # The page knows of the file of the model.
         written = outputs.write(result, say, (result.write_model, out))
         told = [result.statement]
         if motion is not None:
-            found = find_next(result, limits=limits, seed=own["seed"], progress=say)
+            found = find_next(result, limits=limits, seed=own.seed, progress=say)
             told.append(found.statement)
             if not found.same:
                 written += options.write_all((found.to_json, motion))

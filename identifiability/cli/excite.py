@@ -2,96 +2,125 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
 from identifiability.cli import common, options
 from identifiability.cli.common import Writes
+from identifiability.foundation.options import (
+    Count,
+    Duration,
+    ExciteCriterion,
+    Harmonics,
+    LimitShare,
+    Positive,
+    Seed,
+    counted,
+    within,
+)
 
 if TYPE_CHECKING:
     from identifiability.workflows.excite import Excitation
 
 
-@options.command(
-    "workflows/excite/workflow.py",
-    "workflows/excite/commands.py:excite_commands scale",
-    but=("iterations",),
-    parameters="--parameter",
-)
+@dataclass(frozen=True)
+class Options:
+    """What is asked for."""
+
+    harmonics: Annotated[Harmonics, "Harmonics of the finite Fourier series [Swevers 1997]."] = 5
+    at_rest: Annotated[
+        bool, "Begin and end without speed and acceleration, which takes two harmonics."
+    ] = False
+    duration: Annotated[
+        Duration | None, "The period, by default 7.5 s; of commands 15 s in all."
+    ] = None
+    samples: Annotated[int, "Samples a period; all of them are checked."] = 750
+    limits: Annotated[
+        options.Limits,
+        "TOML with JOINT = {q = [low, high], v = speed, a = acceleration, tau = torque, power = "
+        "power} and [workspace.BODY] x, y, z = [low, high]; replaces limits of the robot file.",
+    ] = None
+    criterion: Annotated[
+        ExciteCriterion | None,
+        "Make small the condition number of the base columns, make large the information about "
+        "--parameter, or separate two effects; by default what other options suggest.",
+    ] = None
+    parameters: Annotated[
+        Sequence[str] | None,
+        Option("--parameter"),
+        "Base parameters that the information is about; by default all.",
+    ] = None
+    model: Annotated[
+        options.Model,
+        "Effects of the model; by default rigid bodies alone for the condition number, else also "
+        "friction and actuator inertia. What a model file leaves out, holds or ties is free.",
+    ] = None
+    start_from: Annotated[
+        Sequence[str] | None, "Log that was measured already: the motion is the best one next."
+    ] = None
+    separate: Annotated[
+        Sequence[str] | None,
+        "Effect to tell from another, everywhere (`stribeck_friction`) or at one place "
+        "(`joint_stiffness@joint1`); two are given.",
+    ] = None
+    evaluations: Annotated[
+        Count | None, "Motions that are looked at after the first random ones; by default 15 000."
+    ] = None
+    time_limit: Annotated[
+        Positive | None, "Time after which the search stops [s]; then it is not reproducible."
+    ] = None
+    seed: Seed = 0
+
+
+@options.command()
 def excite(
     machine: options.Machine,
     recorded: options.Recorded,
     derived: options.Derived,
     place: options.Place,
-    out: Annotated[Path, Option(), Writes(".json", ".csv", ".mcap", ".npz")],
-    commands: Annotated[bool, Option("--commands")] = False,
-    rate: Annotated[float | None, Option(min=1, max=100_000)] = None,
-    periods: Annotated[int, Option(min=1, max=10_000)] = 1,
+    out: Annotated[
+        Path,
+        Option(),
+        "File to write: .json (coefficients; `simulate ROBOT FILE.json` follows one period), or "
+        "what a controller plays from rest to rest: .csv (t, JOINT.q, JOINT.dq, JOINT.ddq) or "
+        ".mcap (a bag; extra ros). Commands: .csv (t, JOINT.cmd), .npz or .mcap.",
+        Writes(".json", ".csv", ".mcap", ".npz"),
+    ],
+    own: Options,
+    commands: Annotated[bool, Option("--commands"), "Find commands of position servos."] = False,
+    rate: Annotated[
+        float | None,
+        within(1, 100_000),
+        "Samples a second of .csv and .mcap [Hz]; by default 500, of commands 50.",
+    ] = None,
+    periods: Annotated[
+        int,
+        counted(1, 10_000),
+        "Whole periods in them, between the lead-in from rest and the way back.",
+    ] = 1,
+    scale: Annotated[LimitShare, "Share of what the limits allow, of commands."] = 1.0,
     report: options.Report = None,
-    **own: Any,
 ) -> None:
-    """Find a motion that is worth measuring, within the limits of the robot.
-
-    **You give** a robot file, and best its limits (*--limits*, or the sidecar's): what nobody
-    states is assumed, and said. **You get** a periodic motion, a finite Fourier series, that keeps
-    limits of position, speed, acceleration, torque and power; where the file has geometry no two
-    bodies touch along it; a closed chain stays away from singular configurations. The table says
-    what each joint does and may do. Look at the motion before the robot goes through it.
-
-        identifiability excite 3-rps --out motion.json --report motion.html
-        identifiability excite arm.urdf --limits limits.toml --out motion.csv --rate 250 --periods 3
-
-        identifiability excite quadruped --commands --out commands.csv
-
-    The first file is for *simulate*, the second is what a controller plays, from rest to rest;
-    .mcap is the same as a bag. **Then** record it, and *analyze* the log.
-
-    A robot without torque sensors gets the **commands** of its position servos instead
-    (multi-sine, chirp, steps; rest to rest), such that in a simulation of its file position, speed
-    and servo torque stay within limits. Begin with less, *--scale 0.3*: the file may be wrong.
-
-    By default all parameters shall be told well by one log (condition number). Ask for more with
-
-        identifiability excite arm.urdf --start-from run.csv --parameter link3.mx --out next.json
-        identifiability excite arm.urdf --separate torque_offset --separate payload --out m.json
-
-    what to measure next for one parameter, and what tells two effects apart that *diagnose* could
-    not (also *diagnose --next*).
-
-    Parameters
-    ----------
-    out
-        File to write: .json (coefficients; 'simulate ROBOT FILE.json' follows one period), or what
-        a controller plays from rest to rest: .csv (t, JOINT.q, JOINT.dq, JOINT.ddq) or .mcap (a bag
-        with a JointTrajectory; extra ros). Commands: .csv (t, JOINT.cmd), .npz or .mcap (a
-        Float64MultiArray each).
-    commands
-        Find commands of position servos.
-    rate
-        Samples a second of .csv and .mcap [Hz]; default: 500, of commands 50.
-    periods
-        Whole periods in them, between the lead-in from rest and the way back.
-    report
-        Write an HTML report here.
-    """
+    """Find a motion that is worth measuring, within the limits of the robot."""
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.foundation.output import check_ending  # noqa: PLC0415
         from identifiability.workflows.excite import excite as run  # noqa: PLC0415
         from identifiability.workflows.excite import excite_commands  # noqa: PLC0415
 
-        scale = own.pop("scale")
         if commands:
             say("finding commands", 0.1)
             found = excite_commands(
                 machine.load(recorded),
-                duration=own["duration"] or 15.0,
+                duration=own.duration or 15.0,
                 rate=rate or 50.0,
-                limits=own["limits"],
+                limits=own.limits,
                 scale=scale,
-                seed=own["seed"],
+                seed=own.seed,
             )
             written = options.write_all((found.write, out))
             common.print_end([found.statement], written)
@@ -103,7 +132,7 @@ def excite(
             preparation=derived.preparation(),
             progress=say,
             engine=place.stated(runner),
-            **own,
+            **vars(own),
         )
         json = out.suffix.lower() == ".json"
         play = partial(result.write_motion, rate=rate, periods=periods)

@@ -3,65 +3,56 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from typer import Option
 
 from identifiability.cli import common, options
 from identifiability.cli.common import Writes
+from identifiability.foundation.options import Count, ExportFormat, NotNegative, Seed
 
 ENDINGS = (".xml", ".urdf", ".json", ".py", ".csv", ".parquet", ".pq")
 
 
-@options.command(
-    "workflows/export/workflow.py",
-    "workflows/export/draws.py:draw_robots prior seed",
-    form="--format",
-    force="--force",
-)
+@options.command()
 def export(
     machine: options.Machine,
     result: options.JsonResult,
-    out: Annotated[Path, Option(), Writes(*ENDINGS)],
-    draws: Annotated[int | None, Option(min=1)] = None,
-    **own: Any,
+    out: Annotated[
+        Path,
+        Option(),
+        "File to write: .xml (MJCF) or .urdf, .json with the parameters alone, .py for Isaac Lab; "
+        "draws also as a table, .csv or .parquet.",
+        Writes(*ENDINGS),
+    ],
+    draws: Annotated[Count | None, "How many robots to draw instead."] = None,
+    form: Annotated[
+        ExportFormat | None,
+        Option("--format"),
+        "What to write; by default what the ending says. From an MJCF comes a URDF as well, and "
+        "the other way round, without geometry; isaaclab is a configuration of actuators.",
+    ] = None,
+    force: Annotated[
+        bool,
+        Option("--force"),
+        "Write a robot file also if it errs by more than three times the error of all that was "
+        "fitted.",
+    ] = False,
+    prior: Annotated[
+        NotNegative | None,
+        "Share by which drawn bodies may differ from the file's (a standard deviation); by default "
+        "a fifth where the robot has servos, else as the sidecar says (`prior_relative`).",
+    ] = None,
+    seed: Seed = 0,
 ) -> None:
-    """Write the physically feasible parameters of a result back into the robot file.
-
-    Masses, friction, rotors and springs become those of the real robot nearest to the data;
-    what the model leaves out is zero, and what the data do not determine stays as near as it can
-    to the file's. What the file cannot hold stands in a sidecar beside it. Two errors on the
-    fitted logs are stated: of all that was fitted, and of what the file alone holds; where the
-    second is more than three times the first, nothing is written without --force.
-
-    **You give** the robot and the JSON that analyze, prune or diagnose wrote. **You get** a file
-    for what comes next, by its ending:
-
-        identifiability analyze arm.urdf run.csv --json result.json
-        identifiability export arm.urdf result.json --out fitted.urdf
-        identifiability export arm.urdf result.json --out simulator.xml  # rotors and friction too
-        identifiability export arm.urdf result.json --out values.json
-        identifiability export robot.xml result.json --format isaaclab --out servos.py
-        identifiability export robot.xml result.json --draws 200 --out draws.csv
-
-    With --draws robots are drawn that the logs leave possible, for randomising a simulator by what
-    is not known and by as much: a table with a row each, or a robot file each (fitted-001.xml …).
-
-    Parameters
-    ----------
-    out
-        File to write: .xml (MJCF) or .urdf, .json with the parameters alone, .py for
-        Isaac Lab; draws also as a table, .csv or .parquet.
-    draws
-        How many robots to draw instead.
-    """
+    """Write the physically feasible parameters of a result back into the robot file."""
     with common.sentences():
         from identifiability.foundation.options import OptionError  # noqa: PLC0415
         from identifiability.regression.reduction import unused_ladder  # noqa: PLC0415
         from identifiability.workflows.export import export as run  # noqa: PLC0415
 
-        robot, prior, seed = machine.load(), own.pop("prior"), own.pop("seed")
+        robot = machine.load()
         if draws is not None:
             from identifiability.workflows.export import draw_robots  # noqa: PLC0415
 
@@ -72,7 +63,7 @@ def export(
             return
         if prior is not None:
             raise OptionError("--prior is of bodies that are drawn; say how many: --draws 100.")
-        exported = run(robot, result, out, **own)
+        exported = run(robot, result, out, form, force=force)
     for line in (exported.mass, exported.statement):
         if line:
             typer.echo(line)

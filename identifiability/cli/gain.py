@@ -2,31 +2,48 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from typer import Option
 
 from identifiability.cli import common, options
+from identifiability.foundation.options import Positive
 
 
-@options.command("workflows/gains.py:identify_gains", loaded="--loaded")
+@dataclass(frozen=True)
+class Options:
+    """What is asked for."""
+
+    loaded: Annotated[Sequence[str], Option("--loaded"), "Log with it."]
+    mass: Annotated[Positive, Option(), "Of the load [kg]."]
+    centre: Annotated[options.Point, "Its centre of mass in the frame of the body's joint [m]."] = (
+        "0,0,0"
+    )
+    inertia: Annotated[
+        options.Point, "Its moments of inertia about its centre, along these axes [kg·m²]."
+    ] = "0,0,0"
+    body: Annotated[str | None, "Which it is fixed to; by default the last one."] = None
+    model: Annotated[
+        options.Model,
+        "Effects of the robot without the load; by default bodies, viscous and Coulomb friction, "
+        "offsets and actuator inertia.",
+    ] = None
+
+
+@options.command()
 def gain(
     machine: options.Machine,
     recorded: options.Recorded,
-    logs: options.OtherLogs,
+    logs: Annotated[
+        list[str], "Logs without the load; columns `<joint>.tau` or `<joint>.current` in any unit."
+    ],
     derived: options.Derived,
     outputs: options.Outputs,
-    **own: Any,
+    own: Options,
 ) -> None:
-    """Identify what one unit of each torque column is, from logs with and without a known load.
-
-    Currents tell torque up to a factor of each joint, and so do sensors that nobody calibrated.
-    Fix a load that you have weighed to the last body, and move as before: one log without it, one
-    with it. What is printed goes into the robot's sidecar.
-
-    **You get** N·m per unit of each column, with its interval. *weak* and *not identifiable* gains
-    saw too little of the load: hold it where it weighs on that joint.
-
-        identifiability gain arm.urdf empty.csv --loaded loaded.csv --mass 2.5 --centre 0,0,0.08
-    """
+    """Identify what one unit of each torque column is, from logs with and without a known load."""
     with common.sentences(), common.progress() as say:
         from identifiability.workflows.gains import identify_gains  # noqa: PLC0415
 
@@ -35,7 +52,7 @@ def gain(
             machine.load(recorded),
             logs,
             preparation=derived.preparation(),
-            **own,
+            **vars(own),
         )
         written = outputs.write(result, say)
     texts = [*filter(None, [result.sidecar]), result.statement, *result.hints]

@@ -3,19 +3,55 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-from typer import Option
+from typing import TYPE_CHECKING, Annotated
 
 from identifiability.cli import common, options
 from identifiability.cli.common import Writes
+from identifiability.foundation.options import (
+    NotNegative,
+    Positive,
+    PruneCriterion,
+    Replicates,
+    Seed,
+)
 
 if TYPE_CHECKING:
     from identifiability.workflows.prune import Ladder
 
 
-@options.command("workflows/prune/workflow.py")
+@dataclass(frozen=True)
+class Options:
+    """What is asked for."""
+
+    validate: Annotated[Sequence[str], "Logs held out, which are only reported on."] = ()
+    ladder: Annotated[
+        options.Ladder,
+        "TOML whose first model is where pruning starts; by default every base parameter, with "
+        "torque offsets.",
+    ] = None
+    forbid: Annotated[Sequence[str], "Parameters that must not be dropped."] = ()
+    force: Annotated[Sequence[str], "Parameters that are dropped whatever the data say."] = ()
+    criterion: Annotated[
+        PruneCriterion,
+        "How much of what the best model predicts a smaller one may cost; by default 2 nats.",
+    ] = "identifiable"
+    propose: Annotated[bool, "Try symmetries that the robot's kinematics suggest."] = True
+    reach: Annotated[Positive, "Does nothing any more; other values than 1 are noted."] = 1.0
+    method: options.Method = "wls"
+    estimator: options.Estimator = "auto"
+    replicates: Annotated[
+        Replicates | None,
+        "Resampled logs on which the pruning is repeated; by default 200, or 20 if `quick`.",
+    ] = None
+    cad_prior: Annotated[NotNegative | None, "As for `analyze`."] = None
+    prior: options.Prior = None
+    seed: Seed = 0
+    quick: options.Quick = False
+
+
+@options.command()
 def prune(
     machine: options.Machine,
     recorded: options.Recorded,
@@ -23,31 +59,14 @@ def prune(
     outputs: options.Outputs,
     derived: options.Derived,
     place: options.Place,
-    out: Annotated[Path | None, Option(), Writes(".toml")] = None,
-    **own: Any,
+    own: Options,
+    out: Annotated[
+        Path | None,
+        "Write the chosen model here, as a model file for every other verb.",
+        Writes(".toml"),
+    ] = None,
 ) -> None:
-    """Reduce the full model of a robot to the one worth using, from logs alone.
-
-    **You give** a robot file and logs, as for *analyze*. Stretches of the logs, or the logs in
-    turn, are held out to judge each step; what you hold back with --validate is only reported on.
-
-    **You get** the reduction path, a row a model (▸ the one to use): what was left out, tied or
-    merged, and why; the error on unseen motion ± its standard error; how many resampled logs lead
-    to the same model. Few lead there? Then several models are as good, and which one is chance.
-
-    **Then** use the model that --out wrote:
-
-        identifiability prune 3-rps run.csv --report pruning.html --out pruned.toml
-        identifiability analyze 3-rps run.csv --ladder pruned.toml
-        identifiability prune arm.urdf a.csv b.csv --forbid joint_1.Fv --criterion one-se
-
-    It takes some times longer than *analyze*; --quick resamples a tenth as often.
-
-    Parameters
-    ----------
-    out
-        Write the chosen model here, as a model file for every other verb.
-    """
+    """Reduce the full model of a robot to the one worth using, from logs alone."""
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.prune import prune as run  # noqa: PLC0415
 
@@ -57,7 +76,7 @@ def prune(
             progress=say,
             engine=runner,
             preparation=derived.preparation(),
-            **own,
+            **vars(own),
         )
         # The page knows of the file of the model.
         written = outputs.write(result, say, (result.write_model, out))

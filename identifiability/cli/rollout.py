@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from typer import Option
 
@@ -11,41 +13,42 @@ from identifiability.cli import common, options
 from identifiability.cli.common import Writes
 
 
-@options.command("workflows/rollout.py", motion_alone=True)
+@dataclass(frozen=True)
+class Options:
+    """What is asked for."""
+
+    against: Annotated[
+        str | None,
+        Option(metavar="ROBOT|RESULT"),
+        "Another robot, or what analyze or prune fitted to this one.",
+    ] = None
+    fit: Annotated[
+        Sequence[str],
+        "Logs to whose positions rotors, friction and offsets of the joints, and the delay, are "
+        "fitted first, bodies as the file's.",
+    ] = ()
+
+
+@options.command(motion_alone=True)
 def rollout(
     machine: options.Machine,
     recorded: options.Recorded,
-    logs: options.OtherLogs,
+    logs: Annotated[
+        list[str],
+        "Logs with commands, `<joint>.cmd`, beside positions; torque is not looked at.",
+    ],
     outputs: options.Outputs,
-    fitted: Annotated[Path | None, Option(), Writes(".xml", ".urdf")] = None,
-    out: Annotated[Path | None, Option(), Writes(".csv", ".parquet", ".pq")] = None,
-    **own: Any,
+    own: Options,
+    fitted: Annotated[
+        Path | None, "Robot file to write with what was fitted.", Writes(".xml", ".urdf")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        "File to write with positions sample by sample: .csv or .parquet.",
+        options.Table,
+    ] = None,
 ) -> None:
-    """Move a robot by logged commands in a simulator, and say by how much its positions err.
-
-    **You give** a robot whose joints have position servos (`<position>` actuators of an MJCF, or
-    `[servo]` in the sidecar), and logs with commands beside positions: `<joint>.cmd` (or `q_des`,
-    `target`, `action` …) and `<joint>.q`. With --against another robot, or the JSON that analyze
-    or prune wrote, is moved by the same commands.
-
-        identifiability rollout quadruped run.csv --report rollout.html
-        identifiability rollout robot.xml unseen.csv --fit run.csv --fitted fitted.xml
-        identifiability rollout robot.xml unseen.csv --against fitted.xml --out positions.csv
-
-    **You get** the error of each joint's positions [mrad or mm], over whole logs and over windows
-    of one second that begin with what was measured. Use logs that were not fitted.
-
-    With --fit rotors, friction and offsets of the joints, and the delay of commands, are fitted to
-    the positions of other logs first, bodies as the file's; *analyze* says which of these numbers
-    the logs determine, and fits bodies, too.
-
-    Parameters
-    ----------
-    fitted
-        Robot file to write with what was fitted.
-    out
-        File to write with positions sample by sample: .csv or .parquet.
-    """
+    """Move a robot by logged commands in a simulator, and say by how much its positions err."""
     with common.sentences(), common.progress() as say:
         from identifiability.foundation.options import OptionError  # noqa: PLC0415
         from identifiability.workflows.rollout import rollout as run  # noqa: PLC0415
@@ -53,9 +56,9 @@ def rollout(
         say("reading logs", 0.0)
         robot = machine.load(recorded)
         say("rolling out commands", 0.2)
-        if fitted is not None and not own["fit"]:
+        if fitted is not None and not own.fit:
             raise OptionError("--fitted writes what --fit finds; give logs to fit to.")
-        found = run(robot, logs, **own)
+        found = run(robot, logs, **vars(own))
         more = [] if found.fitted is None else [(found.fitted.save, fitted)]
         written = outputs.write(found, say, (found.write, out), *more)
     common.print_result(found, [found.statement], written, "Error of positions (rms)")

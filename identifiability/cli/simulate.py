@@ -2,45 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from typer import Argument, Option
+from typer import Option
 
 from identifiability.cli import common, options
-from identifiability.cli.common import Reads, Writes
+from identifiability.cli.common import Reads
+from identifiability.foundation.options import Period, Seed
 
 
-@options.command("simulation/simulator.py", "simulation/motion.py:find_motion samples")
+@dataclass(frozen=True)
+class Options:
+    """What is asked for."""
+
+    noise: Annotated[
+        str | None,
+        Option(metavar="LEVELS"),
+        "Levels such as `motion=0.04,torque=0.05`, `paper` or, by default, `none`.",
+    ] = None
+    hide: Annotated[
+        Sequence[str],
+        "Effects that are in the data and not in the robot file: `effect`, `effect=share` of the "
+        "torque or `effect@joint+joint=share`.",
+    ] = ()
+    derivatives: Annotated[bool, "Whether the log has velocities and accelerations."] = True
+    seed: Seed = 0
+
+
+@options.command()
 def simulate(
     machine: options.Machine,
     recorded: options.Recorded,
-    motion: Annotated[str, Argument(), Reads("motion", "CSV", always=False)],
-    out: Annotated[Path, Option(), Writes(".csv", ".parquet", ".pq")],
-    **own: Any,
+    motion: Annotated[
+        str,
+        "CSV or Parquet with `t` and `<joint>.q` (and `<joint>.dq`, `<joint>.ddq`), the name "
+        "of a shipped trajectory (3-rps: 571, 595, 601), FILE.json:NAME, or 'random'.",
+        Reads("motion", "CSV", always=False),
+    ],
+    out: Annotated[Path, Option(), "Log to write: .csv or .parquet.", options.Table],
+    own: Options,
+    samples: Annotated[Period | None, "Samples a period, for trajectories."] = None,
 ) -> None:
-    """Make the log of a simulated robot along a prescribed motion.
-
-    **You give** a robot and a motion. **You get** a log, with noise if you say which, and with an
-    effect that the robot file does not have if you hide one: try on it whether *diagnose* finds it.
-
-        identifiability simulate 3-rps 601 --noise paper --out run.csv
-        identifiability simulate 3-rps random --hide stribeck_friction=0.1 --out run.parquet
-        identifiability simulate arm.urdf motion.json --noise torque=0.02,encoder=1e-5 --out run.csv
-        identifiability simulate fitted.xml measured.csv --out again.csv
-
-    Noise levels are motion, torque (shares of each value), additive (share of the joint's rms),
-    correlation (of the additive part from sample to sample) and encoder (steps, rad or m).
-
-    Parameters
-    ----------
-    motion
-        CSV or Parquet with `t` and `<joint>.q` (and `<joint>.dq`, `<joint>.ddq`), the name
-        of a shipped trajectory (3-rps: 571, 595, 601), FILE.json:NAME, or 'random'.
-    out
-        Log to write: .csv or .parquet.
-    """
+    """Make the log of a simulated robot along a prescribed motion."""
     with common.sentences():
         import numpy as np  # noqa: PLC0415
 
@@ -50,9 +57,9 @@ def simulate(
         from identifiability.simulation.forces import left_out  # noqa: PLC0415
         from identifiability.simulation.motion import find_motion  # noqa: PLC0415
 
-        robot, rng = machine.load(recorded), np.random.default_rng(own["seed"])
-        move = find_motion(robot, motion, own.pop("samples"), rng)
-        log = run(robot, move, laws=effect_laws(), rng=rng, **own)
+        robot, rng = machine.load(recorded), np.random.default_rng(own.seed)
+        move = find_motion(robot, motion, samples, rng)
+        log = run(robot, move, laws=effect_laws(), rng=rng, **vars(own))
         log.write(out)
         missing = left_out(robot)
     if missing:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 from scipy.special import chdtri
@@ -24,7 +23,7 @@ from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.options import OptionError, check_choice, checked
+from identifiability.foundation.options import EstimatorKind, OptionError, check_choice, checked
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
@@ -73,7 +72,7 @@ MOST: Tolerance = 1e6
 #: ``ls``: least squares. ``iv``: instrumental variables, which noise in the motion does not bias.
 #: ``auto``: the latter if any log has a second record of its motion; else the former, corrected by
 #: what new noise of the motion does to it where it does anything.
-Kind = Literal["auto", "ls", "iv"]
+Kind = EstimatorKind
 
 
 def choose_estimator(method: Method, kind: Kind, *, instruments: bool) -> Estimator:

@@ -67,7 +67,13 @@ def at_least(least: int) -> Expected:
     return Expected(f"a whole number of at least {least}", lambda value: value >= least)
 
 
-Seed = Annotated[int, at_least(0)]
+Seed = Annotated[int, at_least(0), "Seed of every random choice."]
+Count = Annotated[int, at_least(1)]
+Whole = Annotated[int, at_least(0)]
+#: Simulated noises of a diagnosis, without which no p-value falls below 5 %.
+Simulated = Annotated[int, at_least(19)]
+#: Repetitions of a calibration.
+Repeated = Annotated[int, at_least(2)]
 Positive = Annotated[float, Expected("a number above 0", lambda value: value > 0)]
 NotNegative = Annotated[float, Expected("a number of at least 0", lambda value: value >= 0)]
 Share = Annotated[float, within(0, 1)]
@@ -78,6 +84,23 @@ Replicates = Annotated[
 Names = Annotated[Sequence[str], Expected("a list of names")]
 #: Of effects, which a command line takes as ``a,b``.
 Effects = Names
+
+#: Choices that a command line offers without the rooms that know what they mean.
+Derivatives = Literal["auto", "given", "butterworth", "fourier"]
+EngineName = Literal["serial", "processes", "dask"]
+EstimatorKind = Literal["auto", "ls", "iv"]
+ExciteCriterion = Literal["condition", "information", "separate"]
+ExportFormat = Literal["mjcf", "urdf", "json", "isaaclab"]
+PruneCriterion = Literal["identifiable", "one-se-of-difference", "one-se", "best"]
+
+#: Samples of a motion at most; the simulator takes one at a time.
+MOST_SAMPLES = 10_000_000
+
+#: Of a motion: harmonics, the period [s] and samples.
+Harmonics = Annotated[int, counted(1, 50)]
+Duration = Annotated[float, within(1e-3, 1e6)]
+LimitShare = Annotated[float, within(1e-3, 1)]
+Period = Annotated[int, counted(20, MOST_SAMPLES)]
 FilePath = Annotated[str | Path, Expected("the path of a file")]
 Rng = Annotated[
     "np.random.Generator", Expected("a random generator, such as numpy.random.default_rng(0)")

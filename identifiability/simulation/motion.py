@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
-from identifiability.foundation.options import counted
+from identifiability.foundation.options import MOST_SAMPLES, Period
 from identifiability.foundation.output import check_writable, temporary_folder, write_bytes
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -30,12 +30,6 @@ from identifiability.robot import Robot
 # `PrescribedMotion` is what the simulated robot is made to do; `find_motion` finds the one that a
 # command names.
 
-
-#: Longer simulated logs are refused; the simulator takes one sample at a time.
-MOST_SAMPLES = 10_000_000
-
-#: Samples of a period.
-Period = Annotated[int, counted(20, MOST_SAMPLES)]
 
 Amplitude = Annotated[float, Field(ge=-1e6, le=1e6)]
 

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import cloudpickle
 
@@ -33,12 +33,11 @@ from identifiability.foundation.engines.mapping import (
 )
 from identifiability.foundation.engines.resume import Resumed
 from identifiability.foundation.errors import EngineError
-from identifiability.foundation.options import FilePath, at_least, checked
+from identifiability.foundation.options import Count, EngineName, FilePath, at_least, checked
 from identifiability.foundation.output import temporary_folder
 
 __all__ = ["Engine", "Processes", "Resumed", "Serial", "choose_engine"]
 
-Name = Literal["serial", "processes", "dask"]
 
 #: How often work is taken up again after a worker was lost without any result in between.
 RESTARTS = 2
@@ -159,8 +158,8 @@ def _start_worker(parent: int) -> None:
 
 @checked
 def choose_engine(
-    engine: Name | None = None,
-    workers: Annotated[int, at_least(1)] | None = None,
+    engine: EngineName | None = None,
+    workers: Count | None = None,
     scheduler: str | None = None,
     resume: FilePath | None = None,
     patience: Annotated[float, at_least(1)] = 60.0,

@@ -8,14 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Literal
 
 import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.numbers import percent
-from identifiability.foundation.options import Positive, at_least, check_fields
+from identifiability.foundation.options import Count, Derivatives, Positive, check_fields
 from identifiability.foundation.rounding import format_count
 from identifiability.foundation.values import frozen
 from identifiability.logs import fourier, signals
@@ -127,8 +126,6 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
 # parts with the result that it would have as a whole.
 
 
-Derivatives = Literal["auto", "given", "butterworth", "fourier"]
-
 #: What a Fourier series is fitted to.
 WORDS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
 
@@ -172,8 +169,8 @@ class Preparation:
     derivatives: Derivatives = "auto"
     cutoff: Positive | None = None
     period: Positive | None = None
-    harmonics: Annotated[int, at_least(1)] = 5
-    decimate: Annotated[int, at_least(1)] | None = None
+    harmonics: Count = 5
+    decimate: Count | None = None
     outputs: Positive | None = None
     keep_rest: bool = False
 

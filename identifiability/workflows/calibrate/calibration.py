@@ -11,7 +11,7 @@ from dataclasses import field, replace
 from functools import partial
 from itertools import chain, islice
 from shlex import quote
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pandas as pd
@@ -29,9 +29,10 @@ from identifiability.foundation.numbers import REACH, percent
 from identifiability.foundation.options import (
     Correlations,
     Levels,
+    Repeated,
     Replicates,
     Seed,
-    at_least,
+    Whole,
     checked,
     renamed,
     settle_count,
@@ -484,10 +485,10 @@ def calibrate(
     model: str | None = None,
     noise: Levels = (1.0, 0.3, 3.0),
     rho: Correlations = (float("nan"), 0.0, 0.9),
-    replicates: Annotated[int, at_least(2)] | None = None,
+    replicates: Repeated | None = None,
     refits: Replicates = 200,
-    sbc: Annotated[int, at_least(0)] | None = None,
-    names: Annotated[int, at_least(0)] | None = None,
+    sbc: Whole | None = None,
+    names: Whole | None = None,
     seed: Seed = 0,
     progress: Progress | None = None,
     engine: Engine | None = None,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from identifiability.foundation.names import BASE
 from identifiability.foundation.options import (
     Effects,
     Seed,
-    at_least,
+    Simulated,
     checked,
     renamed,
     settle_count,
@@ -102,8 +102,8 @@ from identifiability.workflows.session import (
     where_outlying,
 )
 
-#: Simulated noises, and those without which no p-value falls below 5 %.
-DRAWS, FEWEST = 199, 19
+#: Simulated noises.
+DRAWS = 199
 
 #: What is to be known of values that are kept without their errors.
 EXACT = (
@@ -128,7 +128,7 @@ def diagnose(
     fixed: Given = False,
     preparation: Preparation | None = None,
     rules: Rules | None = None,
-    replicates: Annotated[int, at_least(FEWEST)] | None = None,
+    replicates: Simulated | None = None,
     seed: Seed = 0,
     quick: bool = False,
     forward: bool = True,

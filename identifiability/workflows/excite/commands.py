@@ -18,7 +18,7 @@ import pandas as pd
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import Array
-from identifiability.foundation.options import checked, within
+from identifiability.foundation.options import LimitShare, checked, within
 from identifiability.foundation.output import check_ending, csv_text, write_bytes, write_text
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -130,7 +130,7 @@ def excite_commands(
     duration: Annotated[float, within(3.0, 3600.0)] = 15.0,
     rate: Annotated[float, within(1.0, 10_000.0)] = 50.0,
     limits: LimitsLike | None = None,
-    scale: Annotated[float, within(1e-3, 1.0)] = 1.0,
+    scale: LimitShare = 1.0,
     seed: int = 0,
 ) -> Commands:
     """Find commands of position servos within limits of position, speed and torque.

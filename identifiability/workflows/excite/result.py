@@ -18,6 +18,7 @@ from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import ClosureError, LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
+from identifiability.foundation.options import MOST_SAMPLES
 from identifiability.foundation.output import csv_text, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import (
@@ -31,12 +32,7 @@ from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.robot import Robot, complete_motion
-from identifiability.simulation.motion import (
-    MOST_SAMPLES,
-    PrescribedMotion,
-    Trajectory,
-    write_trajectory_bag,
-)
+from identifiability.simulation.motion import PrescribedMotion, Trajectory, write_trajectory_bag
 from identifiability.workflows.answers import answer_next, note, sentence
 from identifiability.workflows.commands import name_logs, on_file, source_name
 from identifiability.workflows.excite.criteria import Criterion

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 
@@ -13,22 +13,24 @@ from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import ClosureError, LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
+    MOST_SAMPLES,
+    Count,
+    Duration,
+    ExciteCriterion,
+    Harmonics,
     Names,
     OptionError,
     Positive,
     Seed,
-    at_least,
     check_option,
     checked,
     counted,
-    within,
 )
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.reduction import ModelLike, free_again, unused_ladder
 from identifiability.robot import Robot, RobotLike
-from identifiability.simulation.motion import MOST_SAMPLES
 from identifiability.workflows.excite.criteria import (
     Known,
     Question,
@@ -60,19 +62,19 @@ EVALUATIONS = 15_000
 def excite(
     robot: RobotLike,
     *,
-    harmonics: Annotated[int, counted(1, 50)] = 5,
+    harmonics: Harmonics = 5,
     at_rest: bool = False,
-    duration: Annotated[float, within(1e-3, 1e6)] | None = None,
+    duration: Duration | None = None,
     samples: int = 750,
     limits: LimitsLike | None = None,
-    criterion: Literal["condition", "information", "separate"] | None = None,
+    criterion: ExciteCriterion | None = None,
     parameters: Names | None = None,
     model: ModelLike | None = None,
     start_from: Logs | None = None,
     separate: Names | None = None,
     preparation: Preparation | None = None,
-    iterations: Annotated[int, at_least(1)] = 80,
-    evaluations: Annotated[int, at_least(1)] | None = None,
+    iterations: Count = 80,
+    evaluations: Count | None = None,
     time_limit: Positive | None = None,
     seed: Seed = 0,
     name: str = "excite",

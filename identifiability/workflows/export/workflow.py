@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -28,7 +27,7 @@ from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
 from identifiability.foundation.names import BASE, GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.numbers import percent
-from identifiability.foundation.options import FilePath, checked
+from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
 from identifiability.foundation.result import shown
 from identifiability.foundation.rules import Tolerance
@@ -340,7 +339,7 @@ def _rests(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
 
 
 #: What is written, and the ending of its file.
-Format = Literal["mjcf", "urdf", "json", "isaaclab"]
+Format = ExportFormat
 ENDINGS: dict[Format, str] = {
     "mjcf": ".xml",
     "urdf": ".urdf",

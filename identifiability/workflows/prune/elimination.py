@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import field, replace
-from typing import Literal
 
 import numpy as np
 from scipy.special import fdtrc
@@ -22,6 +21,7 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
+from identifiability.foundation.options import PruneCriterion
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.workflows.prune.folds import (
@@ -466,7 +466,7 @@ def _significance(denied: Array, covariance: Array, folds: int) -> tuple[float, 
 #: ``one-se-of-difference``, ``one-se``: the smallest whose density is within one standard error of
 #: the difference to the best; that depends on the scatter between folds, and keeps less.
 #: ``best``: the best predictive log density itself; keeps most.
-Criterion = Literal["identifiable", "one-se-of-difference", "one-se", "best"]
+Criterion = PruneCriterion
 
 
 @frozen
