@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from identifiability.cli import common, options
 from identifiability.foundation.options import NotNegative, Replicates, Seed
@@ -18,27 +18,13 @@ if TYPE_CHECKING:
 class Options:
     """What is asked for."""
 
-    validate: Annotated[
-        Sequence[str], "Logs held out; without them errors come from blocked cross-validation."
-    ] = ()
-    ladder: Annotated[
-        options.Ladder,
-        "TOML of models to compare; by default the one beside the robot, else with torque offsets "
-        "and without.",
-    ] = None
+    validate: Sequence[str] = ()
+    ladder: options.Ladder = None
     method: options.Method = "wls"
     estimator: options.Estimator = "auto"
-    replicates: Annotated[
-        Replicates | None, "Refits of the block bootstrap; by default 2000, or 200 if `quick`."
-    ] = None
-    posterior: Annotated[
-        bool, "Also sample the posteriors of the selected model; costs two to three times the rest."
-    ] = False
-    cad_prior: Annotated[
-        NotNegative | None,
-        "Weight of a log-det prior around the robot file's bodies [σ²]; 0 for none, by default "
-        "what predicts best.",
-    ] = None
+    replicates: Replicates | None = None
+    posterior: bool = False
+    cad_prior: NotNegative | None = None
     prior: options.Prior = None
     seed: Seed = 0
     quick: options.Quick = False

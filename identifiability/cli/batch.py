@@ -16,19 +16,9 @@ if TYPE_CHECKING:
 
 @options.command()
 def batch(
-    study: Annotated[
-        str,
-        Argument(metavar="STUDY.toml"),
-        "TOML with a `verb`, its `options` and `[[robots]]`.",
-        Reads("study", "TOML"),
-    ],
+    study: Annotated[str, Argument(metavar="STUDY.toml"), Reads("study", "TOML")],
     place: options.Place,
-    out: Annotated[
-        Path | None,
-        "Folder of the answers: new, empty, or that of an earlier time. By default "
-        "`<study>-results` beside the file.",
-        Writes(),
-    ] = None,
+    out: Annotated[Path | None, Writes()] = None,
 ) -> None:
     """Ask the same of many robots: one table and one page over all, and a page each."""
     with common.sentences(), common.progress() as say, place.running() as runner:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
 from identifiability.cli import common, options
 from identifiability.foundation.options import Repeated, Seed, Whole
@@ -13,19 +12,9 @@ from identifiability.foundation.options import Repeated, Seed, Whole
 class Options:
     """What is asked for."""
 
-    model: Annotated[
-        str | None, "Which model of the ladder; by default the one to use, or a file's only one."
-    ] = None
-    replicates: Annotated[
-        Repeated | None,
-        "Simulated repetitions a cell, four times as many of the first; by default 60, or 8 if "
-        "`quick`.",
-    ] = None
-    names: Annotated[
-        Whole | None,
-        "Repetitions that are diagnosed with nothing missing, 0 for none; by default 40, or 4 if "
-        "`quick`.",
-    ] = None
+    model: str | None = None
+    replicates: Repeated | None = None
+    names: Whole | None = None
     seed: Seed = 0
     quick: options.Quick = False
 
@@ -39,8 +28,8 @@ def calibrate(
     derived: options.Derived,
     place: options.Place,
     own: Options,
-    sbc: Annotated[bool, "Also check the posterior by simulation (some seconds)."] = True,
-    ladder: Annotated[options.Ladder, "TOML of models to compare, as for `analyze`."] = None,
+    sbc: bool = True,
+    ladder: options.Ladder = None,
     estimator: options.Estimator = "auto",
     prior: options.Prior = None,
 ) -> None:

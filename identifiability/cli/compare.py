@@ -16,11 +16,7 @@ from identifiability.cli import common, options
 class Options:
     """What is asked for."""
 
-    ladder: Annotated[
-        options.Ladder,
-        "TOML whose first model logs are compared under; by default the one beside the robot, else "
-        "every base parameter, with torque offsets.",
-    ] = None
+    ladder: options.Ladder = None
     method: options.Method = "wls"
     estimator: options.Estimator = "auto"
 
@@ -29,17 +25,13 @@ class Options:
 def compare(
     machine: options.Machine,
     recorded: options.Recorded,
-    before: Annotated[str, "Log, with columns as for `analyze`, or result (JSON), of before."],
-    after: Annotated[str, "Log or result of after; a result where the other is one, of its model."],
+    before: str,
+    after: str,
     derived: options.Derived,
     outputs: options.Outputs,
     own: Options,
-    more_before: Annotated[
-        Sequence[str], Option("--before", metavar="LOG"), "Another log of before."
-    ] = (),
-    more_after: Annotated[
-        Sequence[str], Option("--after", metavar="LOG"), "Another log of after."
-    ] = (),
+    more_before: Annotated[Sequence[str], Option("--before", metavar="LOG")] = (),
+    more_after: Annotated[Sequence[str], Option("--after", metavar="LOG")] = (),
 ) -> None:
     """Say what changed between two logs, or two results, of one robot."""
     with common.sentences(), common.progress() as say:

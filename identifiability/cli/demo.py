@@ -18,10 +18,8 @@ if TYPE_CHECKING:
 
 @options.command()
 def demo(
-    quick: Annotated[bool, "100 samples instead of 750."] = False,
-    folder: Annotated[Path, "Where to write demo.html, demo.json and the logs.", Writes()] = Path(
-        "reports"
-    ),
+    quick: bool = False,
+    folder: Annotated[Path, Writes()] = Path("reports"),
     seed: Seed = 0,
 ) -> None:
     """Run the main job on a simulated robot: the paper's 3-RPS with the paper's noise."""

@@ -18,25 +18,10 @@ from identifiability.foundation.options import Seed, Simulated
 class Options:
     """What is asked for."""
 
-    validate: Annotated[
-        Sequence[str],
-        "Logs that are not fitted: they may refute a name, and measure the gap; by default the "
-        "last log, or the last quarter of the only one.",
-    ] = ()
-    effects: Annotated[
-        options.Effects | None,
-        "Families that may be named, such as stribeck_friction; usually all.",
-    ] = None
-    model: Annotated[
-        options.Model,
-        "Effects of the model to diagnose; by default rigid body, viscous and symmetric Coulomb "
-        "friction and actuator inertia. What a model file leaves out, holds or ties is free.",
-    ] = None
-    replicates: Annotated[
-        Simulated | None,
-        "Simulated noises; the smallest p-value is 1 / (replicates + 1). By default 199, or 99 if "
-        "`quick`.",
-    ] = None
+    validate: Sequence[str] = ()
+    effects: options.Effects | None = None
+    model: options.Model = None
+    replicates: Simulated | None = None
     seed: Seed = 0
     quick: options.Quick = False
 
@@ -50,37 +35,12 @@ def diagnose(
     derived: options.Derived,
     place: options.Place,
     own: Options,
-    out: Annotated[
-        Path | None,
-        "Write the model with the named effects here, as a model file for every other verb.",
-        Writes(".toml"),
-    ] = None,
-    motion: Annotated[
-        Path | None,
-        Option("--next"),
-        'Write the motion to log next here: it tells an "A or B" apart or, where there is none, '
-        "shows what these logs cannot tell from the model.",
-        Writes(".json"),
-    ] = None,
-    limits: Annotated[
-        options.Limits, "TOML with limits of the joints for --next, as for `excite`."
-    ] = None,
-    fixed: Annotated[
-        bool,
-        Option("--fixed"),
-        "Keep the values of the robot file as if they were exact; then wrong masses, payloads and "
-        "gravity are candidates too.",
-    ] = False,
-    fixed_from: Annotated[
-        Path | None,
-        "Keep the values of a result, with their covariance, instead of refitting them.",
-        options.RESULT,
-    ] = None,
-    fixed_share: Annotated[
-        float | None,
-        Option("--fixed-share", "--prior"),
-        "Keep the values of the robot file, which may be off by this share (a standard deviation).",
-    ] = None,
+    out: Annotated[Path | None, Writes(".toml")] = None,
+    motion: Annotated[Path | None, Option("--next"), Writes(".json")] = None,
+    limits: options.Limits = None,
+    fixed: Annotated[bool, Option("--fixed")] = False,
+    fixed_from: Annotated[Path | None, options.RESULT] = None,
+    fixed_share: Annotated[float | None, Option("--fixed-share", "--prior")] = None,
 ) -> None:
     """Find where model and logs disagree, name the missing effect, add it, show the gap shrink."""
     with common.sentences(), common.progress() as say, place.running() as runner:

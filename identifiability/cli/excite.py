@@ -32,48 +32,18 @@ if TYPE_CHECKING:
 class Options:
     """What is asked for."""
 
-    harmonics: Annotated[Harmonics, "Harmonics of the finite Fourier series [Swevers 1997]."] = 5
-    at_rest: Annotated[
-        bool, "Begin and end without speed and acceleration, which takes two harmonics."
-    ] = False
-    duration: Annotated[
-        Duration | None, "The period, by default 7.5 s; of commands 15 s in all."
-    ] = None
-    samples: Annotated[int, "Samples a period; all of them are checked."] = 750
-    limits: Annotated[
-        options.Limits,
-        "TOML with JOINT = {q = [low, high], v = speed, a = acceleration, tau = torque, power = "
-        "power} and [workspace.BODY] x, y, z = [low, high]; replaces limits of the robot file.",
-    ] = None
-    criterion: Annotated[
-        ExciteCriterion | None,
-        "Make small the condition number of the base columns, make large the information about "
-        "--parameter, or separate two effects; by default what other options suggest.",
-    ] = None
-    parameters: Annotated[
-        Sequence[str] | None,
-        Option("--parameter"),
-        "Base parameters that the information is about; by default all.",
-    ] = None
-    model: Annotated[
-        options.Model,
-        "Effects of the model; by default rigid bodies alone for the condition number, else also "
-        "friction and actuator inertia. What a model file leaves out, holds or ties is free.",
-    ] = None
-    start_from: Annotated[
-        Sequence[str] | None, "Log that was measured already: the motion is the best one next."
-    ] = None
-    separate: Annotated[
-        Sequence[str] | None,
-        "Effect to tell from another, everywhere (`stribeck_friction`) or at one place "
-        "(`joint_stiffness@joint1`); two are given.",
-    ] = None
-    evaluations: Annotated[
-        Count | None, "Motions that are looked at after the first random ones; by default 15 000."
-    ] = None
-    time_limit: Annotated[
-        Positive | None, "Time after which the search stops [s]; then it is not reproducible."
-    ] = None
+    harmonics: Harmonics = 5
+    at_rest: bool = False
+    duration: Duration | None = None
+    samples: int = 750
+    limits: options.Limits = None
+    criterion: ExciteCriterion | None = None
+    parameters: Annotated[Sequence[str] | None, Option("--parameter")] = None
+    model: options.Model = None
+    start_from: Sequence[str] | None = None
+    separate: Sequence[str] | None = None
+    evaluations: Count | None = None
+    time_limit: Positive | None = None
     seed: Seed = 0
 
 
@@ -83,27 +53,12 @@ def excite(
     recorded: options.Recorded,
     derived: options.Derived,
     place: options.Place,
-    out: Annotated[
-        Path,
-        Option(),
-        "File to write: .json (coefficients; `simulate ROBOT FILE.json` follows one period), or "
-        "what a controller plays from rest to rest: .csv (t, JOINT.q, JOINT.dq, JOINT.ddq) or "
-        ".mcap (a bag; extra ros). Commands: .csv (t, JOINT.cmd), .npz or .mcap.",
-        Writes(".json", ".csv", ".mcap", ".npz"),
-    ],
+    out: Annotated[Path, Option(), Writes(".json", ".csv", ".mcap", ".npz")],
     own: Options,
-    commands: Annotated[bool, Option("--commands"), "Find commands of position servos."] = False,
-    rate: Annotated[
-        float | None,
-        within(1, 100_000),
-        "Samples a second of .csv and .mcap [Hz]; by default 500, of commands 50.",
-    ] = None,
-    periods: Annotated[
-        int,
-        counted(1, 10_000),
-        "Whole periods in them, between the lead-in from rest and the way back.",
-    ] = 1,
-    scale: Annotated[LimitShare, "Share of what the limits allow, of commands."] = 1.0,
+    commands: Annotated[bool, Option("--commands")] = False,
+    rate: Annotated[float | None, within(1, 100_000)] = None,
+    periods: Annotated[int, counted(1, 10_000)] = 1,
+    scale: LimitShare = 1.0,
     report: options.Report = None,
 ) -> None:
     """Find a motion that is worth measuring, within the limits of the robot."""

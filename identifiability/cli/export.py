@@ -19,31 +19,11 @@ ENDINGS = (".xml", ".urdf", ".json", ".py", ".csv", ".parquet", ".pq")
 def export(
     machine: options.Machine,
     result: options.JsonResult,
-    out: Annotated[
-        Path,
-        Option(),
-        "File to write: .xml (MJCF) or .urdf, .json with the parameters alone, .py for Isaac Lab; "
-        "draws also as a table, .csv or .parquet.",
-        Writes(*ENDINGS),
-    ],
-    draws: Annotated[Count | None, "How many robots to draw instead."] = None,
-    form: Annotated[
-        ExportFormat | None,
-        Option("--format"),
-        "What to write; by default what the ending says. From an MJCF comes a URDF as well, and "
-        "the other way round, without geometry; isaaclab is a configuration of actuators.",
-    ] = None,
-    force: Annotated[
-        bool,
-        Option("--force"),
-        "Write a robot file also if it errs by more than three times the error of all that was "
-        "fitted.",
-    ] = False,
-    prior: Annotated[
-        NotNegative | None,
-        "Share by which drawn bodies may differ from the file's (a standard deviation); by default "
-        "a fifth where the robot has servos, else as the sidecar says (`prior_relative`).",
-    ] = None,
+    out: Annotated[Path, Option(), Writes(*ENDINGS)],
+    draws: Count | None = None,
+    form: Annotated[ExportFormat | None, Option("--format")] = None,
+    force: Annotated[bool, Option("--force")] = False,
+    prior: NotNegative | None = None,
     seed: Seed = 0,
 ) -> None:
     """Write the physically feasible parameters of a result back into the robot file."""

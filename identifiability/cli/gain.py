@@ -16,29 +16,19 @@ from identifiability.foundation.options import Positive
 class Options:
     """What is asked for."""
 
-    loaded: Annotated[Sequence[str], Option("--loaded"), "Log with it."]
-    mass: Annotated[Positive, Option(), "Of the load [kg]."]
-    centre: Annotated[options.Point, "Its centre of mass in the frame of the body's joint [m]."] = (
-        "0,0,0"
-    )
-    inertia: Annotated[
-        options.Point, "Its moments of inertia about its centre, along these axes [kg·m²]."
-    ] = "0,0,0"
-    body: Annotated[str | None, "Which it is fixed to; by default the last one."] = None
-    model: Annotated[
-        options.Model,
-        "Effects of the robot without the load; by default bodies, viscous and Coulomb friction, "
-        "offsets and actuator inertia.",
-    ] = None
+    loaded: Annotated[Sequence[str], Option("--loaded")]
+    mass: Annotated[Positive, Option()]
+    centre: options.Point = "0,0,0"
+    inertia: options.Point = "0,0,0"
+    body: str | None = None
+    model: options.Model = None
 
 
 @options.command()
 def gain(
     machine: options.Machine,
     recorded: options.Recorded,
-    logs: Annotated[
-        list[str], "Logs without the load; columns `<joint>.tau` or `<joint>.current` in any unit."
-    ],
+    logs: list[str],
     derived: options.Derived,
     outputs: options.Outputs,
     own: Options,

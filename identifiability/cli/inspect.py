@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 class Options:
     """What is asked for."""
 
-    model: Annotated[
-        options.Model, "Effects whose base parameters are listed; by default those of `analyze`."
-    ] = None
+    model: options.Model = None
 
 
 @options.command()
@@ -33,12 +31,8 @@ def inspect(
     derived: options.Derived,
     place: options.Place,
     own: Options,
-    logs: Annotated[
-        Sequence[str], Argument(), "Logs to look at, in any form that `analyze` reads."
-    ] = (),
-    template: Annotated[
-        Path | None, "CSV to write with the columns that a log must have.", Writes(".csv")
-    ] = None,
+    logs: Annotated[Sequence[str], Argument()] = (),
+    template: Annotated[Path | None, Writes(".csv")] = None,
 ) -> None:
     """Say what a robot file holds, what its logs must have, and what is in logs and odd."""
     with common.sentences(), common.progress() as say, place.running() as runner:

@@ -14,15 +14,9 @@ from identifiability.cli.common import Writes
 
 @options.command()
 def new(
-    folder: Annotated[Path, "Folder to make: new, or empty.", Writes()],
-    logs: Annotated[
-        Sequence[str],
-        Argument(),
-        "Your own logs, which stay where they are. The last of several judges and is not fitted.",
-    ] = (),
-    robot: Annotated[
-        str, "MJCF or URDF file, which is copied with its sidecar, or a shipped robot's name."
-    ] = "six-dof-arm",
+    folder: Annotated[Path, Writes()],
+    logs: Annotated[Sequence[str], Argument()] = (),
+    robot: str = "six-dof-arm",
 ) -> None:
     """Make a folder to begin a study in: robot, sidecar, logs, script and Makefile."""
     with common.sentences():

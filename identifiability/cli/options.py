@@ -1,9 +1,9 @@
 """The options that several commands have: each is declared once, in a group taken whole.
 
 A command names a group as one parameter, ``place: Place``, and is made by `command`: the fields of
-the group become its options. What stands beside a kind in ``Annotated`` is all that is known of an
-option: a text is its help, typer's `Option` its spelling, `Expected` its range, which the API's
-functions share, and `Reads`, `Writes` and `Parsed` what becomes of it.
+the group become its options. What stands beside a kind in ``Annotated`` is what is known of an
+option: typer's `Option` its spelling, `Expected` its range, which the API's functions share, and
+`Reads`, `Writes` and `Parsed` what becomes of it. What it is says ``help.toml``.
 """
 
 from __future__ import annotations
@@ -156,12 +156,13 @@ class Field:
         spelt = [d for n in self.notes for d in getattr(n, "param_decls", None) or ()]
         return next(iter(spelt), f"--{self.name.replace('_', '-')}")
 
-    def parameter(self) -> Parameter:
-        """Return it as typer reads it."""
+    def parameter(self, verb: str) -> Parameter:
+        """Return it as typer reads it in a verb."""
         required = self.default is Parameter.empty
         infos = [copy(n) for n in self.notes if isinstance(n, ParameterInfo)]
         info = infos[0] if infos else Argument() if required else Option()
-        told = [n for n in self.notes if isinstance(n, str)]
+        said = helps()["options"]
+        told = [said.get(verb, {}).get(self.name) or said["all"].get(self.name, "")]
         told += [f"({r.words})" for r in self._ranges()]
         if get_origin(self.kind) is list and isinstance(info, OptionInfo):
             told.append("May be given several times.")
@@ -239,7 +240,7 @@ def grouped(function: Callable[..., None], *, motion_alone: bool = False) -> Cal
             look(typed, marks, machine, recorded, motion_alone=motion_alone)
         function(**given)
 
-    flat = [option.parameter() for option in options.values()]
+    flat = [option.parameter(function.__name__) for option in options.values()]
     called.__signature__ = Signature(flat)  # type: ignore[attr-defined]
     called.__annotations__ = {p.name: p.annotation for p in flat}
     return called
@@ -321,65 +322,32 @@ def _load_plugins(context: typer.Context, paths: list[Path] | None) -> list[Path
     return paths or []
 
 
-Logs = Annotated[
-    list[str],
-    "Logs to fit: CSV or Parquet with `t`, `<joint>.q`, `<joint>.tau` and, if measured, "
-    "`<joint>.dq`, `<joint>.ddq`, or commanded, `<joint>.q_ref`, in SI units; arrays of these "
-    "in .npz or .mat, sheets in .xlsx; or bags of ROS, as `run.mcap:/joint_states`.",
-]
+Logs = list[str]
 #: What analyze, prune and diagnose write.
 RESULT = Reads("result", "JSON")
-JsonResult = Annotated[Path, "JSON that analyze, prune or diagnose wrote.", RESULT]
-Report = Annotated[Path | None, "Write an HTML report here.", Writes(".html", ".htm")]
+JsonResult = Annotated[Path, RESULT]
+Report = Annotated[Path | None, Writes(".html", ".htm")]
 Table = Writes(".csv", ".parquet", ".pq")
 Effects = Annotated[str | None, Parsed(split_names)]
 Ladder = Annotated[str | None, Reads("ladder", "TOML")]
 Limits = Annotated[Path | None, Reads("limits", "TOML")]
-Method = Annotated[
-    str,
-    Option(metavar="NAME", autocompletion=estimators),
-    "Weight actuators by 1 / (variance × memory) of their noise (`wls`), or all alike (`ols`).",
-]
+Method = Annotated[str, Option(metavar="NAME", autocompletion=estimators)]
 Model = Annotated[str | None, Reads("model", "TOML", always=False), Parsed(split_model)]
-Estimator = Annotated[
-    EstimatorKind,
-    "Least squares, or instrumental variables; `auto` takes these if a log has a second record "
-    "of its motion, and else corrects for the noise of the motion.",
-]
-Prior = Annotated[
-    NotNegative | None,
-    "Share within which the bodies are those of the robot file, 0 for none; by default 0.2 where "
-    "logs hold commands and no torque.",
-]
+Estimator = EstimatorKind
+Prior = NotNegative | None
 Point = Annotated[str, Option(metavar="X,Y,Z"), Parsed(split_point)]
-Quick = Annotated[bool, "Fewer replicates, where nobody says how many."]
+Quick = bool
 
 
 @dataclass(frozen=True)
 class Machine:
     """The robot, and what its file does not say."""
 
-    robot: Annotated[
-        str,
-        Argument(autocompletion=_robots),
-        "MJCF or URDF file, or a shipped robot such as 3-rps.",
-    ]
-    sidecar: Annotated[str | None, "TOML with what the robot file cannot say."] = None
-    lock: Annotated[
-        Sequence[str] | None,
-        Option(metavar="NAME[=VALUE]"),
-        "Joint that does not move, such as a gripper's, at home or at a position [rad or m].",
-    ] = None
-    base: Annotated[
-        str | None,
-        Option(metavar="fixed|floating"),
-        "Whether the root stood still while logs were measured, as on a stand, or not.",
-    ] = None
-    plugin: Annotated[
-        list[Path] | None,
-        Option(callback=_load_plugins, is_eager=True),
-        "Python file that registers effects of your own.",
-    ] = None
+    robot: Annotated[str, Argument(autocompletion=_robots)]
+    sidecar: str | None = None
+    lock: Annotated[Sequence[str] | None, Option(metavar="NAME[=VALUE]")] = None
+    base: Annotated[str | None, Option(metavar="fixed|floating")] = None
+    plugin: Annotated[list[Path] | None, Option(callback=_load_plugins, is_eager=True)] = None
 
     def load(self, recorded: Recorded | None = None) -> Robot:
         """Return the robot, with what was said of its logs."""
@@ -395,20 +363,9 @@ class Machine:
 class Recorded:
     """What logs of the robot call things."""
 
-    map: Annotated[
-        Sequence[str] | None,
-        Option(metavar="OLD=NEW"),
-        "Name in the logs and name in the robot file, of a column or of a joint, also by a "
-        r"regular expression, as in 'fer_joint(\d)=panda_joint\1'.",
-    ] = None
-    time_unit: Annotated[
-        Literal["s", "ms", "us", "ns"] | None,
-        "Unit of the times in the logs, where they do not tell it themselves.",
-    ] = None
-    angles: Annotated[
-        Literal["rad", "deg"] | None,
-        "Unit of their angles and angular rates; by default rad, and degrees are refused.",
-    ] = None
+    map: Annotated[Sequence[str] | None, Option(metavar="OLD=NEW")] = None
+    time_unit: Literal["s", "ms", "us", "ns"] | None = None
+    angles: Literal["rad", "deg"] | None = None
 
     @property
     def columns(self) -> dict[str, str]:
@@ -437,7 +394,7 @@ class Outputs:
     """Where results are written."""
 
     report: Report = None
-    json: Annotated[Path | None, "Write the result as JSON here.", Writes(".json")] = None
+    json: Annotated[Path | None, Writes(".json")] = None
 
     def write(
         self,
@@ -520,21 +477,11 @@ _DERIVED, _RUNS = _panel("Velocity and acceleration"), _panel("Where it runs")
 class Derived:
     """How logs become motion."""
 
-    derivatives: Annotated[
-        Derivatives, _DERIVED, "From the log if it has them, else by Butterworth (`auto`)."
-    ] = "auto"
-    cutoff: Annotated[
-        Positive | None, _DERIVED, "Low-pass [Hz]; by default from noise and bandwidth of all logs."
-    ] = None
-    period: Annotated[
-        Positive | None, _DERIVED, "Period of the Fourier fit [s]; by default what fits best."
-    ] = None
-    harmonics: Annotated[Count, _DERIVED, "Harmonics of the Fourier fit."] = 5
-    decimate: Annotated[
-        Count | None,
-        _DERIVED,
-        "Keep every k-th sample, filtered; by default as the band asks.",
-    ] = None
+    derivatives: Annotated[Derivatives, _DERIVED] = "auto"
+    cutoff: Annotated[Positive | None, _DERIVED] = None
+    period: Annotated[Positive | None, _DERIVED] = None
+    harmonics: Annotated[Count, _DERIVED] = 5
+    decimate: Annotated[Count | None, _DERIVED] = None
 
     def preparation(self) -> Preparation | None:
         """Return what was asked for; None if nothing was."""
@@ -547,18 +494,11 @@ class Derived:
 class Place:
     """Where long work runs."""
 
-    engine: Annotated[
-        EngineName | None,
-        _RUNS,
-        "In this process, in several, or on a Dask cluster, with the same result; by default in "
-        "several once that is faster.",
-    ] = None
-    workers: Annotated[Count | None, _RUNS, "Processes; by default one for each core."] = None
-    scheduler: Annotated[str | None, _RUNS, "Dask scheduler, such as `tcp://host:8786`."] = None
-    resume: Annotated[
-        Path | None, _RUNS, "Folder that keeps finished work, for the same command run again."
-    ] = None
-    patience: Annotated[float, at_least(1), _RUNS, "How long a scheduler may be silent [s]."] = 60.0
+    engine: Annotated[EngineName | None, _RUNS] = None
+    workers: Annotated[Count | None, _RUNS] = None
+    scheduler: Annotated[str | None, _RUNS] = None
+    resume: Annotated[Path | None, _RUNS] = None
+    patience: Annotated[float, at_least(1), _RUNS] = 60.0
 
     def stated(self, engine: Engine) -> Engine | None:
         """Return the engine if anything was said of it; a verb left to itself ends it sooner."""

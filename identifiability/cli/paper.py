@@ -21,14 +21,10 @@ SOURCE = "https://github.com/robot-identifiability/identifiability"
 @options.command()
 def paper(
     place: options.Place,
-    tables: Annotated[
-        Sequence[str],
-        Argument(),
-        "Such as 3, table3, figure4 or coverage; all tables and figures by default.",
-    ] = (),
-    quick: Annotated[bool, "Few seeds and coarse grids."] = False,
-    seeds: Annotated[Count | None, "Draws of the noise for every case (40; 4 if quick)."] = None,
-    out: Annotated[Path, "Folder of the reports.", Writes()] = Path("reports"),
+    tables: Annotated[Sequence[str], Argument()] = (),
+    quick: bool = False,
+    seeds: Count | None = None,
+    out: Annotated[Path, Writes()] = Path("reports"),
 ) -> None:
     """Compute every table and figure of the paper, ours beside the printed numbers."""
     with common.sentences():

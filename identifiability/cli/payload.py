@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
 
 from identifiability.cli import common, options
 
@@ -13,14 +12,8 @@ from identifiability.cli import common, options
 class Options:
     """What is asked for."""
 
-    without: Annotated[
-        Sequence[str],
-        "Logs without the load, best of the same day and along the same motion: then whatever the "
-        "model gets wrong along it cancels.",
-    ] = ()
-    body: Annotated[
-        str | None, "Which carries the load; by default the last of a chain, or the platform."
-    ] = None
+    without: Sequence[str] = ()
+    body: str | None = None
 
 
 @options.command()
@@ -28,9 +21,7 @@ def payload(
     machine: options.Machine,
     recorded: options.Recorded,
     result: options.JsonResult,
-    logs: Annotated[
-        list[str], "Logs with the load; they are prepared like the fitted ones, with one cut-off."
-    ],
+    logs: list[str],
     outputs: options.Outputs,
     own: Options,
 ) -> None:

@@ -13,11 +13,9 @@ def predict(
     machine: options.Machine,
     recorded: options.Recorded,
     result: options.JsonResult,
-    logs: Annotated[
-        list[str], "Logs to predict, with columns as for `analyze`; those of torque may be missing."
-    ],
+    logs: list[str],
     outputs: options.Outputs,
-    out: Annotated[Path | None, "File to write: .csv or .parquet.", options.Table] = None,
+    out: Annotated[Path | None, options.Table] = None,
 ) -> None:
     """Predict the torque of logs with a fitted model, sample by sample, with intervals."""
     with common.sentences(), common.progress() as say:

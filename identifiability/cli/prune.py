@@ -25,27 +25,17 @@ if TYPE_CHECKING:
 class Options:
     """What is asked for."""
 
-    validate: Annotated[Sequence[str], "Logs held out, which are only reported on."] = ()
-    ladder: Annotated[
-        options.Ladder,
-        "TOML whose first model is where pruning starts; by default every base parameter, with "
-        "torque offsets.",
-    ] = None
-    forbid: Annotated[Sequence[str], "Parameters that must not be dropped."] = ()
-    force: Annotated[Sequence[str], "Parameters that are dropped whatever the data say."] = ()
-    criterion: Annotated[
-        PruneCriterion,
-        "How much of what the best model predicts a smaller one may cost; by default 2 nats.",
-    ] = "identifiable"
-    propose: Annotated[bool, "Try symmetries that the robot's kinematics suggest."] = True
-    reach: Annotated[Positive, "Does nothing any more; other values than 1 are noted."] = 1.0
+    validate: Sequence[str] = ()
+    ladder: options.Ladder = None
+    forbid: Sequence[str] = ()
+    force: Sequence[str] = ()
+    criterion: PruneCriterion = "identifiable"
+    propose: bool = True
+    reach: Positive = 1.0
     method: options.Method = "wls"
     estimator: options.Estimator = "auto"
-    replicates: Annotated[
-        Replicates | None,
-        "Resampled logs on which the pruning is repeated; by default 200, or 20 if `quick`.",
-    ] = None
-    cad_prior: Annotated[NotNegative | None, "As for `analyze`."] = None
+    replicates: Replicates | None = None
+    cad_prior: NotNegative | None = None
     prior: options.Prior = None
     seed: Seed = 0
     quick: options.Quick = False
@@ -60,11 +50,7 @@ def prune(
     derived: options.Derived,
     place: options.Place,
     own: Options,
-    out: Annotated[
-        Path | None,
-        "Write the chosen model here, as a model file for every other verb.",
-        Writes(".toml"),
-    ] = None,
+    out: Annotated[Path | None, Writes(".toml")] = None,
 ) -> None:
     """Reduce the full model of a robot to the one worth using, from logs alone."""
     with common.sentences(), common.progress() as say, place.running() as runner:

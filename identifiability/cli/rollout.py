@@ -17,36 +17,19 @@ from identifiability.cli.common import Writes
 class Options:
     """What is asked for."""
 
-    against: Annotated[
-        str | None,
-        Option(metavar="ROBOT|RESULT"),
-        "Another robot, or what analyze or prune fitted to this one.",
-    ] = None
-    fit: Annotated[
-        Sequence[str],
-        "Logs to whose positions rotors, friction and offsets of the joints, and the delay, are "
-        "fitted first, bodies as the file's.",
-    ] = ()
+    against: Annotated[str | None, Option(metavar="ROBOT|RESULT")] = None
+    fit: Sequence[str] = ()
 
 
 @options.command(motion_alone=True)
 def rollout(
     machine: options.Machine,
     recorded: options.Recorded,
-    logs: Annotated[
-        list[str],
-        "Logs with commands, `<joint>.cmd`, beside positions; torque is not looked at.",
-    ],
+    logs: list[str],
     outputs: options.Outputs,
     own: Options,
-    fitted: Annotated[
-        Path | None, "Robot file to write with what was fitted.", Writes(".xml", ".urdf")
-    ] = None,
-    out: Annotated[
-        Path | None,
-        "File to write with positions sample by sample: .csv or .parquet.",
-        options.Table,
-    ] = None,
+    fitted: Annotated[Path | None, Writes(".xml", ".urdf")] = None,
+    out: Annotated[Path | None, options.Table] = None,
 ) -> None:
     """Move a robot by logged commands in a simulator, and say by how much its positions err."""
     with common.sentences(), common.progress() as say:

@@ -19,17 +19,9 @@ from identifiability.foundation.options import Period, Seed
 class Options:
     """What is asked for."""
 
-    noise: Annotated[
-        str | None,
-        Option(metavar="LEVELS"),
-        "Levels such as `motion=0.04,torque=0.05`, `paper` or, by default, `none`.",
-    ] = None
-    hide: Annotated[
-        Sequence[str],
-        "Effects that are in the data and not in the robot file: `effect`, `effect=share` of the "
-        "torque or `effect@joint+joint=share`.",
-    ] = ()
-    derivatives: Annotated[bool, "Whether the log has velocities and accelerations."] = True
+    noise: Annotated[str | None, Option(metavar="LEVELS")] = None
+    hide: Sequence[str] = ()
+    derivatives: bool = True
     seed: Seed = 0
 
 
@@ -37,15 +29,10 @@ class Options:
 def simulate(
     machine: options.Machine,
     recorded: options.Recorded,
-    motion: Annotated[
-        str,
-        "CSV or Parquet with `t` and `<joint>.q` (and `<joint>.dq`, `<joint>.ddq`), the name "
-        "of a shipped trajectory (3-rps: 571, 595, 601), FILE.json:NAME, or 'random'.",
-        Reads("motion", "CSV", always=False),
-    ],
-    out: Annotated[Path, Option(), "Log to write: .csv or .parquet.", options.Table],
+    motion: Annotated[str, Reads("motion", "CSV", always=False)],
+    out: Annotated[Path, Option(), options.Table],
     own: Options,
-    samples: Annotated[Period | None, "Samples a period, for trajectories."] = None,
+    samples: Period | None = None,
 ) -> None:
     """Make the log of a simulated robot along a prescribed motion."""
     with common.sentences():

@@ -67,7 +67,7 @@ def at_least(least: int) -> Expected:
     return Expected(f"a whole number of at least {least}", lambda value: value >= least)
 
 
-Seed = Annotated[int, at_least(0), "Seed of every random choice."]
+Seed = Annotated[int, at_least(0)]
 Count = Annotated[int, at_least(1)]
 Whole = Annotated[int, at_least(0)]
 #: Simulated noises of a diagnosis, without which no p-value falls below 5 %.
