@@ -34,24 +34,17 @@ def fingerprint(function: Callable[..., Any], item: Any = None) -> str:
     while isinstance(function, partial):
         parts.append((function.args, function.keywords))
         function = function.func
-    module, name = _module(function), getattr(function, "__qualname__", "")
-    if module == "__main__" or getattr(sys.modules.get(module), name, None) is not function:
-        # A notebook's, a lambda's or an object's text and values are in no file.
-        parts.append(cloudpickle.dumps(function))
-    texts = (source_digest(n) for n in ("identifiability", root_module(function), module))
-    return str(joblib.hash([*parts, module, name, *texts], "sha1"))
+    texts = [source_digest(name) for name in ("identifiability", root_module(function))]
+    # A function of a module is its name there; a notebook's, or a lambda, is its own text.
+    return str(joblib.hash([*parts, *texts, cloudpickle.dumps(function)], "sha1"))
 
 
 def root_module(function: Callable[..., Any]) -> str:
     """Return the package or module at whose root a function lives."""
     while isinstance(function, partial):
         function = function.func
-    return _module(function).partition(".")[0]
-
-
-def _module(function: Callable[..., Any]) -> str:
-    """Return the module of a function; ufuncs of NumPy 2.0 know that of their type only."""
-    return str(getattr(function, "__module__", None) or type(function).__module__)
+    # Ufuncs of NumPy 2.0 know the module of their type only.
+    return str(getattr(function, "__module__", "") or type(function).__module__).partition(".")[0]
 
 
 @cache
@@ -105,19 +98,14 @@ class Resumed(Engine):
     def __init__(self, engine: Engine, folder: str | Path) -> None:
         self.engine, self.folder = engine, Path(folder)
         self.found = self.done = 0
+        problem = "it can be written to by everybody, and what is kept there is run as a program"
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            mode = self.folder.stat().st_mode
+            mine = not self.folder.stat().st_mode & 0o002
         except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise OutputError(
-                f"'{folder}' cannot keep finished work: {reason}; give a folder."
-            ) from None
-        if mode & 0o002:
-            raise OutputError(
-                f"'{folder}' can be written to by everybody, and finished work that is kept there "
-                "is run as a program: give a folder of your own."
-            )
+            mine, problem = False, str(getattr(error, "strerror", None) or error)
+        if not mine:
+            raise OutputError(f"'{folder}' cannot keep finished work: {problem}; give a folder.")
 
     def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
         paths = [self.folder / f"{fingerprint(function, item)}.result" for item in items]
@@ -126,15 +114,14 @@ class Resumed(Engine):
         fresh = self.engine.map(function, missing)
         for item, path, old in zip(items, paths, there, strict=True):
             content = _read(path) if old else None
-            if content is not None:
-                self.found += 1
-                result: Result = pickle.loads(content)
-            else:  # new, or damaged or removed since we looked
+            if content is None:  # new, or damaged or removed since we looked
                 result = next(self.engine.map(function, [item])) if old else next(fresh)
                 content = pickle.dumps(result, protocol=5)
                 write_bytes(path, _digest(path, content) + content)
                 self.done += 1
-            yield result
+            else:
+                self.found += 1
+            yield pickle.loads(content)
 
     def close(self) -> None:
         """End what the engine inside has started."""
