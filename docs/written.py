@@ -374,16 +374,14 @@ NUMBERS = """# Every number by which it decides
 Each room of the program has one frozen table, `rules.py`; pages print those by which their answer
 was decided. Where a number is from: *literature*, a publication; *level*, of a test; *derived*, by
 the derivation that its text gives; *calibrated*, on cases that were tried; *reasoned*, for the
-reason given; *by hand*, a developer's judgement and nothing more; or the study that shows it. Where
-that is `studies/rules.py`, the number was halved and doubled: brackets say in how many of the
-answers that reach it another sentence, or another number in one, followed, and in which first. A
-number whose meaning begins with "and" goes on with the one above it.
+reason given; *by hand*, a developer's judgement and nothing more; or the study that shows it. What
+changes no name, no verdict and no error by more than 2 % when it is halved and doubled is a
+constant where it is used (`studies/rules.py`).
 """
 TOLERANCES = """## Numbers of algorithms
 
 Steps, widths, roundings and what is taken where nothing is stated: they are meant to say how an
-answer is found, and not which. That was not tried by halving and doubling them, but for those whose
-text says so.
+answer is found, and not which.
 """
 
 

@@ -6,7 +6,7 @@ many rows are left. Numbers that change nothing are tried together; where a grou
 halved until single ones are left. A share above one half is halved and doubled in what lacks to
 one, a factor below two in what is beyond one, a range in how far its ends are apart.
 
-``--write`` puts beside each number what was found. All answers take about a quarter of an hour of
+All answers take about a quarter of an hour of
 processor time; ``--every 7`` asks each seventh.
 """
 
@@ -24,7 +24,6 @@ from functools import partial
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
-from textwrap import fill
 from typing import Any
 from unittest.mock import patch
 
@@ -48,19 +47,13 @@ from identifiability.workflows.session import Session
 Number = tuple[str, RuleTable, Rule]
 
 #: Bases of the numbers that are varied.
-OWN = ("by hand", "studies/rules.py")
+OWN = ("by hand",)
 
 #: Numbers that are tried together at first.
 TOGETHER = 32
 
 #: How a number is told that was halved, and doubled.
 SIGNS = ("÷2", "×2")
-
-#: Answers that must reach a number before anything is written of it.
-LEAST = 5
-
-#: Before a line of an entry's meaning.
-PAD = 8 * " "
 
 #: Samples of good logs.
 SAMPLES = 400
@@ -270,25 +263,6 @@ def sensitivity(own: dict[str, Any]) -> str:
     return f"[{', '.join(told)} {of}]" if told else f"[÷2 and ×2 change none {of}]"
 
 
-def write(found: dict[str, dict[str, Any]]) -> None:
-    """Write what was found into the docstrings of the tables, as the basis of each number."""
-    package = Path(identifiability.__file__).parent
-    for name, own in found.items():
-        room, _, rule = name.rpartition(".")
-        path = package.joinpath(*room.split("."), "rules.py")
-        entry = re.compile(
-            rf"^(    {rule} : .*, )({'|'.join(OWN)})\n((?:        .*\n)+)", re.MULTILINE
-        )
-
-        def told(m: re.Match[str], own: dict[str, Any] = own) -> str:
-            meaning = re.sub(r" \[[÷×]2 .*\]$", "", " ".join(m[3].split()))
-            text = f"{meaning} {sensitivity(own)}"
-            return f"{m[1]}{OWN[1]}\n{fill(text, 96, initial_indent=PAD, subsequent_indent=PAD)}\n"
-
-        if own["reached"] >= LEAST:
-            path.write_text(entry.sub(told, path.read_text(encoding="utf-8")), encoding="utf-8")
-
-
 def show(out: Path, asked: int, found: dict[str, dict[str, Any]]) -> None:
     """Write what was found so far."""
     reached = {name: own for name, own in found.items() if own["reached"]}
@@ -311,7 +285,6 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     parser.add_argument("--every", type=int, default=1, help="ask each n-th answer only")
     parser.add_argument("--start", type=int, default=0, help="from this one on")
     parser.add_argument("--jobs", default="foreign,good,verbs", help="kinds of answers")
-    parser.add_argument("--write", action="store_true", help="write it into the tables")
     parser.add_argument("--known", type=Path, help="what was found before, to write or tell")
     given = parser.parse_args(argv)
     given.every = 40 if given.quick else given.every
@@ -339,8 +312,6 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
             show(given.out, asked, found)
     for name, own in found.items():
         print(tell(name, own))
-    if given.write:
-        write(found)
     return {"answers": asked, "numbers": found}
 
 

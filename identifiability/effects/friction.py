@@ -149,11 +149,6 @@ class QuadraticFriction(AlongAxes):
 # Friction that falls as motion begins.
 
 
-#: Stribeck velocity where none is given, as a share of the joint's speed limit.
-TYPICAL_SHARE: Tolerance = 0.1
-#: Speed of joints without a limit [rad/s, m/s].
-TYPICAL_SPEED: tuple[Tolerance, Tolerance] = (2.0, 0.3)
-
 #: Stribeck velocities that are tried, as shares of the joint's rms speed: neighbours are so close
 #: that what falls between them leaves less than 1 % of the curve.
 STRIBECK_SHARES = tuple(float(x) for x in np.geomspace(0.04, 1.6, 16))
@@ -196,7 +191,9 @@ class StribeckFriction(Shaped):
         """Return a share of the speed limit of an axis, or of a typical one [rad/s or m/s]."""
         limits = robot.speed_limits[[] if axis.row is None else np.flatnonzero(axis.row)]
         known = limits[np.isfinite(limits)]
-        return TYPICAL_SHARE * (float(known.max()) if len(known) else TYPICAL_SPEED[axis.prismatic])
+        # Stribeck velocity where none is given, as a share of the joint's speed limit.
+        # Speed of joints without a limit [rad/s, m/s].
+        return 0.1 * (float(known.max()) if len(known) else (2.0, 0.3)[axis.prismatic])
 
 
 # Friction that rises with speed to its level, instead of jumping there.

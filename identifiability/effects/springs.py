@@ -19,7 +19,6 @@ from identifiability.effects.effect import (
 from identifiability.effects.registry import declare
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Axis, Robot
 from identifiability.robot.along import rest_along
 
@@ -170,8 +169,6 @@ DEGREE = 3
 PIECES = (2, 3, 4, 6, 8, 12)
 #: Pieces over a joint's whole range where nothing else is said, and at most.
 TYPICAL, MOST = 8, 300
-#: Range about home of joints without limits [rad, m].
-UNLIMITED: tuple[Tolerance, Tolerance] = (np.pi, 1.0)
 
 
 def _spacings(span: Span) -> tuple[float, ...]:
@@ -249,7 +246,8 @@ class PositionTorque(Shaped):
 
     def _range(self, robot: Robot, axis: Axis) -> tuple[float, float]:
         """Return the range of an axis about its home [rad or m]."""
-        wide = UNLIMITED[axis.prismatic]
+        # Range about home of joints without limits [rad, m].
+        wide = (np.pi, 1.0)[axis.prismatic]
         if axis.row is None:  # it has passive joints, whose limits are not known
             return -wide, wide
         used = axis.row != 0

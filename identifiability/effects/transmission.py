@@ -73,14 +73,13 @@ def stretch_of_springs(motion: Motion, position: Array, speed: Array, width: flo
 # Friction that builds up over the way after each reversal: presliding, hysteresis.
 
 
-#: Ways that are tried, as shares of the joint's range.
-SHARES: tuple[Tolerance, Tolerance, Tolerance, Tolerance] = (0.003, 0.01, 0.03, 0.1)
 #: Ways of the elements over the shape.
 ELEMENTS: tuple[Tolerance, Tolerance, Tolerance] = (1.0, 2.0, 4.0)
 
 
 def _ways(span: Span) -> tuple[float, ...]:
-    return tuple(s * span.position_range for s in SHARES)
+    # Ways that are tried, as shares of the joint's range.
+    return tuple(s * span.position_range for s in (0.003, 0.01, 0.03, 0.1))
 
 
 @declare(
@@ -165,14 +164,13 @@ class LoadDependentFriction(AlongAxes):
 # Load that a motor does not feel while it crosses the play of its gear.
 
 
-#: Widths that are tried, as shares of the joint's range.
-PLAY_SHARES: tuple[Tolerance, Tolerance, Tolerance] = (0.003, 0.01, 0.03)
 #: Teeth touch again within one part in so many of the play: encoders tremble where they do.
 EDGE: Tolerance = 10.0
 
 
 def _widths(span: Span) -> tuple[float, ...]:
-    return tuple(s * span.position_range for s in PLAY_SHARES)
+    # Widths that are tried, as shares of the joint's range.
+    return tuple(s * span.position_range for s in (0.003, 0.01, 0.03))
 
 
 @declare(
@@ -252,10 +250,6 @@ class PositionRipple(Shaped):
 # Torque that repeats with each turn of the motor.
 
 
-#: Waves in a turn of the motor that are tried: its own, those of a strain wave gear, its poles.
-WAVES = (1, 2, 4, 6)
-
-
 def gear_ratio(robot: Robot, place: str) -> float:
     """Return the turns of a motor for one of its joint [1 or rad/m]; nan where nothing says it."""
     gears = robot.transmission
@@ -273,7 +267,9 @@ def gear_ratio(robot: Robot, place: str) -> float:
 def _turns(span: Span) -> tuple[float, ...]:
     assert span.robot is not None
     turn = 2 * np.pi / gear_ratio(span.robot, span.joint)
-    return tuple(turn / k for k in WAVES)
+    # Waves in a turn of the motor that are tried: its own, those of a strain wave gear, its
+    # poles.
+    return tuple(turn / k for k in (1, 2, 4, 6))
 
 
 def _unknown(robot: Robot, place: str) -> str:

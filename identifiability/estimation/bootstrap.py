@@ -14,7 +14,6 @@ from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.linalg import unit_coordinates
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import ENDS, LEVEL
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 
@@ -150,10 +149,6 @@ def bootstrap(
 # 2002], so intervals grow smoothly where logs get too short for a model, direction by direction.
 
 
-#: By how much stretches get shorter while there are too few.
-SHORTER: Tolerance = 0.9
-
-
 @frozen
 class ScoreScatter:
     """Standard deviations of an estimate from the scatter of its scores.
@@ -193,7 +188,8 @@ def scatter_scores(information: Information, fit: Estimate, time: float) -> Scor
     merged = merge_blocks(information, least)
     fewest = min(RULES.stretches_fewest, len(information.counts))
     while len(merged.counts) < fewest:  # logs cut stretches short
-        least *= SHORTER
+        # By how much stretches get shorter while there are too few.
+        least *= 0.9
         merged = merge_blocks(information, least)
     B = len(merged.counts)
     if not fit.kept or RULES.stretches_fewest > B:

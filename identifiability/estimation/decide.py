@@ -47,8 +47,6 @@ from identifiability.regression.structure import Structure
 #: Least share of σ that makes a sentence name a member of what a number stands for.
 LEAST: Tolerance = 0.1
 
-#: Members of what a number stands for that a sentence names.
-NAMED = 3
 
 _M = GROUPED_KINDS.index("m")
 _DIAGONAL = tuple(GROUPED_KINDS.index(k) for k in ("Ixx", "Iyy", "Izz"))
@@ -207,7 +205,8 @@ def _combination(name: str, members: Sequence[str], coefficients: Array, size: A
     """Return a parameter with the left-out ones that it stands for, the largest first."""
     share = np.abs(coefficients) * size
     order = np.argsort(-share, kind="stable")
-    shown = [j for j in order[:NAMED] if share[j] > LEAST * np.linalg.norm(share)]
+    # Members of what a number stands for that a sentence names.
+    shown = [j for j in order[:3] if share[j] > LEAST * np.linalg.norm(share)]
     if not shown:
         return ""
     text = name

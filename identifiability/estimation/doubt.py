@@ -62,8 +62,6 @@ AT_REST = EVEN**2
 #: Sizes that are tried, over that at which function and noise are alike in an average direction.
 SIZES = np.logspace(-4.0, 6.0, 61)
 
-#: Echoes of a log, all of which are along the same smoothed motion.
-ECHOES = 2
 
 #: A direction of unit columns that is shorter than the root of this is none.
 THIN: Tolerance = 1e-10
@@ -586,7 +584,8 @@ def find_doubt(regression: Regression, unseen: Regression | None = None) -> Doub
     joints = regression.robot.joints
     plain = _plain(regression)
     search, other = _search(plain, unseen)
-    smoothed = None if regression.echo is None else regression.echo.samples[::ECHOES]
+    # Echoes of a log, all of which are along the same smoothed motion.
+    smoothed = None if regression.echo is None else regression.echo.samples[::2]
     record = regression.instruments or smoothed
     if search.taken and record is not None:
         second, _ = _search(replace(plain, samples=record), None)

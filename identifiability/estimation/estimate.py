@@ -260,7 +260,6 @@ def estimate(information: Information, method: Method = "wls") -> Estimate:
 
 #: Weights are iterated until none changes by more than this share, but no oftener than so.
 AGREED: Tolerance = 0.02
-ROUNDS = 30
 
 
 @frozen
@@ -305,7 +304,8 @@ def weigh_outliers(
         return information, None
     before = fit = estimator.fit(information)
     weighed, weights = information, np.ones((information.actuators, len(information.counts)))
-    for _ in range(ROUNDS):
+    # Weights are iterated until none changes by more than this share, but no oftener than so.
+    for _ in range(30):
         beyond, limit = _measure(information, fit)
         last, weights = weights, np.minimum(1.0, limit / np.maximum(beyond, limit))
         weighed = information if (weights == 1.0).all() else information.weigh(weights)

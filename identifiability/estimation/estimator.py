@@ -105,9 +105,8 @@ class Correction:
         """
         square = noise**2 + bias**2
         share = square[:, weak].sum(1) / np.maximum(square.sum(1), 1e-300)
-        touched = tuple(
-            plain.columns[plain.kept[j]] for j in np.flatnonzero(share > RULES.direction_touched)
-        )
+        # A parameter leans on directions that make this share of its variance.
+        touched = tuple(plain.columns[plain.kept[j]] for j in np.flatnonzero(share > 0.1))
         wide = np.zeros((int(weak.sum()), len(plain.value)))
         wide[:, list(plain.kept)] = bias[:, weak].T
         return cls(plain.value, int(weak.sum()), touched, wide)

@@ -120,7 +120,6 @@ class Levels:
 LEVELS = Levels()
 
 #: Squares below this share of the torque's, and columns below this one of others', are rounding.
-NOTHING: Tolerance = 1e-18
 ROUNDING: Tolerance = 1e-13
 
 
@@ -600,7 +599,9 @@ def _sum_gain(each: Array, ratio: float) -> Gain:
 def _error_gain(a: Array, b: Array, ratio: float) -> Gain:
     """Return ``½ ln(Σb / Σa)`` of squares of K folds, (K,), with its standard error."""
     sums = float(a.sum()), float(b.sum())
-    if max(sums) <= NOTHING:
+    # Squares below this share of the torque's, and columns below this one of others', are
+    # rounding.
+    if max(sums) <= 1e-18:
         return Gain(0.0, 0.0)
     if min(sums) <= 0.0:
         return Gain(float(np.copysign(np.inf, sums[1] - sums[0])), 0.0)

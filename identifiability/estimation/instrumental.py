@@ -124,11 +124,8 @@ def _combine(
     U, to_U = _span(R[:k, :k])
     left, strength, Yt = np.linalg.svd(U.T @ Q[:k])  # min(rank, k) correlations
     strength = np.append(strength, np.zeros(k - len(strength)))
-    least = (
-        np.sqrt(RULES.instrument_f / (N + RULES.instrument_f))
-        if record == "measured"
-        else RULES.instrument_strong
-    )
+    # A direction follows its instrument from this canonical correlation on.
+    least = np.sqrt(RULES.instrument_f / (N + RULES.instrument_f)) if record == "measured" else 0.9
     weak = strength < least
     good = np.flatnonzero(~weak)
     B = _solve(root, Yt.T)
@@ -486,7 +483,9 @@ def _noise_map(V: Array, W: Array) -> Shrinkage:
     root = R[:k, :k]
     back = _inverse(root)
     U, s, Yt = np.linalg.svd(root @ back @ R[:k, k:] @ back)
-    weak = s < RULES.instrument_left
+    # Directions of which noise leaves less than this share stay with least squares: what is
+    # known of the noise is not enough to multiply them by more.
+    weak = s < 0.5
     right = np.where(weak, U, Yt.T / np.where(weak, 1.0, s))
     return Shrinkage(U.T @ root, s, weak, back @ right, np.eye(k) - back @ root)
 

@@ -760,8 +760,6 @@ def _span(blocks: Sequence[Array], most: int) -> Array:
 
 #: Rows that are fitted; more tell nothing new of the noise.
 MOST_ROWS = 20_000
-#: White noise that is taken to be there beside the residual, as a share of its variance.
-RESIDUAL_FLOOR: Tolerance = 1e-4
 
 
 @frozen
@@ -861,7 +859,8 @@ def _fit(y: Array, X: Array, runs: Runs) -> tuple[Array, float]:
     length = np.linalg.norm(X, axis=0)
     U, s, _ = np.linalg.svd(X[:, length > 0] / length[length > 0], full_matrices=False)
     basis = U[:, s > ROUNDOFF * s.max(initial=0.0)]
-    problem = RestrictedLikelihood.of(y, basis, runs, RESIDUAL_FLOOR)
+    # White noise that is taken to be there beside the residual, as a share of its variance.
+    problem = RestrictedLikelihood.of(y, basis, runs, 1e-4)
     if problem.silent:
         return np.empty(0), float(np.sqrt(problem.left))
     best = problem.maximise()

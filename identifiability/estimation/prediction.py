@@ -34,7 +34,6 @@ from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.linalg import few_at_once
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import ENDS, REACH
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.samples import find_signal
 from identifiability.logs.signals import is_constant
@@ -47,14 +46,6 @@ from identifiability.regression.regression import LogPart, Regression, map_parts
 # parameters do not know. That of a *new sample* adds what a measured torque scatters about it,
 # which no longer log makes smaller. Residuals remember: with an autocorrelation time κ, N samples
 # count as N/κ for both, so that the fit swallows κ times more of the noise than of white noise.
-
-
-#: A column which never acted counts for this share of the largest one.
-NEVER: Tolerance = 1e-3
-
-#: A direction that the fitted motion never showed acts if it makes this share of what its columns
-#: made there;
-ACTS: Tolerance = 1e-5
 
 
 @frozen(kw_only=True)
@@ -96,7 +87,9 @@ class TorqueUncertainty:
 
     def finds_new(self, W: Array) -> np.ndarray:
         """Return where the motion acts on what the fitted motion never showed, (N, n) bool."""
-        found: np.ndarray = (np.abs(W @ self.unknown) > ACTS).any(2)
+        # A direction that the fitted motion never showed acts if it makes this share of
+        # what its columns made there;
+        found: np.ndarray = (np.abs(W @ self.unknown) > 1e-5).any(2)
         return found
 
 
@@ -177,7 +170,8 @@ def _never_shown(information: Information, fit: Estimate) -> Array:
         leans = dependence(information, kept, fit.weights)
         directions[kept] = -leans * length[dropped] / length[kept][:, None]
     size = np.linalg.norm(information.factor()[:, :-1], axis=0) / np.sqrt(information.samples)
-    least = NEVER * size.max(initial=0.0)
+    # A column which never acted counts for this share of the largest one.
+    least = 1e-3 * size.max(initial=0.0)
     scaled: Array = directions / np.maximum(size @ np.abs(directions), least or 1.0)
     return scaled
 
@@ -185,10 +179,6 @@ def _never_shown(information: Information, fit: Estimate) -> Array:
 # `Prediction`: torque predicted along logs in one pass, and how far it is from the measured.
 #
 # In sample, on held-out logs, and by blocked cross-validation, where folds take turns (`Turns`).
-
-
-#: Arrays of the size of the errors of some samples that summing them takes.
-COPIES = 4
 
 
 @frozen
@@ -463,7 +453,9 @@ def _predict_part(
         series = np.full(len(chunk.t), layout.series(chunk.log, chunk.start))
         for k, task in enumerate(tasks):
             # Of many joints and models the errors of a chunk would be hundreds of megabytes.
-            for at in few_at_once(len(log), COPIES * 8 * n * task.values.shape[2]):
+            # Arrays of the size of the errors of some samples that summing them
+            # takes.
+            for at in few_at_once(len(log), 4 * 8 * n * task.values.shape[2]):
                 start = chunk.start + at.start
                 predicted = task.predict(chunk.W[at], before + start)
                 data = chunk.data[at]

@@ -49,11 +49,9 @@ LATER: Tolerance = 0.05
 
 #: Step of rollouts whose differences alone are looked at [s], and of those that tell numbers.
 COARSE: Tolerance = 2.5 * STEP
-FINE: Tolerance = 0.25 * STEP
 
 #: Where a third of a log is so long, the search begins on that: steps there cost a third [s].
 ENOUGH: Tolerance = 2.0
-THIRDS = 3
 
 #: Frequencies [rad/s] and damping ratios of a servo and what it moves, among which the search for
 #: gains begins; then factors about the best.
@@ -157,7 +155,9 @@ def fit_rollouts(
         if contradicted(share_missed(errors, logs)):  # nor will whole logs be followed
             numbers, delays, _ = problem.unpack(x)
             return Rollouts(numbers, delays, errors, before, taken, np.zeros(len(logs)))
-    x, errors, taken, J, r = _descend(problem, x, steps, FINE)
+    # Step of rollouts whose differences alone are looked at [s], and of those that tell
+    # numbers.
+    x, errors, taken, J, r = _descend(problem, x, steps, 0.25 * STEP)
     numbers, delays, _ = problem.unpack(x)
     sure = np.zeros(len(logs)) if delay is not None else problem.delay_errors(J, r, x)
     return Rollouts(numbers, delays, errors, before, taken, sure)
@@ -296,7 +296,9 @@ def fit_gains(robot: Robot, logs: Sequence[Log], believed: Believed) -> Gains:
 
 def _start(robot: Robot, servo: Servo, log: Log) -> tuple[Servo, dict[str, Array]]:
     """Return servos and joints' numbers from which the search for gains begins."""
-    if len(log) * signals.sampling_step(log.t) > THIRDS * ENOUGH:
+    # Where a third of a log is so long, the search begins on that: steps there cost a third
+    # [s].
+    if len(log) * signals.sampling_step(log.t) > 3 * ENOUGH:
         log = _middle(log)
     free = np.isnan(servo.kp)
     guess = replace(servo, kp=np.where(free, 1.0, servo.kp), kv=np.nan_to_num(servo.kv))
@@ -349,7 +351,8 @@ def _unexplained(log: Log) -> Array:
     most = min(round(LATEST / signals.sampling_step(log.t)), len(log) // 2)
     target, q = log.q_ref, log.q[most:]
     apart = [(q - target[most - k : len(log) - k]).var(0) for k in range(most + 1)]
-    noise = RULES.rollout_noises * np.maximum(noise_level(log.q, log.t), resolution(log.q))
+    # So many times the noise of positions is nothing to explain.
+    noise = 5.0 * np.maximum(noise_level(log.q, log.t), resolution(log.q))
     return np.asarray(np.minimum(np.maximum(np.min(apart, axis=0), noise**2), moved))
 
 

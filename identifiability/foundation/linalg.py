@@ -16,8 +16,6 @@ RANK_TOLERANCE = 1e-8
 #: A unit column whose part outside the kept span is below this is dependent.
 SPAN_TOLERANCE = 1e-7
 
-#: Beyond so many times that, rounding does not decide.
-CLEARLY = 10.0
 
 #: Matrices beyond this size together are worked on in turn [bytes].
 MOST_BYTES = 2**26
@@ -55,7 +53,8 @@ def scan_columns(unit: Array, order: Sequence[int]) -> list[int]:
     """
     if len(order) <= len(unit):  # where no column is near to being dependent, one factor says so
         sizes = np.abs(np.diag(np.linalg.qr(unit[:, list(order)], mode="r")))
-        if (sizes > CLEARLY * SPAN_TOLERANCE).all():
+        # Beyond so many times that, rounding does not decide.
+        if (sizes > 10.0 * SPAN_TOLERANCE).all():
             return list(order)
     kept: list[int] = []
     Q = np.empty((unit.shape[0], 0))

@@ -269,7 +269,8 @@ def expected(kind: Any) -> str:
 def _words(kind: Any) -> list[str]:
     origin, inner = get_origin(kind), get_args(kind)
     if origin is Annotated:
-        return [next(note.words for note in inner[1:] if isinstance(note, Expected))]
+        told = [note.words for note in inner[1:] if isinstance(note, Expected)]
+        return told[:1] or _words(inner[0])
     if origin is Literal:
         return [repr(choice) for choice in inner]
     if origin in (Union, UnionType):

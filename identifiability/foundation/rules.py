@@ -1,15 +1,15 @@
 """`RuleTable`: every number by which a room decides, in one frozen table that is printed.
 
-A room's table is `rules.py`: a docstring that gives each number its unit, its basis and its
-meaning, and the numbers. What decides nothing stays beside its algorithm: how much is done at once
-(whole numbers), and how finely one looks (a `Tolerance`).
+A room's table is `rules.py`: each field is ``name: Annotated[float, "meaning [unit], basis"]``.
+What decides nothing stands where it is used, with its reason: how much is done at once (whole
+numbers), and how finely one looks (a `Tolerance`, where several places share it).
 """
 
 from __future__ import annotations
 
-import re
-from inspect import cleandoc
+from dataclasses import fields
 from typing import Any, NamedTuple, TypeAlias
+from typing import get_type_hints as resolve
 
 from identifiability.foundation.options import check_fields
 from identifiability.foundation.values import frozen
@@ -20,12 +20,6 @@ Tolerance: TypeAlias = float
 #: Where a number is from: a publication; a test's level; a derivation; cases that were tried; a
 #: reason that its text gives; nowhere but a developer's judgement.
 BASES = ("literature", "level", "derived", "calibrated", "reasoned", "by hand")
-
-_ENTRY = re.compile(
-    r"^(?P<name>\w+) : [\w\[\], .]*?(?: \[(?P<unit>[^\]]+)\])?, "
-    rf"(?P<basis>{'|'.join(BASES)}|studies/\w+\.py)\n(?P<meaning>(?:    .*(?:\n|$))+)",
-    re.MULTILINE,
-)
 
 
 class Rule(NamedTuple):
@@ -46,7 +40,7 @@ class Rule(NamedTuple):
 
 @frozen
 class RuleTable:
-    """A room's numbers; each is a field, and an entry ``name : type [unit], basis`` of `__doc__`.
+    """A room's numbers: each is a field, whose annotation says what it means.
 
     Raises
     ------
@@ -54,24 +48,20 @@ class RuleTable:
         If a number is none that its annotation allows.
     """
 
+    #: What its numbers decide.
+    title = ""
+
     def __post_init__(self) -> None:
         check_fields(self)
 
-    @property
-    def title(self) -> str:
-        """What its numbers decide."""
-        return cleandoc(self.__doc__ or "").partition("\n")[0].rstrip(".")
-
     def rows(self) -> list[Rule]:
         """Return every number with its unit, its basis and its meaning."""
-        _, _, text = cleandoc(self.__doc__ or "").partition("Attributes\n----------\n")
-        return [
-            Rule(
-                e["name"],
-                getattr(self, e["name"]),
-                e["unit"] or "",
-                e["basis"],
-                " ".join(e["meaning"].split()),
-            )
-            for e in _ENTRY.finditer(text)
-        ]
+        kinds = resolve(type(self), include_extras=True)
+        return [self._row(f.name, *kinds[f.name].__metadata__) for f in fields(self)]
+
+    def _row(self, name: str, *notes: Any) -> Rule:
+        said, _, basis = next(n for n in notes if isinstance(n, str)).rpartition(", ")
+        meaning, _, unit = (
+            said.removesuffix("]").rpartition(" [") if said[-1] == "]" else (said, "", "")
+        )
+        return Rule(name, getattr(self, name), unit, basis, meaning)

@@ -17,15 +17,10 @@ import scipy
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array, Renames
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.aliases import words_for
-from identifiability.logs.rules import RULES
 from identifiability.robot.floating import Base
-
-#: So long a gyroscope is trusted, after which gravity corrects it [s].
-TRUSTED: Tolerance = 10.0
 
 #: What comes first in the name of a column about the base.
 OWNERS = ("base", "imu", "odom", "odometry", "pose", "twist", "trunk", "floating_base", "torso")
@@ -225,7 +220,8 @@ def _orientation(
         return None
     size = np.linalg.norm(quat, axis=1)
     worst = int(np.argmax(np.abs(size - 1)))
-    if not abs(size[worst] - 1) < RULES.quaternion_norm:
+    # A quaternion whose norm is further from one than this is none.
+    if not abs(size[worst] - 1) < 0.01:
         raise LogError(
             f"{source}: the quaternion of the base has norm {size[worst]:.3g} in data row "
             f"{worst + 1}, and an orientation has 1; check its columns, or leave them out where an "
@@ -345,8 +341,9 @@ def _mean_acceleration(
             d * w - a * x - b * y - c * z,
         )
     turn = scipy.spatial.transform.Rotation.from_quat(quat)
+    # So long a gyroscope is trusted, after which gravity corrects it [s].
     spans = np.polynomial.chebyshev.chebvander(
-        np.linspace(-1, 1, len(t)), int(step * len(t) / TRUSTED)
+        np.linspace(-1, 1, len(t)), int(step * len(t) / 10.0)
     )
     slow: Array = spans @ np.linalg.lstsq(spans, turn.apply(acc), rcond=None)[0]
     return turn, slow

@@ -240,7 +240,9 @@ class Clock:
         self.shortest = min(self.shortest, step(steps.argmin()), key=lambda s: s.length)
         if np.isnan(self._usual):
             self._usual = float(np.median(steps))
-        odd = np.flatnonzero(np.abs(steps - self._usual) > RULES.clock_odd * self._usual)
+        # Steps of the clock that differ from the usual one by more than this share of it
+        # are remembered.
+        odd = np.flatnonzero(np.abs(steps - self._usual) > 0.4 * self._usual)
         self._odd.append(np.stack([start + odd, t[odd], t[odd + 1]]))
         back = np.flatnonzero(~(steps > 0))
         if len(back) and self._back is None:
@@ -279,7 +281,8 @@ class Clock:
                 f"{self._back.t:g} s, then {self._back.then:g} s); sort the rows and remove "
                 "repeated ones."
             )
-        if self._usual < RULES.shortest_step:
+        # No log is sampled faster than this.
+        if self._usual < 1e-07:
             raise LogError(
                 f"{self.source} has a sampling step of {self._usual:.3g} s, which no robot has; "
                 "give the time in s."

@@ -126,7 +126,8 @@ def check_commands(log: Log) -> None:
     """
     if log.q_ref is None:
         return
-    most = max(1, round(RULES.command_late / signals.sampling_step(log.t)))
+    # A command is followed at some delay up to this one [s].
+    most = max(1, round(0.5 / signals.sampling_step(log.t)))
     for k, joint in enumerate(log.joints):
         command, moved = log.q_ref[:, k], float(log.q[:, k].std())
         if max(moved, float(command.std())) < RULES.command_still:

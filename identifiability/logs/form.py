@@ -27,11 +27,6 @@ COMMENTS = ("#", "%", "//")
 #: Separators of fields, and what notes call them; blanks are tried last.
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "'|'", " ": "spaces"}
 
-#: Lines on which the form is decided.
-LOOK = 60
-
-#: Letters of the longest number.
-LONGEST_NUMBER = 400
 
 LINE_END = re.compile(r"\r\n|\r|\n")
 _POINT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf(inity)?)", re.IGNORECASE)
@@ -95,7 +90,8 @@ class Form:
     def is_number(self, field: str) -> bool:
         """Whether a field is a number in this form."""
         text = field.strip()
-        if len(text) > LONGEST_NUMBER:
+        # Letters of the longest number.
+        if len(text) > 400:
             return False
         return bool(_POINT.fullmatch(text) or (self.decimal == "," and _COMMA.fullmatch(text)))
 
@@ -138,7 +134,8 @@ def find_form(text: str, encoding: str) -> Form:
         Its beginning, without half a line at the end.
     encoding : str
     """
-    lines = LINE_END.split(text.lstrip("\ufeff"))[:LOOK]
+    # Lines on which the form is decided.
+    lines = LINE_END.split(text.lstrip("\ufeff"))[:60]
     mark = _comment_mark(lines)
     form = Form(encoding=encoding, comment=mark)
     plain = [k for k, line in enumerate(lines) if line.strip() and not _is_comment(line, mark)]

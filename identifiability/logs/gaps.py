@@ -91,9 +91,11 @@ def tell_steps(windows: Sequence[Log], steps: Array) -> str:
     """
     change = np.abs(np.concatenate([np.diff(w.q, axis=0) for w in windows]))
     whole = change / np.where(steps > 0, steps, np.inf)
-    is_step = (np.abs(whole - np.round(whole)) < RULES.encoder_exact).mean(0) > RULES.nearly_all
+    # Changes are whole steps of an encoder up to this share of one, if nearly all are.
+    is_step = (np.abs(whole - np.round(whole)) < 0.02).mean(0) > RULES.nearly_all
     usual = np.array([np.median(c[c > 0]) if (c > 0).any() else np.inf for c in change.T])
-    coarse = np.flatnonzero(is_step & (steps > RULES.encoder_coarse * usual))
+    # A step that is this share of the usual change is worth a note.
+    coarse = np.flatnonzero(is_step & (steps > 0.25 * usual))
     if not len(coarse):
         return ""
     worst = coarse[np.argmax(steps[coarse] / usual[coarse])]
@@ -125,7 +127,9 @@ def find_stale(x: Array, steps: Array) -> np.ndarray:
         if b - a >= RULES.repeats_longest or a < 2 or b + 1 >= len(x):
             continue
         after, before = x[b + 1] - x[b], x[a - 1] - x[a - 2]
-        moved = (after * before > 0) & (np.abs(after) >= RULES.repeats_steps * steps)
+        # Across a run of repeated values a joint moves by at least so many steps of its
+        # encoder, else rounding explains that nothing changed.
+        moved = (after * before > 0) & (np.abs(after) >= 4.0 * steps)
         stale[a : b + 1] = moved.any()
     return stale
 
@@ -147,9 +151,6 @@ def interpolate(x: Array, stale: np.ndarray) -> Array:
 # by a cubic. Across a longer one nothing is computed: the log falls into stretches, each filtered
 # and differentiated by itself.
 
-
-#: How often the usual step is taken anew as the median of those near it.
-CENTRED = 2
 
 #: Gaps that a note lists.
 LISTED = 3
@@ -202,13 +203,16 @@ class Gaps:
         """
         steps = np.concatenate([np.diff(t) for t in windows])
         dt = float(np.median(steps))
-        for _ in range(CENTRED):  # lost samples are no jitter, and move the median of all
+        # How often the usual step is taken anew as the median of those near it.
+        for _ in range(2):  # lost samples are no jitter, and move the median of all
             near = steps[np.abs(steps / dt - 1) < (RULES.gap - 1)]
             dt = float(np.median(near))
         usual = float(np.quantile(np.abs(near / dt - 1), 0.95))
         rows, t, then = clock.odd
         ratio = (then - t) / dt
-        gap = ratio - 1 > max((RULES.gap - 1), RULES.gap_jitter * usual)
+        # A gap stands out from what 95 % of nearer steps deviate by: four standard
+        # deviations.
+        gap = ratio - 1 > max((RULES.gap - 1), 2.0 * usual)
         gap &= ~_late(rows, ratio)
         worst = max(clock.longest.length, clock.shortest.length, key=lambda s: abs(s / dt - 1))
         odd = np.abs(ratio[~gap] - 1)
@@ -255,8 +259,11 @@ class Gaps:
         LogError
         """
         steps = self.length / self.step
-        whole = len(self) and float(np.median(np.abs(steps - np.rint(steps)))) < RULES.gap_whole
-        if self.lost.sum() > samples or (len(self) > RULES.gap_most * samples and not whole):
+        # Whole up to this share of a step, which of uneven steps a quarter is: else no
+        # clock.
+        whole = len(self) and float(np.median(np.abs(steps - np.rint(steps)))) < 0.125
+        # More gaps are lost samples only where half of them are whole steps.
+        if self.lost.sum() > samples or (len(self) > 0.25 * samples and not whole):
             raise LogError(
                 f"{self.name} is sampled so unevenly (every {samples / len(self):.2g}th step is "
                 f"longer than the usual {self.step:.3g} s, the first after t = {self.t[0]:.6g} s) "

@@ -258,7 +258,9 @@ class Log:
         usual = float(np.quantile(np.abs(steps / dt - 1), 0.95))
         worst = max(self.clock.longest, self.clock.shortest, key=lambda s: abs(s.length / dt - 1))
         jitter = abs(worst.length / dt - 1)
-        if jitter > min(max(RULES.gap - 1, RULES.gap_uneven * usual), RULES.gap_kept - 1):
+        # A log is not refused whose steps are off by less than so many times what 95 %
+        # are.
+        if jitter > min(max(RULES.gap - 1, 5.0 * usual), RULES.gap_kept - 1):
             raise LogError(
                 f"{self.name} has a gap of {worst.length:.3g} s after t = {worst.t:.6g} s "
                 f"(data row {worst.row + 1}) at a sampling step of {dt:.3g} s; velocity and "

@@ -447,7 +447,8 @@ def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float] | None:
     given, integral = given - Q @ (Q.T @ given), integral - Q @ (Q.T @ integral)
     noise = np.sqrt(np.mean(np.diff(x, 2) ** 2) / 6) if len(x) > 2 else 0.0
     size = float(np.sqrt(np.mean(given**2)))
-    if not size > RULES.derivative_visible * noise or not size > 0:
+    # Motion must stand out this much from the noise of single samples to be compared.
+    if not size > 4.0 * noise or not size > 0:
         return None
     square = float(integral @ integral)
     slope = float(given @ integral) / square if square > 0 else 0.0

@@ -74,7 +74,8 @@ def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
     slowest = min(needed, key=lambda name: counts[name])
     if counts[slowest] < RULES.fewest:
         return dict(values), ""
-    kept = [n for n in counts if n in needed or RULES.rate_slower * counts[n] >= counts[slowest]]
+    # Velocities that come slower than positions by this factor are left out, and computed.
+    kept = [n for n in counts if n in needed or 2.0 * counts[n] >= counts[slowest]]
     at = t[known[slowest]]
     out = {name: _resample(t[known[name]], values[name][known[name]], at, name) for name in kept}
     good = np.all([np.isfinite(x) for x in out.values()], axis=0)
@@ -118,7 +119,9 @@ def _resample(t: Array, x: Array, at: Array, name: str) -> Array:
         return np.full(len(at), np.nan)
     right = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
     inside = (at >= t[0]) & (at <= t[-1])
-    near = t[right] - t[right - 1] <= RULES.rate_far * np.median(np.diff(t))
+    # Nothing is put between samples of a column that lie farther apart than so many of its
+    # steps.
+    near = t[right] - t[right - 1] <= 2.5 * np.median(np.diff(t))
     found = np.interp(at, t, x) if name.endswith(".tau") else signals.cubic(at, t, x)
     exact = np.isin(at, t)
     return np.where(inside & (near | exact), found, np.nan)
@@ -180,7 +183,8 @@ def put_on_clock(
                 out[key] = np.where(there, found, np.interp(t, at, x))
                 if not there.all():
                     lacking[stem] = usual * float((~there).sum())
-        if not same and abs(np.log(step / usual)) > RULES.rate_other and not set(own) & {*discrete}:
+        # Rates that differ by this share are two.
+        if not same and abs(np.log(step / usual)) > 0.1 and not set(own) & {*discrete}:
             rates[stem] = 1 / step
     notes = tuple(
         f"of the base {_WORDS.get(stem, repr(stem))} was missing for {gone:.2g} s in all and "
@@ -552,7 +556,8 @@ class Reading:
                 f"{self.source} has no torque: every '<joint>.tau' is empty; give what was "
                 "measured, of some joints at least."
             )
-        if 0 < self.torque < RULES.smallest_torque:
+        # All torque of a log is not smaller: a hundredth of a milligram at a millimetre.
+        if 0 < self.torque < 1e-09:
             raise LogError(
                 f"{self.source}: the largest torque in it is {self.torque:.2g}, as no robot's is; "
                 "it is in another unit, or was multiplied by a factor: give it in N·m (or N)."

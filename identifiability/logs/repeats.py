@@ -13,7 +13,6 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.logs import signals
 from identifiability.logs.log import Log
 from identifiability.logs.logfile import LogFile
@@ -29,18 +28,12 @@ from identifiability.logs.rules import RULES
 # these then agree nearby, where the motion does, says how many of them chance explains.
 
 
-#: No difference below this share of how much the liveliest joint varies counts: what never moves
-#: varies by rounding.
-FINEST: Tolerance = 1e-7
-
 #: Consecutive rows that must agree with consecutive earlier ones; standstills count as one.
 RUN = 16
 
 #: Rows on each side of a run that say how often torque agrees by chance.
 NEARBY = 64 * RUN
 
-#: Distances between rows that come twice that are followed, the most frequent.
-MOST_LAGS = 16
 
 Recording = Log | LogFile
 
@@ -221,10 +214,11 @@ def _values(log: Log, joints: Sequence[str], kinds: Sequence[str]) -> Array:
 def _near(rows: Array, kinds: int) -> Array:
     """Return how close the values of rows (N, kinds · n) are taken as equal."""
     spread = rows.std(0).reshape(kinds, -1)
-    floor = FINEST * spread.max(1, initial=0.0, keepdims=True)
-    near: Array = np.maximum(
-        RULES.copy_agrees * spread, np.maximum(floor, np.finfo(float).tiny)
-    ).ravel()
+    # No difference below this share of how much the liveliest joint varies counts: what never
+    # moves varies by rounding.
+    floor = 1e-7 * spread.max(1, initial=0.0, keepdims=True)
+    # Values agree within this share of their standard deviation.
+    near: Array = np.maximum(0.0001 * spread, np.maximum(floor, np.finfo(float).tiny)).ravel()
     return near
 
 
@@ -244,7 +238,8 @@ def _match(rows: Array, starts: np.ndarray, joints: int) -> np.ndarray:
     back = index - at[which]
     # Where rows come often by chance, those that come twice say how far back the copied ones are.
     lags, votes = np.unique(back[(back > 0) & (times[which] == 2)], return_counts=True)
-    for lag in lags[np.argsort(votes)][-MOST_LAGS:].tolist():
+    # Distances between rows that come twice that are followed, the most frequent.
+    for lag in lags[np.argsort(votes)][-16:].tolist():
         back[lag:][keys[lag:] == keys[:-lag]] = lag
     still = np.concatenate([[False], keys[1:] == keys[:-1]])
     since = np.maximum.accumulate(np.where(still, 0, index))  # first row of a standstill
@@ -261,9 +256,8 @@ def _match(rows: Array, starts: np.ndarray, joints: int) -> np.ndarray:
             same = np.abs(rows[beside] - rows[beside - lag]) <= near
             moved, again = (np.asarray(part.all(1)) for part in np.hsplit(same, [joints]))
             chance = again[moved].mean() if moved.any() else 0.0
-            copied[a:b] = (
-                chance >= RULES.nearly_all or len(rows) * chance**count < RULES.copy_chance
-            )
+            # A run that chance explains comes less often than this in all the rows.
+            copied[a:b] = chance >= RULES.nearly_all or len(rows) * chance**count < 0.01
     return copied
 
 

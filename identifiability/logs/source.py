@@ -48,15 +48,6 @@ WHOLE = 16_000_000
 #: Bytes in which the form of a text is decided.
 BEGINNING = 1 << 18
 
-#: Bytes in which a file that is no text shows it.
-BINARY = 4096
-
-#: Lines that show whether the last one is whole.
-LOOKED_AT = 1000
-
-#: A line of a CSV is shorter than so many pieces.
-MOST_PIECES = 8
-
 
 def scan_table(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[str, Table]:
     """Call a function with every piece in order, at least once; return hash and table.
@@ -87,13 +78,15 @@ def _scan_csv(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[s
 
         start = read()
         table, rest = begin_csv(path, start)
-        lines = table.form.plain_text(rest).decode(errors="replace").splitlines()[:-1][:LOOKED_AT]
+        # Lines that show whether the last one is whole.
+        lines = table.form.plain_text(rest).decode(errors="replace").splitlines()[:-1][:1000]
         row, byte, ended = 0, len(start) - len(rest), False
         pieces = [(row, byte)]
         while not ended:
             more = read()
             rest, ended = rest + more, not more
-            too_long = len(rest) > MOST_PIECES * PIECE_BYTES
+            # A line of a CSV is shorter than so many pieces.
+            too_long = len(rest) > 8 * PIECE_BYTES
             cut = len(rest) if ended else _last_line(rest, table.form) or len(rest) * too_long
             if ended:
                 table, cut = _leave_half_line(table, rest, lines)
@@ -116,7 +109,8 @@ def begin_csv(path: Path, start: bytes) -> tuple[Table, bytes]:
         )
     encoding = find_encoding(start)
     if not encoding.startswith("utf-16"):
-        check_text(path, start[:BINARY])
+        # Bytes in which a file that is no text shows it.
+        check_text(path, start[:4096])
     text = start[:BEGINNING].decode(encoding, errors="replace")
     form = find_form(text, encoding)
     check_columns(path, len(form.columns))
@@ -266,10 +260,6 @@ def is_long(path: Path, limit: int | None = None) -> bool:
 # Refuse a log by its first lines, before anything else of it, or any number, is looked at.
 
 
-#: Bytes in which there is no quoted name in most logs.
-QUOTED = 4096
-
-
 def check_header(path: Path, known: Conventions) -> None:
     """Refuse a CSV whose columns are none of a robot's log; other files are left to their reader.
 
@@ -290,7 +280,8 @@ def check_header(path: Path, known: Conventions) -> None:
     with parsing(path):
         with path.open("rb") as file:
             start = file.read(BEGINNING)
-        if b'"' in start[:QUOTED]:  # a name may go over several lines
+        # Bytes in which there is no quoted name in most logs.
+        if b'"' in start[:4096]:  # a name may go over several lines
             return
         table, rest = begin_csv(path, start)
         line = table.form.plain_text(rest).decode(errors="replace").partition("\n")[0]

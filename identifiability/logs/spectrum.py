@@ -238,7 +238,8 @@ def choose_band(
     signal = np.sum([s.acceleration(most) for s in spectra], axis=0)
     kinds = np.array(sliding or [False] * len(signal), bool)
     largest = [signal[kinds == kind].max(initial=0.0) for kind in kinds]
-    counts = (signal > 0) & (signal >= RULES.noise_still**2 * np.array(largest))
+    # Joints that accelerate less than this share of the most do not lower the cut-off.
+    counts = (signal > 0) & (signal >= 0.1**2 * np.array(largest))
 
     def noise(at: float) -> float:
         power = np.sum([s.noise_in_acceleration(at) for s in spectra], axis=0)

@@ -302,7 +302,9 @@ class WrapFinder:
 
     def finish(self) -> Wraps | None:
         """Return the jumps, or None if there are none or they are no turns."""
-        if not 0 < self._jumps <= MOST or self._usual > RULES.wrap_step * np.pi:
+        # Positions are wrapped where they jump, and else change by at most this share of
+        # half a turn from sample to sample.
+        if not 0 < self._jumps <= MOST or self._usual > 0.25 * np.pi:
             return None
         if self._high - self._low > TURN + self._usual:
             return None

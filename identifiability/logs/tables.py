@@ -33,8 +33,6 @@ NUMBERS = ("double", "float", "int64", "int32", "int16", "int8")
 #: Rows of a piece of Parquet, and its cells, at most.
 PIECE_ROWS, PIECE_CELLS = 32_768, 1_000_000
 
-#: Files of Parquet whose footers are kept.
-FOOTERS = 16
 
 #: Bytes of a cell, on average over a group of rows.
 LONGEST_CELL = 4_096
@@ -254,7 +252,8 @@ def opened(path: Path, whole: bytes | None = None) -> Any:
     return ParquetFile(path, metadata=_footer(path, state.st_mtime_ns, state.st_size), **how)
 
 
-@lru_cache(FOOTERS)
+# Files of Parquet whose footers are kept.
+@lru_cache(16)
 def _footer(path: Path, changed: int, size: int) -> Any:
     """Return what the end of a Parquet file says of its groups of rows.
 

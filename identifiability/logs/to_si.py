@@ -308,11 +308,8 @@ def _find_unit(t: Array, naming: Naming, first: pd.DataFrame, source: str) -> tu
         If it may be more than one.
     """
     step = float(np.median(np.diff(t)))
-    fits = [
-        u
-        for u, size in TIME_UNITS.items()
-        if RULES.fastest_step <= step * size <= RULES.slowest_step
-    ]
+    # Usual steps of a log of motion are not shorter [s].
+    fits = [u for u, size in TIME_UNITS.items() if 5e-05 <= step * size <= RULES.slowest_step]
     proved = _by_velocities(t, naming, first)
     if proved in fits and proved != "s":
         return proved, "for which velocities are what positions change by"
@@ -323,7 +320,8 @@ def _find_unit(t: Array, naming: Naming, first: pd.DataFrame, source: str) -> tu
     if len(dated) == 1:
         return dated[0], f"for they count from 1970 ({rate})"
     speed = _top_speed(t, naming, first)
-    every = [*fits, *(["s"] if step <= RULES.longest_step else [])]
+    # Nobody writes a log with longer steps than this.
+    every = [*fits, *(["s"] if step <= 20.0 else [])]
     moving = [
         u for u in every if not speed or RULES.speeds[0] <= speed / TIME_UNITS[u] <= RULES.speeds[1]
     ]
@@ -369,5 +367,6 @@ def _by_velocities(t: Array, naming: Naming, first: pd.DataFrame) -> str:
     if min(sizes) <= 0 or float((slope * rate).sum()) < least * sizes[0] * sizes[1]:
         return ""
     ratio = float((slope * rate).sum()) / sizes[1] ** 2
-    near = [u for u, size in TIME_UNITS.items() if abs(np.log10(ratio / size)) < RULES.unit_size]
+    # Velocities have a unit if they have the size of the slope up to this power of ten.
+    near = [u for u, size in TIME_UNITS.items() if abs(np.log10(ratio / size)) < 0.1]
     return near[0] if near else ""

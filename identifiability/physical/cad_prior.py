@@ -200,7 +200,8 @@ class WithFile:
     @property
     def hint(self) -> str:
         """That the log contradicts the share; nothing if it does not."""
-        if self.p_value >= RULES.body_contradicted:
+        # Level at which a log contradicts that share.
+        if self.p_value >= 0.001:
             return ""
         chance = "< 1e-6" if self.p_value < NEARLY else f"= {self.p_value:.1g}"
         return (
@@ -303,7 +304,6 @@ def combine_with_file(
 
 #: Mass [kg] and radius of gyration [m] of a body where the robot file states no body at all.
 MASS: Tolerance = 1.0
-LENGTH: Tolerance = 0.1
 
 
 @frozen
@@ -352,7 +352,9 @@ def draw_bodies(structure: Structure) -> NominalBodies:
     at = dict(zip(bodies, structure.inertial, strict=True))
     sound = [stem for stem in bodies if stem not in loads and _exists(phi[at[stem]])]
     mass, length = natural_scale(phi[[at[stem] for stem in sound]].reshape(-1, 10))
-    least, size = float(mass.min(initial=np.inf)), float(np.median(length)) if sound else LENGTH
+    # Mass [kg] and radius of gyration [m] of a body where the robot file states no body at
+    # all.
+    least, size = float(mass.min(initial=np.inf)), float(np.median(length)) if sound else 0.1
     least = least if sound else MASS
     replaced = [stem for stem in bodies if stem not in loads and stem not in sound]
     for stem in replaced:

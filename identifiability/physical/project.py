@@ -54,7 +54,6 @@ STEPS = (40, 100)
 ENOUGH: Tolerance = 1e-8
 
 #: Share of the way to the edge that one step goes, of cones and of signs.
-IN_CONES: Tolerance = 0.9
 IN_SIGNS: Tolerance = 0.995
 
 #: Each step asks for this share of what the products of slack and multiplier are; for more of it
@@ -268,7 +267,8 @@ def _room_in_cones(size: Array, change: Array) -> float:
     """Return the same for diagonal matrices (nb, 4) that become others, for their eigenvalues."""
     share = 1 / np.sqrt(size)
     values = np.linalg.eigvalsh(share[:, :, None] * change * share[:, None]).ravel()
-    return _room(np.ones(values.size), values, IN_CONES)
+    # Share of the way to the edge that one step goes, of cones and of signs.
+    return _room(np.ones(values.size), values, 0.9)
 
 
 # The parameters of a real robot nearest to the data: a semidefinite program, and its evidence.
@@ -288,8 +288,6 @@ MARGIN: Tolerance = 1e-6
 #: Pull [σ²] to the reference per squared column scale: it decides where the data say nothing.
 RIDGE: Tolerance = 1e-8
 
-#: Largest accepted distance to the optimum [σ²], relative to ``1 + excess``.
-GAP: Tolerance = 1e-3
 
 #: Distance to the optimum [σ²] that predictions do not notice.
 ENOUGH_TO_PREDICT: Tolerance = 1e-2
@@ -476,7 +474,8 @@ class Projection:
         region, phi = self.region, self.fixed.settle(x * scaled.scale)
         Z, gap = self._judge(scaled, x, y, E)
         excess = (float(data.rss(phi)) - data.rss_min) / data.unit**2
-        allowed = GAP * (1 + excess) + ROUNDING * float(scaled.target @ scaled.target)
+        # Largest accepted distance to the optimum [σ²], relative to ``1 + excess``.
+        allowed = 1e-3 * (1 + excess) + ROUNDING * float(scaled.target @ scaled.target)
         margins = region.margins(phi)
         # Complementarity: of slack and multiplier one is zero, and the larger one says which.
         pressed = np.linalg.norm(Z, axis=1) > margins - self.margin

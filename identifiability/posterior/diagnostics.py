@@ -250,9 +250,6 @@ def _reasons(
 #: Degrees of freedom of the inverse gamma from which replicates draw their noise variance.
 NOISE_DOF: Tolerance = 10.0
 
-#: Transitions from the starting point to a draw of the prior on the physical set.
-PRIOR_STEPS = 60
-
 
 @frozen
 class Calibration:
@@ -348,7 +345,8 @@ def _draw_prior(sampler: ExactSampler, start: Array, count: int, rng: np.random.
     )
     prior, middle = replace(sampler, model=blind).centred(start)
     eta = np.repeat(middle[None], count, axis=0)
-    for _ in range(PRIOR_STEPS):
+    # Transitions from the starting point to a draw of the prior on the physical set.
+    for _ in range(60):
         eta = prior.step(eta, rng)
     return eta
 

@@ -22,9 +22,6 @@ from identifiability.posterior.target import Diagonal, Target
 # eigenvalue problem, a symmetric one of 4×4.
 
 
-#: A stretch is cut to its first third at most so often until a body is inside at its end.
-CUTS = 60
-
 #: A symmetric matrix from its ten entries ``y[..., TRIANGLE]``.
 TRIANGLE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 
@@ -158,7 +155,8 @@ def _crossings(
     chain, body = np.nonzero(out)
     J, D, inner = J[chain, body], D[chain, body], time[chain]
     outside = np.arange(len(chain))
-    for _ in range(CUTS):
+    # A stretch is cut to its first third at most so often until a body is inside at its end.
+    for _ in range(60):
         inner[outside] /= 3
         point = J[outside] + inner[outside, None, None] * D[outside]
         outside = outside[~positive(point)]
@@ -220,9 +218,6 @@ TURN: tuple[Tolerance, Tolerance] = (1.5, 2.5)
 #: Kicks of one transition: nine of ten are accepted with a hundred parameters.
 KICKS = 7
 
-#: A path of more straight pieces is given up: the chain stays, so the sampler stays exact.
-PIECES = 2000
-
 
 def travel(
     region: Cone, root: Array, eta: Array, mean: Array, sd: Array, rng: np.random.Generator
@@ -250,7 +245,8 @@ def travel(
     push, turn = rng.standard_normal(eta.shape), rng.uniform(*TURN, len(eta))
     flight = Flight(region, root, eta, mean, sd, push, turn)
     pieces = 0
-    while pieces < PIECES and not flight.advance():
+    # A path of more straight pieces is given up: the chain stays, so the sampler stays exact.
+    while pieces < 2000 and not flight.advance():
         pieces += 1
     rise = flight.energy() - flight.start
     kept = flight.arrived & (rise < rng.standard_exponential(len(eta)))
@@ -335,12 +331,6 @@ class Flight:
 GAIN: Tolerance = 1e-3
 STEPS = 200
 
-#: Share of the promised gain that a step must bring [Armijo 1966].
-ARMIJO: Tolerance = 0.1
-
-#: Rounds of noise variance and parameters in turn.
-ROUNDS = 3
-
 
 def find_centre(model: Diagonal, region: Cone, start: Array) -> tuple[Array, Array]:
     """Find the optimum of density and barrier.
@@ -360,7 +350,8 @@ def find_centre(model: Diagonal, region: Cone, start: Array) -> tuple[Array, Arr
         ``root rootᵀ`` is about the covariance of the posterior.
     """
     eta, root = start, np.eye(len(start))
-    for _ in range(ROUNDS):
+    # Rounds of noise variance and parameters in turn.
+    for _ in range(3):
         v = model.typical_variance(eta[None])
         mean, sd = model.conditional(v)
         eta, root = _climb(mean[0], sd[0], region, eta)
@@ -380,7 +371,8 @@ def _climb(mean: Array, sd: Array, region: Cone, eta: Array) -> tuple[Array, Arr
         share, safe = 1.0, 1 / (1 + np.sqrt(gain))
         while True:
             new = _cost(eta - share * step, mean, sd, region)
-            if share <= safe or new[0] < value - ARMIJO * share * gain:
+            # Share of the promised gain that a step must bring [Armijo 1966].
+            if share <= safe or new[0] < value - 0.1 * share * gain:
                 break
             share = max(share / 2, safe)
         eta = eta - share * step
@@ -402,9 +394,6 @@ def _cost(eta: Array, mean: Array, sd: Array, region: Cone) -> tuple[float, Arra
 # it inside emcee, where other likelihoods and priors may be multiplied in, and where independent
 # ensembles give the diagnostics.
 
-
-#: Distance of starting points from an inner one, in posterior standard deviations.
-SPREAD: Tolerance = 1.5
 
 #: How far outside is inside, as a share of what a prior standard deviation changes.
 ROUNDING: Tolerance = 1e-11
@@ -481,7 +470,8 @@ class ExactSampler:
         (count, p), shortened towards `eta` until inside
         """
         start = np.repeat(eta[None], count, axis=0)
-        step = SPREAD * rng.standard_normal(start.shape) @ self.root.T
+        # Distance of starting points from an inner one, in posterior standard deviations.
+        step = 1.5 * rng.standard_normal(start.shape) @ self.root.T
         for _ in range(60):
             outside = ~self.contains(start + step)
             if not outside.any():

@@ -119,10 +119,6 @@ def _bad(mean: Array, sd: Array) -> str:
 # At κ = 1 this is the textbook posterior under the prior 1/σ² [Gelman 2013, §14.2].
 
 
-#: A flat prior is a normal this many times wider than what data and other priors leave.
-FLAT: Tolerance = 1e4
-
-
 @frozen
 class Diagonal:
     """The posterior without its constraints: a standard normal prior seen through diagonal data.
@@ -351,7 +347,8 @@ def _make_proper(data: LeastSquares, prior: Prior) -> Prior:
         )
     spread = np.linalg.norm(Vt.T / s, axis=1) / norms
     best = Vt.T @ ((U.T @ np.concatenate([data.z / data.unit, known * prior.mean])) / s) / norms
-    return Prior(np.where(flat, best, prior.mean), np.where(flat, FLAT * spread, prior.sd))
+    # A flat prior is a normal this many times wider than what data and other priors leave.
+    return Prior(np.where(flat, best, prior.mean), np.where(flat, 1e4 * spread, prior.sd))
 
 
 def _numerical_rank(R: Array) -> int:

@@ -32,12 +32,6 @@ from identifiability.regression.regression import Chunk, LogPart, Regression, ma
 #: Blocks of time a log is divided into at most; the bootstrap draws whole blocks.
 BLOCKS = 256
 
-#: Rows of the subsample that the bases are made of, at least.
-BASIS_ROWS = 4096
-
-#: Samples of that subsample for every column, at least.
-ROWS_A_COLUMN = 4
-
 
 @checked
 def gather_information(
@@ -192,7 +186,9 @@ def _survey(regression: Regression) -> list[Array]:
     """
     n = len(regression.robot.actuated)
     width = len(regression.parameters) * (1 if regression.instruments is None else 2)
-    wanted = max(BASIS_ROWS // n, ROWS_A_COLUMN * (width + 1))
+    # Rows of the subsample that the bases are made of, at least.
+    # Samples of that subsample for every column, at least.
+    wanted = max(4096 // n, 4 * (width + 1))
     step = max(1, sum(s.survey.kept for s in regression.samples) // wanted)
     factors = [np.zeros((0, width + 1))] * n
     # Of few samples these are all: their columns are kept for the pass that is to come.

@@ -33,13 +33,6 @@ from identifiability.foundation.values import frozen, remember
 #: are held there sooner, by this factor.
 MOST_BYTES, SOONER = 2**28, 8
 
-#: Rows that take more [bytes] are squared for their factor: columns of a basis are at right angles,
-#: so that nothing is lost, and a triangular factor takes three times as long.
-LARGE = 2**22
-
-#: Blocks stay in a basis that is larger than what is asked of them by up to this factor: to turn
-#: all of them costs more than to look at them many times.
-WIDER: Tolerance = 1.25
 
 #: Directions that a basis' rows do not excite get this share of their column's length.
 FLOOR: Tolerance = 1e-6
@@ -76,7 +69,10 @@ class ActuatorBlocks:
     def root(self) -> Array:
         """A factor of ``Zᵀ Z`` over all blocks, (r, r) or fewer rows."""
         rows = self.blocks.reshape(-1, self.blocks.shape[2])
-        if self.squared or rows.nbytes > LARGE:
+        # Rows that take more [bytes] are squared for their factor: columns of a basis are
+        # at right angles, so that nothing is lost, and a triangular factor takes three
+        # times as long.
+        if self.squared or rows.nbytes > (2**22):
             gram = self.blocks.sum(0) if self.squared else rows.T @ rows
             values, vectors = np.linalg.eigh(gram)
             return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
@@ -115,7 +111,9 @@ class ActuatorBlocks:
         k, m = np.subtract(map_.shape, 1)
         columns = np.flatnonzero(map_[self.columns, :m].any(0))
         basis = self.basis @ map_[np.ix_([*self.columns, k], [*columns, m])]
-        if len(basis) > WIDER * basis.shape[1]:
+        # Blocks stay in a basis that is larger than what is asked of them by up to this
+        # factor: to turn all of them costs more than to look at them many times.
+        if len(basis) > 1.25 * basis.shape[1]:
             return self.turned(*np.linalg.qr(basis), columns)
         reduced = replace(self, columns=columns, basis=basis)
         vars(reduced)["root"] = self.root
@@ -293,17 +291,6 @@ def invert_basis(basis: Array) -> Array:
 # are for folds and resampling, ``+`` for logs and workers, `joint` for instruments.
 
 
-#: Columns that are turned at once where triangular factors are joined.
-TURNED = 32
-
-#: How much of what is made of the sums over all blocks is kept.
-REMEMBERED = 4
-
-#: Up to which ratio of weights to those of a factor another one is made of Gram matrices in the
-#: coordinates of the former.
-LIKE: Tolerance = 1e4
-
-
 @frozen
 class Information:
     """Blocks of ``[W τ]`` by actuator.
@@ -423,7 +410,8 @@ class Information:
 
     def remember(self, key: Any, make: Callable[[], Any]) -> Any:
         """Return what is made of the sums over all blocks: a fit asks for the same many times."""
-        return remember(self._made, key, make, REMEMBERED)
+        # How much of what is made of the sums over all blocks is kept.
+        return remember(self._made, key, make, 4)
 
     @property
     def _width(self) -> int:
@@ -535,7 +523,9 @@ class Information:
         if self._grams is not None:
             before, root, grams = self._grams
             ratio = weights / before
-            if ratio.min() > 0 and ratio.max() < LIKE * ratio.min():
+            # Up to which ratio of weights to those of a factor another one is made of
+            # Gram matrices in the coordinates of the former.
+            if ratio.min() > 0 and ratio.max() < 1e4 * ratio.min():
                 return np.asarray(np.linalg.cholesky(np.tensordot(ratio, grams, 1)).T @ root)
         return self._factor_rows(weights)
 
@@ -718,9 +708,8 @@ def _join_triangles(
         if first <= m:
             wide = wide[:, first:]
             size = wide.shape[1]
-            R[first:, first:] = dtpqrt(min(wide.shape), min(TURNED, size), R[first:, first:], wide)[
-                0
-            ]
+            # Columns that are turned at once where triangular factors are joined.
+            R[first:, first:] = dtpqrt(min(wide.shape), min(32, size), R[first:, first:], wide)[0]
     return columns, R
 
 

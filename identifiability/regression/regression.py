@@ -208,10 +208,6 @@ def _split_shape(text: str) -> tuple[str, float | tuple[float, ...] | None]:
 #: samples are, one in each of as many parts of equal length, and one of each log at least.
 EXCERPT, WINDOWS, WINDOW = 100_000, 20, 2_500
 
-#: Each window lies this share of what is left of its part later than the one before, or as much
-#: earlier as it would leave the part: no period of a motion is met at the same phase each time.
-LATER: Tolerance = (5**0.5 - 1) / 2
-
 
 def choose_windows(
     counts: Sequence[int], sizes: tuple[int, int, int] | None = None
@@ -234,7 +230,10 @@ def choose_windows(
     for count in counts:
         k = np.arange(max(1, round(windows * count / total)))
         own, part = min(size, count), count / len(k)
-        starts = (k * part + (LATER * k) % 1.0 * (part - own)).astype(int)
+        # Each window lies this share of what is left of its part later than the one
+        # before, or as much earlier as it would leave the part: no period of a motion is
+        # met at the same phase each time.
+        starts = (k * part + (((5**0.5 - 1) / 2) * k) % 1.0 * (part - own)).astype(int)
         out.append(np.stack([starts, starts + own], 1))
     return tuple(out)
 
@@ -526,9 +525,6 @@ def most_rows(shape: tuple[int, int]) -> int:
 #: Rows that are looked at one by one are kept up to this size, not computed again [bytes].
 KEEP_BYTES: Tolerance = 150e6
 
-#: Up to this size they are so for later regressions of the same logs, too [bytes].
-MEMORY_BYTES: Tolerance = 32e6
-
 
 @frozen
 class Regression:
@@ -634,7 +630,8 @@ class Regression:
         if isinstance(samples, LongSamples) or size >= KEEP_BYTES:
             return None
         # What is kept is what is looked at: only all of a log is the same in each regression.
-        same = self.instruments is None and shown == self.outputs and size < MEMORY_BYTES
+        # Up to this size they are so for later regressions of the same logs, too [bytes].
+        same = self.instruments is None and shown == self.outputs and size < 32e6
         if self.memory is not None and isinstance(samples, Samples) and same:
             return self.memory.of(samples)
         return self._kept.setdefault((log, start, samples.outputs), Kept())

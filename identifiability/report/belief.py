@@ -71,9 +71,6 @@ from identifiability.workflows.answers import note, sentence, with_hints, words
 # How well each parameter is known, and how far it lies from what the robot file states.
 
 
-#: Relative standard deviations above this are drawn at the edge [%].
-MOST_PERCENT = 1e4
-
 #: Distances above this many σ are drawn at the edge.
 MOST_SIGMA = 6.0
 
@@ -110,7 +107,8 @@ def draw_precision(
     known = np.concatenate([white, label, [limit, paper_limit]])
     known = known[np.isfinite(known) & (known > 0)]
     low = max(min(float(known.min(initial=limit)) / 1.8, 0.8), 1e-6)
-    high = float(np.clip(known.max(initial=limit) * 2.2, 10 * limit, MOST_PERCENT))
+    # Relative standard deviations above this are drawn at the edge [%].
+    high = float(np.clip(known.max(initial=limit) * 2.2, 10 * limit, 1e4))
     log_scale(axes, low, high)
     axes.axvspan(low, limit, color=BLUE, alpha=0.06, linewidth=0)
     row_lines(axes, len(order))
@@ -220,9 +218,6 @@ LAYERS = (
 #: Margins below this are drawn at the edge.
 LEAST_MARGIN = 1e-8
 
-#: Points drawn in a pair.
-POINTS = 400
-
 
 @drawn
 def draw_forest(
@@ -300,7 +295,8 @@ def draw_pair(
         Their correlation.
     """
     figure, (axes,) = canvas(320, 280, (72, 14, 32, 46))
-    known = draws[np.isfinite(draws).all(1)][:POINTS]
+    # Points drawn in a pair.
+    known = draws[np.isfinite(draws).all(1)][:400]
     dots(axes, known[:, 0], known[:, 1], COLOURS["purple"], 3.2, 0.55)
     axes.margins(0.08)
     (low, high), (bottom, top) = axes.get_xlim(), axes.get_ylim()

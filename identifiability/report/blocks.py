@@ -197,10 +197,6 @@ class Moving:
         return json.dumps({**told, **more}, separators=(",", ":"))
 
 
-#: A step of time this many times the usual one is a gap.
-GAP = 10.0
-
-
 @frozen
 class Trace:
     """What is drawn of one joint.
@@ -228,7 +224,8 @@ class Trace:
         """Return the lines of arrays (N,); where samples are missing they break."""
         step = np.diff(t)
         usual = np.median(step) if len(step) else np.inf
-        gaps = np.flatnonzero(step > GAP * usual) + 1
+        # A step of time this many times the usual one is a gap.
+        gaps = np.flatnonzero(step > 10.0 * usual) + 1
         times = np.insert(t, gaps, t[gaps] - 1e-9)
         broken = {n: tuple(np.insert(y, gaps, np.nan).tolist()) for n, y in lines.items()}
         return cls(name, unit, tuple(times.tolist()), broken, quantity)

@@ -57,10 +57,6 @@ def sketch(result: Comparison) -> Sketch | None:
 # The report on a `Comparison`: what changed between two logs or results.
 
 
-#: Parameters that the figure shows.
-SHOWN = 24
-
-
 def heading(result: Comparison) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
     kinds = {"pairs": "the same motion", "logs": "different motions", "results": "two results"}
@@ -92,7 +88,8 @@ def section_friction(result: Comparison) -> Section | None:
 def section_parameters(result: Comparison) -> Section:
     """Return every parameter before and after, and the largest differences as a figure."""
     frame = result.parameters_frame()
-    order = np.argsort(-frame["sigmas"].abs().to_numpy(float))[:SHOWN]
+    # Parameters that the figure shows.
+    order = np.argsort(-frame["sigmas"].abs().to_numpy(float))[:24]
     largest = frame.iloc[order]
     halves = np.full(len(largest), REACH)
     figure = draw_intervals(

@@ -65,8 +65,6 @@ _SAVED = ("axes.unicode_minus", "path.simplify", "svg.fonttype", "svg.hashsalt")
 #: What the identifier of a label begins with that the page links to the row of that name.
 MARKED = "row:"
 
-#: Pixels of a figure in a notebook for each of its own, for screens that are dense.
-DENSE = 2
 
 P = ParamSpec("P")
 
@@ -77,7 +75,9 @@ class Shown(Figure):
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
         stream = io.BytesIO()
         with mpl.rc_context(STYLE):
-            self.savefig(stream, format="png", dpi=72 * DENSE, facecolor=SURFACE)
+            # Pixels of a figure in a notebook for each of its own, for screens that
+            # are dense.
+            self.savefig(stream, format="png", dpi=72 * 2, facecolor=SURFACE)
         width, height = (round(72 * size) for size in self.get_size_inches())
         return stream.getvalue(), {"width": width, "height": height}
 
@@ -237,14 +237,13 @@ def _shorten_path(d: str) -> str:
 
 
 WIDTH = 440
-ROW = 19
 
 #: Look of limits and of what is compared with.
 DASHED: Any = {"linewidth": 1, "linestyle": (0, (4, 3))}
 
 
 def row_canvas(
-    names: Sequence[str], row: float = ROW, top: float = 40, right: float = 14, xlabel: str = ""
+    names: Sequence[str], row: float = 19, top: float = 40, right: float = 14, xlabel: str = ""
 ) -> tuple[Figure, Axes]:
     """Return axes with one labelled row for each name, the first on top."""
     count = max(len(names), 1)

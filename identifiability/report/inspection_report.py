@@ -40,9 +40,6 @@ from identifiability.workflows.inspect import JOINTS, Inspection, Record, find_o
 #: Points that a line keeps.
 MOST = 1200
 
-#: A limit is drawn if the motion comes nearer to it than this share of its own range.
-NEAR = 0.25
-
 
 @drawn
 def draw_traces(
@@ -86,7 +83,9 @@ def _draw_limits(axes: Axes, q: Array, limits: tuple[float, float]) -> None:
     """Draw the limits that the motion comes near to."""
     span = float(np.ptp(q)) or 1.0
     for limit, end in zip(limits, (float(q.min()), float(q.max())), strict=True):
-        if np.isfinite(limit) and abs(limit - end) < NEAR * span:
+        # A limit is drawn if the motion comes nearer to it than this share of its own
+        # range.
+        if np.isfinite(limit) and abs(limit - end) < 0.25 * span:
             axes.axhline(limit, color=MUTED, **DASHED)
 
 
@@ -115,10 +114,6 @@ def sketch(result: Inspection) -> Sketch | None:
 
 
 # The report on an `Inspection`: what is in the logs and odd about them, and what the robot is.
-
-
-#: Joints whose traces are drawn of each log.
-DRAWN = 12
 
 
 def heading(result: Inspection) -> tuple[str, str]:
@@ -165,7 +160,8 @@ def _pictures(result: Inspection, record: Record) -> list[Picture]:
     t, motion_t = trace.t - record.start, trace.motion_t - record.start
     pictures = []
     moved = [j for j in enumerate(record.joints) if j[1].joint in robot.motor_joints]
-    for k, joint in moved[:DRAWN]:  # nobody measures position and force of a base that floats
+    # Joints whose traces are drawn of each log.
+    for k, joint in moved[:12]:  # nobody measures position and force of a base that floats
         low, high = robot.limits[k]
         figure = draw_traces(
             (t, trace.q[:, k]),

@@ -75,8 +75,6 @@ from identifiability.workflows.answers import sentence
 
 _ROW = 32
 
-#: Errors beyond this many times the largest up to the chosen model are cut off, to show the choice.
-BEYOND = 1.4
 
 #: Relative singular values are drawn down to this.
 FLOOR = 1e-18
@@ -239,7 +237,9 @@ def draw_ladder(
     shown = np.concatenate([unseen[: selected + 1], fitted[: selected + 1]])
     shown = shown[np.isfinite(shown)]
     if len(shown) and shown.max() > 0:
-        axes.set_ylim(0.8 * float(shown.min()), BEYOND * float(shown.max()))
+        # Errors beyond this many times the largest up to the chosen model are cut off, to
+        # show the choice.
+        axes.set_ylim(0.8 * float(shown.min()), 1.4 * float(shown.max()))
     axes.set_xlim(float(sizes.max()) + 0.8, float(sizes.min()) - 0.8)
     legend_above(axes, loc="upper left", ncols=4, bbox_to_anchor=(0, 1.14), borderaxespad=0)
     label_axes(axes, "number of parameters [–]", "relative torque error [%]")

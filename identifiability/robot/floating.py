@@ -18,7 +18,6 @@ from scipy.ndimage import maximum_filter1d
 
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot.kinematics import Frames, Point, Tree
 from identifiability.robot.rules import RULES
@@ -275,10 +274,6 @@ def _null_space(J: Array) -> tuple[Array, np.ndarray]:
     return N, silent
 
 
-#: Singular values are compared with this at least [m or m/rad]: a leg without joints has none.
-FORCELESS: Tolerance = 1e-3
-
-
 def _pinv(A: Array, smallest: float) -> tuple[Array, np.ndarray]:
     """Return pseudo-inverses of matrices (N, m, n), and where a singular value is near none.
 
@@ -287,7 +282,9 @@ def _pinv(A: Array, smallest: float) -> tuple[Array, np.ndarray]:
     """
     U, s, V = np.linalg.svd(A, full_matrices=False)
     top = s.max(1, keepdims=True, initial=0.0)
-    real = s > NEARLY * np.maximum(top, FORCELESS)
+    # Singular values are compared with this at least [m or m/rad]: a leg without joints has
+    # none.
+    real = s > NEARLY * np.maximum(top, 1e-3)
     weak = (real & (s < smallest * top)).any(1)
     inverse = np.where(real, 1.0 / np.where(real, s, 1.0), 0.0)
     return (V.swapaxes(1, 2) * inverse[:, None, :]) @ U.swapaxes(1, 2), weak

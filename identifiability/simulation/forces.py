@@ -284,13 +284,6 @@ HIDDEN_WHOLE = (
     "payload",
 )
 
-#: Root mean square of a hidden effect relative to that of the torque of its joint.
-DEFAULT_SHARE: Tolerance = 0.05
-
-#: Angle [rad] and mass [kg] of effects of the whole robot before they are scaled.
-SMALL_ANGLE: Tolerance = 1e-3
-SMALL_MASS: Tolerance = 0.1
-
 
 @frozen
 class Hidden:
@@ -341,7 +334,8 @@ def parse_hidden(text: str, laws: Mapping[str, Law] | None = None) -> Hidden:
             f"{', '.join(known)}."
         )
     try:
-        share = float(number) if given else DEFAULT_SHARE
+        # Root mean square of a hidden effect relative to that of the torque of its joint.
+        share = float(number) if given else 0.05
     except ValueError:
         share = -1.0
     if not 0 < share < RULES.noise_loudest:
@@ -441,9 +435,11 @@ def _whole(
     other = MujocoRobot(robot)
     if hidden.name == "gravity_tilt":
         g = np.array(other.model.opt.gravity)
-        other.model.opt.gravity[:] = g + SMALL_ANGLE * np.cross([0.6, 0.8, 0.0], g)
+        # Angle [rad] and mass [kg] of effects of the whole robot before they are scaled.
+        other.model.opt.gravity[:] = g + 1e-3 * np.cross([0.6, 0.8, 0.0], g)
     else:
         tip = np.flatnonzero(other.model.body_weldid)[-1]  # the last body that moves
-        other.model.body_mass[tip] += SMALL_MASS
+        # Angle [rad] and mass [kg] of effects of the whole robot before they are scaled.
+        other.model.body_mass[tip] += 0.1
     changed = other.inverse_dynamics(move.q, move.dq, move.ddq)
     return scaled(changed.tau - rigid.tau, tau, hidden.share)

@@ -346,14 +346,9 @@ class Drives:
 # error after a given time is a fair figure of merit.
 
 
-#: Longest step of the integrator [s]; loops stay closed to about 1e-6 m with it.
-STEP: Tolerance = 5e-4
-
 #: Impedance of dry friction: how little a joint that sticks creeps.
 HARD: tuple[Tolerance, Tolerance] = (0.9999, 0.9999)
 
-#: Rotor inertia that holds a locked joint where it is [kg·m² or kg].
-IMMOVABLE: Tolerance = 1e9
 
 #: What a model has beyond bodies, viscous and Coulomb friction and rotors, at each step of some of
 #: the stretches: from their indices (K,), the time since they began [s], and position, velocity and
@@ -424,7 +419,8 @@ class ForwardRobot:
             model.dof_frictionloss[joint.dofadr[0]] = numbers["frictionloss"]
             model.jnt_stiffness[joint.id] = numbers["stiffness"]
             model.qpos_spring[joint.qposadr[0]] = self._rest(name)
-        model.dof_armature[self._kinematics.locked] = IMMOVABLE
+        # Rotor inertia that holds a locked joint where it is [kg·m² or kg].
+        model.dof_armature[self._kinematics.locked] = 1e9
         # Constraints are as hard as the inertia behind them, rotors along tendons included.
         mujoco.mj_setConst(model, mujoco.MjData(model))
 
@@ -480,7 +476,8 @@ class ForwardRobot:
             If the loops do not close at a start.
         """
         count, steps, n = tau.shape
-        inner = max(1, int(np.ceil(dt / STEP)))
+        # Longest step of the integrator [s]; loops stay closed to about 1e-6 m with it.
+        inner = max(1, int(np.ceil(dt / 5e-4)))
         self.model.opt.timestep = dt / inner
         stiff = [2 * self.model.opt.timestep, 1.0]
         self.model.eq_solref[:] = stiff

@@ -14,7 +14,6 @@ import numpy as np
 from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.files import release_root
@@ -303,11 +302,6 @@ def find_couplings(model: Any, robot: Robot) -> list[JointCoupling]:
 # test.
 
 
-#: Newton stops below this loop error [m or rad], as `robot.closure` does.
-TOLERANCE: Tolerance = 1e-12
-_MAX_STEPS = 30
-
-
 @frozen
 class RigidTorque:
     """Inverse dynamics along a motion.
@@ -468,7 +462,8 @@ class MujocoRobot:
     def _close(self, full: Array) -> bool:
         """Close the loops by Newton steps of the passive joints; `full` is changed in place."""
         before = np.inf
-        for _ in range(_MAX_STEPS):
+        # Newton stops below this loop error [m or rad], as `robot.closure` does.
+        for _ in range(30):
             self.data.qpos[:] = full[: self.model.nq]
             mujoco.mj_kinematics(self.model, self.data)
             mujoco.mj_comPos(self.model, self.data)
@@ -476,7 +471,8 @@ class MujocoRobot:
                 return True
             error, self._A = self._apart(full)
             size = float(np.abs(error).max())
-            if size < TOLERANCE and size >= 0.5 * before:  # polished until rounding stops it
+            # Newton stops below this loop error [m or rad], as `robot.closure` does.
+            if size < 1e-12 and size >= 0.5 * before:  # polished until rounding stops it
                 return True
             before = size
             step = np.zeros(self.size)

@@ -45,7 +45,6 @@ LEAST: Tolerance = 2e-4
 MOST_TAKEN: Tolerance = 0.5
 
 #: Time in which the speed of a start is seen [s], and after which soft servos have forgotten it.
-AROUND: Tolerance = 0.05
 FORGOTTEN: Tolerance = 0.75
 
 
@@ -268,7 +267,9 @@ def starting_speeds(log: Log) -> Array:
     Exact differences would make noise of positions a start that takes long to be forgotten.
     """
     dt = signals.sampling_step(log.t)
-    rows = min(2 * max(2, round(0.5 * AROUND / dt)) + 1, (len(log) - 1) // 2 * 2 + 1)
+    # Time in which the speed of a start is seen [s], and after which soft servos have
+    # forgotten it.
+    rows = min(2 * max(2, round(0.5 * 0.05 / dt)) + 1, (len(log) - 1) // 2 * 2 + 1)
     slopes: Array = scipy.signal.savgol_filter(log.q, rows, 2, 1, dt, axis=0)
     return slopes
 
@@ -276,7 +277,8 @@ def starting_speeds(log: Log) -> Array:
 def forgotten(log: Log) -> int:
     """Return the row of a log from which on its start is forgotten, or tells least of it."""
     row = int(np.searchsorted(log.t, log.t[0] + FORGOTTEN))
-    return min(row, int(RULES.start_most * len(log)))
+    # A rollout is judged from this share of the log on at the latest.
+    return min(row, int(0.25 * len(log)))
 
 
 #: What a robot lacks that has no servo, after its path.

@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 
 
 @frozen
 class Rules(RuleTable):
-    """Limits by which it is judged whether a simulation can be.
+    """Limits by which it is judged whether a simulation can be."""
 
-    Attributes
-    ----------
-    diverged : float, by hand
-        Positions farther than this many times the range of the motion, and a metre or
-        radian, have diverged.
-    start_most : float, by hand
-        A rollout is judged from where its start is forgotten, and from this share of the log on at
-        the latest.
-    noise_loudest : float, by hand
-        Noise and hidden effects of so many times the torque are no measurement any more.
-    """
+    title = "Limits by which it is judged whether a simulation can be"
 
-    diverged: float = 10.0
-    start_most: float = 0.25
-    noise_loudest: float = 100.0
+    diverged: Annotated[
+        float, "farther than so many ranges of the motion has diverged, by hand"
+    ] = 10.0
+    noise_loudest: Annotated[
+        float, "noise of so many times the torque is no measurement, by hand"
+    ] = 100.0
 
 
 RULES = Rules()

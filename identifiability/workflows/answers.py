@@ -207,7 +207,9 @@ def state_error(error: float, joints: Sequence[str], each: Array) -> tuple[float
         return error, sentence("decision.grades", grade_of(error), error=error_text(error)), ""
     low, high = int(np.argmin(each)), int(np.argmax(each))
     ends = [f"{error_text(float(each[k]))} ({joints[k]})" for k in (high, low)]
-    if error >= RULES.joint_hidden * each[low]:
+    # Share of the smallest error of a joint below which that of all joints says little of
+    # any.
+    if error >= 0.8 * each[low]:
         short = sentence("decision.grades", grade_of(error), error=error_text(error))
         if tone_of(error) == "green" and each[high] > RULES.grades[2]:
             short = short.replace(":", f", but not in {joints[high]}:", 1)

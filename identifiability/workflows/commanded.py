@@ -255,10 +255,12 @@ def refuse_scale(structure: Structure, logs: Sequence[Log], how: Preparation) ->
             size = float(y @ y) or 1.0
             along, across = along + float(x @ y) / size, across + float(x @ x) / size
             count += 1
-    if across <= 0 or along**2 < ESTIMATION_RULES.servo_told * count * across:
+    # Share of a torque that bodies explain beside rotors, friction and offsets.
+    if across <= 0 or along**2 < 0.1 * count * across:
         return
     many = along / across
-    if many > ESTIMATION_RULES.servo_many:
+    # A servo that makes so many times the torque that the file's bodies need has other gains.
+    if many > 5.0:
         raise LogError(
             f"The servos of {servo.source} contradict the motion in "
             f"{listing([log.name for log in logs], 4)}: they make "

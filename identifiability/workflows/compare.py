@@ -486,7 +486,8 @@ def find_from(cause: Cause, difference: Difference, count: int) -> float:
     information = float(own @ np.linalg.solve(difference.covariance, own))
     q = cause.design.shape[1]
     limit = np.sqrt(q * f.isf(Thresholds.sign_level / count, q, difference.dof))
-    return float((limit + RULES.compare_power) / np.sqrt(information))
+    # Standard deviations above the limit at which nine of ten changes are found.
+    return float((limit + 1.28) / np.sqrt(information))
 
 
 def _basis(X: Array, base: Array) -> Array:
@@ -518,7 +519,8 @@ def _test(y: Array, own: Array, moves: Array, dof: float) -> tuple[float, float,
         return 1.0, 0.0, 1.0
     wider = max(float(((moves @ own) ** 2).sum()) / q, 1.0)
     square = float(((own.T @ y) ** 2).sum()) / wider
-    return float(f.sf(square / q, q, dof)), square - RULES.compare_price * (q - 1), wider
+    # What each further number of a cause must explain.
+    return float(f.sf(square / q, q, dof)), square - 4.0 * (q - 1), wider
 
 
 def _invert(X: Array) -> tuple[Array, np.ndarray]:
@@ -551,10 +553,8 @@ def _share(
 
     usual = size(np.zeros_like(sizes))
     noise = np.sqrt(len(at))  # what values of nothing would have by chance
-    if (
-        usual < RULES.compare_seen * noise
-        or (own < -REACH * np.sqrt(np.diag(difference.known)[at])).any()
-    ):
+    # So many times what chance makes, and no sign that friction cannot have.
+    if usual < 3.0 * noise or (own < -REACH * np.sqrt(np.diag(difference.known)[at])).any():
         return float("nan"), float("nan")
     now = own + design @ sizes
     slope = design.T @ metric @ now / (size(sizes) * usual)
@@ -644,7 +644,9 @@ class Comparison(OfStructure, Result):
     def blindness(self) -> str:
         """That only large changes could have been told, after a comma; empty if it is not so."""
         known = [share for share in self.found_from.values() if np.isfinite(share)]
-        return BUT_BLIND if known and min(known) > RULES.compare_blind else ""
+        # Where friction must change by more than this share everywhere, an unchanged
+        # robot is no news.
+        return BUT_BLIND if known and min(known) > 0.5 else ""
 
     @property
     def doubt(self) -> str:

@@ -257,7 +257,9 @@ def fit_joint(
     left, y = (x - basis @ (basis.T @ x) for x in (load, measured))
     square = float(left @ left)
     size = float(np.sqrt(square / len(load)))
-    if not square > RULES.gain_left**2 * float(load @ load):
+    # A load's torque of which less than this share is left beside the model cannot be told
+    # from it.
+    if not square > 0.0001**2 * float(load @ load):
         return np.nan, np.inf, 1.0, size
     x = float(left @ y) / square
     residual = y - x * left

@@ -21,7 +21,6 @@ from identifiability.estimation.uncertainty import remembering_covariance
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.numbers import REACH
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.gather import gather_information
@@ -33,14 +32,8 @@ from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.oddities.check import without
 from identifiability.workflows.rules import RULES
 
-#: A base that leans has all of gravity: of less than this share of it torque that was compensated
-#: for gravity, which has none, is the likelier cause.
-HALF: Tolerance = 0.5
-
 #: Gauss–Newton steps, the longest of them [rad], and the change that ends them, in standard errors.
 STEPS = 12
-LONGEST: Tolerance = 0.5
-SETTLED: Tolerance = 1e-3
 
 
 @frozen(kw_only=True)
@@ -113,9 +106,13 @@ def settle_direction(
             float(np.linalg.norm(step)),
             float(np.sqrt(variance[at].mean())) if at else 0.0,
         )
-        if size <= max(SETTLED * error, ROUNDOFF):
+        # Gauss–Newton steps, the longest of them [rad], and the change that ends them, in
+        # standard errors.
+        if size <= max(1e-3 * error, ROUNDOFF):
             break
-        direction = turn_gravity(about.robot, step * min(1.0, LONGEST / size)).gravity
+        # Gauss–Newton steps, the longest of them [rad], and the change that ends them, in
+        # standard errors.
+        direction = turn_gravity(about.robot, step * min(1.0, 0.5 / size)).gravity
     sd, seen = float(np.degrees(error)), int(np.sum(fit.determined[at]))
     return Leaning(structure=about, fit=fit, information=information, sd=sd, axes=seen)
 
@@ -161,7 +158,9 @@ def find_leaning(logs: MeasuredLogs) -> Leaning | None:
     if not (logs.weighs and robot.gravity.any()):
         return None
     start = _gravity_by_file(logs)
-    if np.linalg.norm(start) < HALF * np.linalg.norm(robot.gravity):
+    # A base that leans has all of gravity: of less than this share of it torque that was
+    # compensated for gravity, which has none, is the likelier cause.
+    if np.linalg.norm(start) < 0.5 * np.linalg.norm(robot.gravity):
         return None
     if Tilt.of(robot.gravity, start).degrees < RULES.tilt_large:
         return None

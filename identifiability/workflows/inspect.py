@@ -34,7 +34,7 @@ from identifiability.foundation.rounding import (
     percent,
     whole_percent,
 )
-from identifiability.foundation.rules import RuleTable, Tolerance
+from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.gaps import Gaps, StaleRule
@@ -1024,10 +1024,6 @@ def _next_commands(result: Inspection) -> list[tuple[str, str]]:
     return out
 
 
-#: Shares below this are none: rounding of times leaves as much.
-UNSEEN: Tolerance = 1e-5
-
-
 def _rows(result: Inspection) -> list[tuple[Record, Any]]:
     return [(r, j) for r in result.records for j in r.joints]
 
@@ -1066,7 +1062,8 @@ def _times(value: float) -> str:
 
 
 def _share(value: float) -> str:
-    return percent(value, 2) if value > UNSEEN else "no"
+    # Shares below this are none: rounding of times leaves as much.
+    return percent(value, 2) if value > 1e-5 else "no"
 
 
 def _lost(record: Record) -> str:

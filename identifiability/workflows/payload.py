@@ -98,8 +98,6 @@ RANK: Tolerance = 1e-6
 #: A parameter is not told if so much of it lies along directions that are not.
 TOUCHED: Tolerance = 1e-3
 
-#: Rounds in which noise is measured beside the load and the load beside noise.
-ROUNDS = 3
 
 #: Sizes of the ten parameters of a body of 1 kg, by which their columns are compared.
 TYPICAL: Array = entry_scale(np.ones(1), np.full(1, 0.1))[0]
@@ -245,7 +243,8 @@ def estimate_load(
     bare = range(len(loaded), len(loaded) + len(without))
     with_load = whole.take(~np.isin(whole.log, bare))
     own, robot = np.eye(s + 10)[:, s:], np.zeros(s)
-    for _ in range(ROUNDS):
+    # Rounds in which noise is measured beside the load and the load beside noise.
+    for _ in range(3):
         noise = _measure(with_load.reduce(own, GROUPED_KINDS, np.append(robot, np.zeros(10))))
         joint = _Joint.of(whole, noise, nuisance)
         robot = joint.robot
@@ -402,14 +401,9 @@ _ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 #: The moment that bounds a product of inertia, half of it on either side.
 _BOUNDS = {"Ixy": "Izz", "Ixz": "Iyy", "Iyz": "Ixx"}
 
-#: Radius of gyration of a load of which nothing is known [m].
-LENGTH: Tolerance = 0.1
 
 #: Least mass beside which moments are small or large [kg].
 LIGHTEST: Tolerance = 1e-3
-
-#: Steps by which derivatives are taken, as a share of a body's own numbers.
-STEP: Tolerance = 1e-4
 
 
 @frozen(kw_only=True)
@@ -444,12 +438,13 @@ class Quantity:
 
 def nearest_body(found: LoadEstimate) -> Array:
     """Return the parameters (10,) of the real body nearest to an estimate."""
+    # Radius of gyration of a load of which nothing is known [m].
     region = PhysicalSet(
         bodies=np.arange(10)[None],
         nonnegative=np.zeros(10, bool),
         names=("load",),
         mass=np.array([max(abs(found.theta[9]), LIGHTEST)]),
-        length=np.array([LENGTH]),
+        length=np.array([0.1]),
     )
     data = LeastSquares(found.root, found.root @ found.theta, 1.0, 1.0)
     phi: Array = project(data, region).phi
@@ -476,7 +471,8 @@ def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Q
         Size of the robot's bodies: where a centre is less certain, it is not told.
     """
     values = describe_body(body)
-    steps = STEP * TYPICAL * max(body[9], LIGHTEST)
+    # Steps by which derivatives are taken, as a share of a body's own numbers.
+    steps = 1e-4 * TYPICAL * max(body[9], LIGHTEST)
     slopes = np.array(
         [
             (describe_body(body + h) - describe_body(body - h)) / (2 * h.sum())
@@ -724,10 +720,6 @@ class Load(Result):
 # `payload`: what hangs on a body of a robot that was fitted without it.
 
 
-#: How often the load is found: friction that follows it takes what it was found to be before.
-WEIGHED = 2
-
-
 @checked
 def payload(
     robot: RobotLike,
@@ -786,7 +778,9 @@ def payload(
         gather = partial(gather_information, engine=session.engine)
         bare = [gather(fit.structure.regression([s])) for s in unloaded]
         rubbing = Rubbing(structure=fit.structure)
-        for _ in range(WEIGHED):
+        # How often the load is found: friction that follows it takes what it was found to
+        # be before.
+        for _ in range(2):
             loaded = [gather(rubbing.regression([s])) for s in samples]
             found = estimate_load(fit, columns, rubbing, loaded, bare, pairs)
             nearest = nearest_body(found)

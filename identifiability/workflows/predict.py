@@ -883,7 +883,8 @@ def _what(result: TorquePrediction) -> Answer:
 def _few(result: TorquePrediction) -> list[str]:
     """Return the joints of whose samples too few lie in their intervals."""
     pairs = zip(result.robot.joints, result.inside, strict=True)
-    return [joint for joint, share in pairs if share < RULES.inside_few]
+    # Share of samples inside their 95 % interval below which something must have changed.
+    return [joint for joint, share in pairs if share < 0.8]
 
 
 def _listed(result: TorquePrediction, joints: list[str]) -> str:

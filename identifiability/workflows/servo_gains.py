@@ -31,14 +31,11 @@ from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.robot import Robot
 from identifiability.robot.servo import FOUND
 from identifiability.workflows.opening import Logs, in_memory, list_logs, read_recordings
-from identifiability.workflows.rules import RULES
 from identifiability.workflows.servo_limits import learn_limits
 
 #: Length of logs that gains are found from, all together [s]: more says little more of them.
 LONG: Tolerance = 60.0
 
-#: Doubt of a gain that is none.
-SURE: Tolerance = 1e-4
 
 _UPPER = np.triu_indices(4)
 
@@ -194,7 +191,8 @@ def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
         )
     values, axes = np.linalg.eigh(found.covariance)
     doubt = (np.sqrt(np.maximum(values, 0.0)) * axes).T
-    doubt = doubt[np.linalg.norm(doubt, axis=1) > SURE]
+    # Doubt of a gain that is none.
+    doubt = doubt[np.linalg.norm(doubt, axis=1) > 1e-4]
     told = state_gains(robot, [x.name for x in every], found, believed)
     return replace(robot, servo=replace(found.servo, source=FOUND, found=told, doubt=doubt))
 
@@ -220,10 +218,12 @@ def state_gains(robot: Robot, names: Sequence[str], found: Gains, believed: Bodi
     by = found.by_belief[: unit.size].reshape(-1, 10)
     fixed = (by * unit).sum(1) / believed.shares
     if fixed.sum() > 0.5:
+        # Share of the scale of a body that is named for it, where bodies fix more than
+        # half.
         named = [
             f"{believed.names[k]} ({100 * fixed[k]:.0f} %; within {percent(believed.shares[k])})"
             for k in np.argsort(-fixed)
-            if fixed[k] > RULES.scale_named
+            if fixed[k] > 0.2
         ]
         body = (
             listing(named, 4)

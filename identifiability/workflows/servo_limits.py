@@ -18,18 +18,13 @@ from identifiability.estimation.rollouts import FAR, LATEST, fit_limits
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import servo_log
 from identifiability.robot import Robot, complete_motion
 
-#: Time over which positions are smoothed [s].
-AROUND: Tolerance = 0.1
-
 #: Delays that are tried, and limits of a joint, from that share of its torque on.
 DELAYS, LEVELS = 8, 40
-LOWEST: Tolerance = 0.3
 
 
 def learn_limits(robot: Robot, logs: Sequence[Log]) -> Robot:
@@ -97,7 +92,8 @@ class _Asked:
         start = 0
         for log in logs:
             dt = signals.sampling_step(log.t)
-            rows = min(2 * max(2, round(0.5 * AROUND / dt)) + 1, (len(log) - 1) // 2 * 2 + 1)
+            # Time over which positions are smoothed [s].
+            rows = min(2 * max(2, round(0.5 * 0.1 / dt)) + 1, (len(log) - 1) // 2 * 2 + 1)
             q, v, a = (_smooth(log.q, rows, order, dt) for order in range(3))
             bodies = rigid_torque(robot, complete_motion(robot, log.t, q, v, a))
             own.append(np.stack([np.ones(q.shape), v, a, np.sign(v), bodies]))
@@ -135,7 +131,8 @@ class _Asked:
         leaves less than half of what is unexplained: rollouts, which cost more, ask for that, too.
         """
         size = np.abs(self.raw[:, k])
-        levels = np.quantile(size, np.linspace(LOWEST, 1, LEVELS, endpoint=False))
+        # Delays that are tried, and limits of a joint, from that share of its torque on.
+        levels = np.quantile(size, np.linspace(0.3, 1, LEVELS, endpoint=False))
         levels = np.array([np.inf, *levels[levels > 0]])
         share, left = self.unexplained(k, levels)
         best = int(np.argmin(share))

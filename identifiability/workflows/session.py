@@ -33,7 +33,6 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.options import OptionError
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
@@ -65,12 +64,6 @@ from identifiability.workflows.opening import (
     share,
     state_reading,
 )
-
-#: Share of the squared error of rollouts that is worth another one.
-GAINED: Tolerance = 0.1
-
-#: A robot is fitted to what commands make of torque, and this is calibrated on it, so often.
-ROUNDS = 5
 
 #: Stretches that are listed.
 LISTED = 3
@@ -228,7 +221,9 @@ class Session:
         if start is None or not start.delay_errors.any():  # none, or delays are known
             return first
         session, before = first, start
-        for _ in range(ROUNDS):
+        # A robot is fitted to what commands make of torque, and this is calibrated on it,
+        # so often.
+        for _ in range(5):
             fitted = replace(session, recordings=replace(session.recordings, held_out=()))
             opening = fitted.open()
             if opening.silence or opening.misread:
@@ -249,7 +244,8 @@ class Session:
                 break
             settled = np.abs(after.delays - before.delays) <= after.delay_errors
             session, before = better, after
-            if settled.all() and gained < GAINED:
+            # Share of the squared error of rollouts that is worth another one.
+            if settled.all() and gained < 0.1:
                 break
         moved = np.abs(before.delays - start.delays) > start.delay_errors
         return session if moved.any() else first

@@ -84,8 +84,6 @@ BASE = {
 #: Bytes of a message of joint states: some ten thousand joints.
 MOST_MESSAGE = 1_000_000
 
-#: Bytes of messages of an MCAP that are read together.
-MOST_TOGETHER = 16_000_000
 
 #: Records of an MCAP: a message, and what stands before its data; messages together, and how much
 #: stands before them where they are not compressed.
@@ -228,7 +226,8 @@ def _pass_over(storage: Any) -> None:
             continue
         if not chunks and not part.statistics.chunk_count:
             part.messages_scan = partial(_scan, part)
-        elif max((c.uncompressed_size for c in chunks), default=0) > MOST_TOGETHER:
+        # Bytes of messages of an MCAP that are read together.
+        elif max((c.uncompressed_size for c in chunks), default=0) > 16_000_000:
             part.messages = partial(_scan, part)
 
 

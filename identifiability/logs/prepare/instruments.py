@@ -102,8 +102,6 @@ ENOUGH_SHIFTED, LOGS, MOST = 16_384, 8, 24
 #: Order of the differences that leave noise alone.
 ORDER = 8
 
-#: Lags are told apart where the squared difference rises to so many times `again_far` squared.
-WIDER_GAP: Tolerance = 4.0
 
 #: Rounds in which a lag is improved, on so many samples.
 ROUNDS, FEW = 4, 4096
@@ -212,7 +210,8 @@ def shares_noise(x: Array, y: Array) -> bool:
     """Return whether the noise of positions (K, n) and (K, n) is in part the same."""
     a, b = (np.diff(one, ORDER, axis=0) for one in (x, y))
     size = np.sqrt((a**2).sum(0) * (b**2).sum(0))
-    return bool(np.any(np.abs((a * b).sum(0)) > RULES.noise_shared * size))
+    # Correlation from which on two records share their noise, as rounding at the same places.
+    return bool(np.any(np.abs((a * b).sum(0)) > 0.3 * size))
 
 
 def align(own: Array, speed: Array, other: Array) -> float:
@@ -260,7 +259,9 @@ def _find_lags(near: Array, far: Array) -> list[int]:
     apart = apart - LOUDER * (_noise(near) + _noise(far))
     share = (apart / np.maximum(varies, 1e-9 * a.var(0))).max(1)
     share[count[:, 0] < OVERLAP * len(a)] = np.inf
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], share < WIDER_GAP * FAR**2, [0]])))
+    # Lags are told apart where the squared difference rises to so many times `again_far`
+    # squared.
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], share < 4.0 * FAR**2, [0]])))
     found = []
     for first, last in edges.reshape(-1, 2).tolist():
         best = first + int(np.argmin(share[first:last]))
@@ -337,9 +338,9 @@ def follow_command(log: Log, cutoff: float | None) -> tuple[tuple[Array, Array, 
     for _ in range(ROUNDS):
         later += align(_delay(log.t, q, later), _delay(log.t, dq, later), log.q)
     motion = _delay(log.t, q, later), _delay(log.t, dq, later), _delay(log.t, ddq, later)
-    if abs(later) > RULES.instrument_late or not agrees(
-        log.q, motion[0], RULES.instrument_followed
-    ):
+    # An instrument differs from the motion by no more of how much it varies (rms).
+    # An instrument comes no earlier or later than this [s].
+    if abs(later) > 0.2 or not agrees(log.q, motion[0], 0.3):
         return None
     if shares_noise(log.q, log.q_ref):
         return None
@@ -382,18 +383,8 @@ def _delay(t: Array, x: Array, later: float) -> Array:
 # asked: noise is what remains of differences of high order.
 
 
-#: Harmonics that are tried.
-HARMONICS = (5, 10, 20, 40)
-
 #: Samples of a log in which its period is looked for.
 ENOUGH = 4096
-
-#: The cut-off of the smoothed motion is found within this factor.
-WIDER: Tolerance = 1.2
-
-#: The mean of so many repetitions has a third of the noise's power or less, and none of the log's
-#: own; of fewer, a series that explains the motion has less noise.
-MANY = 3
 
 
 @frozen
@@ -455,7 +446,9 @@ def find_record(
     if samples.cutoff is not None or len(channels) == 3:
         series = _fit_series(log, channels, noise)
     of_series = None if series is None else _of_series(series, log, noise)
-    if again is not None and (again.count >= MANY or of_series is None):
+    # The mean of so many repetitions has a third of the noise's power or less, and none of
+    # the log's own; of fewer, a series that explains the motion has less noise.
+    if again is not None and (again.count >= 3 or of_series is None):
         repeat = _repeat(again, samples, log)
         return repeat if of_series is None else replace(repeat, speed=of_series.speed)
     if of_series is not None:
@@ -520,7 +513,8 @@ def _fit_series(
         for x, s in zip(channels, noise, strict=True)
     ]
     clearest = channels[int(np.argmin(shares))][::step]
-    for harmonics in HARMONICS:
+    # Harmonics that are tried.
+    for harmonics in (5, 10, 20, 40):
         if 2 * RULES.series_samples * harmonics > len(t):
             break
         period = fourier.find_period(t[::step], clearest, harmonics)
@@ -536,7 +530,8 @@ def _fit_series(
 
 def _explained(rest: Array, x: Array, noise: Array) -> bool:
     floor = 1e-6 * x.std(0)
-    return bool(np.all(np.sqrt(np.mean(rest**2, 0)) <= RULES.series_explained * noise + floor))
+    # A series explains a motion if what is left is at most so many times the noise.
+    return bool(np.all(np.sqrt(np.mean(rest**2, 0)) <= 1.15 * noise + floor))
 
 
 def _smooth(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> SecondRecord | None:
@@ -579,7 +574,8 @@ def _smoothing(x: Array, noise: Array, dt: float) -> float:
     high = SHARED / dt
     if not is_noise(high):
         return 2.0 * high
-    return lowest_cutoff(is_noise, 1.0 / (dt * len(x)), high, WIDER)
+    # The cut-off of the smoothed motion is found within this factor.
+    return lowest_cutoff(is_noise, 1.0 / (dt * len(x)), high, 1.2)
 
 
 # Samples with instruments: a second record of their motion, along which the robot's loops close.

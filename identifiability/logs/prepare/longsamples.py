@@ -41,15 +41,6 @@ PIECE, MARGINS = 8_192, 4
 #: Stretches that a log is divided into, at most, and the fewest samples of one.
 STRETCHES, SHORTEST = 64, 65_536
 
-#: Times a log that may be read to reach the rows of its stretches, before these become fewer.
-SKIPPED = 4
-
-#: Samples in the middle of each window whose loops are tried first.
-TRIED = 64
-
-#: Samples of the whole log that are kept, evenly spaced.
-SKETCH = 4096
-
 
 @frozen
 class Stretch:
@@ -260,7 +251,9 @@ def divide(robot: Robot, file: LogFile, plan: Plan) -> tuple[Stretch, ...]:
     if is_parquet(file.table.path):
         # Rows inside a group are reached by reading all that come before them.
         groups = [row for row, _ in file.table.pieces]
-        if max(b - a for a, b in pairwise(groups)) * STRETCHES > SKIPPED * rows:
+        # Times a log that may be read to reach the rows of its stretches, before these
+        # become fewer.
+        if max(b - a for a, b in pairwise(groups)) * STRETCHES > 4 * rows:
             most = max(8, min(STRETCHES, 2 * (len(groups) - 1)))
     count = min(most, max(1, rows // SHORTEST))
     edges = np.linspace(0, rows, count + 1).astype(int).tolist()
@@ -272,7 +265,8 @@ def divide(robot: Robot, file: LogFile, plan: Plan) -> tuple[Stretch, ...]:
 
 def survey_stretch(stretch: Stretch) -> tuple[Survey, Motion, Array, np.ndarray]:
     """Return the survey of a stretch, and motion, torque and dwells of some of its samples."""
-    step = max(1, len(stretch.file) // SKETCH)
+    # Samples of the whole log that are kept, evenly spaced.
+    step = max(1, len(stretch.file) // 4096)
     surveys, motions, taus, dwells = [], [], [], []
     for part in stretch.parts():
         assert part.own is not None
@@ -290,5 +284,6 @@ def survey_stretch(stretch: Stretch) -> tuple[Survey, Motion, Array, np.ndarray]
 def _try_loops(robot: Robot, file: LogFile) -> None:
     """Raise the error of loops that close nowhere before a long time is spent on it."""
     middles = [(a + b) // 2 for a, b in signals.spread_windows(len(file))]
-    log = joint_log(robot, join_logs([file.rows(m, m + TRIED) for m in middles]))
+    # Samples in the middle of each window whose loops are tried first.
+    log = joint_log(robot, join_logs([file.rows(m, m + 64) for m in middles]))
     complete_motion(robot, log.t, log.q, 0 * log.q, 0 * log.q)

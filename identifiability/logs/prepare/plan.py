@@ -33,19 +33,14 @@ from identifiability.robot.floating import BASE_JOINTS, SIX, base_acceleration
 # is what such noise leaves of velocities: signs of speed are taken of it.
 
 
-#: The errors of a record as a multiple of its noise's standard deviation.
-BAND: Tolerance = 3.0
-
 #: Order of the differences that leave noise alone.
 ORDER = 8
 
 #: Shares of the samples in the variance of a difference, and the quantile above which it is cut.
 WEIGHTS = binom(ORDER, np.arange(ORDER + 1)) ** 2 / binom(2 * ORDER, ORDER)
-CUT: Tolerance = 0.995
 
 #: Rounds of the fit of variances, and the least of them over the largest when they weigh.
 STEPS = 6
-FLOOR: Tolerance = 1e-4
 
 #: Cut-offs of the smoothed velocity that are tried, and in how many times the best one smoothing
 #: ends: what it takes from the motion is the same in every period, and no data average it out. It
@@ -127,14 +122,18 @@ def noise_parts(x: Array) -> tuple[Array, Array]:
     if len(x) <= ORDER:
         return constant, share
     squares = np.diff(x, ORDER, axis=0) ** 2 / binom(2 * ORDER, ORDER)
-    squares = np.minimum(squares, np.quantile(squares, CUT, axis=0))
+    # Shares of the samples in the variance of a difference, and the quantile above which it
+    # is cut.
+    squares = np.minimum(squares, np.quantile(squares, 0.995, axis=0))
     near = np.lib.stride_tricks.sliding_window_view(x**2, ORDER + 1, axis=0) @ WEIGHTS
     for j in np.flatnonzero(~signals.never_moves(x.min(0), x.max(0))):
         scale = max(float(near[:, j].mean()), 1e-300)
         A = np.column_stack([np.ones(len(near)), near[:, j] / scale])
         fitted = np.full(len(near), 1.0)
         for _ in range(STEPS):  # squares scatter by their own mean: they weigh by one over it
-            weight = 1.0 / np.maximum(fitted, FLOOR * fitted.max())
+            # Rounds of the fit of variances, and the least of them over the largest
+            # when they weigh.
+            weight = 1.0 / np.maximum(fitted, 1e-4 * fitted.max())
             found = scipy.optimize.nnls(A * weight[:, None], squares[:, j] * weight)[0]
             fitted = A @ found if found.any() else fitted
         constant[j], share[j] = found / [1.0, scale]
@@ -197,7 +196,9 @@ class Smoothing:
         cutoff = min(WIDER * float(tried[best]), float(tried[-1]))
         sd = np.sqrt(np.interp(cutoff, tried, share)) * level
         at_rest = np.sqrt(np.mean([noise_parts(x)[0] for x in windows], axis=0))
-        at_rest[~noisy | (at_rest < RULES.noise_resolved * level)] = 0.0
+        # Noise at rest of less than this share of that in motion (rms) cannot be told
+        # from none.
+        at_rest[~noisy | (at_rest < 0.3 * level)] = 0.0
         raw = at_rest <= sd
         return None if not at_rest.any() else Smoothing(cutoff, np.minimum(at_rest, sd), raw)
 
@@ -209,9 +210,6 @@ class Smoothing:
 
 # `Plan`: what was decided about the preparation of a log once; `DwellRule`: where joints stand.
 
-
-#: How often a speed that says nothing is halved.
-HALVED = 5
 
 #: Samples of a dwell at least.
 SEVERAL = 3
@@ -358,10 +356,12 @@ class Stays:
         levels = [noise_level(x, w.t) ** 2 for x, w in zip(records, windows, strict=True)]
         noise = np.sqrt(np.mean(levels, axis=0))
         step = np.min([resolution(x) for x in records], axis=0)
-        width = np.maximum((1 if recorded else 2) * BAND * noise, step)
+        # The errors of a record as a multiple of its noise's standard deviation.
+        width = np.maximum((1 if recorded else 2) * 3.0 * noise, step)
         parts = [plan.derive(w, k) for w, k in zip(windows, origins, strict=True)]
         q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
-        creep = RULES.creep * np.abs(dq).max(0) / 2.0 ** np.arange(HALVED + 1)[:, None]
+        # How often a speed that says nothing is halved.
+        creep = RULES.creep * np.abs(dq).max(0) / 2.0 ** np.arange(5 + 1)[:, None]
         moving = np.where(np.abs(dq) > creep[0], np.abs(ddq), np.nan)
         never = signals.never_moves(q.min(0), q.max(0)) | np.isnan(moving).all(0)
         typical = np.full(len(never), np.inf)  # of a Gaussian the median is .67 of its spread
@@ -374,7 +374,8 @@ class Stays:
         """Return the rule of what so few in as many reversals again last as long as."""
         plan, width, creep = self.plan, self.width, self.creep
         # Rayleigh distributed: a share p of reversals is slower than in proportion to its root.
-        slow = RULES.dwell / np.sqrt(rare) * self.typical
+        # Slower reversals of Gaussian motion are 2 %: √(−2 ln .98) [Rice 1944].
+        slow = 0.2 / np.sqrt(rare) * self.typical
         stay = 2 * width / slow if self.recorded else 2 * np.sqrt(2 * width / slow)
         least = np.maximum(np.ceil(stay / plan.step), SEVERAL).astype(int)
         crossing = 2 * creep / (RULES.dwell_creep / np.sqrt(rare) * self.typical)

@@ -39,10 +39,6 @@ from identifiability.robot import Robot
 # Where decisions about a log are made, and what is decided about the samples that are lost.
 
 
-#: Fewest samples between two gaps that are used.
-SHORTEST_STRETCH = 4
-
-
 @frozen
 class Windows:
     """Where decisions about a log are made.
@@ -93,7 +89,8 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
     if plan.band is not None:
         longest = RULES.gap_bridged / plan.band
         gaps.check(samples)
-        least = max(SHORTEST_STRETCH, int(np.ceil(1.0 / (plan.band * plan.step))))
+        # Fewest samples between two gaps that are used.
+        least = max(4, int(np.ceil(1.0 / (plan.band * plan.step))))
     grid = gaps.divide(longest, least)
     uneven = []
     if plan.cutoff is not None and abs(gaps.drift) > RULES.clock_rounded:

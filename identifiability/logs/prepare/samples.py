@@ -212,9 +212,6 @@ def _inside(rows: np.ndarray, own: Rows | None) -> np.ndarray:
 #: A second record of a motion: measured again, or the same smoothed, or what was commanded.
 Record = Literal["measured", "smoothed", "command"]
 
-#: Samples a piece when torque is summed.
-SURVEYED = 1024
-
 
 @frozen
 class Piece:
@@ -412,7 +409,8 @@ class Samples:
         """What there is to know of the whole log."""
         n = self.tau.shape[1]
         none, every = np.empty((0, n)), np.ones((0, n), bool)
-        parts = [(p.torque, p.moves) for p in self.pieces(SURVEYED)]
+        # Samples a piece when torque is summed.
+        parts = [(p.torque, p.moves) for p in self.pieces(1024)]
         tau = np.concatenate([none, *(x for x, _ in parts)])
         moves = [every, *(np.ones(x.shape, bool) if m is None else m for x, m in parts)]
         where = np.concatenate(moves)

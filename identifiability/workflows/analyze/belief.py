@@ -60,18 +60,10 @@ if TYPE_CHECKING:
 #: Margin of the point inside the cone that the samplers start from.
 START_MARGIN: Tolerance = 1e-3
 
-#: Distance of that point from the edge of a sign, in prior standard deviations.
-OFF_EDGE: Tolerance = 1e-4
-
-#: A parameter without a nominal value gets a prior sd that makes this many times the torque.
-WIDE: Tolerance = 10.0
 
 #: Share of the draws in an interval, and how many ways to leave the rest at its two ends.
 BELIEVED: Tolerance = 0.95
 TAILS = 11
-
-#: Draws kept for pictures.
-SHOWN = 800
 
 
 class Source(StrEnum):
@@ -492,7 +484,9 @@ def state_prior(model: FittedModel, share: float = 0.0) -> Prior:
     check_nominal(robot)
     reach = np.linalg.norm(data.R, axis=0)
     size = float(np.linalg.norm(data.z))
-    floor = np.where(reach > 0, WIDE * size / np.where(reach > 0, reach, 1.0), 1.0)
+    # A parameter without a nominal value gets a prior sd that makes this many times the
+    # torque.
+    floor = np.where(reach > 0, 10.0 * size / np.where(reach > 0, reach, 1.0), 1.0)
     prior = Prior.around(
         structure.nominal, structure.inertial, share or robot.prior_relative, floor
     )
@@ -521,7 +515,8 @@ def add_stated(structure: Structure, prior: Prior) -> Prior:
                 f"not have{near_match(name, names)}"
             )
         k = names.index(name)
-        if structure.nonnegative[k] and m + POSTERIOR_RULES.prior_room * s < 0:
+        # A prior of what cannot be negative may lie so many of its deviations below zero.
+        if structure.nonnegative[k] and m + 4.0 * s < 0:
             raise RobotError(
                 f"The sidecar of {robot.path} states the prior {m:g} ± {s:g} for '{name}', which "
                 "cannot be negative; give a prior with room above zero."
@@ -595,7 +590,8 @@ def _sample_physical(
     start = np.array(project(data, region, **options).phi)
     # The start must lie inside: the projection ends on the edge of signs, or by rounding outside.
     signed = region.signed
-    start[signed] = np.maximum(start[signed], OFF_EDGE * prior.sd[signed])
+    # Distance of that point from the edge of a sign, in prior standard deviations.
+    start[signed] = np.maximum(start[signed], 1e-4 * prior.sd[signed])
     posterior, convergence = _sample(target, start, rng, effort, progress)
     chains = posterior.draws @ model.to_x.T
     prior_sensitivity = measure_prior_sensitivity(chains, log_distances(region, posterior.draws))
@@ -640,8 +636,10 @@ def _summarise(
     interval = believed_interval(draws, submodel.nonnegative)
     interval = widen_interval(interval, submodel.nonnegative, prior_sensitivity * sd)
     width = interval[:, 1] - interval[:, 0]
-    edge = np.where(submodel.nonnegative, (draws < POSTERIOR_RULES.at_edge * width).mean(0), 0.0)
-    shown = draws[rng.permutation(len(draws))[:SHOWN]]
+    # Draws are at an edge within this share of the width of their interval.
+    edge = np.where(submodel.nonnegative, (draws < 0.01 * width).mean(0), 0.0)
+    # Draws kept for pictures.
+    shown = draws[rng.permutation(len(draws))[:800]]
     return Summary(
         mean=draws.mean(0),
         sd=sd,

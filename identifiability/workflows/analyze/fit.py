@@ -34,7 +34,6 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
-from identifiability.workflows.analyze.rules import RULES
 from identifiability.workflows.opening import Opening, Recordings
 from identifiability.workflows.session import Session, Weighed
 
@@ -283,7 +282,8 @@ def say_band(how: Preparation | None) -> tuple[str, ...]:
 
 def _say_cut(band: Band, whose: str) -> str:
     """Return one sentence on a cut-off in the band of the motion, or nothing."""
-    if band.cutoff >= RULES.cutoff_inside * band.bandwidth:
+    # A cut-off below so many times the band of the motion cuts into it.
+    if band.cutoff >= 2.0 * band.bandwidth:
         return ""
     least = LOG_RULES.cutoff_lowered * LOG_RULES.cutoff_wide * band.bandwidth
     remedy = f"set it to {format_number(least, 2)} Hz or more (--cutoff)"
@@ -298,7 +298,8 @@ def _say_cut(band: Band, whose: str) -> str:
 
 def _say_noise(band: Band) -> str:
     """Return one sentence on noise below the cut-off, or nothing."""
-    if band.noise <= RULES.cutoff_loud:
+    # On one period of a motion intervals hold up to three tenths.
+    if band.noise <= 0.2:
         return ""
     remedy = "measure velocities, or let the robot accelerate more"
     if band.limit < band.cutoff:

@@ -314,10 +314,6 @@ def found_cell(model: JudgedModel) -> Cell:
 MOST_NAMES = 24
 
 
-#: Rows for each parameter below which the report warns of a short log.
-FEW_ROWS = 10
-
-
 def _answer_use(analysis: Analysis) -> Answer:
     chosen, base = analysis.chosen, analysis.base
     question = "What do the logs determine, and which model to use?"
@@ -382,7 +378,8 @@ def _excitation_notes(analysis: Analysis) -> Iterator[Note]:
     if base.ambiguous:
         yield note("ambiguous")
     rows, size = analysis.information.rows, len(full.submodel)
-    if rows < FEW_ROWS * size:
+    # Rows for each parameter below which the report warns of a short log.
+    if rows < 10 * size:
         values, parameters = format_count(rows, "torque value"), format_count(size, "parameter")
         yield note("short", rows=values, size=parameters)
 

@@ -470,9 +470,6 @@ class Calibration(Result):
 # log's does.
 
 
-#: How many times more repetitions the first cell has, by which single parameters are judged.
-FIRST = 4
-
 #: Repetitions that one item of an engine does, some tenths of a second.
 BATCH = 10
 
@@ -543,7 +540,9 @@ def calibrate(
     runner, say = engine or Serial(), progress or quiet
     trial = _Trials(world, runner, result.submodel.columns)
     pairs = [(level, r) for r in rho for level in noise]
-    counts = [FIRST * trials, *[trials] * (len(pairs) - 1)]
+    # How many times more repetitions the first cell has, by which single parameters are
+    # judged.
+    counts = [4 * trials, *[trials] * (len(pairs) - 1)]
     wanted = [
         (_noise_like(world, r).scaled(level), EVERYTHING, spawn_seeds(rng, count))
         for (level, r), rng, count in zip(pairs, streams, counts, strict=True)

@@ -49,9 +49,6 @@ from identifiability.workflows.analyze.assessment import ModelResult
 # we made.
 
 
-#: Blocks of the information about an experiment.
-BLOCKS = 256
-
 #: What an item of an engine carries of its randomness, so that any worker can do it.
 Seeds = Sequence[np.random.SeedSequence]
 
@@ -127,12 +124,13 @@ class Experiment:
             W.append(chunk.W @ submodel.M)
             tau.append(chunk.tau - chunk.W @ submodel.fixed)
             moves.append(chunk.data)
+        # Blocks of the information about an experiment.
         return Experiment(
             submodel=submodel,
             W=np.concatenate(W),
             tau=np.concatenate(tau),
             log=np.concatenate(log),
-            block=max(1, -(-sum(map(len, W)) // BLOCKS)),
+            block=max(1, -(-sum(map(len, W)) // 256)),
             moves=np.concatenate(moves),
         )
 

@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 
 
 @frozen
 class Rules(RuleTable):
-    """Limits by which a calibration study passes.
+    """Limits by which a calibration study passes."""
 
-    Attributes
-    ----------
-    coverage : float, by hand
-        Least coverage of 95 % intervals, of all parameters together
-    coverage_single : float, by hand
-        and of a single one.
-    wrong_most : float, by hand
-        Most of the parameters called identifiable that may be off by more than half.
-    """
+    title = "Limits by which a calibration study passes"
 
-    coverage: float = 0.90
-    coverage_single: float = 0.85
-    wrong_most: float = 0.02
+    coverage: Annotated[float, "least coverage of all 95 % intervals together, by hand"] = 0.90
+    coverage_single: Annotated[float, "least coverage of a single parameter's, by hand"] = 0.85
+    wrong_most: Annotated[float, "most identifiable ones off by more than half, by hand"] = 0.02
 
 
 RULES = Rules()

@@ -207,9 +207,6 @@ def _moved(robot: Robot, samples: Samples, errors: list[Array]) -> Samples:
 #: Residual variances below this share of the torque's are rounding.
 ROUNDING: Tolerance = 1e-12
 
-#: What a model leaves out, and no body has, is in a true robot if the unpruned model finds it this
-#: many robust standard deviations from zero: less is noise, which must not be planted as truth.
-SURE: Tolerance = 3.0
 
 _TO_THETA = np.linalg.pinv(BASIS.reshape(10, 16))
 
@@ -301,7 +298,10 @@ def _free(
     half = left @ full.submodel.M[rows]
     sd = np.sqrt(np.einsum("ij,jk,ik->i", half * wider, C, half * wider))
     open_ = (np.abs(half[:, ~full.estimate.determined]) > 0).any(1)
-    sure = (np.abs(left @ found) > SURE * sd) & (sd > 0) & ~open_
+    # What a model leaves out, and no body has, is in a true robot if the unpruned model finds
+    # it this many robust standard deviations from zero: less is noise, which must not be
+    # planted as truth.
+    sure = (np.abs(left @ found) > 3.0 * sd) & (sd > 0) & ~open_
     span, origin = np.zeros((len(rows), own.shape[1] + sure.sum())), np.zeros(len(rows))
     span[rows] = np.hstack([own, left[:, sure]])
     fixed = rows & (submodel.fixed != 0)

@@ -22,7 +22,6 @@ from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, fit_joint, runs_of
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.workflows.diagnose.evidence import (
@@ -44,8 +43,6 @@ CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
 
 #: Changes with whose noise the search for the likeliest begins, and rounds that settle it.
 STARTS, SETTLED = 3, 3
-#: What drifts is linear in time, or decays with these time constants, in shares of all the time.
-DECAYS: tuple[Tolerance, Tolerance] = (1 / 3, 1 / 10)
 #: Of each joint the block of its rows, torque and model, and candidates, whitened.
 Blocks = list[tuple[np.ndarray, Array, Array]]
 
@@ -215,7 +212,9 @@ class Scan:
         out = [on.astype(float) for on in alone]
         for clock in clocks:
             x = (clock - np.nanmin(clock)) / max(float(np.nanmax(clock) - np.nanmin(clock)), 1e-9)
-            for course in (1.0 - x, *(np.exp(-x / d) for d in DECAYS)):
+            # What drifts is linear in time, or decays with these time constants, in
+            # shares of all the time.
+            for course in (1.0 - x, *(np.exp(-x / d) for d in (1 / 3, 1 / 10))):
                 out += [np.nan_to_num(course), np.nan_to_num(1.0 - course)]
         price = np.log(2 * len(self.candidates) * len(out))
         return np.array(out), np.full(len(out), price)

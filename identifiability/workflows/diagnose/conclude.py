@@ -13,7 +13,6 @@ from identifiability.effects import Part, Placed
 from identifiability.estimation.noise import ARNoise, runs_of, take_data, whiten
 from identifiability.foundation.linalg import NEARLY, RANK_TOLERANCE
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares, physical_set
 from identifiability.physical.project import Projection
@@ -37,11 +36,6 @@ from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.rows import is_body
 from identifiability.workflows.diagnose.search import Search, SearchStep
 from identifiability.workflows.diagnose.verdict import Judged, Verdict
-
-#: Quantile of the normal distribution for a power of 80 %.
-POWER: Tolerance = 0.8416
-#: Names that are said beside a function.
-NEAREST = 3
 
 
 def conclude(search: Search, verdict: Verdict, null: Array, rng: np.random.Generator) -> Diagnosis:
@@ -368,11 +362,12 @@ def _nearest(search: Search, h: Hypothesis, view: View, k: int) -> list[Nearest]
         left = p.left(p.shown, parts, p.weighed(parts, view)[0])[:, :, None]
         return float(Gap(p.shown, left).at(p.acts(k)).error_over_joints()[0])
 
+    # Names that are said beside a function.
     near = sorted(
         (x for x in search.options(rest.parts, view, functions=False).values()
          if p.candidates[x[1]].place == own.place),
         reverse=True,
-    )[:NEAREST]  # fmt: skip
+    )[:3]  # fmt: skip
     whole = error_with(h.parts) or 1.0
     return [
         Nearest(p.candidates[o].family.title, error_with([*rest.parts, o]) / whole - 1.0)
@@ -479,7 +474,8 @@ def smallest_sizes(search: Search, h: Hypothesis, view: View, rms: Array) -> dic
             if not (information > RANK_TOLERANCE * evidence.own[k] > 0) or not rms[j] > 0:
                 continue
             needed = odds + search.catalogue.price([number]) + 0.5 * np.log1p(information)
-            reach = np.sqrt(2 * needed * (1 + 1 / information)) + POWER
+            # Quantile of the normal distribution for a power of 80 %.
+            reach = np.sqrt(2 * needed * (1 + 1 / information)) + 0.8416
             share = float(reach / np.sqrt(information) * p.sizes[k] * size[j, k] / rms[j])
             out[c.family.name] = min(out.get(c.family.name, np.inf), share)
     return out

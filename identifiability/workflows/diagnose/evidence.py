@@ -31,10 +31,7 @@ STEP: Tolerance = 2.0**0.5
 LEAST: Tolerance = 0.25
 
 #: Rounds in which the width of a function's prior is found, and bounds of it.
-WIDTHS = 8
 WIDEST: tuple[Tolerance, Tolerance] = (0.1, 100.0)
-#: Widths that are tried of each name's prior, a third of a factor of two apart.
-TRIED = 21
 
 
 class Products:
@@ -396,7 +393,8 @@ class Beside:
         It is the likeliest one, no narrower than usual and with a tail as a Cauchy prior has it, a
         mixture of normal ones [Zellner & Siow 1980; Liang 2008].
         """
-        tried = np.r_[1.0, WIDEST[1] ** np.linspace(0.0, 1.0, TRIED)[1:]]
+        # Widths that are tried of each name's prior, a third of a factor of two apart.
+        tried = np.r_[1.0, WIDEST[1] ** np.linspace(0.0, 1.0, 21)[1:]]
         out = np.ones(options.count)
         each = [
             (options.of_single, self.left[options.single][:, None], self.z[options.single][:, None])
@@ -562,7 +560,8 @@ class View:
         F = factor_of(G[np.ix_(rest, rest)])
         C = F @ G[np.ix_(rest, at)]
         S, u = G[np.ix_(at, at)] - C.T @ C, y[at] - C.T @ (F @ y[rest])
-        for _ in range(WIDTHS - 1):
+        # Rounds in which the width of a function's prior is found, and bounds of it.
+        for _ in range(8 - 1):
             covariance = np.linalg.inv(S + np.diag(1 / (width * size) ** 2))
             value = covariance @ u
             for k in set(of.tolist()):

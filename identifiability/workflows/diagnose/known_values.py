@@ -27,8 +27,6 @@ Given = bool | float | str | Path | Fit | Predicts
 
 #: Shares of the largest variance below which a direction counts as known that well.
 LEAST: Tolerance = 1e-10
-#: Standard deviation of what the fitted motion never showed, of the largest value there is.
-UNSEEN: Tolerance = 100.0
 #: What the ten inertial parameters are numbers of.
 VECTORS = (("m",), ("mx", "my", "mz"), INERTIAL_KINDS[4:])
 
@@ -197,6 +195,8 @@ def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:
         )
     covariance, free = fit.base_covariance, fit.base_unknown
     if free.size and np.abs(free).max() > 0:
-        reach = UNSEEN * max(float(np.abs(fit.base).max()), 1e-12) / float(np.abs(free).max())
+        # Standard deviation of what the fitted motion never showed, of the largest value
+        # there is.
+        reach = 100.0 * max(float(np.abs(fit.base).max()), 1e-12) / float(np.abs(free).max())
         covariance = covariance + reach**2 * free @ free.T
     return KnownValues(fit.base, covariance, f"the values of {name}, with their errors,")

@@ -56,9 +56,6 @@ PAUSE: Tolerance = 0.05
 #: are thinned to stretches.
 MOST_SAMPLES, MOST_IN_ALL = 6000, 8000
 STRETCH = 300
-#: Samples of a long log that are read for each of these: of one that is logged far faster than the
-#: robot moves fewer are looked at, so that neither time nor memory grow without end.
-READ = 40
 #: Stretches of an odd log that are looked at, and logs of which one can be odd.
 STRETCHES, FEWEST = 8, 3
 
@@ -277,7 +274,10 @@ def prepare_thin(
         return thin(prepare_samples(robot, change(log), how), most)
     plan = make_plan(robot, log, how)
     d = plan.decimation
-    most = max(STRETCH, int(most * min(1.0, READ / plan.factor)))
+    # Samples of a long log that are read for each of these: of one that is logged far faster
+    # than the robot moves fewer are looked at, so that neither time nor memory grow without
+    # end.
+    most = max(STRETCH, int(most * min(1.0, 40 / plan.factor)))
     every = (len(log) if d is None else d.outputs(len(log))) <= most
     windows = [(0, len(log))] if every else _stretches(d, len(log), most)
     edge = plan.filter_reach

@@ -13,7 +13,6 @@ from identifiability.effects import find_families
 from identifiability.estimation.noise import autocorrelation_time, fit_noise
 from identifiability.foundation.linalg import RANK_TOLERANCE, ROUNDING, ROUNDOFF, triangular_factor
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.regression.structure import Structure
@@ -41,11 +40,6 @@ from identifiability.workflows.diagnose.rules import Rules
 #: Decimals that count where shares and sizes are compared: those beyond are another processor's
 #: rounding, and of what ties the first comes first, in the order of candidates and parameters.
 DECIMALS = 9
-#: Rounds in which joints are weighed by what is left of them.
-REWEIGHED = 4
-#: Parameters that an alias is said to be hidden behind, of this share of the largest at least.
-BEHIND = 3
-SHARE: Tolerance = 0.1
 
 
 @frozen
@@ -297,7 +291,8 @@ class Problem:
             A = np.concatenate([rows.X[:, j], rows.D.acting(j, at), rows.tau[:, j, None]], axis=1)
             joints.append(triangular_factor(A[rows.data[:, j]]))
         known = np.pad(self._prior(parts, view), ((0, 0), (0, 1)))
-        for _ in range(REWEIGHED):
+        # Rounds in which joints are weighed by what is left of them.
+        for _ in range(4):
             variance = np.maximum(squares / rows.counts * memory, 1e-24 * squares.max(initial=0.0))
             scale = np.sqrt(np.where(variance > 0, variance, 1.0)).tolist()
             R = np.concatenate([*(A / s for A, s in zip(joints, scale, strict=True)), known])
@@ -447,6 +442,10 @@ def _family_aliases(
         left = float(np.sqrt(max(0.0, square)))  # no minus before a zero
         size = np.linalg.norm(F.T @ inside, axis=1)
         size = np.round(size / (size.max(initial=0.0) or 1.0), DECIMALS)
-        order = [k for k in np.argsort(-size, kind="stable")[:BEHIND] if size[k] > SHARE]
+        # Parameters that an alias is said to be hidden behind, of this share of the
+        # largest at least.
+        # Parameters that an alias is said to be hidden behind, of this share of the
+        # largest at least.
+        order = [k for k in np.argsort(-size, kind="stable")[:3] if size[k] > 0.1]
         behind = tuple(names[k] for k in order)
         yield Alias(*c.group, left, behind, left < share)

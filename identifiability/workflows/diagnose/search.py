@@ -25,10 +25,6 @@ from identifiability.workflows.diagnose.rows import Candidate
 #: sixteenth of a step of the grid is left.
 BETWEEN: tuple[Tolerance, Tolerance, Tolerance] = (0.25, 0.5, 0.75)
 ROUNDS = 2
-#: Ends farther apart than so many of the finest steps have shapes between them.
-APART: Tolerance = 1.5
-#: How far a parabola rises above the best of three, of what the other two fall short together.
-RISE: Tolerance = 0.125
 
 Say = Callable[[str, float], None]
 #: Neighbours of a hypothesis in a view that may have a score at least.
@@ -345,7 +341,9 @@ class Search:
             best = max(range(len(own)), key=lambda n: gains[own[n]])
             most = gains[own[best]]
             beside = [gains[own[n]] for n in (best - 1, best + 1) if 0 <= n < len(own)]
-            if np.isfinite(most) and most + sum(most - x for x in beside) * RISE >= least:
+            # How far a parabola rises above the best of three, of what the other two
+            # fall short together.
+            if np.isfinite(most) and most + sum(most - x for x in beside) * 0.125 >= least:
                 near.add(own[best])
         return near
 
@@ -363,7 +361,8 @@ class Search:
         ends = [tried[o] for o in (at - 1, at + 1) if 0 <= o < len(tried)]
         grid = np.log(sorted({p.candidates[o].shape for o in alike if o < p.given}))
         finest = float(np.diff(grid).min(initial=np.inf)) * BETWEEN[0] ** ROUNDS
-        ends = [end for end in ends if abs(np.log(end / own.shape)) > APART * finest]
+        # Ends farther apart than so many of the finest steps have shapes between them.
+        ends = [end for end in ends if abs(np.log(end / own.shape)) > 1.5 * finest]
         shapes = [float(own.shape * (end / own.shape) ** x) for end in ends for x in BETWEEN]
         return [
             replace(own, shape=s, effect=own.family.at(s, own.place))

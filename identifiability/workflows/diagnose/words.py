@@ -25,8 +25,6 @@ LOOKS = {
     "log": "a difference between the logs",
     "load": "something that goes with the load",
 }
-#: Similarity from which on two digits after the point would say that it is one.
-NEAR_ONE: Tolerance = 0.995
 #: From which on three digits would.
 NEARER_ONE: Tolerance = 0.9995
 #: Weight above which none is said.
@@ -302,9 +300,8 @@ def _state_resembling(e: NamedEffect, name: str, similarity: float) -> str:
 
 def _similarity(x: float) -> str:
     """Return a similarity with two digits after the point, more where these would say one."""
-    return (
-        f"{x:.2f}" if not NEAR_ONE <= x <= SAME else f"{min(x, 0.9999):.{3 + (x >= NEARER_ONE)}f}"
-    )
+    # Similarity from which on two digits after the point would say that it is one.
+    return f"{x:.2f}" if not 0.995 <= x <= SAME else f"{min(x, 0.9999):.{3 + (x >= NEARER_ONE)}f}"
 
 
 def advice(e: NamedEffect) -> str:

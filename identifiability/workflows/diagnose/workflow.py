@@ -310,16 +310,14 @@ def _open(
     return _Opened(setting, opening, leaning)
 
 
-#: Rows of less robust weight are no data for names, unless a change or a name explains them.
-SMALL = 0.5
-
-
 def _name(asked: _Asked, setting: Setting, opening: Opening) -> tuple[Diagnosis, list[str]]:
     """Name effects, and say which logs and stretches of them are doubted."""
     if setting.fixed:
         return asked.run(setting), []
     odd, decided, outliers = _doubt_logs(opening)
-    if outliers is not None and outliers.weight.min() < SMALL:
+    # Rows of less robust weight are no data for names, unless a change or a name explains
+    # them.
+    if outliers is not None and outliers.weight.min() < 0.5:
         first = asked.run(setting)
         if first.changes or not _still_outlying(first, outliers):
             return first, [decided] * bool(decided)

@@ -35,16 +35,10 @@ from identifiability.workflows.excite.rules import RULES
 # figure that a reader knows it by.
 
 
-#: Standard deviations beyond which an effect is seen well enough.
-PLAIN: Tolerance = 15.0
-
 #: Scaled eigenvalues of a Gram matrix below this are rounding.
 FLOOR: Tolerance = 1e-14
 #: Columns shorter than this share of the longest never act.
 IDLE: Tolerance = 1e-12
-#: What is added to the scaled Gram matrix of what remains of an effect: directions of which less
-#: than a ten-thousandth remains have no angle.
-RIDGE: Tolerance = 1e-8
 
 
 class Criterion(ABC):
@@ -260,7 +254,8 @@ class Reveal(Criterion):
     def cost(self, G: Array) -> Array:
         """Return minus half the mean logarithm of the squares outside the model, (m,)."""
         seen = self.squares(G)
-        cost: Array = -0.5 * np.log(1.0 + seen / (1.0 + seen / PLAIN**2)).mean(0)
+        # Standard deviations beyond which an effect is seen well enough.
+        cost: Array = -0.5 * np.log(1.0 + seen / (1.0 + seen / 15.0**2)).mean(0)
         return cost
 
     def figure(self, cost: float) -> float:
@@ -307,7 +302,9 @@ def _log_det(G: Array) -> Array:
 
 def _inverse_root(S: Array) -> Array:
     values, vectors = np.linalg.eigh(S)
-    root = 1 / np.sqrt(np.maximum(values, 0.0) + RIDGE)
+    # What is added to the scaled Gram matrix of what remains of an effect: directions of
+    # which less than a ten-thousandth remains have no angle.
+    root = 1 / np.sqrt(np.maximum(values, 0.0) + 1e-8)
     inverse: Array = (vectors * root[:, None, :]) @ vectors.transpose(0, 2, 1)
     return inverse
 

@@ -123,7 +123,8 @@ class Limits:
     torque: Array = field(default_factory=_endless)
     power: Array = field(default_factory=_endless)
     boxes: tuple[Box, ...] = ()
-    closure_bound: float = RULES.closure_bound
+    # Condition number that a motion stays below; above 1000 a configuration is near-singular.
+    closure_bound: float = 300.0
     assumed: tuple[str, ...] = ()
 
     def state_assumed(self) -> str:

@@ -48,17 +48,11 @@ from identifiability.workflows.excite.rules import RULES
 FINENESS = 40
 OVERSHOOT = float(1 / np.cos(np.pi / FINENESS))
 
-#: Samples at which the search looks, for each harmonic; the regressor has harmonics of its own.
-LOOKS = 12
 
-#: Samples of a batch at most: its regressor stays in the processor's cache.
-BATCH = 2400
 #: Cost of each sample at which bodies touch that are not joined, and the step of its gradient, over
 #: which distances change by more than their rounding.
 TOUCHING: Tolerance = 4.0
 NUDGE: Tolerance = 1e-3
-#: Bodies farther apart than so many clearances do not come near each other by that.
-SHIFTED: Tolerance = 3.0
 #: Cost of a candidate whose loops do not close everywhere; more for each sample.
 OPEN: Tolerance = 50.0
 
@@ -85,7 +79,9 @@ class Series:
     @property
     def looks(self) -> int:
         """Samples at which a search looks at a candidate."""
-        return LOOKS * self.harmonics
+        # Samples at which the search looks, for each harmonic; the regressor has
+        # harmonics of its own.
+        return 12 * self.harmonics
 
     @property
     def joints(self) -> int:
@@ -216,7 +212,8 @@ class Objective:
 
     def _alone(self, x: Array) -> Array:
         """Return the costs without those of bodies that come near each other, (m,)."""
-        size = max(1, BATCH // self.samples)
+        # Samples of a batch at most: its regressor stays in the processor's cache.
+        size = max(1, 2400 // self.samples)
         parts = [self._batch(x[at : at + size]) for at in range(0, len(x), size)]
         return np.concatenate(parts)
 
@@ -227,8 +224,10 @@ class Objective:
         if self.watched[0] is None:
             return float(cost[0]), slope
         gaps = self.gaps(x[None], self.samples)
+        # Bodies farther apart than so many clearances do not come near each other by
+        # that.
         near = (
-            gaps[0] < SHIFTED * RULES.clearance
+            gaps[0] < 3.0 * RULES.clearance
         )  # a neighbour is not far: the others stay where they are
         total = TOUCHING * float(nearness(gaps).sum())
         if near.any():
@@ -299,10 +298,6 @@ End = Literal["converged", "evaluations", "time"]
 #: Random candidates that are tried, and how many of them are improved.
 DRAWS = 128
 STARTS = 3
-#: Share of the iterations that each start gets before the best is chosen.
-FIRST: Tolerance = 0.25
-#: Fall of the cost of a whole round below which the search has converged.
-SETTLED: Tolerance = 2e-3
 #: Rounds of BFGS on the best start, or the next one where that has converged.
 ROUNDS = 4
 
@@ -416,7 +411,8 @@ def search(
     begin = time.monotonic()
     draws = objective.series.draw(DRAWS, rng)
     costs = objective(draws)
-    first = max(5, int(FIRST * iterations))
+    # Share of the iterations that each start gets before the best is chosen.
+    first = max(5, int(0.25 * iterations))
     total = STARTS * first + ROUNDS * iterations
 
     def spent() -> int:
@@ -443,7 +439,8 @@ def search(
         best.allowed = best.evaluations + evaluations - spent()
         before = best.cost
         ends.append(best.improve(iterations))
-        if before - best.cost < SETTLED:  # stuck at a kink: the next start may get further
+        # Fall of the cost of a whole round below which the search has converged.
+        if before - best.cost < 2e-3:  # stuck at a kink: the next start may get further
             waiting = waiting[1:]
         if ends[-1] != "converged" or not waiting:
             break

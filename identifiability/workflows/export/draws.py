@@ -34,15 +34,6 @@ from identifiability.workflows.analyze.belief import add_stated
 from identifiability.workflows.export.workflow import save_robot
 from identifiability.workflows.predict import Fit, read_fit
 
-#: Share of their size by which bodies differ from the file's, where logs hold no torque.
-SHARE: Tolerance = 0.2
-
-#: Joints' numbers are as free as torque of so many times its size makes them.
-WIDE: Tolerance = 10.0
-
-#: A direction with less than this share of the largest variance is known.
-KNOWN: Tolerance = 1e-14
-
 #: Steps of the sampler: before the first draw, and from one that is kept to the next.
 WARMUP, APART, WALKERS = 12, 3, 16
 
@@ -150,7 +141,9 @@ def draw_robots(
     fit = result if isinstance(result, Fit) else read_fit(result, robot)
     share = prior
     if share is None:
-        share = robot.prior_relative if robot.servo is None else SHARE
+        # Share of their size by which bodies differ from the file's, where logs hold no
+        # torque.
+        share = robot.prior_relative if robot.servo is None else 0.2
     if not share > 0:
         raise IdentifiabilityError(
             f"Bodies within a share of {share:g} of the file's are the file's; give a positive one."
@@ -188,7 +181,8 @@ def _told(fit: Fit) -> LeastSquares:
     hidden = scipy.linalg.orth(fit.base_unknown / scale[:, None])
     shown = scipy.linalg.null_space(hidden.T) if hidden.size else np.eye(len(C))
     variance, axes = np.linalg.eigh(shown.T @ (C / np.outer(scale, scale)) @ shown)
-    sd = np.sqrt(np.maximum(variance, KNOWN * max(variance.max(), 1.0)))
+    # A direction with less than this share of the largest variance is known.
+    sd = np.sqrt(np.maximum(variance, 1e-14 * max(variance.max(), 1.0)))
     rows = ((shown @ axes) / sd).T / scale
     return LeastSquares(rows @ fit.structure.G, rows @ fit.base, 1e-12, 1.0)
 
@@ -196,7 +190,8 @@ def _told(fit: Fit) -> LeastSquares:
 def _prior(structure: Structure, data: LeastSquares, share: float) -> Prior:
     """Return bodies within a share of the file's, and what is hardly a prior of all else."""
     reach = np.linalg.norm(data.R, axis=0)
-    wide = WIDE * np.linalg.norm(data.z) / np.where(reach > 0, reach, np.inf)
+    # Joints' numbers are as free as torque of so many times its size makes them.
+    wide = 10.0 * np.linalg.norm(data.z) / np.where(reach > 0, reach, np.inf)
     wide = np.where(wide > 0, wide, 1.0)
     prior = add_stated(structure, Prior.around(structure.nominal, structure.inertial, share, wide))
     known = np.isin(structure.columns, list(structure.robot.prior))

@@ -30,7 +30,6 @@ from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
 from identifiability.foundation.result import shown
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.mend import REPLACED
 from identifiability.logs.prepare.instruments import STANDS
@@ -47,10 +46,6 @@ from identifiability.workflows.answers import hides_joints, list_worst
 from identifiability.workflows.predict import Entry, MissingEntry, RobotEntry, state_missing
 
 # What is exported of a result: its JSON, checked against the robot.
-
-
-#: A body with less than this share of the robot's mass weighs nothing: some formats want a number.
-NOTHING: Tolerance = 1e-9
 
 
 class GravityEntry(Entry):
@@ -159,7 +154,9 @@ def check_result(robot: Robot, path: Path, content: Result, known: set[str]) -> 
         why = entry.reason or entry.certificate or entry.sentence
         raise IdentifiabilityError(f"{path} holds no real robot to export. {why}".rstrip())
     weigh = {body: robot.nominal[f"{body}.m"] for body in robot.bodies}
-    heavy = [body for body, mass in weigh.items() if mass > NOTHING * sum(weigh.values())]
+    # A body with less than this share of the robot's mass weighs nothing: some formats want a
+    # number.
+    heavy = [body for body, mass in weigh.items() if mass > 1e-9 * sum(weigh.values())]
     missing = [body for body in heavy if f"{body}.m" not in given]
     if missing:
         raise IdentifiabilityError(

@@ -13,7 +13,6 @@ from identifiability.logs.gaps import NAMES, smallest_change
 from identifiability.logs.mend import looks_like_degrees
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.workflows.oddities.check import Does, MeasuredLogs, check
-from identifiability.workflows.oddities.rules import RULES
 
 # Positions beyond the limits of the robot file: another unit, zero, sign or joint.
 
@@ -59,8 +58,10 @@ def _outside(q: Array, low: float, high: float, *, turns: bool) -> bool:
     """Return whether positions (N,) lie outside of limits, whole turns aside."""
     if turns:
         q = q - TURN * round((float(np.median(q)) - 0.5 * (low + high)) / TURN)
-    margin = RULES.outside_margin * (high - low)
-    return bool(np.mean((q < low - margin) | (q > high + margin)) > RULES.outside_share)
+    # They lie outside by this share of the allowed range.
+    margin = 0.05 * (high - low)
+    # Share of the samples that must lie outside the limits of a joint.
+    return bool(np.mean((q < low - margin) | (q > high + margin)) > 0.2)
 
 
 # Stretches in which a column repeats one value although the joint goes on: a reading that hung.
@@ -122,7 +123,9 @@ def _jumps(x: Array, a: int, b: int, resolution: float) -> bool:
     far = np.abs(x[length:] - x[:-length])
     near = np.abs(np.diff(x))
     usual = float(np.quantile(near, 0.9))
-    if np.median(far) < RULES.stuck_changes * resolution:
+    # A stuck column usually changes by so many times its resolution over as many samples.
+    if np.median(far) < 12.0 * resolution:
         return False
     leap = abs(x[b] - x[b - 1]) if b < len(x) else 0.0
-    return bool(leap > RULES.stuck_jumps * max(usual, resolution))
+    # When it goes on, it jumps so many times as far as usually in one sample.
+    return bool(leap > 6.0 * max(usual, resolution))

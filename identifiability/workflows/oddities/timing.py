@@ -35,7 +35,6 @@ from identifiability.workflows.oddities.torque import measure_carried
 
 
 #: Longest delay that is looked for [s], and how many on each side.
-LONGEST: Tolerance = 0.3
 SIDES = 40
 
 #: Samples of a log that are looked at, and of which the regressor is made at a time.
@@ -47,10 +46,6 @@ LONG = 4096
 STRETCHES = 24
 BYTES: Tolerance = 3e7
 BESIDE = 5
-
-#: Speeds at which friction may change, as shares of the largest: what a model of friction lacks is
-#: told from a shift.
-SLOW: tuple[Tolerance, Tolerance] = (0.05, 0.2)
 
 
 @check(
@@ -128,7 +123,8 @@ class Delay:
     def certain(self) -> bool:
         """Whether there is no other way to see it."""
         far = self.moved < min(RULES.delay_left**0.5 * self.error, RULES.delay_left)
-        return self.delay != 0 and far and self.error > RULES.delay_small
+        # No delay is looked for below this error of the log, unmoved.
+        return self.delay != 0 and far and self.error > 0.03
 
 
 def measure_delay(logs: MeasuredLogs, prepared: Prepared) -> Delay | None:
@@ -138,13 +134,16 @@ def measure_delay(logs: MeasuredLogs, prepared: Prepared) -> Delay | None:
         return None
     kept = samples.motion.kept
     dt = float(np.median(np.diff(samples.motion.t) / np.diff(kept)))
-    stride = max(1, round(LONGEST / dt / SIDES))
+    # Longest delay that is looked for [s], and how many on each side.
+    stride = max(1, round(0.3 / dt / SIDES))
     reach = SIDES * stride
     whole = np.flatnonzero(_gapless(kept, reach))
     rows = whole[:: max(1, len(whole) // ENOUGH)]
     structure = logs.structure
     n = samples.tau.shape[1]
-    if len(rows) < max(RULES.delay_fewest, RULES.delay_rows * len(structure.base.kept) / n):
+    # Fewest rows for each column of the model, with which a delay is looked for.
+    # Fewest rows in all.
+    if len(rows) < max(100, 3.0 * len(structure.base.kept) / n):
         return None
     fit = _Fit(structure, samples, rows)
     now = fit.errors(range(n), np.zeros(1, int))[0]
@@ -201,8 +200,10 @@ class Shift:
         """
         small = abs(self.samples) <= RULES.shift_most
         told = small if self.joint < 0 else self.left < RULES.delay_left
-        sized = abs(self.samples) >= RULES.shift_least
-        return told and sized and self.chance < RULES.shift_chance
+        # A shift is said from this size on [samples].
+        sized = abs(self.samples) >= 0.25
+        # Level at which a shift of a part of a sample is said.
+        return told and sized and self.chance < 0.001
 
     @property
     def text(self) -> str:
@@ -233,7 +234,8 @@ def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
     runs = [r for r in np.split(rows, ends) if down.outputs(len(r)) > 0]
     outputs = sum(down.outputs(len(r)) for r in runs)
     columns = len(structure.base.kept) + BESIDE * n
-    if outputs < RULES.shift_outputs * max(columns / n, STRETCHES):
+    # Fewest outputs for each column and each stretch with which a part of a sample is told.
+    if outputs < 2.0 * max(columns / n, STRETCHES):
         return None
     dt = float(np.median(np.diff(motion.t) / np.diff(motion.kept)))
 
@@ -263,7 +265,11 @@ def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
     speeds = [motion.actuated_v[r] / top for r in runs]
     known = [model, each(filtered([np.ones((len(r), n)) for r in runs]))]
     known += [each(filtered([v * np.abs(v) for v in speeds]))]
-    known += [each(filtered([np.sign(v) * np.exp(-np.abs(v) / u) for v in speeds])) for u in SLOW]
+    # Speeds at which friction may change, as shares of the largest: what a model of friction
+    # lacks is told from a shift.
+    known += [
+        each(filtered([np.sign(v) * np.exp(-np.abs(v) / u) for v in speeds])) for u in (0.05, 0.2)
+    ]
     y = (tau * weight).reshape(-1)
     beta = np.linalg.lstsq(model, y, rcond=1e-8)[0]
     slopes = each(filtered([signals.differentiate(w @ beta, dt) * dt for w in W]))
@@ -278,7 +284,8 @@ def _beside(mask: np.ndarray, x: Array) -> np.ndarray:
 
 def measure_position(log: Log) -> Shift | None:
     """Return by how much positions are late beside measured velocities; None where none are."""
-    if log.dq is None or len(log) < STRETCHES * RULES.shift_samples or signals.has_gap(log.t).any():
+    # Fewest samples of a stretch.
+    if log.dq is None or len(log) < STRETCHES * 8 or signals.has_gap(log.t).any():
         return None
     dt = signals.sampling_step(log.t)
     cutoff = choose_band([Spectrum.of([log.q], dt)]).outputs

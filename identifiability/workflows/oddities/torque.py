@@ -36,7 +36,8 @@ def feel_weight(logs: MeasuredLogs) -> tuple[Array, np.ndarray]:
     size, units = np.sqrt(np.mean(logs.gravity**2, 0)), np.array(logs.robot.torque_units)
     most = np.array([size[units == u].max() for u in units])
     sure = size > REACH * logs.weight_error
-    felt: np.ndarray = (size > RULES.weight_felt * most) & sure & logs.measured
+    # Weight must be this share of the largest one among like joints.
+    felt: np.ndarray = (size > 0.05 * most) & sure & logs.measured
     return size, felt
 
 
@@ -58,7 +59,9 @@ def find_weightless(logs: MeasuredLogs) -> tuple[str, ...]:
         return ()
     weight, felt = feel_weight(logs)
     measured, units = np.sqrt(np.mean(logs.torque**2, 0)), logs.robot.torque_units
-    light = (measured < RULES.weight_carried * weight) & felt
+    # Measured torque is too small if its size is this share of the weight that it has to
+    # hold.
+    light = (measured < 0.1 * weight) & felt
     if not light.any():
         return ()
     said = [
@@ -129,7 +132,8 @@ class Carried:
     @property
     def is_half(self) -> bool:
         """Whether all of it is half of what the masses ask for, as far as it shows."""
-        near = abs(self.factor - 0.5) - self.half <= RULES.factor_near
+        # No factor is named whose interval ends farther from it than this.
+        near = abs(self.factor - 0.5) - self.half <= 0.05
         return near and self.nearest == 0.5 and (np.isnan(self.moves) or self.moves == 0.5)
 
 
@@ -244,7 +248,8 @@ def _lacks_weight(logs: MeasuredLogs, joints: list[int]) -> bool:
     bare[at] = model.regressor(light, motion)[:, joints]
     W, bare = W[:, :, kept], bare[:, :, kept]
     given, lighter = (unexplained(x / spread[:, None], tau / spread) for x in (W, bare))
-    return lighter <= RULES.factor_worse * given
+    # How much worse one of two models may fit that is as good.
+    return lighter <= 1.1 * given
 
 
 def _tell_compensated(logs: MeasuredLogs, none: list[Carried], every: bool) -> str:
@@ -286,9 +291,6 @@ REMEDY = (
     "state the gain of each joint in the sidecar ([torque]), or correct the masses of the file."
 )
 
-#: Rounds of the regression in which the worst twentieth of the samples is left out.
-ROUNDS = 3
-WORST: Tolerance = 0.95
 
 #: Units of torque that people give, and how many of them make one N·m or N.
 UNITS = {"mN·m (or mN)": 1e3, "N·cm": 1e2, "N·mm": 1e3, "kN·m (or kN)": 1e-3}
@@ -317,12 +319,14 @@ def find_torque_scale(logs: MeasuredLogs) -> tuple[str, ...]:
         return ()
     if not odd.any():
         some = factors[known]
-        if len(some) < 2 or some.max() < RULES.unit_apart * some.min():
+        # Factors of two joints do not differ by more than this.
+        if len(some) < 2 or some.max() < 8.0 * some.min():
             return ()
         odd = known
     joints, share = logs.joints, factors[odd]
     middle = float(np.exp(np.median(np.log(share))))
-    alike = bool((np.abs(np.log(share / middle)) < np.log(RULES.unit_alike)).all())
+    # Factors of all joints are one unit if they lie within this factor of their middle.
+    alike = bool((np.abs(np.log(share / middle)) < np.log(1.5)).all())
     sizes = _multiple(share)
     if odd.sum() == known.sum() and known.sum() > 1:
         if alike:
@@ -398,7 +402,9 @@ def measure_factors(logs: MeasuredLogs) -> Array:
     size = np.sqrt(np.mean(logs.predicted**2, 0))
     units = np.array(logs.robot.torque_units)
     for k in range(len(factors)):
-        if size[k] < RULES.scale_felt * size[units == units[k]].max() or size[k] == 0:
+        # Predicted torque of a joint must be this share of the largest one among like
+        # joints.
+        if size[k] < 0.02 * size[units == units[k]].max() or size[k] == 0:
             continue
         factors[k] = _factor(logs.predicted[:, k], logs.torque[:, k], logs.ordinary(k))
         if np.isnan(factors[k]) and np.isfinite(logs.stated[:, k]).all():
@@ -410,7 +416,9 @@ def _plain_factor(predicted: Array, measured: Array) -> float:
     """Return the slope of measured on predicted torque, (N,) each, beside an offset; or NaN."""
     p, m = predicted - predicted.mean(), measured - measured.mean()
     lengths = float(np.linalg.norm(p)), float(np.linalg.norm(m))
-    if not min(lengths) > 0 or float(p @ m) < RULES.scale_agrees * lengths[0] * lengths[1]:
+    # All that the file predicts agrees with the measured torque from this correlation on,
+    # where masses alone do not show.
+    if not min(lengths) > 0 or float(p @ m) < 0.9 * lengths[0] * lengths[1]:
         return np.nan
     return float(p @ m) / lengths[0] ** 2
 
@@ -419,19 +427,26 @@ def _factor(predicted: Array, measured: Array, ordinary: Array) -> float:
     """Return the slope of measured on predicted torque, (N,) each; NaN where it does not show."""
     kept = np.ones(len(predicted), bool)
     slope = np.nan
-    for _ in range(ROUNDS):
+    # Rounds of the regression in which the worst twentieth of the samples is left out.
+    for _ in range(3):
         p = without(predicted[kept], ordinary[kept])
         m = without(measured[kept], ordinary[kept])
         varies = np.linalg.norm(predicted[kept] - predicted[kept].mean())
         length = np.linalg.norm(p)
-        if not length > RULES.scale_distinct * varies or not np.linalg.norm(m) > 0:
+        # Share of the predicted torque that must not look like friction, rotor inertia
+        # and offset.
+        if not length > 0.3 * varies or not np.linalg.norm(m) > 0:
             return np.nan
         slope = float(p @ m) / float(length**2)
-        if float(p @ m) / float(length * np.linalg.norm(m)) < RULES.scale_follows:
+        # The measured torque must follow the predicted one with this correlation, at that
+        # joint.
+        if float(p @ m) / float(length * np.linalg.norm(m)) < 0.7:
             return np.nan
         left = np.zeros(len(predicted))
         left[kept] = np.abs(m - slope * p)
-        kept &= left <= np.quantile(left[kept], WORST)
+        # Rounds of the regression in which the worst twentieth of the samples is left
+        # out.
+        kept &= left <= np.quantile(left[kept], 0.95)
     return slope if slope > 0 else np.nan
 
 
@@ -502,7 +517,9 @@ def flat_share(x: Array) -> float:
     below = np.count_nonzero((x >= top - band) & ~at) / len(x)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(int), [0]])))
     longest = int((edges[1::2] - edges[::2]).max())
-    flat = share >= RULES.clipped_share and longest >= RUN and share > RULES.clipped_crowded * below
+    # A flat top is met this often in all.
+    # It is met so many times as often as the next band of the same width.
+    flat = share >= 0.005 and longest >= RUN and share > 6.0 * below
     return share if flat else 0.0
 
 
@@ -555,7 +572,8 @@ def find_exchanged(logs: MeasuredLogs) -> tuple[str, ...]:
     # Of positions as they stand, and of those that were asked for last.
     regressor = lru_cache(maxsize=2)(partial(_regressor, logs, some))
     given = _error(regressor, torque, plain)
-    if not given > RULES.mixed_bad:
+    # Relative error of the unpruned model up to which nothing is looked for.
+    if not given > 0.1:
         return ()
     tried = [(_error(regressor, torque, c), c) for c in _candidates(logs, plain)]
     least, best = min(tried, key=lambda pair: pair[0])

@@ -31,7 +31,6 @@ from identifiability.workflows.prune.folds import (
     whiten_regression,
 )
 from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
-from identifiability.workflows.prune.rules import RULES
 
 # Which move is the cheapest, and the order in which all that is left goes.
 #
@@ -168,7 +167,8 @@ def find_either(fit: FoldFits, move: Move, spread: Array | None = None) -> str:
     size = np.sqrt(np.maximum(square, 1e-300))
     rho = np.abs(X[others] @ (fit.refits.C @ X[gone[0]])) / (size[gone[0]] * size[others])
     best = int(np.argmax(rho))
-    return partition.columns[others[best]] if rho[best] > RULES.either else ""
+    # Estimates correlated beyond this are one quantity to these logs: "either".
+    return partition.columns[others[best]] if rho[best] > 0.95 else ""
 
 
 # The path down: from every column to few, one physically meaningful move at a time.

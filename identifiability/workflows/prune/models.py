@@ -369,9 +369,6 @@ def _set(partition: Partition) -> tuple[str, ...]:
 # The models of the ladder: models on the way down, with what is said of each.
 
 
-#: Models of less weight than this share of the heaviest's are no part of a mixture.
-LEAST_WEIGHT: Tolerance = 1e-3
-
 #: Coefficients of a label below this are rounding.
 ROUNDING: Tolerance = 1e-9
 
@@ -725,7 +722,8 @@ def _mix(
 ) -> Mixture:
     """Return what all models of the path say of the labels of one, as it is told."""
     inverse = np.linalg.pinv(reported.submodel.M)
-    heavy = np.flatnonzero(weights > LEAST_WEIGHT * weights.max())
+    # Models of less weight than this share of the heaviest's are no part of a mixture.
+    heavy = np.flatnonzero(weights > 1e-3 * weights.max())
     values, sigmas = [], []
     for k in heavy.tolist():
         model = question.recall(*fits[k]).reported

@@ -54,7 +54,6 @@ from identifiability.workflows.commands import (
 from identifiability.workflows.prune.elimination import Criterion, Refusal
 from identifiability.workflows.prune.models import Absorption, Measured, PrunedModel, Stability
 from identifiability.workflows.prune.moves import Partition
-from identifiability.workflows.prune.rules import RULES
 
 
 @frozen(kw_only=True)
@@ -133,7 +132,7 @@ class Ladder(Laddered, Measured):
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
-        return (RULES, Thresholds(), ESTIMATION_RULES)
+        return (Thresholds(), ESTIMATION_RULES)
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models of the path, and the errors of the one to use by joint and by log."""
