@@ -285,7 +285,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     parser.add_argument("--every", type=int, default=1, help="ask each n-th answer only")
     parser.add_argument("--start", type=int, default=0, help="from this one on")
     parser.add_argument("--jobs", default="foreign,good,verbs", help="kinds of answers")
-    parser.add_argument("--known", type=Path, help="what was found before, to write or tell")
+    parser.add_argument("--known", type=Path, help="what was found before, to tell")
     given = parser.parse_args(argv)
     given.every = 40 if given.quick else given.every
     warnings.simplefilter("ignore")

@@ -225,6 +225,7 @@ def _notes(table: Table, guessed: list[str]) -> tuple[str, ...]:
     for row in table.links:
         for x in (table.radians(row.alpha), table.radians(row.theta)):
             away = abs(x - round(4 * x / math.pi) * math.pi / 4)
+            # Nearer than a rounded figure, farther than rounding of the machine.
             near += [row.name] if 1e-12 < away < 1e-3 else []
     rounded = 'has an angle that is nearly a multiple of 45°; if rounded, give a text: "pi/2".'
     ball = "has no mass and is taken for a ball of 1 kg; state what is known."
