@@ -137,7 +137,7 @@ def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
     first = _keys_of(problems[0]["loc"])
     within = (p for p in problems if _keys_of(p["loc"])[: len(first)] == first)
     problem = max(within, key=lambda p: len(_keys_of(p["loc"])))  # of several types the likeliest
-    *above, last = _keys_of(problem["loc"]) or ("file",)
+    *above, last = _keys_of(problem["loc"]) or ("",)
     where = ".".join(str(part) for part in (*above, last))
     if problem["type"] == "extra_forbidden":
         known = _known_keys(schema, above)
@@ -147,7 +147,8 @@ def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
         )
     here = [p["msg"] for p in problems if _keys_of(p["loc"]) == _keys_of(problem["loc"])]
     said = [text.removeprefix("Value error, ") for text in dict.fromkeys(here)]
-    return f"'{where}': {', or '.join(text[0].lower() + text[1:] for text in said)}."
+    told = f"{', or '.join(text[0].lower() + text[1:] for text in said)}."
+    return f"'{where}': {told}" if where else told  # without a key it is of the whole file
 
 
 def _keys_of(place: tuple[str | int, ...]) -> tuple[str | int, ...]:

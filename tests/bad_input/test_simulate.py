@@ -105,7 +105,7 @@ def edited(**changes):
     ("content", "sentence"),
     [
         ("{", "is not valid JSON: Expecting property name"),
-        ("[1]", "'file': input should be a valid dictionary"),
+        ("[1]", "input should be a valid dictionary"),
         ("[" * 200_000, "is not valid JSON: it is nested too deeply"),
         ("9" * 5000, "is not valid JSON: Exceeds the limit"),
         (bytes(range(128, 256)), "is not a trajectory file (JSON): 'utf-8' codec"),

@@ -219,7 +219,7 @@ def arm(**row):
         (arm(joint="j"), "two of its links or joints are called 'j'"),
         (arm(joint=None, range=[0, 1]), "the link 'b' has 'range' but no joint"),
         (arm(equals="j"), "'equals' is of loops, springs or cables, .* write an MJCF"),
-        ({**arm(), "closures": []}, "'closures' is of loops, springs or cables"),
+        ({**arm(), "closures": []}, "The table: 'closures' is of loops, springs or cables"),
         (arm(a=1e300), "'links.1.a': input should be less than or equal to 1000000"),
         (arm(centre=[0, 0, 1]), "the link 'b' has a centre or an inertia but no mass"),
         ({**arm(), "sidecar": {"limit": {}}}, "'sidecar.limit' is not a key that is known here"),

@@ -50,14 +50,10 @@ def root_module(function: Callable[..., Any]) -> str:
 @cache
 def source_digest(name: str) -> str:
     """Return a digest of the text of a loaded package or module; empty if it has no files."""
-    found = hashlib.sha256()
-    try:
-        path = Path(getattr(sys.modules.get(name), "__file__", None) or "")
-        for f in sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]:
-            found.update(f"{f.relative_to(path.parent).as_posix()}\n".encode() + f.read_bytes())
-    except OSError:  # without a file, or inside an archive
-        return ""
-    return found.hexdigest()
+    path = Path(getattr(sys.modules.get(name), "__file__", None) or "")
+    files = sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
+    texts = [(f.relative_to(path.parent).as_posix(), f.read_bytes()) for f in files if f.is_file()]
+    return hashlib.sha256(repr(texts).encode()).hexdigest() if texts else ""
 
 
 @cache
@@ -117,7 +113,7 @@ class Resumed(Engine):
             if content is None:  # new, or damaged or removed since we looked
                 result = next(self.engine.map(function, [item])) if old else next(fresh)
                 content = pickle.dumps(result, protocol=5)
-                write_bytes(path, _digest(path, content) + content)
+                write_bytes(path, _sealed(path, content))
                 self.done += 1
             else:
                 self.found += 1
@@ -128,15 +124,16 @@ class Resumed(Engine):
         self.engine.close()
 
 
-def _digest(path: Path, content: bytes) -> bytes:
-    return hashlib.sha256(path.name.encode() + content).digest()
+def _sealed(path: Path, content: bytes) -> bytes:
+    """Return a result with the digest of it and of its name before it."""
+    return hashlib.sha256(path.name.encode() + content).digest() + content
 
 
 def _read(path: Path) -> bytes | None:
     """Return the pickled result, or None if there is none, or only a part of it."""
     try:
-        whole = path.read_bytes() if path.is_file() else b""
+        whole = path.read_bytes()
     except OSError:
         return None
     content = whole[hashlib.sha256().digest_size :]
-    return content if content and whole.startswith(_digest(path, content)) else None
+    return content if whole == _sealed(path, content) else None
