@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
+from identifiability.cli import options
 from identifiability.cli.analyze import analyze as command
 from identifiability.cli.demo import run_demo
 from identifiability.estimation.verdict import Class
@@ -150,7 +151,7 @@ def test_a_prior_that_cannot_be_is_refused_with_a_sentence(arm, tmp_path, prior,
 
 
 def test_posteriors_are_off_unless_asked_for_everywhere():
-    for verb in (analyze, command.make(command.function)):
+    for verb in (analyze, options.grouped(command.function)):
         assert inspect.signature(verb).parameters["posterior"].default is False
     assert "posterior" not in inspect.getsource(run_demo)
 

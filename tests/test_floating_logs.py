@@ -437,7 +437,9 @@ def test_what_does_not_fall_is_held_by_what_is_stated(thrown, body, tmp_path):
 
 
 def test_what_does_not_know_bases_that_move_says_so(body, tmp_path):
-    with pytest.raises(RobotError, match="floats, and its sidecar states no"):
+    with pytest.raises(
+        RobotError, match="floats, and designing a motion of robots that float is not supported"
+    ):
         excite(body)
     with pytest.raises(RobotError, match="simulation of robots that float is"):
         find_motion(body, "random", None, np.random.default_rng(0))

@@ -288,6 +288,12 @@ class Outliers:
     weight: Array
     moved: Array
 
+    def below(self, weight: float) -> Outliers | None:
+        """Return those that have less weight; None if there are none."""
+        less = self.weight < weight
+        rows = {k: v[less] for k, v in vars(self).items() if k != "moved"}
+        return replace(self, **rows) if less.any() else None
+
 
 def weigh_outliers(
     information: Information, estimator: Estimator

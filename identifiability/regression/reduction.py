@@ -153,7 +153,8 @@ def find_ladder(
     found = ladder_path(robot) if ladder is None and beside else ladder
     if isinstance(found, (str, Path)):
         entry = read_ladder(found)
-        return LadderSource(entry, str(found), hashlib.sha256(Path(found).read_bytes()).hexdigest())
+        origin = str(found) if ladder is not None else Path(found).name
+        return LadderSource(entry, origin, hashlib.sha256(Path(found).read_bytes()).hexdigest())
     if found is None:
         entry, origin = default_ladder(robot), "default"
     elif isinstance(found, LadderEntry):
@@ -344,6 +345,10 @@ class Submodel:
             M=self.M[:, kept],
             nonnegative=self.nonnegative[kept],
         )
+
+    def ordered(self, columns: Sequence[str]) -> Submodel:
+        """Return the model with its parameters in another order."""
+        return self._keep([self.columns.index(name) for name in columns])
 
     def tied(self, name: str, columns: Sequence[str]) -> Submodel:
         """Return the model with some parameters made equal: one column, their sum."""

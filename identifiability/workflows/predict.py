@@ -680,8 +680,9 @@ def _build(entry: FitEntry, robot: Robot, where: str) -> Fit:
         (submodel,) = build_ladder(LadderEntry(models=[entry.model]), structure)
     except IdentifiabilityError as error:
         raise _other_robot(where, robot, str(error)) from None
-    if list(submodel.columns) != entry.names or len(entry.low) != len(robot.joints):
+    if sorted(submodel.columns) != sorted(entry.names) or len(entry.low) != len(robot.joints):
         raise _other_robot(where, robot, "its parameters are not those of this robot.")
+    submodel = submodel.ordered(entry.names)  # what is tied stands where its first member stood
     k, n = len(submodel), len(robot.joints)
     spread = TorqueUncertainty(
         covariance=_shaped(entry.covariance, (k, k), where),

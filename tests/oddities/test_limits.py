@@ -195,14 +195,6 @@ def band(cutoff=5.0, noise=0.0):
     return fit._say_cut(found, "x") or fit._say_noise(found)
 
 
-def follows_cutoff(sure):
-    """A value that moves, in standard deviations of its own move, which are those of the value."""
-    one = SimpleNamespace(sigma=np.ones(1), value=np.zeros(1), determined=np.ones(1, bool))
-    result = SimpleNamespace(uncertainty=SimpleNamespace(robust=[1.0]), estimate=one)
-    moved = {"sigma": np.sqrt([2.0]), "value": np.array([sure]), "correction": None}
-    return fit._moves(result, one, SimpleNamespace(**vars(one) | moved))[0]
-
-
 def worse_there(times):
     motions = SimpleNamespace(errors=np.array([[times, 1.0], [1.0, 1.0]]))
     return several_logs._worse(motions, "ab", 0)
@@ -242,7 +234,6 @@ ROWS = {
     "weight that is surely carried": (lambda x: _nearest(-1.0, x) == -1.0, 0.26, 0.24),
     "cut-off in the motion": (lambda x: band(cutoff=1 / x), 1 / 2.05, 1 / 1.95),
     "noise below the cut-off": (lambda x: band(noise=x), 0.195, 0.205),
-    "values that follow the cut-off": (follows_cutoff, 3.9, 4.1),
     "errors of one log": (worse_there, 0.97, 1.03),
     "very good no more": (lambda x: grade_of(x) != "very-good", 0.0299, 0.0301),
     "fair": (lambda x: grade_of(x) == "fair", 0.0799, 0.0801),

@@ -13,6 +13,8 @@ from paper_study.result import StudyCheck
 from registry import STUDIES
 from typer.testing import CliRunner
 
+from identifiability.cli import options
+
 FOLDER = Path(command.__file__).resolve().parents[1]
 
 #: The module; its name in `identifiability.cli` is the command.
@@ -22,7 +24,7 @@ module = import_module("identifiability.cli.paper")
 @pytest.fixture
 def run():
     app = typer.Typer(rich_markup_mode="markdown")
-    app.command()(module.paper.make(module.paper.function))
+    app.command()(options.grouped(module.paper.function))
     runner = CliRunner()
     return lambda *words: runner.invoke(app, list(map(str, words)))
 

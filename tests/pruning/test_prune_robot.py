@@ -201,11 +201,12 @@ def test_the_same_inputs_give_the_same_result(simulated):
 def test_the_command_line_prunes_and_writes(simulated, tmp_path):
     import typer
 
+    from identifiability.cli import options
     from identifiability.cli.prune import prune as command
 
     simulated("two-link", "a", 0, Noise(torque=0.02)).write(tmp_path / "run.csv")
     app = typer.Typer()
-    app.command()(command.make(command.function))
+    app.command()(options.grouped(command.function))
     model, data = tmp_path / "m.toml", tmp_path / "p.json"
     outputs = ["--out", str(model), "--json", str(data), "--report", str(tmp_path / "p.html")]
     run = ["two-link", str(tmp_path / "run.csv"), "--quick", *outputs]

@@ -315,9 +315,8 @@ def _name(asked: _Asked, setting: Setting, opening: Opening) -> tuple[Diagnosis,
     if setting.fixed:
         return asked.run(setting), []
     odd, decided, outliers = _doubt_logs(opening)
-    # Rows of less robust weight are no data for names, unless a change or a name explains
-    # them.
-    if outliers is not None and outliers.weight.min() < 0.5:
+    # Rows that count less than half are no data for names, unless a change or a name explains them.
+    if outliers is not None and (outliers := outliers.below(0.5)) is not None:
         first = asked.run(setting)
         if first.changes or not _still_outlying(first, outliers):
             return first, [decided] * bool(decided)
