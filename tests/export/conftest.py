@@ -66,15 +66,12 @@ def replay(robot: Robot, result, log, folder: Path) -> Replayed:
             tree = np.full((len(piece.tau), copy.nv), np.nan) if tree is None else tree
             alone.setdefault(engine, []).append(piece.down(project(copy, piece.motion, tree)))
     tau = np.concatenate(alone["tau"])
+    errors = [error_ra(tau, np.concatenate(alone[e])) for e in (in_mujoco, in_pinocchio)]
     every = Model(tuple(f.effect for f in FAMILIES.values() if f.name != "coulomb_friction"))
     names = [p.name for p in every.parameters(copy)]
     phi = np.array([copy.nominal.get(name, 0.0) for name in names])
-    W = np.concatenate([W for _, _, W, _ in Regression(copy, every, (samples,)).chunks()])
-    data = W.any(2)  # what is no data, as outlying rows, has no columns
-    errors = [
-        error_ra(tau[data], np.concatenate(alone[e])[data]) for e in (in_mujoco, in_pinocchio)
-    ]
-    whole = error_ra(tau[data], (W @ phi)[data])
+    fitted = [W @ phi for _, _, W, _ in Regression(copy, every, (samples,)).chunks()]
+    whole = error_ra(tau, np.concatenate(fitted))
     stated = json.loads(path.read_text())["physical"]
     return Replayed(stated, exported, copy, *errors, whole)
 

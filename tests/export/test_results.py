@@ -35,9 +35,8 @@ def test_a_diagnosis_is_exported_with_what_it_named(fixed, replayed, tmp_path):
     assert "elbow" in found.effects[0].joints
     again = replayed(found.robot, found, found.samples[0], tmp_path)
     assert again.stated["error_ra"] < 0.9 * again.stated["error_ra_file"]
-    near = 1e-4 if fixed else 5e-3  # rows beside outlying ones are counted in part
-    assert again.mujoco == pytest.approx(again.stated["error_ra_file"], rel=near)
-    assert again.whole == pytest.approx(again.stated["error_ra"], rel=near)
+    assert again.mujoco == pytest.approx(again.stated["error_ra_file"], rel=1e-4)
+    assert again.whole == pytest.approx(again.stated["error_ra"], rel=1e-4)
     assert again.robot.shapes["elbow.stribeck_friction"] > 0
 
 
