@@ -7,13 +7,12 @@ from pathlib import Path
 
 import pytest
 import table_1_base_parameters
-import typer
 from paper_study import command
 from paper_study.result import StudyCheck
 from registry import STUDIES
 from typer.testing import CliRunner
 
-from identifiability.cli import options
+from identifiability.cli import app
 
 FOLDER = Path(command.__file__).resolve().parents[1]
 
@@ -23,10 +22,7 @@ module = import_module("identifiability.cli.paper")
 
 @pytest.fixture
 def run():
-    app = typer.Typer(rich_markup_mode="markdown")
-    app.command()(options.grouped(module.paper.function))
-    runner = CliRunner()
-    return lambda *words: runner.invoke(app, list(map(str, words)))
+    return lambda *words: CliRunner().invoke(app, ["paper", *map(str, words)])
 
 
 def test_the_command_writes_the_named_tables_and_the_index(run, tmp_path):

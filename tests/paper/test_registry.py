@@ -1,6 +1,7 @@
 """Every study stands in the registry, and runs in short as it says there."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -47,5 +48,7 @@ def test_a_study_runs_in_short_and_writes_its_page(study, tmp_path):
     done = subprocess.run(words, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     page = (tmp_path / f"{study.name}.html").read_text(encoding="utf-8")
-    assert '<p class="statement">' in page
+    assert "<h1>" in page
+    assert len(page) > 10_000
+    assert not re.search(r'(src|href)="https?:', page)
     assert (tmp_path / "index.html").exists()
