@@ -37,12 +37,13 @@ CONTAINED = ("torque_offset",)
 def splines(u: Array, pieces: int = PIECES) -> Array:
     """Return quadratic B-splines of u (N,) between −1 and 1, (N, pieces + 2).
 
-    Beyond its ends they go on as they end.
+    Beyond its ends, where there were no data, they return to zero.
     """
-    step = 2.0 / pieces
-    knots = -1.0 + step * np.arange(-DEGREE, pieces + DEGREE + 1)
-    inside = np.clip(u, -1.0, 1.0)
-    found: Array = scipy.interpolate.BSpline.design_matrix(inside, knots, DEGREE).toarray()
+    step, beyond = 2.0 / pieces, 2 * DEGREE
+    knots = -1.0 + step * np.arange(-beyond, pieces + beyond + 1)
+    end = 1.0 + DEGREE * step
+    every = scipy.interpolate.BSpline.design_matrix(np.clip(u, -end, end), knots, DEGREE)
+    found: Array = every[:, DEGREE : DEGREE + pieces + DEGREE].toarray()
     return found
 
 
@@ -51,7 +52,8 @@ def straight_beyond(u: Array, pieces: int = PIECES) -> Array:
 
     At an end the slope of a curve is the difference of its two last values over a step.
     """
-    found, over = splines(u, pieces), (np.abs(u) - 1.0).clip(min=0.0) * (pieces / 2.0)
+    found = splines(np.clip(u, -1.0, 1.0), pieces)
+    over = (np.abs(u) - 1.0).clip(min=0.0) * (pieces / 2.0)
     for end, before, here in ((-1, -2, u > 0), (0, 1, u < 0)):
         found[here, end] += over[here]
         found[here, before] -= over[here]
@@ -162,8 +164,8 @@ class FunctionOfPosition(SmoothFunction):
 class FunctionOfVelocity(SmoothFunction):
     """``τ = f(q̇)``, smooth in the root of the speed but for a step at rest.
 
-    Viscous and Coulomb friction and an offset are among its curves, at any speed. Its shape is the
-    largest speed, beyond which it goes straight on.
+    Viscous and Coulomb friction and an offset are among its curves. Its shape is the largest speed,
+    beyond which it returns to a constant.
     """
 
     name = "function_of_velocity"
@@ -177,7 +179,7 @@ class FunctionOfVelocity(SmoothFunction):
 
     def curves(self, at: Along) -> list[Array]:
         """Return the splines and the step."""
-        return [*straight_beyond(self.coordinate(at)).T, np.sign(at.speed)]
+        return [*splines(self.coordinate(at)).T, np.sign(at.speed)]
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return the limit of the speed [rad/s or m/s]."""
@@ -367,9 +369,8 @@ class FunctionOfOtherVelocity(FromJoint):
         for k, axis in enumerate(self.axes(robot)):
             other = self.origin(robot, axis)
             source = next(a for a in robot.axes if a.name == robot.joints[other])
-            columns = splines(
-                fine_at_rest(motion.actuated_v[:, other], largest_speed(robot, source))
-            )
+            share = fine_at_rest(motion.actuated_v[:, other], largest_speed(robot, source))
+            columns = splines(np.clip(share, -1.0, 1.0))  # the limit is no end of the data
             at = robot.joints.index(axis.name)
             out[:, at, k * width : (k + 1) * width] = columns
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from copy import copy
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -436,14 +437,23 @@ class RestrictedLikelihood:
     scale : float
         Length of the series.
     floor : float, optional
+    prior : (k,), optional
+        Precision of what is random, in that of the innovations; zero for what is fixed, as all is
+        by default.
     """
 
     def __init__(
-        self, lagged: LaggedProducts, left: float, scale: float, floor: float = FLOOR
+        self,
+        lagged: LaggedProducts,
+        left: float,
+        scale: float,
+        floor: float = FLOOR,
+        prior: Array | None = None,
     ) -> None:
         self.lagged, self.scale, self.k = lagged, scale, lagged.products.shape[1] - 1
         self.rows = lagged.rows
-        self.dof = max(self.rows - self.k, 1)
+        self.prior = np.zeros(self.k) if prior is None else prior
+        self.dof = max(self.rows - int(np.sum(self.prior == 0)), 1)
         self.floor = floor * left / self.rows
         self.left = left * scale**2 / self.dof
 
@@ -461,9 +471,34 @@ class RestrictedLikelihood:
         lagged = LaggedProducts.of(np.column_stack([basis, left]), runs)
         return RestrictedLikelihood(lagged, float(left @ left), scale, floor)
 
-    def _factor(self, weights: Array, white: float) -> Array:
+    def with_prior(self, prior: Array) -> RestrictedLikelihood:
+        """Return that of the same rows under another prior (k,)."""
+        other = copy(self)
+        other.prior = prior
+        other.dof = max(self.rows - int(np.sum(prior == 0)), 1)
+        return other
+
+    def deviances(self, theta: Array, priors: Array) -> Array:
+        """Return the deviance under each of several priors (c, k), all with as much fixed, (c,)."""
+        weights, (logdet,), (white,) = self.lagged.weigh(np.tanh(theta)[:, None])
+        G = self._products(weights[:, 0], white)
+        every = np.repeat(G[None], len(priors), axis=0)
+        every[:, range(self.k), range(self.k)] += priors
+        L = np.linalg.cholesky(every)
+        found = [
+            self.with_prior(p)._deviance(own, logdet) for p, own in zip(priors, L, strict=True)
+        ]
+        return np.array(found)
+
+    def _products(self, weights: Array, white: float) -> Array:
         G = self.lagged.weighed(weights)
         G[-1, -1] += self.floor * white
+        G.ravel()[:: len(G) + 1] += ROUNDING[0] * np.trace(G)
+        return G
+
+    def _factor(self, weights: Array, white: float) -> Array:
+        G = self._products(weights, white)
+        G[range(self.k), range(self.k)] += self.prior
         for share in ROUNDING:
             G.ravel()[:: len(G) + 1] += share * np.trace(G)
             try:
@@ -480,7 +515,9 @@ class RestrictedLikelihood:
     def _deviance(self, L: Array, logdet: float) -> float:
         diagonal = np.diag(L)
         rss = max(diagonal[-1] ** 2, 1e-300)
-        return float(self.dof * np.log(rss / self.dof) + logdet + 2 * np.log(diagonal[:-1]).sum())
+        known = np.log(self.prior[self.prior > 0]).sum()
+        size = 2 * np.log(diagonal[:-1]).sum() - known
+        return float(self.dof * np.log(rss / self.dof) + logdet + size)
 
     def slope(self, theta: Array) -> tuple[float, Array]:
         """Return the deviance and its derivatives, (p,).
@@ -536,7 +573,7 @@ class RestrictedLikelihood:
             if lowest + order * price >= least:
                 break
             try:
-                theta, deviance = self._descend(np.append(theta, 0.3 if order == 1 else 0.0))
+                theta, deviance = self.descend(np.append(theta, 0.3 if order == 1 else 0.0))
             except np.linalg.LinAlgError:  # noise that slow leaves nothing of the columns
                 break
             value = deviance + order * price
@@ -544,10 +581,10 @@ class RestrictedLikelihood:
                 best, least = theta, value
             if order == 1:
                 with suppress(np.linalg.LinAlgError):
-                    lowest = self._descend(np.pad(theta, (0, HIGHEST_ORDER - 1)))[1]
+                    lowest = self.descend(np.pad(theta, (0, HIGHEST_ORDER - 1)))[1]
         return best
 
-    def _descend(self, start: Array) -> tuple[Array, float]:
+    def descend(self, start: Array) -> tuple[Array, float]:
         """Return where the deviance is least for the order of a start (p,), and how much it is.
 
         By BFGS steps, halved until they descend. SciPy's take as many, and longer to import.
@@ -721,13 +758,15 @@ def fit_joint(y: Array, blocks: Sequence[Array], runs: Runs) -> JointNoise:
     runs, (y, *blocks) = take_data(runs, y, *blocks)
     if not len(y):
         return JointNoise(np.empty(0), np.empty((0, 0)), 1.0, 1.0, 0.0)
-    problem = RestrictedLikelihood.of(y, _span(blocks, int(RULES.columns_most * len(y))), runs)
+    problem = RestrictedLikelihood.of(
+        y, span_columns(blocks, int(RULES.columns_most * len(y))), runs
+    )
     best = problem.maximise()
     sigma = problem.sigma(best)
     return JointNoise(best, problem.spread(best), sigma, float(problem.dof), problem.left)
 
 
-def _span(blocks: Sequence[Array], most: int) -> Array:
+def span_columns(blocks: Sequence[Array], most: int) -> Array:
     """Return an orthonormal basis (N, k) of blocks of columns, block by block while there is room.
 
     Of a block that does not fit whole the directions that stand out most are taken.

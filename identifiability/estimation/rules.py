@@ -66,6 +66,8 @@ class Rules(RuleTable):
     column_short: Annotated[
         float, "shorter directions of unit columns are left to the noise, by hand"
     ] = 1e-3
+    name: Annotated[float, "log odds that name what a model lacks, on fitted rows, derived"] = 1.0
+    keep: Annotated[float, "and its gain on unseen rows that keeps it, derived"] = 2.0
     instrument_f: Annotated[
         float, "least first-stage F [Lee 2022] of what was measured again, literature"
     ] = 104.7

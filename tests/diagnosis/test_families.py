@@ -22,12 +22,12 @@ from identifiability.foundation.errors import IdentifiabilityError, ModelError
 from identifiability.foundation.names import Parameter
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.robot import Robot
 from identifiability.simulation import shipped_trajectory, simulate
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.diagnose.rows import list_candidates
 
 
 def hidden_part(robot, text):

@@ -9,13 +9,13 @@ from identifiability.effects import find_family
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.physical.pseudo_inertia import to_matrix
+from identifiability.regression.columns import Candidate, is_body
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose import BASE_EFFECTS, Problem, Setting
 from identifiability.workflows.diagnose.conclude import fit_body, fit_real
 from identifiability.workflows.diagnose.motion import prepare_rows
-from identifiability.workflows.diagnose.rows import Candidate, is_body
 
 
 def test_the_values_of_a_payload_are_those_of_a_body_that_can_exist():

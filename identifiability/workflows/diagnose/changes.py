@@ -24,6 +24,7 @@ from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.regression.columns import Candidate, is_body, list_candidates, number
 from identifiability.workflows.diagnose.evidence import (
     Products,
     View,
@@ -34,7 +35,6 @@ from identifiability.workflows.diagnose.evidence import (
 from identifiability.workflows.diagnose.known_values import VECTORS
 from identifiability.workflows.diagnose.motion import Change
 from identifiability.workflows.diagnose.problem import Setting
-from identifiability.workflows.diagnose.rows import Candidate, is_body, list_candidates, number
 from identifiability.workflows.diagnose.search import Search
 from identifiability.workflows.diagnose.verdict import Verdict, of_few, scatter_of
 

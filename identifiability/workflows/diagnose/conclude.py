@@ -16,6 +16,7 @@ from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Arra
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares, physical_set
 from identifiability.physical.project import Projection
+from identifiability.regression.columns import is_body
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
@@ -33,7 +34,6 @@ from identifiability.workflows.diagnose.gap import Gap, Left, Remainder, find_di
 from identifiability.workflows.diagnose.hypothesis import Group, Hypothesis
 from identifiability.workflows.diagnose.problem import Problem
 from identifiability.workflows.diagnose.result import Diagnosis
-from identifiability.workflows.diagnose.rows import is_body
 from identifiability.workflows.diagnose.search import Search, SearchStep
 from identifiability.workflows.diagnose.verdict import Judged, Verdict
 

@@ -20,7 +20,8 @@ from identifiability.estimation.noise import ARNoise, runs_of, take_data, whiten
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.workflows.diagnose.rows import Candidate, Rows
+from identifiability.regression.columns import Candidate
+from identifiability.workflows.diagnose.rows import Rows
 from identifiability.workflows.diagnose.rules import Rules
 
 #: Directions below this share of the largest are rounding, in products of unit columns.

@@ -11,13 +11,13 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import state_mass
+from identifiability.regression.columns import Refusal
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.gap import Discrepancy, Gap, Remainder
 from identifiability.workflows.diagnose.problem import Alias, Setting
-from identifiability.workflows.diagnose.rows import Refusal
 from identifiability.workflows.diagnose.search import SearchStep
 from identifiability.workflows.gravity import Leaning
 

@@ -17,7 +17,7 @@ from scipy.special import gammaln
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.workflows.diagnose.rows import Candidate, Present
+from identifiability.regression.columns import Candidate, Present
 from identifiability.workflows.diagnose.rules import Rules
 
 #: Families that are one function, friction over speed, with one name in one joint.

@@ -30,12 +30,12 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, Samples
+from identifiability.regression.columns import Candidate, list_candidates
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.simulation import Trajectory
 from identifiability.workflows.diagnose.findings import SAME, Findings, Placement
 from identifiability.workflows.diagnose.motion import prepare_rows, samples_each
-from identifiability.workflows.diagnose.rows import Candidate, list_candidates
 from identifiability.workflows.excite import Excitation, Limits, find_limits
 from identifiability.workflows.excite.criteria import (
     Ask,

@@ -15,6 +15,7 @@ from identifiability.foundation.linalg import RANK_TOLERANCE, ROUNDING, ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation, Samples
+from identifiability.regression.columns import Candidate, Refusal, list_candidates, number
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.evidence import (
     Options,
@@ -27,14 +28,7 @@ from identifiability.workflows.diagnose.evidence import (
 from identifiability.workflows.diagnose.hypothesis import FRICTION
 from identifiability.workflows.diagnose.known_values import KnownValues, NearFile
 from identifiability.workflows.diagnose.motion import Change
-from identifiability.workflows.diagnose.rows import (
-    Candidate,
-    Refusal,
-    Rows,
-    Table,
-    list_candidates,
-    number,
-)
+from identifiability.workflows.diagnose.rows import Rows, Table
 from identifiability.workflows.diagnose.rules import Rules
 
 #: Decimals that count where shares and sizes are compared: those beyond are another processor's

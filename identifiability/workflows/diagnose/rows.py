@@ -8,105 +8,21 @@ neither stored nor filtered. Of motion that only judges few columns are ever loo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from identifiability.effects import Effect, Family, Part, Placed, Span
-from identifiability.effects.effect import measure_spans
 from identifiability.effects.functions import has_session
 from identifiability.estimation.noise import JointRuns, Runs, find_runs
-from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
-from identifiability.logs.prepare.samples import Piece
+from identifiability.regression.columns import Candidate, Entries, Key, compute_entries, pieces_of
 from identifiability.regression.structure import Structure
-from identifiability.robot import Motion, Robot
+from identifiability.robot import Robot
 from identifiability.workflows.diagnose.known_values import KnownValues, NearFile
-
-#: What a model has where: families with their places.
-Present = Collection[tuple[str, str]]
-#: Why a family is not tried where it is.
-HAS = "the model has it already"
-#: What a candidate's columns depend on along some logs: family, place, kinds and shape.
-Key = tuple[str, str, tuple[str, ...], float | None]
-#: Samples that columns are computed of at a time, at least; and in units of what a decimation
-#: filter draws on beside them, so that it costs little more than the samples themselves.
-PIECE, REACHES = 4096, 12
-#: Columns that are filtered together.
-TOGETHER = 64
-
-#: Pieces of each log, as long as it is there.
-_KNOWN: WeakKeyDictionary[Samples, tuple[Piece, ...]] = WeakKeyDictionary()
-
-#: Torque (N,) by joint and column, where it is not zero everywhere.
-Entries = dict[tuple[int, int], Array]
-
-
-@frozen
-class Candidate:
-    """One effect that could be missing: a family at a place with a shape.
-
-    Attributes
-    ----------
-    family : Family
-    place : str
-        Joint, motor or body.
-    shape : float
-        nan for families without one.
-    kinds : tuple of str
-        Kinds of its parameters.
-    effect : Effect
-    columns : tuple of int
-        In `Rows.D`.
-    positive : bool
-        Whether physics forbids negative levels.
-    """
-
-    family: Family
-    place: str
-    shape: float
-    kinds: tuple[str, ...]
-    effect: Effect
-    columns: tuple[int, ...]
-    positive: bool = False
-
-    @property
-    def group(self) -> tuple[str, str]:
-        """Family and place: what is named."""
-        return self.family.name, self.place
-
-    @cached_property
-    def slot(self) -> tuple[str, str, tuple[str, ...]]:
-        """Family, place and kinds: what a model has once, whatever its shape."""
-        return self.family.name, self.place, () if self.family.flexible else self.kinds
-
-    @cached_property
-    def key(self) -> Key:
-        """What its columns depend on along some logs, whatever numbers they have."""
-        return (*self.group, self.kinds, None if np.isnan(self.shape) else self.shape)
-
-    @property
-    def part(self) -> Part:
-        """The candidate as a part of an effect."""
-        return Part(self.effect, self.place, self.kinds)
-
-
-def is_body(c: Candidate) -> bool:
-    """Whether a candidate is a body by itself, with mass, moments and inertia."""
-    return c.family.name == "payload" and len(c.columns) == len(GROUPED_KINDS)
-
-
-@frozen
-class Refusal:
-    """A family that makes no sense at a place, and why."""
-
-    family: str
-    place: str
-    reason: str
 
 
 @frozen
@@ -201,85 +117,6 @@ class Rows:
             "log": self.log,
             **({} if self.session is None else {"session": self.session}),
         }
-
-
-def list_candidates(
-    robot: Robot,
-    families: Sequence[Family],
-    present: Present,
-    motions: Sequence[Motion],
-    *,
-    fixed: bool,
-) -> tuple[list[Candidate], list[Refusal]]:
-    """Return every candidate, and the families that make no sense somewhere.
-
-    Parameters
-    ----------
-    robot : Robot
-    families : sequence of Family
-    present : collection of (family, place)
-        What the model has already.
-    motions : sequence of Motion
-        Shapes are chosen from the range that was moved through.
-    fixed : bool
-        Whether the model keeps the values of the robot file; then what it has may be wrong too.
-    """
-    spans = measure_spans(robot, motions)
-    out: list[Candidate] = []
-    refused: list[Refusal] = []
-    for family in families:
-        reason = _refuse(robot, family, present, fixed)
-        if reason:
-            refused.append(Refusal(family.name, "", reason))
-            continue
-        for place in family.places(robot):
-            known = (family.name, place) in present
-            # What is added to a level that is there may be of either sign.
-            free = known or bool(family.effect.supersedes)
-            reason = HAS if known and not fixed else family.refuse(robot, place)
-            if reason:
-                refused.append(Refusal(family.name, place, reason))
-            else:
-                start = out[-1].columns[-1] + 1 if out else 0
-                span = spans.get(place, Span(place, 1.0, 1.0, robot=robot))
-                out += _at_place(robot, family, span, start, free)
-    return out, refused
-
-
-def _refuse(robot: Robot, family: Family, present: Present, fixed: bool) -> str:
-    """Return why a family makes no sense anywhere; empty if it does."""
-    places = family.places(robot)
-    if not places:
-        return "the robot has no place for it"
-    if not fixed and all((family.name, place) in present for place in places):
-        return HAS
-    if family.fixed_only and not fixed and any(name == "rigid_body" for name, _ in present):
-        return "every mass is refitted, so it cannot be told from the bodies' own parameters"
-    return ""
-
-
-def _at_place(robot: Robot, family: Family, span: Span, column: int, free: bool) -> list[Candidate]:
-    place, out = span.joint, []
-    for shape in family.grid(span):
-        effect = family.at(shape, place)
-        there = {p.kind: p.nonnegative for p in effect.parameters(robot) if p.owner == place}
-        reached = there if family.reached is None else family.reached(effect, robot, span)
-        kinds = tuple(kind for kind in there if kind in reached)[: 1 if family.alike else None]
-        for chosen in [(kind,) for kind in kinds] if family.separate else [kinds]:
-            at = tuple(range(column, column + len(chosen)))
-            positive = not free and all(there[kind] for kind in chosen)
-            out.append(Candidate(family, place, shape, chosen, effect, at, positive))
-            column += len(chosen)
-    return out
-
-
-def number(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return candidates whose columns are the first ones, in their order."""
-    ends = np.cumsum([len(c.columns) for c in candidates]).tolist()
-    return [
-        replace(c, columns=tuple(range(end - len(c.columns), end)))
-        for c, end in zip(candidates, ends, strict=True)
-    ]
 
 
 @frozen
@@ -378,7 +215,9 @@ class Table:
         ]
         owner = [(key, k) for key, c in missing.items() for k in range(len(c.columns))]
         self._known.update((key, {}) for key in missing)
-        for (j, at), x in compute_entries(self.robot, parts, self.samples).items():
+        for (j, at), x in compute_entries(
+            self.robot, parts, [piece for s in self.samples for piece in pieces_of(s)]
+        ).items():
             key, k = owner[at]
             self._known[key][j, k] = x
 
@@ -501,83 +340,3 @@ class Dictionary:
         if missing and self.ask is not None:
             for (j, k), x in self.ask(missing).items():
                 self._columns[j][k] = x
-
-
-def compute_entries(
-    robot: Robot, parts: Sequence[tuple[Part, Sequence[int]]], samples: Sequence[Samples]
-) -> Entries:
-    """Return the torque of parts of effects along logs, after decimation, without what is zero.
-
-    Parameters
-    ----------
-    robot : Robot
-    parts : sequence of (Part, columns)
-        With the column that each of its parameters has.
-    samples : sequence of Samples
-    """
-    layout = _lay_out(robot, parts)
-    rows = sum(s.outputs for s in samples)
-    pieces = [piece for s in samples for piece in _pieces(s)]
-    longest = max((len(piece.motion) for piece in pieces), default=0)
-    widest = max((width for _, width, _ in layout), default=0)
-    # Each column of each joint in one piece, for it is asked for, and filtered, alone; what acts is
-    # taken out and zero again, so that new memory is not asked for of every effect.
-    space = np.zeros((len(robot.actuated), widest, longest))
-    entries: Entries = {}
-    start = 0
-    for piece in pieces:
-        outputs, samples_here = len(piece.motion.t[piece.at]), len(piece.motion)
-        found: Entries = {}
-        for effect, width, columns in layout:
-            W = space[:, :width, :samples_here]
-            effect.fill(robot, piece.motion, W.transpose(2, 0, 1))
-            if piece.motion.free is not None:
-                W[:] = piece.motion.freed(W.transpose(2, 0, 1)).transpose(1, 2, 0)
-            acts: np.ndarray = np.einsum("jkt,jkt->jk", W, W) != 0  # quicker than to ask each
-            for own, column in columns:
-                for j in np.flatnonzero(acts[:, own]).tolist():
-                    found[j, column] = W[j, own].copy()
-            W[acts] = 0.0
-            if len(found) >= TOGETHER:
-                _write(entries, piece, found, start, rows)
-                found = {}
-        _write(entries, piece, found, start, rows)
-        start += outputs
-    return entries
-
-
-def _pieces(samples: Samples) -> tuple[Piece, ...]:
-    """Return the pieces of a log that columns are computed of, the same ones whenever it is asked.
-
-    So what is known of a motion as long as it is there (`nominal.once`) is known then, too.
-    """
-    if samples not in _KNOWN:
-        d = samples.decimation
-        size = PIECE if d is None else max(PIECE, REACHES * d.coarse.reach)
-        _KNOWN[samples] = tuple(samples.pieces(size))
-    return _KNOWN[samples]
-
-
-def _write(entries: Entries, piece: Piece, found: Entries, start: int, rows: int) -> None:
-    """Write what effects are along a piece, decimated, where its outputs begin in all rows."""
-    every = list(found.items())
-    for first in range(0, len(every), TOGETHER):
-        part = every[first : first + TOGETHER]
-        down = piece.down(np.stack([piece.silenced(x, at[0]) for at, x in part]).T)
-        for (at, _), values in zip(part, down.T, strict=True):
-            if at not in entries:
-                entries[at] = np.zeros(rows)
-            entries[at][start : start + len(values)] = piece.masked(values, at[0])
-
-
-def _lay_out(
-    robot: Robot, parts: Sequence[tuple[Part, Sequence[int]]]
-) -> list[tuple[Effect, int, list[tuple[int, int]]]]:
-    """Return each effect once: its number of columns, and which of them go where."""
-    out: dict[int, tuple[Effect, int, list[tuple[int, int]]]] = {}
-    for part, columns in parts:
-        effect, own = Placed([part]).layout(robot)[0]
-        if id(effect) not in out:
-            out[id(effect)] = (effect, len(effect.parameters(robot)), [])
-        out[id(effect)][2].extend(zip(own, columns, strict=True))
-    return list(out.values())

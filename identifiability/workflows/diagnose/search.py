@@ -16,10 +16,10 @@ import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
+from identifiability.regression.columns import Candidate
 from identifiability.workflows.diagnose.evidence import Beside, View
 from identifiability.workflows.diagnose.hypothesis import Catalogue, Group, Hypothesis
 from identifiability.workflows.diagnose.problem import Problem
-from identifiability.workflows.diagnose.rows import Candidate
 
 #: Shapes that are tried on each side of one, as shares of the way to its neighbours, and rounds: a
 #: sixteenth of a step of the grid is left.

@@ -13,12 +13,13 @@ from identifiability.effects.effect import Family
 from identifiability.effects.friction import ViscousFriction
 from identifiability.estimation.noise import ARNoise, JointNoise
 from identifiability.logs.prepare import Samples
+from identifiability.regression.columns import Candidate
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.diagnose import Problem, Search, Setting, settle
 from identifiability.workflows.diagnose.hypothesis import Hypothesis
-from identifiability.workflows.diagnose.rows import Candidate, Dictionary, Rows
+from identifiability.workflows.diagnose.rows import Dictionary, Rows
 
 #: What an arm is asked for, unless a test says more.
 USUAL = ("torque_offset", "joint_stiffness", "position_ripple", "stribeck_friction")

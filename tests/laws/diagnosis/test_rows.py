@@ -8,13 +8,14 @@ from identifiability.effects import find_families
 from identifiability.estimation.prediction import predict
 from identifiability.logs import Log
 from identifiability.logs.prepare import Samples, prepare_samples
+from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, complete_motion
 from identifiability.workflows.diagnose import rows as module
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.motion import MOST_IN_ALL, MOST_SAMPLES, samples_each
-from identifiability.workflows.diagnose.rows import Dictionary, Table, list_candidates
+from identifiability.workflows.diagnose.rows import Dictionary, Table
 
 ROBOT = Robot.load("two-link")
 FIRST, LATE = ("stribeck_friction", "torque_offset"), ("joint_stiffness", "torque_offset")

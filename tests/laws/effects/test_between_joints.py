@@ -14,9 +14,9 @@ from identifiability.effects.measurement import (
     nominal_torque,
 )
 from identifiability.foundation.errors import ModelError
+from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
-from identifiability.workflows.diagnose.rows import list_candidates
 
 T = np.linspace(0, 2.5, 80)
 

@@ -9,11 +9,12 @@ from identifiability.effects import FAMILIES, find_families
 from identifiability.effects.effect import measure_spans
 from identifiability.logs.prepare import Samples
 from identifiability.logs.signals import Decimation
+from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose import Rules
 from identifiability.workflows.diagnose.hypothesis import Catalogue
-from identifiability.workflows.diagnose.rows import Table, list_candidates
+from identifiability.workflows.diagnose.rows import Table
 
 T = 0.01 * np.arange(300)
 

@@ -14,8 +14,8 @@ from identifiability.effects.transmission import (
     gear_ratio,
     split_runs,
 )
+from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
-from identifiability.workflows.diagnose.rows import list_candidates
 
 T = np.linspace(0, 2.5, 400)
 

@@ -9,10 +9,10 @@ from identifiability.effects import find_effect, find_family
 from identifiability.effects.effect import measure_spans
 from identifiability.effects.springs import ConstantForce, FreeSpring, GravitySpring, PositionTorque
 from identifiability.foundation.errors import ModelError
+from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 from identifiability.robot.along import known_torque
 from identifiability.robot.measured_torque import KnownTorque
-from identifiability.workflows.diagnose.rows import list_candidates
 
 T = np.linspace(0, 2.5, 80)
 

@@ -9,12 +9,12 @@ from identifiability.effects.vocabulary import stated_numbers, values_in_file
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.logs import Log
 from identifiability.physical.fitted_model import physical_set
+from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.robot.parts import name_numbers
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
-from identifiability.workflows.diagnose.rows import list_candidates
 
 #: All that the simulated arm has, and the drag: nothing is missing beside them.
 EFFECTS = ("rigid_body", "actuator_inertia", "viscous_friction", "coulomb_friction", "cubic_drag")

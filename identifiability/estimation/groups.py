@@ -1,0 +1,262 @@
+"""What a robot model may lack, as groups of a mixed model: every family at every place.
+
+A group has the columns of its family's whole grid of shapes. Friction is rarely in one joint only,
+so each family is a group everywhere, too; functions of which nothing is known but what they depend
+on are families as well, and return to zero where there were no data.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from identifiability.effects import Family
+from identifiability.estimation.mixed_model import (
+    EVERYWHERE,
+    Group,
+    MixedModel,
+    Products,
+    rich_noise,
+)
+from identifiability.estimation.noise import ARNoise, JointRuns
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.logs import signals
+from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare.samples import Piece
+from identifiability.regression.columns import (
+    Candidate,
+    Entries,
+    Present,
+    compute_entries,
+    list_candidates,
+    pieces_of,
+)
+from identifiability.regression.regression import Chunk, Regression, choose_within, inside
+from identifiability.robot import Robot
+
+#: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
+EXCERPT = (6_000, 6, 1_000)
+#: Blocks of rows over which gains on unseen motion are summed.
+BLOCKS = 10
+
+
+@frozen
+class Excerpt:
+    """Rows of logs that are looked at one by one: torque and columns of a model.
+
+    Attributes
+    ----------
+    robot : Robot
+    X : (N, n, p)
+    y : (N, n) [N·m or N]
+    data : (N, n) bool
+        Where torque of each joint is data; elsewhere its rows are zero.
+    runs : JointRuns
+        Stretches of data without gaps, of each joint.
+    pieces : tuple of Piece
+        Of the motion, which effects are computed along.
+    seen : (N,) int
+        Which outputs of the pieces the rows are.
+    """
+
+    robot: Robot
+    X: Array
+    y: Array
+    data: np.ndarray
+    runs: JointRuns
+    pieces: tuple[Piece, ...]
+    seen: np.ndarray
+
+    @staticmethod
+    def of(regression: Regression) -> Excerpt:
+        """Return the rows of a regression by least squares."""
+        plain = replace(regression, instruments=None, echo=None)
+        if regression.instruments is None and regression.echo is None:
+            plain = regression
+        windows = choose_within(plain.windows, EXCERPT)
+        chunks: list[Chunk] = []
+        pieces: list[Piece] = []
+        seen, outputs = [np.empty(0, int)], 0
+        for part in plain.parts():
+            if not inside(windows[part.log], part.start, part.start + part.samples.outputs):
+                continue
+            chunks += [own for c in part.shown() for own in c.inside(windows[part.log])]
+            start = part.start
+            for piece in _pieces(part.samples):
+                stop = start + len(piece.motion.t[piece.at])
+                found = [rows for _, rows in inside(windows[part.log], start, stop)]
+                if found:
+                    pieces.append(piece)
+                    seen += [outputs + np.arange(rows.start, rows.stop) for rows in found]
+                    outputs += stop - start
+                start = stop
+        t = np.concatenate([c.t for c in chunks])
+        log = np.concatenate([np.full(len(c.t), c.log) for c in chunks])
+        at = np.concatenate([c.start + np.arange(len(c.t)) for c in chunks])
+        apart = (np.diff(log) != 0) | (np.diff(at) != 1)
+        edges = [0, *(np.flatnonzero(apart) + 1).tolist(), len(at)]
+        cuts = set(edges[:-1])
+        for a, b in pairwise(edges):
+            cuts |= set((a + 1 + np.flatnonzero(signals.has_gap(t[a:b]))).tolist())
+        starts = sorted(cuts)
+        runs = tuple(zip(starts, [*starts[1:], len(at)], strict=True))
+        X, y, data = (np.concatenate([getattr(c, k) for c in chunks]) for k in ("W", "tau", "data"))
+        own = JointRuns.of(runs, data)
+        return Excerpt(plain.robot, X, y, data, own, tuple(pieces), np.concatenate(seen))
+
+    def entries(self, candidates: Sequence[Candidate]) -> Entries:
+        """Return the torque (N,) of candidates by joint and column, where it is not zero."""
+        parts = [(c.part, c.columns) for c in candidates]
+        found = compute_entries(self.robot, parts, self.pieces)
+        return {at: x[self.seen] * self.data[:, at[0]] for at, x in found.items()}
+
+    @property
+    def torque(self) -> Array:
+        """Root mean square of the torque of each joint, (n,)."""
+        counts = np.maximum(self.data.sum(0), 1)
+        rms: Array = np.sqrt(np.sum(self.y**2 * self.data, axis=0) / counts)
+        return rms
+
+
+def _pieces(samples: object) -> Iterable[Piece]:
+    if isinstance(samples, Samples) and samples.outputs <= EXCERPT[0]:
+        return pieces_of(samples)
+    found: Iterator[Piece] = samples.pieces(EXCERPT[2])  # type: ignore[attr-defined]
+    return found
+
+
+@frozen
+class Missing:
+    """What may be missing beside a model, along some logs.
+
+    Attributes
+    ----------
+    candidates : tuple of Candidate
+    seen : Excerpt
+        Of the logs that are fitted.
+    """
+
+    candidates: tuple[Candidate, ...]
+    seen: Excerpt
+
+    @staticmethod
+    def of(regression: Regression, families: Sequence[Family], present: Present) -> Missing:
+        """Return the candidates of families beside what a model has."""
+        seen = Excerpt.of(regression)
+        motions = [piece.motion for piece in seen.pieces]
+        listed, _ = list_candidates(seen.robot, families, present, motions, fixed=False)
+        return Missing(tuple(listed), seen)
+
+    @cached_property
+    def entries(self) -> Entries:
+        """Columns of the fitted rows."""
+        return self.seen.entries(self.candidates)
+
+    @property
+    def fixed(self) -> int:
+        """Number of columns of the model."""
+        return int(self.seen.X.shape[2])
+
+    @cached_property
+    def acting(self) -> tuple[np.ndarray, ...]:
+        """Columns of candidates that act in each joint."""
+        n = self.seen.y.shape[1]
+        own: list[list[int]] = [[] for _ in range(n)]
+        for j, k in self.entries:
+            own[j].append(k)
+        return tuple(np.array(sorted(x), int) for x in own)
+
+    @cached_property
+    def scale(self) -> Array:
+        """What makes columns of candidates as large as the torque of their joint, (c,)."""
+        width = max((c.columns[-1] + 1 for c in self.candidates), default=0)
+        square, torque = np.zeros(width), self.seen.torque
+        counts = np.maximum(self.seen.data.sum(0), 1)
+        for (j, k), x in self.entries.items():
+            if torque[j] > 0:
+                square[k] += x @ x / counts[j] / torque[j] ** 2
+        return np.where(square > 0, np.sqrt(square), 1.0)
+
+    @cached_property
+    def noise(self) -> ARNoise:
+        """Noise beside all smooth functions that may be missing."""
+        order = sorted(
+            (c for c in self.candidates if c.family.flexible),
+            key=lambda c: (not c.family.unnamed, c.family.rank, -len(c.columns)),
+        )
+        smooth: dict[tuple[str, str], Candidate] = {}
+        for c in order:
+            smooth.setdefault(c.group, c)
+        blocks = []
+        for j, acting in enumerate(self.acting):
+            X = self.seen.X[:, j]
+            own = [
+                [self.entries[j, k] for k in c.columns if (j, k) in self.entries]
+                for c in smooth.values()
+                if acting.size
+            ]
+            blocks.append([X[:, X.any(0)], *(np.stack(x, 1) for x in own if x)])
+        return rich_noise(blocks, list(self.seen.y.T), self.seen.runs)
+
+    def products(self, of: Excerpt | None = None) -> Products:
+        """Return products of whitened rows: fitted ones, or others with the same columns."""
+        rows = of or self.seen
+        entries = self.entries if of is None else rows.entries(self.candidates)
+        p, width = self.fixed, len(self.scale)
+        columns, blocks = [], []
+        for j, acting in enumerate(self.acting):
+            model = np.flatnonzero(self.seen.X[:, j].any(0))
+            columns.append(np.concatenate([model, p + acting, [p + width]]))
+            none = np.zeros(len(rows.y))
+            Z = [entries.get((j, k), none) for k in acting.tolist()]
+            blocks.append(np.column_stack([rows.X[:, j, model], *Z, rows.y[:, j]]))
+        edges = np.ceil(np.linspace(0, len(rows.y), BLOCKS + 1)).astype(int).tolist()
+        return Products.of(columns, blocks, self.noise, rows.runs, edges)
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """Groups of the candidates, each with its price."""
+        found: dict[str, dict[str, list[Candidate]]] = defaultdict(lambda: defaultdict(list))
+        seen = {k for _, k in self.entries}
+        for c in self.candidates:
+            if seen.issuperset(c.columns):
+                found[c.family.name][c.place].append(c)
+        out, p = [], self.fixed
+        for name, places in found.items():
+            pooled = len(places) > 1 and next(iter(places.values()))[0].family.origin is None
+            price = float(np.log(len(found)) + np.log(len(places) + pooled))
+            for place, own in places.items():
+                members = _members(own, [[c] for c in own], p)
+                out.append(Group(name, place, members, price, all(c.positive for c in own)))
+            if pooled:
+                every = list(places.values())
+                alike = [[own[k] for own in every if k < len(own)] for k in range(len(every[0]))]
+                members = _members([c for own in every for c in own], alike, p)
+                positive = all(c.positive for own in every for c in own)
+                out.append(Group(name, EVERYWHERE, members, price, positive))
+        return tuple(out)
+
+    def model(self, products: Products | None = None) -> MixedModel:
+        """Return the mixed model of the fitted rows."""
+        own = products or self.products()
+        diagonal = np.diag(own.between(np.arange(self.fixed), np.arange(self.fixed)))
+        unit = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+        scale = np.concatenate([unit, self.scale])
+        return MixedModel(own, self.fixed, self.groups, scale)
+
+
+def _members(
+    every: Sequence[Candidate], alike: Sequence[Sequence[Candidate]], first: int
+) -> tuple[np.ndarray, ...]:
+    """Return the columns of each shape, and of all of them where they form a curve."""
+    members = [np.concatenate([c.columns for c in some]) + first for some in alike]
+    whole = every[0].family.continuous or every[0].family.separate
+    if whole and len(members) > 1:
+        members.append(np.concatenate([c.columns for c in every]) + first)
+    return tuple(m.astype(int) for m in members)

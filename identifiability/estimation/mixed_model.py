@@ -1,0 +1,628 @@
+"""`MixedModel`: what a robot model may lack is a random effect, whose size the torque tells.
+
+``y = X b + Σ Z_g u_g + noise, u_g ~ N(0, s_g² I)``: X are the columns of the model that is fitted,
+a group g is a family of effects at a place, or everywhere. A size of zero means that the group is
+not there. It is the textbook's mixed model [Henderson 1975; Patterson & Thompson 1971], searched
+as sparse Bayesian learning does [Tipping & Faul 2003]: what gains most is added while the odds for
+it are large enough.
+
+Rows are whitened once, before the search, by noise that was measured beside all that may be
+missing, the same for every hypothesis. What is asked afterwards reads one matrix of `Products`, and
+costs the same however many rows there were.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+import scipy
+from scipy.special import log_ndtr, logsumexp
+
+from identifiability.estimation.noise import (
+    ARNoise,
+    JointNoise,
+    JointRuns,
+    LaggedProducts,
+    RestrictedLikelihood,
+    Runs,
+    span_columns,
+    take_data,
+    whiten,
+)
+from identifiability.estimation.rules import RULES
+from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
+
+#: Sizes that a group may have, relative to the torque of its joint: uniform in the logarithm.
+SIZES = np.geomspace(1e-4, 1.0, 40)
+#: Log odds within which the group with fewest columns goes first, and what is named is "A or B":
+#: of something as simple or simpler, and of anything.
+SIMPLER, RIVAL = 3.0, 4.0
+#: What is left of a direction of unit columns beside the model; below it there is none.
+THIN: Tolerance = 1e-6
+#: Precisions of what may be missing that are tried beside the noise, in that of its innovations,
+#: and rounds in which those of all functions and the noise take turns.
+PRECISIONS = np.geomspace(1e-6, 1e6, 13)
+ROUNDS = 4
+#: What a function must explain to stand beside the noise [nat]: about what a name must, else slow
+#: noise is taken for a function of time.
+PRICE = 6.0
+#: White noise that is taken to be there beside the residual, as a share of its variance.
+FLOOR_RICH: Tolerance = 1e-2
+#: Share of a diagonal that keeps a factor positive.
+RIDGE: Tolerance = 1e-10
+#: Log odds below which a group is no alternative to speak of.
+UNLIKELY = -6.0
+
+
+# Products of whitened rows.
+
+
+@frozen
+class Products:
+    """Products of whitened rows ``[X Z y]``, by block of time and joint; they add up.
+
+    A joint has those of the columns that act in it alone.
+
+    Attributes
+    ----------
+    columns : tuple of (k,) int
+        Of each joint, rising; the last of all is the torque.
+    values : tuple of (B, k, k)
+        Of each joint, for B blocks.
+    width : int
+        Number m of columns without the torque.
+    """
+
+    columns: tuple[np.ndarray, ...]
+    values: tuple[Array, ...]
+    width: int
+
+    @staticmethod
+    def of(
+        columns: Sequence[np.ndarray],
+        rows: Sequence[Array],
+        noise: ARNoise,
+        runs: JointRuns,
+        edges: Sequence[int],
+        weights: Array | None = None,
+    ) -> Products:
+        """Return those of the rows of each joint, whitened within stretches of data.
+
+        Parameters
+        ----------
+        columns : sequence of (k,) int
+        rows : sequence of (N, k)
+            Of each joint, the torque last.
+        noise : ARNoise
+        runs : JointRuns
+            A row without data ends a stretch.
+        edges : sequence of int
+            Rows at which blocks begin and end.
+        weights : (N, n), optional
+            Of whitened rows.
+        """
+        values = []
+        each = zip(rows, noise.joints, runs.each, strict=True)
+        for j, (own, of_joint, stretches) in enumerate(each):
+            white = whiten(own, stretches, of_joint.pacf) / of_joint.sigma
+            if weights is not None:
+                white *= np.sqrt(weights[:, j, None])
+            values.append(np.array([white[a:b].T @ white[a:b] for a, b in pairwise(edges)]))
+        return Products(tuple(columns), tuple(values), int(columns[0][-1]))
+
+    def __add__(self, other: Products) -> Products:
+        """Return those of the blocks of both."""
+        both = zip(self.values, other.values, strict=True)
+        return replace(self, values=tuple(np.concatenate([a, b]) for a, b in both))
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return len(self.values[0])
+
+    def take(self, blocks: Sequence[int] | np.ndarray) -> Products:
+        """Return those of some blocks."""
+        return replace(self, values=tuple(v[blocks] for v in self.values))
+
+    def transform(self, fixed: int, M: Array, c: Array) -> Products:
+        """Return those of a smaller model whose first columns are ``X M``, torque less ``X c``.
+
+        Parameters
+        ----------
+        fixed : int
+            Number of columns X, the first ones.
+        M : (fixed, k)
+        c : (fixed,)
+        """
+        new, columns, values = M.shape[1], [], []
+        for at, own in zip(self.columns, self.values, strict=True):
+            model = np.flatnonzero(at < fixed)
+            rest = len(at) - len(model)
+            T = np.zeros((len(at), new + rest))
+            T[model, :new] = M[at[model]]
+            T[len(model) :, new:] = np.eye(rest)
+            T[model, -1] = -c[at[model]]
+            columns.append(np.concatenate([np.arange(new), at[len(model) :] + new - fixed]))
+            values.append(T.T @ own @ T)
+        return Products(tuple(columns), tuple(values), self.width + new - fixed)
+
+    @cached_property
+    def _totals(self) -> tuple[Array, ...]:
+        return tuple(v.sum(0) for v in self.values)
+
+    @cached_property
+    def _places(self) -> tuple[np.ndarray, ...]:
+        """Where each column is among those of a joint; -1 where it does not act, (m + 1,)."""
+        out = []
+        for at in self.columns:
+            place = np.full(self.width + 1, -1)
+            place[at] = np.arange(len(at))
+            out.append(place)
+        return tuple(out)
+
+    def between(self, some: np.ndarray, others: np.ndarray) -> Array:
+        """Return products of some columns (a,) with others (b,), (a, b)."""
+        out = np.zeros((len(some), len(others)))
+        for place, total in zip(self._places, self._totals, strict=True):
+            a, b = place[some], place[others]
+            here, there = np.flatnonzero(a >= 0), np.flatnonzero(b >= 0)
+            if len(here) and len(there):
+                out[np.ix_(here, there)] += total[np.ix_(a[here], b[there])]
+        return out
+
+    def within(self, sets: np.ndarray) -> Array:
+        """Return products of sets of columns (s, k) among themselves, (s, k, k)."""
+        out = np.zeros((*sets.shape, sets.shape[1]))
+        for place, total in zip(self._places, self._totals, strict=True):
+            at = place[sets]
+            act = np.flatnonzero((at >= 0).any(1))
+            if len(act):
+                at = at[act]
+                on = (at >= 0).astype(float)
+                own = total[np.maximum(at, 0)[:, :, None], np.maximum(at, 0)[:, None, :]]
+                out[act] += own * on[:, :, None] * on[:, None, :]
+        return out
+
+
+def rich_noise(
+    joints: Sequence[Sequence[Array]], targets: Sequence[Array], runs: JointRuns
+) -> ARNoise:
+    """Return the noise of each joint by restricted likelihood beside all that may be missing.
+
+    Beside the model alone what is missing would count as noise, and hide itself; without the
+    restriction slow noise would be taken for what is missing.
+
+    Parameters
+    ----------
+    joints : sequence of sequences of (N, k)
+        Of each joint: columns of the model, then of what may be missing, what must not be left out
+        first.
+    targets : sequence of (N,)
+    runs : JointRuns
+    """
+    each = zip(joints, targets, runs.each, strict=True)
+    return ARNoise(tuple(_rich_noise(blocks, y, own) for blocks, y, own in each))
+
+
+def _rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
+    runs, (y, X, *random) = take_data(runs, y, *blocks)
+    silent = JointNoise(np.empty(0), np.empty((0, 0)), np.inf, 1.0, 0.0)
+    if not len(y):
+        return silent
+    basis = span_columns([X], int(RULES.columns_most * len(y)))
+    parts = [part for part in map(_principal, random) if part.shape[1]]
+    scale = float(np.linalg.norm(y)) or 1.0
+    left = y / scale
+    left = left - basis @ (basis.T @ left)
+    Z = np.concatenate([basis, *parts], axis=1)
+    rest = left - Z @ np.linalg.lstsq(Z, left, rcond=None)[0]
+    lagged = LaggedProducts.of(np.column_stack([Z, left]), runs)
+    every = RestrictedLikelihood(lagged, float(rest @ rest), scale, FLOOR_RICH)
+    if every.silent:  # what rounding leaves says nothing
+        return silent
+    owner = np.repeat(np.arange(-1, len(parts)), [basis.shape[1], *(p.shape[1] for p in parts)])
+    found = [_settle(every, owner, np.full(len(parts), start)) for start in (PRECISIONS[-1], 1.0)]
+    _, best, prior = min(found, key=lambda x: x[0])
+    final, unknown = every.with_prior(prior), np.zeros((len(best), len(best)))
+    return JointNoise(best, unknown, final.sigma(best), float(final.dof), final.left)
+
+
+def _settle(
+    problem: RestrictedLikelihood, owner: np.ndarray, precisions: Array
+) -> tuple[float, Array, Array]:
+    """Return deviance with prices, noise and prior where functions and noise took turns.
+
+    Parameters
+    ----------
+    problem : RestrictedLikelihood
+    owner : (k,) int
+        Which function each column is of; −1 for the model's.
+    precisions : (f,)
+        Of each function at first.
+    """
+
+    def prior_of(values: Array) -> Array:
+        return np.where(owner < 0, 0.0, values[..., np.maximum(owner, 0)])
+
+    values, none = precisions.copy(), PRECISIONS[-1]
+    best = problem.with_prior(prior_of(values)).maximise()
+    for _ in range(ROUNDS):
+        before = values.copy()
+        for k in range(len(values)):
+            tried = np.repeat(values[None], len(PRECISIONS), axis=0)
+            tried[:, k] = PRECISIONS
+            each = problem.deviances(best, prior_of(tried))
+            pays = each[-1] - each.min() > 2.0 * PRICE
+            values[k] = PRECISIONS[int(np.argmin(each))] if pays else none
+        if np.array_equal(values, before):
+            break
+        best = problem.with_prior(prior_of(values)).maximise()
+    own = prior_of(values)
+    price = 2.0 * PRICE * np.sum(values < none) + len(best) * np.log(problem.rows)
+    return problem.with_prior(own).deviance(best) + float(price), best, own
+
+
+def _principal(Z: Array) -> Array:
+    """Return columns of one covariance with Z (N, k), without those that are next to nothing."""
+    rms = np.sqrt(np.mean(Z**2, axis=0))
+    unit = Z[:, rms > 0] / rms[rms > 0]
+    squares, vectors = np.linalg.eigh(unit.T @ unit)
+    kept: Array = unit @ vectors[:, squares > THIN * squares.max(initial=0.0)]
+    return kept
+
+
+# Groups, and what of them is in a model.
+
+
+@frozen
+class Group:
+    """A family of effects at a place, or everywhere: what may be missing.
+
+    Attributes
+    ----------
+    family : str
+    place : str
+        A joint, a body; `EVERYWHERE` for all of the family's places together.
+    members : tuple of (k,) int
+        Columns that it may have, such as those of each shape of its grid: one of them, nobody knows
+        which, and where shapes form a curve all of them at once.
+    price : float [nat]
+        Minus the log of its prior odds.
+    positive : bool
+        Whether physics forbids negative levels.
+    """
+
+    family: str
+    place: str
+    members: tuple[np.ndarray, ...]
+    price: float
+    positive: bool = False
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Family and place: what is named."""
+        return self.family, self.place
+
+
+#: The place of a group that is at all places of its family.
+EVERYWHERE = "*"
+
+
+@frozen
+class Term:
+    """A group in a model.
+
+    Attributes
+    ----------
+    group : Group
+    member : int
+    variance : float
+        Of its values, relative to the torque of their joint.
+    odds : float
+        Log odds of the group beside the others, averaged over members and sizes, less its price.
+    """
+
+    group: Group
+    member: int
+    variance: float
+    odds: float
+
+    @property
+    def columns(self) -> np.ndarray:
+        """Its columns, (k,)."""
+        return self.group.members[self.member]
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Family and place."""
+        return self.group.key
+
+    @property
+    def size(self) -> int:
+        """How many columns it has."""
+        return len(self.columns)
+
+
+Terms = tuple[Term, ...]
+
+
+@frozen
+class Solution:
+    """A model with some terms, by Henderson's equations.
+
+    Attributes
+    ----------
+    columns : (c,) int
+        Of the fixed model, then of the terms.
+    value : (c,)
+    root : (c, c)
+        Inverse of the triangular factor of the precision: the covariance is ``rootᵀ root``.
+    log_likelihood : float
+        Restricted, without what all models have in common.
+    """
+
+    columns: np.ndarray
+    value: Array
+    root: Array
+    log_likelihood: float
+
+    @property
+    def covariance(self) -> Array:
+        """Of fixed effects and of errors in the random ones, (c, c)."""
+        both: Array = self.root.T @ self.root
+        return both
+
+
+@frozen
+class MixedModel:
+    """A model of p fixed columns and groups that it may lack, on products of whitened rows.
+
+    Attributes
+    ----------
+    products : Products
+    fixed : int
+        p; these columns are the first ones.
+    groups : tuple of Group
+    scale : (m,)
+        What a column is divided by: random ones by what makes their torque as large as their
+        joint's.
+    name, keep : float
+        Log odds from which on a group is named, and gain on unseen rows from which on it is kept.
+    """
+
+    products: Products
+    fixed: int
+    groups: tuple[Group, ...]
+    scale: Array
+    name: float = RULES.name
+    keep: float = RULES.keep
+
+    def with_blocks(self, blocks: Sequence[int] | np.ndarray) -> MixedModel:
+        """Return the model of some blocks of rows."""
+        return replace(self, products=self.products.take(blocks))
+
+    @cached_property
+    def _target(self) -> Array:
+        """Products of all columns with the torque, (m,)."""
+        p = self.products
+        every = np.arange(p.width)
+        target: Array = p.between(every, np.array([p.width]))[:, 0] / self.scale
+        return target
+
+    def _between(self, some: np.ndarray, others: np.ndarray) -> Array:
+        scaled: Array = self.products.between(some, others) / np.outer(
+            self.scale[some], self.scale[others]
+        )
+        return scaled
+
+    def solve(self, terms: Terms = ()) -> Solution:
+        """Return values, their covariance and the restricted likelihood with some terms."""
+        own = [t.columns for t in terms]
+        columns = np.concatenate([np.arange(self.fixed), *own]).astype(int)
+        prior = np.concatenate(
+            [np.zeros(self.fixed), *(np.full(t.size, 1.0 / t.variance) for t in terms)]
+        )
+        P = self._between(columns, columns)
+        P[np.diag_indices_from(P)] += prior + RIDGE * np.maximum(np.diag(P), 1e-300)
+        L = np.linalg.cholesky(P)
+        root, _ = scipy.linalg.lapack.dtrtri(L, lower=1)
+        half = root @ self._target[columns]
+        sizes = sum(t.size * np.log(t.variance) for t in terms)
+        likelihood = 0.5 * half @ half - np.log(np.diag(L)).sum() - 0.5 * sizes
+        return Solution(columns, root.T @ half, root, float(likelihood))
+
+    def gains(self, terms: Terms = (), among: Sequence[Group] | None = None) -> list[Term]:
+        """Return further groups with their log odds beside some terms, the likeliest first.
+
+        Each is averaged over its members and sizes, and stands with the likeliest of both. Levels
+        that physics wants positive gain what their sign tells: ``ln 2 P(sign | data)``.
+
+        Parameters
+        ----------
+        terms : tuple of Term
+        among : sequence of Group, optional
+            By default all that are not among the terms.
+        """
+        taken = {t.key for t in terms}
+        asked = [g for g in self.groups if g.key not in taken] if among is None else list(among)
+        s = self.solve(terms)
+        every = np.arange(self.products.width)
+        along = s.root @ self._between(s.columns, every)
+        left = self._target - along.T @ (s.root @ self._target[s.columns])
+        flat = [(k, i, at) for k, g in enumerate(asked) for i, at in enumerate(g.members)]
+        rise: dict[tuple[int, int], Array] = {}
+        for width in sorted({len(at) for _, _, at in flat}):
+            own = [x for x in flat if len(x[2]) == width]
+            found = self._rise(np.array([at for _, _, at in own]), along, left)
+            signs = np.array([asked[k].positive for k, _, _ in own])
+            total = found[0] + signs[:, None] * found[1]
+            rise |= {(k, i): row for (k, i, _), row in zip(own, total, strict=True)}
+        out = []
+        for k, g in enumerate(asked):
+            each = np.array([rise[k, i] for i in range(len(g.members))])
+            weights = member_weights(g)
+            odds = float(logsumexp(each + np.log(weights)[:, None]) - np.log(len(SIZES)) - g.price)
+            member, size = np.unravel_index(int(np.argmax(each)), each.shape)
+            out.append(Term(g, int(member), float(SIZES[size] ** 2), odds))
+        return sorted(out, key=lambda t: -t.odds)
+
+    def _rise(self, sets: np.ndarray, along: Array, left: Array) -> tuple[Array, Array]:
+        """Return the rise of the log-likelihood by sets of columns (s, k), and what signs add.
+
+        Both by size, (s, sizes).
+        """
+        part = along[:, sets]
+        scale = self.scale[sets]
+        S = self.products.within(sets) / (scale[:, :, None] * scale[:, None, :])
+        outside = S.copy()
+        outside -= np.einsum("csk,csl->skl", part, part, optimize=True)
+        e, U = np.linalg.eigh(0.5 * (outside + outside.transpose(0, 2, 1)))
+        most = np.einsum("skk->sk", S).max(1)
+        told = e > THIN * most[:, None]
+        e = np.where(told, e, 0.0)
+        z = np.where(told, np.einsum("skl,sk->sl", U, left[sets]), 0.0)
+        towards = U.sum(1)
+        v = SIZES[:, None] ** 2
+        shrink = 1.0 + v * e[:, None, :]
+        rise = 0.5 * (z[:, None, :] ** 2 * v / shrink - np.log(shrink)).sum(2)
+        mean = (towards[:, None, :] * z[:, None, :] * v / shrink).sum(2)
+        sd = np.sqrt((towards[:, None, :] ** 2 * v / shrink).sum(2))
+        return rise, np.log(2.0) + log_ndtr(mean / np.maximum(sd, 1e-300))
+
+    def settle(self, terms: Terms) -> Terms:
+        """Return terms with the member, size and odds that each has beside the others."""
+        for k in range(len(terms)):
+            (again,) = self.gains(terms[:k] + terms[k + 1 :], [terms[k].group])
+            terms = (*terms[:k], again, *terms[k + 1 :])
+        return terms
+
+    def search(self, most: int = 12) -> Terms:
+        """Return what is missing: the best is added, what no longer gains is taken out.
+
+        Of what is as good the simplest goes first: what is flexible would take the evidence of a
+        name, and take the name with it where it fails on unseen rows.
+        """
+        terms: Terms = ()
+        gone: set[tuple[str, str]] = set()
+        while len(terms) < most:
+            found = [t for t in self.gains(terms) if t.key not in gone and t.odds >= self.name]
+            if not found:
+                break
+            near = [t for t in found if t.odds > found[0].odds - SIMPLER]
+            terms = self.settle((*terms, min(near, key=lambda t: (t.size, -t.odds))))
+            while terms and min(t.odds for t in terms) < self.name:
+                least = min(range(len(terms)), key=lambda k: terms[k].odds)
+                gone.add(terms[least].key)
+                terms = self.settle(terms[:least] + terms[least + 1 :])
+        return terms
+
+    def evidence(self, terms: Terms, unseen: Products) -> Array:
+        """Return the log predictive density of each block of unseen rows, (B,), up to a constant.
+
+        ``p(block | fitted) = p(both) / p(fitted)``.
+        """
+        s = self.solve(terms)
+        both = replace(self, products=self.products + unseen)
+        own = range(self.products.blocks)
+        out = []
+        for k in range(unseen.blocks):
+            joined = both.with_blocks([*own, self.products.blocks + k])
+            out.append(joined.solve(terms).log_likelihood - s.log_likelihood)
+        return np.array(out)
+
+    def confirm(self, terms: Terms, unseen: Products) -> Terms:
+        """Return those terms that make unseen rows likelier, the worst tried first.
+
+        What does not gives way to the best of its rivals that does, else to nothing.
+        """
+        kept, tried = terms, {t.key for t in terms}
+        while kept:
+            full = self.evidence(kept, unseen)
+            each = [full - self.evidence(_without(kept, k), unseen) for k in range(len(kept))]
+            worst = int(np.argmin([x.sum() for x in each]))
+            if self._holds(each[worst]):
+                return kept
+            rest = _without(kept, worst)
+            bare = self.evidence(rest, unseen)
+            others = [r for r in self.rivals(kept, worst) if r.key not in tried]
+            tried |= {r.key for r in others}
+            passed = [r for r in others if r.odds >= self.name]
+            gain = [self.evidence((*rest, r), unseen) - bare for r in passed]
+            held = [k for k, g in enumerate(gain) if self._holds(g)]
+            best = max(held, key=lambda k: float(gain[k].sum()), default=None)
+            kept = rest if best is None else self.settle((*rest, passed[best]))
+        return kept
+
+    def _holds(self, gain: Array) -> bool:
+        """Whether gains by block are enough together, and larger than their standard error."""
+        error = np.sqrt(len(gain)) * np.std(gain, ddof=1) if len(gain) > 1 else 0.0
+        return bool(gain.sum() >= max(self.keep, float(error)))
+
+    def rivals(self, terms: Terms, which: int) -> list[Term]:
+        """Return what would do as well in the place of a term: "A or B", the likeliest first."""
+        own, rest = terms[which], _without(terms, which)
+        taken = {t.key for t in terms}
+        among = [g for g in self.groups if g.key not in taken]
+        least = [(t, SIMPLER if t.size < own.size else RIVAL) for t in self.gains(rest, among)]
+        return [t for t, within in least if t.odds > own.odds - within]
+
+    def alternatives(self, terms: Terms = ()) -> tuple[list[tuple[Term, float]], Array, Array]:
+        """Return what one group more would do to the fixed effects, each with its probability.
+
+        Returns
+        -------
+        groups : list of (Term, float)
+        shift : (G, p)
+            Of the fixed effects, by each.
+        added : (G, p, p)
+            To their covariance, by each.
+        """
+        found = [t for t in self.gains(terms) if t.odds > UNLIKELY]
+        s, odds = self.solve(terms), np.array([np.exp(min(t.odds, 50.0)) for t in found])
+        weights = odds / (1.0 + odds.sum())
+        p = self.fixed
+        shift, added = np.zeros((len(found), p)), np.zeros((len(found), p, p))
+        for k, t in enumerate(found):
+            C = self._between(s.columns, t.columns)
+            along = s.root @ C
+            S = self._between(t.columns, t.columns) - along.T @ along
+            S[np.diag_indices_from(S)] += 1.0 / t.variance
+            aim = self._target[t.columns] - along.T @ (s.root @ self._target[s.columns])
+            T = (s.root.T @ along)[:p]
+            shift[k] = -T @ np.linalg.solve(S, aim)
+            added[k] = T @ np.linalg.solve(S, T.T)
+        unit = self.scale[:p]
+        weighed = list(zip(found, weights.tolist(), strict=True))
+        return weighed, shift / unit, added / np.outer(unit, unit)
+
+    def labels(self, terms: Terms = ()) -> tuple[Array, Array, Array]:
+        """Return values of the fixed effects (p,), and two parts of their covariance, (p, p).
+
+        By noise beside the terms, and by what may be missing all the same: a mixture over one group
+        more, ``Σ w (δ δᵀ + ΔV)``.
+        """
+        s, p, unit = self.solve(terms), self.fixed, self.scale[: self.fixed]
+        groups, shift, added = self.alternatives(terms)
+        w = np.array([w for _, w in groups])
+        more = np.einsum("g,gi,gj->ij", w, shift, shift) + np.einsum("g,gij->ij", w, added)
+        return s.value[:p] / unit, s.covariance[:p, :p] / np.outer(unit, unit), more
+
+
+def _without(terms: Terms, k: int) -> Terms:
+    return terms[:k] + terms[k + 1 :]
+
+
+def member_weights(group: Group) -> Array:
+    """Return the prior probability of each member of a group: half of it for all at once."""
+    sizes = np.array([len(at) for at in group.members])
+    whole = sizes > sizes.min()
+    if len(sizes) == 1 or not whole.any():
+        return np.full(len(sizes), 1.0 / len(sizes))
+    share: Array = np.where(whole, 0.5 / whole.sum(), 0.5 / (~whole).sum())
+    return share

@@ -1,0 +1,304 @@
+"""One mixed model: its algebra against dense matrices, and what it names in drawn logs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal, norm
+
+from identifiability import Log, Robot, simulate
+from identifiability.effects import find_families
+from identifiability.estimation.groups import Missing
+from identifiability.estimation.mixed_model import (
+    EVERYWHERE,
+    SIZES,
+    Group,
+    MixedModel,
+    Products,
+    Term,
+    member_weights,
+)
+from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, autocovariance
+from identifiability.logs.prepare import prepare_samples
+from identifiability.regression.reduction import default_ladder, ladder_model
+from identifiability.regression.structure import Structure
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
+from identifiability.simulation.simulator import ar1
+
+N, FIXED, RANDOM = 60, 3, 5
+PACF, SIGMA = (np.array([0.6]), np.array([0.5, -0.3])), (0.7, 1.3)
+#: Stretches of both joints: rows between them are no data.
+RUNS = JointRuns((((0, 20), (23, 41), (41, 60)), ((2, 30), (31, 58))))
+
+
+def noise_of(pacf, sigma):
+    each = zip(pacf, sigma, strict=True)
+    return ARNoise(
+        tuple(JointNoise(np.arctanh(p), np.zeros((len(p),) * 2), s, 1.0, s**2) for p, s in each)
+    )
+
+
+NOISE = noise_of(PACF, SIGMA)
+
+
+def draw_rows(seed, rows=N):
+    rng = np.random.default_rng(seed)
+    Z = rng.standard_normal((rows, 2, FIXED + RANDOM))
+    Z[:, 0, -1] = 0.0  # a column that acts in one joint alone
+    return Z, rng.standard_normal((rows, 2))
+
+
+def products_of(Z, y, runs=RUNS, edges=(0, 23, N)):
+    width, columns, rows = Z.shape[2], [], []
+    for j in range(2):
+        act = np.flatnonzero(Z[:, j].any(0))
+        columns.append(np.append(act, width))
+        rows.append(np.column_stack([Z[:, j, act], y[:, j]]))
+    return Products.of(columns, rows, NOISE, runs, edges)
+
+
+GROUPS = (
+    Group("a", "1", (np.array([3]), np.array([4]), np.array([3, 4])), 1.0, positive=True),
+    Group("a", "2", (np.array([5, 6]),), 2.0),
+    Group("b", "1", (np.array([7]),), 2.0),
+)
+
+
+def model_of(products):
+    scale = np.array([1.0, 1.0, 1.0, 0.5, 2.0, 1.0, 3.0, 1.0])
+    return MixedModel(products, FIXED, GROUPS, scale)
+
+
+def dense(Z, y, runs=RUNS):
+    """Rows that are data, and the covariance of their noise."""
+    rows, values, blocks = [], [], []
+    for j, own in enumerate(runs.each):
+        for a, b in own:
+            c = autocovariance(PACF[j], b - a) * SIGMA[j] ** 2
+            rows.append(Z[a:b, j])
+            values.append(y[a:b, j])
+            blocks.append(c[np.abs(np.subtract.outer(np.arange(b - a), np.arange(b - a)))])
+    V = np.zeros((sum(map(len, values)),) * 2)
+    at = 0
+    for block in blocks:
+        V[at : at + len(block), at : at + len(block)] = block
+        at += len(block)
+    return np.concatenate(rows), np.concatenate(values), V
+
+
+def restricted(X, y, V):
+    """Log-likelihood of what is left beside X, with X integrated out."""
+    W = np.linalg.inv(V)
+    XWX = X.T @ W @ X
+    left = y - X @ np.linalg.solve(XWX, X.T @ W @ y)
+    dets = np.linalg.slogdet(V)[1] + np.linalg.slogdet(XWX)[1]
+    return -0.5 * (dets + left @ W @ left)
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return draw_rows(1)
+
+
+def test_solving_is_generalised_least_squares_under_the_marginal_covariance(rows):
+    model, (A, y, V) = model_of(products_of(*rows)), dense(*rows)
+    terms = (Term(GROUPS[0], 2, 0.3, 0.0), Term(GROUPS[1], 0, 0.05, 0.0))
+    X, whole = A[:, :FIXED], V.copy()
+    for t in terms:
+        Z = A[:, t.columns] / model.scale[t.columns]
+        whole += t.variance * Z @ Z.T
+    W = np.linalg.inv(whole)
+    covariance = np.linalg.inv(X.T @ W @ X)
+    s, bare = model.solve(terms), model.solve()
+    np.testing.assert_allclose(s.value[:FIXED], covariance @ X.T @ W @ y, rtol=1e-6)
+    np.testing.assert_allclose(s.covariance[:FIXED, :FIXED], covariance, rtol=1e-6)
+    gain = restricted(X, y, whole) - restricted(X, y, V)
+    assert s.log_likelihood - bare.log_likelihood == pytest.approx(gain, rel=1e-6)
+
+
+def test_gains_are_marginal_likelihoods_averaged_over_shapes_sizes_and_signs(rows):
+    """By brute force, beside a term that is there; a sign by the posterior of the levels' sum."""
+    model, (A, y, V) = model_of(products_of(*rows)), dense(*rows)
+    beside = Term(GROUPS[2], 0, 0.2, 0.0)
+    Z = A[:, beside.columns] / model.scale[beside.columns]
+    V = V + beside.variance * Z @ Z.T
+    X = A[:, :FIXED]
+    without = restricted(X, y, V)
+    for found in model.gains((beside,)):
+        group, total = found.group, 0.0
+        for at, weight in zip(group.members, member_weights(group), strict=True):
+            Z = A[:, at] / model.scale[at]
+            for size in SIZES:
+                whole = V + size**2 * Z @ Z.T
+                odds = np.exp(restricted(X, y, whole) - without)
+                if group.positive:
+                    W = np.linalg.inv(whole)
+                    P = W - W @ X @ np.linalg.solve(X.T @ W @ X, X.T @ W)
+                    u = size**2 * Z.T @ P @ y
+                    C = size**2 * np.eye(len(at)) - size**4 * Z.T @ P @ Z
+                    odds *= 2 * norm.cdf(u.sum() / np.sqrt(C.sum()))
+                total += weight * odds / len(SIZES)
+        assert found.odds == pytest.approx(np.log(total) - group.price, abs=1e-4)
+
+
+def test_products_add_up_over_stretches_and_blocks(rows):
+    Z, y = rows
+    whole = products_of(Z, y)
+    parts = []
+    for a, b in ((0, 30), (30, N)):
+        runs = JointRuns(
+            tuple(
+                tuple((max(s, a) - a, min(e, b) - a) for s, e in own if max(s, a) < min(e, b))
+                for own in RUNS.each
+            )
+        )
+        parts.append((Z[a:b], y[a:b], runs, (0, b - a)))
+    cut = JointRuns(
+        tuple(
+            tuple(r for s, e in own for r in ([(s, e)] if not s < 30 < e else [(s, 30), (30, e)]))
+            for own in RUNS.each
+        )
+    )
+    both = products_of(*parts[0]) + products_of(*parts[1])
+    every = np.arange(whole.width + 1)
+    np.testing.assert_allclose(
+        both.between(every, every), products_of(Z, y, cut).between(every, every), atol=1e-9
+    )
+    halves = whole.take([0]) + whole.take([1])
+    np.testing.assert_allclose(halves.between(every, every), whole.between(every, every))
+    sets = np.array([[0, 7], [3, 8]])
+    for k, some in enumerate(sets):
+        np.testing.assert_allclose(whole.within(sets)[k], whole.between(some, some))
+
+
+def test_a_smaller_model_has_the_products_of_its_own_columns(rows):
+    Z, y = rows
+    M, c = np.array([[1.0, 0.0], [0.5, 0.0], [0.0, 2.0]]), np.array([0.0, 0.3, -0.2])
+    smaller = products_of(Z, y).transform(FIXED, M, c)
+    own = np.concatenate([Z[:, :, :FIXED] @ M, Z[:, :, FIXED:]], axis=2)
+    made = products_of(own, y - Z[:, :, :FIXED] @ c)
+    every = np.arange(smaller.width + 1)
+    np.testing.assert_allclose(smaller.between(every, every), made.between(every, every), atol=1e-9)
+
+
+def test_evidence_is_the_density_of_unseen_rows_given_fitted_ones(rows):
+    """Against the predictive distribution of rows that are independent of the fitted ones."""
+    model, term = model_of(products_of(*rows)), (Term(GROUPS[1], 0, 0.3, 0.0),)
+    unseen = draw_rows(2)
+    new = products_of(*unseen, edges=(0, N))
+    A, y, V = dense(*unseen)
+    logs = []
+    for terms in ((), term):
+        s = model.solve(terms)
+        B = A[:, s.columns] / model.scale[s.columns]
+        logs.append(multivariate_normal(B @ s.value, B @ s.covariance @ B.T + V).logpdf(y))
+    gain = model.evidence(term, new).sum() - model.evidence((), new).sum()
+    assert gain == pytest.approx(logs[1] - logs[0], rel=1e-5)
+
+
+def test_the_mixture_over_one_group_more_is_what_solving_with_it_gives(rows):
+    model = model_of(products_of(*rows))
+    groups, shift, added = model.alternatives()
+    bare = model.solve()
+    assert groups
+    for (term, weight), d, more in zip(groups, shift, added, strict=True):
+        s = model.solve((term,))
+        moved = (s.value - np.pad(bare.value, (0, term.size)))[:FIXED]
+        np.testing.assert_allclose(d, moved, rtol=1e-5, atol=1e-12)
+        np.testing.assert_allclose(
+            more, s.covariance[:FIXED, :FIXED] - bare.covariance, rtol=1e-4, atol=1e-10
+        )
+        total = 1.0 + sum(np.exp(t.odds) for t, _ in groups)
+        assert weight == pytest.approx(np.exp(term.odds) / total)
+
+
+# Drawn logs: what is named where nothing is missing, and where something is.
+
+
+@pytest.fixture(scope="module")
+def arm():
+    robot = Robot.load("two-link")
+    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 900)
+    frame = simulate(robot, motion).to_frame()
+    structure = Structure.of(robot, ladder_model(default_ladder(robot)))
+    return robot, frame, structure
+
+
+def missing_in(arm, seed, rho, effect=None, gone=0.0):
+    """What may be missing in a drawn log with noise of 3 %."""
+    robot, frame, structure = arm
+    f = frame.copy()
+    for k, joint in enumerate(robot.joints):
+        sd = 0.03 * frame[f"{joint}.tau"].std()
+        f[f"{joint}.tau"] += sd * ar1((len(f), 1), rho, np.random.default_rng([seed, k]))[:, 0]
+    if effect is not None:
+        joint, size, curve = effect
+        x = curve(*(frame[f"{joint}.{k}"].to_numpy() for k in ("q", "dq", "tau")))
+        sd = 0.03 * frame[f"{joint}.tau"].std()
+        f[f"{joint}.tau"] += size * sd * x / np.sqrt(np.mean(x**2))
+    regression = structure.regression([prepare_samples(robot, Log.from_frame(f, "a"))])
+    found = Missing.of(regression, find_families(None), structure.present)
+    if gone:
+        rng, data = np.random.default_rng(seed), found.seen.data.copy()
+        length = int(gone * len(data) / 20)
+        for a in rng.integers(len(data) - length, size=20):
+            data[a : a + length] = False
+        seen = found.seen
+        seen = replace(
+            seen, X=seen.X * data[:, :, None], y=seen.y * data, data=data,
+            runs=JointRuns.of(seen.runs.each[0], data),
+        )  # fmt: skip
+        found = replace(found, seen=seen)
+    return found
+
+
+@pytest.mark.parametrize(("rho", "gone"), [(0.6, 0.3), (0.9, 0.0), (0.98, 0.0), (0.98, 0.3)])
+def test_where_nothing_is_missing_nothing_is_named(arm, rho, gone):
+    """Whatever the memory of the noise, and with 30 % of the rows missing in 20 stretches."""
+    named = [missing_in(arm, seed, rho, gone=gone).model().search() for seed in range(20, 23)]
+    assert [n for n in named if n] == []
+
+
+CURVES = {
+    "stribeck_friction": lambda q, v, tau: np.sign(v) * np.exp(-np.abs(v) / 0.15 / np.std(v)),
+    "quadratic_friction": lambda q, v, tau: v * np.abs(v),
+    "joint_stiffness": lambda q, v, tau: q,
+    "position_torque": lambda q, v, tau: np.sin(5.0 * q),
+}
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_what_is_planted_is_named_in_its_joint_alone_and_confirmed(arm, name):
+    effect = "elbow", 3.0, CURVES[name]
+    found = missing_in(arm, 3, 0.6, effect)
+    model, unseen = found.model(), found.products(missing_in(arm, 4, 0.6, effect).seen)
+    terms = model.confirm(model.search(), unseen)
+    assert {t.group.place for t in terms} == {"elbow"}
+    rivals = [r.key[0] for t in range(len(terms)) for r in model.rivals(terms, t)]
+    assert name in [*(t.key[0] for t in terms), *rivals]
+
+
+def test_the_sign_that_physics_forbids_names_the_opposite(arm):
+    effect = "elbow", 3.0, lambda q, v, tau: -CURVES["stribeck_friction"](q, v, tau)
+    model = missing_in(arm, 3, 0.6, effect).model()
+    names = [t.key[0] for t in model.search()]
+    assert "stribeck_friction" not in names
+    assert {"rising_friction", "sigmoid_friction"} & set(names)
+
+
+def test_what_is_in_every_joint_is_named_as_that(arm):
+    robot, frame, structure = arm
+    changed = frame.copy()
+    for joint in robot.joints:
+        v = frame[f"{joint}.dq"]
+        changed[f"{joint}.tau"] += 0.1 * frame[f"{joint}.tau"].std() * v * np.abs(v) / v.std() ** 2
+    model = missing_in((robot, changed, structure), 3, 0.3).model()
+    assert ("quadratic_friction", EVERYWHERE) in [t.key for t in model.search()]
+
+
+def test_what_unseen_motion_does_not_have_is_not_kept(arm):
+    found = missing_in(arm, 3, 0.6, ("elbow", 3.0, CURVES["quadratic_friction"]))
+    model = found.model()
+    terms = model.search()
+    assert terms
+    assert model.confirm(terms, found.products(missing_in(arm, 4, 0.6).seen)) == ()
