@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import ndtr
 
-from identifiability.estimation.doubt import LabelDoubt
+from identifiability.estimation.alternatives import LabelAlternatives
 from identifiability.estimation.estimator import Estimate, settle_signs
 from identifiability.estimation.evidence import Mixture
 from identifiability.estimation.rules import RULES, Thresholds
@@ -256,8 +256,8 @@ class Grounds:
         What the parameters that the model leaves out do to its own.
     forbidden : (k,) bool or None
         Whether physics forbids the sign of the value.
-    doubt : LabelDoubt or None
-        What functions that are missing do to them.
+    alternatives : LabelAlternatives or None
+        What groups that may be missing do to them.
     models : Mixture or None
         What all models of a path say of the labels.
     """
@@ -272,14 +272,14 @@ class Grounds:
     unjudged: tuple[str, ...]
     left_out: LeftOut | None = None
     forbidden: np.ndarray | None = None
-    doubt: LabelDoubt | None = None
+    alternatives: LabelAlternatives | None = None
     models: Mixture | None = None
 
     @property
     def value(self) -> Array:
         """Values of the labels: over models, beside the functions that are missing, (k,)."""
         value = self.estimate.value if self.models is None else self.models.value
-        return value if self.doubt is None else value - self.doubt.shift
+        return value if self.alternatives is None else value - self.alternatives.shift
 
     @property
     def bias_sigma(self) -> list[float | None]:
@@ -301,7 +301,7 @@ class Grounds:
         """Standard deviations from what the labels say, (k,)."""
         sigma = self.sigma_robust if self.models is None else self.models.sigma
         sigma = np.hypot(sigma, self.sigma_omit)
-        return sigma if self.doubt is None else np.hypot(sigma, self.doubt.sigma)
+        return sigma if self.alternatives is None else np.hypot(sigma, self.alternatives.sigma)
 
 
 def decide(
@@ -313,11 +313,11 @@ def decide(
 ) -> tuple[Verdict, ...]:
     """Return the verdict on every parameter of a model."""
     rules = thresholds or Thresholds()
-    e, value, doubt = grounds.estimate, grounds.value, grounds.doubt
+    e, value, alternatives = grounds.estimate, grounds.value, grounds.alternatives
     sigma, left = grounds.sigma_label, grounds.left_out
     without: tuple[Verdict, ...] = ()
-    if doubt is not None:  # what would be said if nothing were missing
-        without = decide(labels, units, replace(grounds, doubt=None), nominal, thresholds)
+    if alternatives is not None:  # what would be said if nothing were missing
+        without = decide(labels, units, replace(grounds, alternatives=None), nominal, thresholds)
     with np.errstate(divide="ignore", invalid="ignore"):
         z = np.where(e.determined & (sigma > 0), np.abs(value) / sigma, 0.0)
         z = np.where(e.determined & (sigma == 0) & (value != 0), np.inf, z)
@@ -333,8 +333,12 @@ def decide(
         )
         if kind in SURE and grounds.forbidden is not None and grounds.forbidden[k]:
             kind, reason = Class.IN_DOUBT, FORBIDDEN
-        elif doubt is not None and without[k].verdict in LOST and kind is not without[k].verdict:
-            kind, reason = Class.IN_DOUBT, _say_doubt(doubt.names[k], without[k], percent)
+        elif (
+            alternatives is not None
+            and without[k].verdict in LOST
+            and kind is not without[k].verdict
+        ):
+            kind, reason = Class.IN_DOUBT, _say_missing(alternatives, k, without[k], percent)
         if kind not in (Class.NOT_JUDGED, Class.NEGLIGIBLE) and e.determined[k]:
             reason += _condition(grounds, k)
         reason += _compare(kind, bool(paper[k]), float(e.sigma_percent[k]), least)
@@ -353,7 +357,7 @@ def decide(
                 reason=reason,
                 nominal=None if nominal is None else float(nominal[k]),
                 sigma_omit=float(grounds.sigma_omit[k]),
-                sigma_doubt=0.0 if doubt is None else float(doubt.sigma[k]),
+                sigma_alternatives=0.0 if alternatives is None else float(alternatives.sigma[k]),
                 sigma_models=None if grounds.models is None else float(grounds.models.sigma[k]),
                 stands_for="" if left is None else left.stands_for[k],
                 projected=None if left is None or nominal is None else float(left.projected[k]),
@@ -363,12 +367,13 @@ def decide(
     return tuple(out)
 
 
-def _say_doubt(name: str, without: Verdict, percent: float) -> str:
+def _say_missing(alternatives: LabelAlternatives, k: int, without: Verdict, percent: float) -> str:
     """Return why a parameter loses the verdict that it would have if nothing were missing."""
     known = f"±{percent_digits(without.sigma_label_percent)} % ({without.verdict.value})"
+    seems = "seems to be" if alternatives.named[k] else "may be"
     return (
-        f"The logs say that {name} is missing in the model. Without it this would be "
-        f"{without.value:.4g}, known to {known}; with it the value is known only to "
+        f"By the logs {alternatives.names[k]} {seems} missing in the model. Without it this would "
+        f"be {without.value:.4g}, known to {known}; with it the value is known only to "
         f"±{percent_digits(percent)} %: find out what is missing (diagnose)."
     )
 
@@ -463,7 +468,7 @@ def decide_submodel(
     thresholds: Thresholds,
     stated: Array | None = None,
     left_out: LeftOut | None = None,
-    doubt: LabelDoubt | None = None,
+    alternatives: LabelAlternatives | None = None,
     models: Mixture | None = None,
 ) -> tuple[Verdict, ...]:
     """Return the verdicts on the k parameters of a model.
@@ -480,8 +485,8 @@ def decide_submodel(
         Values that the robot file states.
     left_out : LeftOut, optional
         What the parameters that the model leaves out do to its own.
-    doubt : LabelDoubt, optional
-        What functions that are missing do to them.
+    alternatives : LabelAlternatives, optional
+        What groups that may be missing do to them.
     models : Mixture, optional
         What all models of a path say of the labels.
     """
@@ -489,7 +494,7 @@ def decide_submodel(
     often = recurrence(fit, uncertainty, thresholds, omitted)
     unjudged = uncertainty.why_unjudged(thresholds)
     if all(unjudged):
-        doubt = None  # values that no verdict stands on are those of the fit
+        alternatives = None  # values that no verdict stands on are those of the fit
     grounds = Grounds(
         fit,
         uncertainty.robust,
@@ -503,7 +508,7 @@ def decide_submodel(
         submodel.nonnegative
         & fit.determined
         & (settle_signs(information, fit, submodel.nonnegative) < 0),
-        doubt,
+        alternatives,
         models,
     )
     return decide(submodel.labels, submodel.units, grounds, stated, thresholds)

@@ -30,8 +30,8 @@ class Class(StrEnum):
 #: Attributes of a verdict that stand in a row under their own names.
 IN_A_ROW = (
     "name", "label", "unit", "value", "sigma", "sigma_percent", "sigma_robust_percent",
-    "sigma_omit", "sigma_doubt", "sigma_models", "bias_sigma", "interval95", "data_interval95",
-    "paper_rule", "verdict", "reason", "stands_for", "nominal", "projected",
+    "sigma_omit", "sigma_alternatives", "sigma_models", "bias_sigma", "interval95",
+    "data_interval95", "paper_rule", "verdict", "reason", "stands_for", "nominal", "projected",
 )  # fmt: skip
 
 
@@ -45,9 +45,9 @@ class Verdict:
     value, sigma, sigma_robust : float
         Estimate and its standard deviations under white and under autocorrelated noise.
     interval95 : tuple of float
-        For the label: ``value ± 1.96 √(σ² + σ_omit² + σ_doubt²)``, σ that of the mixture over
-        models where there is one, else σ_robust; or the physical posterior's where that decided
-        the verdict.
+        For the label: ``value ± 1.96 √(σ² + σ_omit² + σ_alternatives²)``, σ that of the mixture
+        over models where there is one, else σ_robust; or the physical posterior's where that
+        decided the verdict.
     share : float
         Torque that the parameter makes, rms, relative to the measured torque's.
     paper_rule : bool
@@ -60,9 +60,9 @@ class Verdict:
         Central 95 % of the physical posterior, where constraints or prior decided the verdict.
     sigma_omit : float
         How far the value may lie from its label because the model leaves parameters out.
-    sigma_doubt : float
-        How far it may lie from its label because a function is missing (`doubt`); the value is
-        that of the model with this function.
+    sigma_alternatives : float
+        How far it may lie from its label because of what may be missing (`Alternatives`); the
+        value is that of the model with what is named.
     stands_for : str
         What the value is in truth, such as ``slider1.Jr + 0.02·platform.m``; empty if its label.
     projected : float or None
@@ -88,7 +88,7 @@ class Verdict:
     nominal: float | None = None
     believed: tuple[float, float] | None = None
     sigma_omit: float = 0.0
-    sigma_doubt: float = 0.0
+    sigma_alternatives: float = 0.0
     stands_for: str = ""
     projected: float | None = None
     bias_sigma: float | None = None
@@ -112,7 +112,7 @@ class Verdict:
     def sigma_label(self) -> float:
         """Standard deviation from what the label says: of noise and of what is missing."""
         own = self.sigma_robust if self.sigma_models is None else self.sigma_models
-        return float(np.hypot(np.hypot(own, self.sigma_omit), self.sigma_doubt))
+        return float(np.hypot(np.hypot(own, self.sigma_omit), self.sigma_alternatives))
 
     @property
     def disputed(self) -> bool:
@@ -140,7 +140,8 @@ class Verdict:
         row = {name: getattr(self, name) for name in IN_A_ROW}
         row |= {name: list(row[name]) for name in ("interval95", "data_interval95")}
         row["verdict"] = self.verdict.value
-        return row | {"torque_share": self.share}
+        # The older name of the term answers for one release.
+        return row | {"torque_share": self.share, "sigma_doubt": self.sigma_alternatives}
 
 
 def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:

@@ -84,7 +84,7 @@ STATED, OF_CHANCE, UNLIMITED = 6, 3, 9
 #: What a row with ``sigma`` or ``sd`` has in the same unit, and what is as uncertain as its value.
 OF_UNIT = {
     "value", "values", "mean", "nominal", "projected", "interval95", "data_interval95", "between",
-    "sigma", "sd", "sigma_doubt", "sigma_models", "sigma_omit",
+    "sigma", "sd", "sigma_alternatives", "sigma_doubt", "sigma_models", "sigma_omit",
 }  # fmt: skip
 OF_VALUE = {"sigma_percent", "sigma_robust_percent", "torque_share"}
 

@@ -235,7 +235,7 @@ def answer_trust(
     found, size : int
         Parameters that are identifiable, and all.
     missing : str
-        What the model surely misses, and how much (`Doubt.statement`).
+        What the model seems to miss, and how surely (`Alternatives.statement`).
     """
     question = "May I trust it?"
     if doubt:

@@ -20,7 +20,7 @@ import clarabel
 import numpy as np
 import pandas as pd
 
-from identifiability.estimation.doubt import NO_DOUBT, Doubt, find_doubt
+from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives, find_alternatives
 from identifiability.foundation import __version__
 from identifiability.foundation.engines.local import Processes
 from identifiability.foundation.engines.mapping import Engine, Steps
@@ -226,11 +226,12 @@ class Opening(OfStructure):
         return explain_silence([s.survey for s in self.samples])
 
 
-def find_missing(opening: Opening) -> Doubt:
-    """Return the functions that are missing beside the unpruned model."""
+def find_missing(opening: Opening) -> Alternatives:
+    """Return what may be missing beside the unpruned model."""
     if opening.silence:
-        return NO_DOUBT
-    return find_doubt(opening.regression, opening.unseen)
+        return NO_ALTERNATIVES
+    commanded = bool(opening.commands)
+    return find_alternatives(opening.structure, opening.regression, commanded=commanded)
 
 
 @contextmanager

@@ -69,7 +69,7 @@ def test_a_file_holds_what_is_best_without_the_function(learned):
         assert values[name] == pytest.approx(simple[name], rel=0.05)
         # A table states the value beside what the splines leave, a function that is missing still.
         apart = said["value"] - values[name]
-        assert abs(apart) < max(0.01 * abs(values[name]), 2 * said["sigma_doubt"])
+        assert abs(apart) < max(0.01 * abs(values[name]), 2 * said["sigma_alternatives"])
         label = f"{name[-2:]}(elbow) with its share of function_of_velocity"
         assert result[name]["label"] == label
         sigma = abs(result[name]["sigma_robust_percent"] * result[name]["value"])

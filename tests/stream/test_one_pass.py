@@ -7,7 +7,8 @@ import pytest
 from pyarrow import parquet
 
 from identifiability import analyze
-from identifiability.estimation import doubt
+from identifiability.effects import find_families
+from identifiability.estimation import groups
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, run_limited
@@ -122,18 +123,24 @@ def test_errors_of_windows_are_the_same_from_what_was_kept(sizes, frame_of, save
         np.testing.assert_allclose(found.sums.absolute, anew.sums.absolute, rtol=1e-12)
 
 
-def test_doubt_looks_at_rows_that_were_kept(made, sizes, frame_of, saved, monkeypatch):
+def test_what_may_be_missing_is_looked_for_in_rows_that_were_kept(
+    made, sizes, frame_of, saved, monkeypatch
+):
     sizes(window=150)
     robot, model = Robot.load("two-link"), Model.of("rigid_body", "viscous_friction")
     file = LogFile.read(saved(frame_of("two-link", periods=6)))
     regression = Regression(robot, model, (prepare_log(robot, file, engine=Serial()),))
     gather_information(regression)
     made.clear()
-    for excerpt in (doubt.EXCERPT, (600, 3, 100)):
-        monkeypatch.setattr(doubt, "EXCERPT", excerpt)
-        rows, ranges = doubt.Rows.of(regression)
-        assert len(rows.y) == (1500 if excerpt[0] > 1500 else 300) == len(rows.B)
-        assert ranges.speed.all()
+    (stribeck,) = find_families(["stribeck_friction"])
+    for excerpt in (groups.EXCERPT, (600, 3, 100)):
+        monkeypatch.setattr(groups, "EXCERPT", excerpt)
+        found = groups.Missing.of(regression, [stribeck], ())
+        assert len(found.seen.y) == (1500 if excerpt[0] > 1500 else 300) == len(found.entries[0, 0])
+        v = np.concatenate([p.motion.actuated_v[p.at] for p in found.seen.pieces])[found.seen.seen]
+        shape = found.candidates[0].shape
+        expected = np.sign(v[:, 0]) * np.exp(-np.abs(v[:, 0]) / shape)
+        np.testing.assert_allclose(found.entries[0, 0], expected, atol=0.2)
     assert not made
 
 

@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 import scipy
 
+from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives
 from identifiability.estimation.decide import decide_submodel, find_left_out
-from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import Estimate, settle_signs
 from identifiability.estimation.evidence import Mixture
@@ -262,7 +262,7 @@ def assess_ladder(
     thresholds: Thresholds,
     rng: np.random.Generator,
     replicates: int,
-    doubt: Doubt = NO_DOUBT,
+    missing: Alternatives = NO_ALTERNATIVES,
     *,
     late: Callable[[Submodel], Array] | None = None,
     unseen: Information | None = None,
@@ -281,8 +281,8 @@ def assess_ladder(
     rng : numpy.random.Generator
     replicates : int
         Of the bootstrap.
-    doubt : Doubt, optional
-        Functions that are missing beside all base parameters.
+    missing : Alternatives, optional
+        What may be missing beside all base parameters.
     late : callable(Submodel), optional
         What errors of delays do to the values of a model, (L, k).
     unseen : Information, optional
@@ -325,7 +325,7 @@ def assess_ladder(
             estimate=fit,
             uncertainty=uncertainty,
             verdicts=decide_reported(
-                reported, reported_uncertainty, torque, thresholds, full, doubt
+                reported, reported_uncertainty, torque, thresholds, full, missing
             ),
             error_ra=float(error[k]),
             error_ra_validation=float(unseen_error[k]),
@@ -361,7 +361,7 @@ def decide_reported(
     torque: float,
     thresholds: Thresholds,
     full: Estimate | None,
-    doubt: Doubt,
+    missing: Alternatives,
     models: Mixture | None = None,
 ) -> tuple[Verdict, ...]:
     """Return the verdicts on a model as it is told (`FittedModel.reported`).
@@ -375,8 +375,8 @@ def decide_reported(
     thresholds : Thresholds
     full : Estimate or None
         Of all base parameters.
-    doubt : Doubt
-        Functions that are missing beside these.
+    missing : Alternatives
+        What may be missing beside these.
     models : Mixture, optional
         What all models of a path say of its labels.
     """
@@ -386,7 +386,7 @@ def decide_reported(
     )[0]
     left_out = find_left_out(reported.structure, submodel, reported.whole, fit, full)
     aliases = _aliases(part, fit, submodel)
-    own = doubt.of_labels(submodel, fit)
+    own = missing.of_labels(submodel, fit)
     return decide_submodel(
         submodel, part, fit, uncertainty, torque, aliases, thresholds, stated, left_out, own, models
     )
@@ -622,8 +622,8 @@ class Laddered(Result, Opening, Predicts):
         Other options that decided the numbers.
     nothing : str
         Why no verdict is believed, for after "because"; empty where they are.
-    missing : Doubt
-        Functions of a joint's motion or load that are missing beside the unpruned model.
+    missing : Alternatives
+        What may be missing beside the unpruned model.
     moved : Moved or None
         How far rollouts of the nearest real robot are off, of logs of commands.
     late : (L, b)
@@ -643,7 +643,7 @@ class Laddered(Result, Opening, Predicts):
     source: LadderSource | None = None
     settings: Mapping[str, object]
     nothing: str = ""
-    missing: Doubt = NO_DOUBT
+    missing: Alternatives = NO_ALTERNATIVES
     moved: Moved | None = None
     late: Array
     rolled: Rollouts | None = None
@@ -697,7 +697,7 @@ class Laddered(Result, Opening, Predicts):
             base_covariance=M @ covariance @ M.T + self.late.T @ self.late,
             base_unknown=M @ unknown,
             errors=self.exported[1],
-            missing=tuple(f.text for f in self.missing.functions),
+            missing=self.missing.functions,
         )
 
     def ladder_frame(self) -> pd.DataFrame:

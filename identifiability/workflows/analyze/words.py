@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.effects.imu import move_mounting
-from identifiability.estimation.doubt import NO_DOUBT, Doubt
+from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives
 from identifiability.estimation.instrumental import RenoisedLeastSquares
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import Thresholds
@@ -214,7 +214,7 @@ def state_answer(
     chosen: ModelResult,
     physics: str,
     nothing: str = "",
-    missing: Doubt = NO_DOUBT,
+    missing: Alternatives = NO_ALTERNATIVES,
 ) -> str:
     """Return how many parameters the logs determine, and which model to use.
 
@@ -229,7 +229,7 @@ def state_answer(
         What `state_physics` says of the selected model.
     nothing : str
         Why no verdict is believed, if that is so (`doubt`).
-    missing : Doubt, optional
+    missing : Alternatives, optional
         Functions that are missing in it.
     """
     total, full = len(base.parameters), models[0]

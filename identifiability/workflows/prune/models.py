@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives
 from identifiability.estimation.bootstrap import scatter_scores
 from identifiability.estimation.decide import find_left_out
-from identifiability.estimation.doubt import NO_DOUBT, Doubt
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Evidence, Mixture, mix_labels, weigh_models
@@ -515,7 +515,7 @@ class Measured:
         or, without any, on stretches (or logs) by models fitted to the others; sums only.
     nothing : str
         Why no verdict is believed, for after "because"; empty where they are.
-    missing : Doubt
+    missing : Alternatives
         Functions that are missing beside the unpruned model.
     """
 
@@ -524,7 +524,7 @@ class Measured:
     fitted: Prediction
     held_out: Prediction
     nothing: str = ""
-    missing: Doubt = NO_DOUBT
+    missing: Alternatives = NO_ALTERNATIVES
 
     def beside_file(self, question: Question, share: float) -> tuple[Measured, str]:
         """Return them with verdicts that say what the file's bodies add, and what the log says.
