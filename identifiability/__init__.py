@@ -10,7 +10,7 @@ What to use when:
 - `payload` weighs what hangs on a body of a robot that was fitted without it, `compare` says what
   changed between two logs or results;
 - `rollout` moves robots by logged commands and says by how much their positions err;
-- `batch` asks the same of many robots: one table, and a page each;
+- `analyze_many` asks the same of many robots: one table, and a page each;
 - `calibrate` measures how far the answers can be trusted, `export` writes them as a robot file;
 - `Robot.load` and `Log.read` read files; `simulate` makes logs of a robot that is known;
 - `plot` draws the figures of a report one by one;
@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from identifiability.robot import Motion, Robot
     from identifiability.simulation import Noise, Trajectory, simulate
     from identifiability.workflows.analyze import Analysis, analyze
-    from identifiability.workflows.batch import Batch, batch
     from identifiability.workflows.calibrate.calibration import Calibration, calibrate
     from identifiability.workflows.compare import Comparison, compare
     from identifiability.workflows.diagnose import Diagnosis, diagnose
@@ -52,6 +51,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.export import Exported, export
     from identifiability.workflows.gains import Gains, identify_gains
     from identifiability.workflows.inspect import Inspection, inspect
+    from identifiability.workflows.many import Fleet, analyze_many
     from identifiability.workflows.payload import Load, payload
     from identifiability.workflows.predict import Fit, TorquePrediction
     from identifiability.workflows.prune import Ladder, prune
@@ -79,7 +79,6 @@ _HOMES = {
         "robot": ("Motion", "Robot"),
         "simulation": ("Noise", "Trajectory", "simulate"),
         "workflows.analyze": ("Analysis", "analyze"),
-        "workflows.batch": ("Batch", "batch"),
         "workflows.calibrate.calibration": ("Calibration", "calibrate"),
         "workflows.compare": ("Comparison", "compare"),
         "workflows.diagnose": ("Diagnosis", "diagnose"),
@@ -87,6 +86,7 @@ _HOMES = {
         "workflows.export": ("Exported", "export"),
         "workflows.gains": ("Gains", "identify_gains"),
         "workflows.inspect": ("Inspection", "inspect"),
+        "workflows.many": ("Fleet", "analyze_many"),
         "workflows.payload": ("Load", "payload"),
         "workflows.predict": ("Fit", "TorquePrediction"),
         "workflows.prune": ("Ladder", "prune"),
@@ -99,7 +99,6 @@ _HOMES = {
 __all__ = [
     "Analysis",
     "BaseParameters",
-    "Batch",
     "Calibration",
     "Comparison",
     "Diagnosis",
@@ -108,6 +107,7 @@ __all__ = [
     "Excitation",
     "Exported",
     "Fit",
+    "Fleet",
     "Gains",
     "IdentifiabilityError",
     "Information",
@@ -130,7 +130,7 @@ __all__ = [
     "Verdict",
     "__version__",
     "analyze",
-    "batch",
+    "analyze_many",
     "calibrate",
     "compare",
     "diagnose",

@@ -101,7 +101,7 @@ def test_a_help_names_what_is_registered_and_imports_none_of_it(which, said):
 
 #: Options that are written, with what else the verb must be told.
 WRITTEN = {
-    "analyze": (["two-link", "run.csv"], ["--report", "--json"]),
+    "analyze": (["two-link", "run.csv"], ["--report", "--json", "--out"]),
     "prune": (["two-link", "run.csv"], ["--report", "--json", "--out"]),
     "diagnose": (["two-link", "run.csv"], ["--report", "--json", "--out", "--next"]),
     "calibrate": (["two-link", "run.csv"], ["--report", "--json"]),
@@ -117,7 +117,6 @@ WRITTEN = {
     "demo": ([], ["--folder"]),
     "paper": ([], ["--out"]),
     "new": (["x.pdf"], []),
-    "batch": (["study.toml"], ["--out"]),
 }
 
 

@@ -40,13 +40,6 @@ TYPED = [
 #: What `make test` runs of it.
 FEW = TYPED[2:3]
 
-#: What a batch is asked for.
-STUDY = """
-verb = "analyze"
-options = {quick = true, replicates = 0}
-robots = [{name = "arm", file = "robot.xml", train = "a.csv", validate = "b.csv"}]
-"""
-
 #: What somebody has yet to measure, and the log that stands for it here.
 MEASURED = {"next.csv": "b.csv", "another.csv": "b.csv", "empty.csv": "a.csv"}
 
@@ -143,7 +136,7 @@ def words(text):
         "inspect robot.xml --report page.html",
         "inspect robot.xml a.csv --report page.html",
         "gain robot.xml a.csv --loaded loaded.csv --mass 1 --report page.html",
-        "batch study.toml --out out",
+        "analyze --each . --out out",
         *(
             pytest.param(t, marks=pytest.mark.everything)
             for t in (
@@ -164,7 +157,6 @@ def test_a_terminal_shows_no_number_column_or_next_line_that_the_page_has_not(
         log.write(tmp_path / f"{name}.csv")
     if "result.json" in typed:
         call(shlex.split("analyze robot.xml a.csv --replicates 0 --json result.json"))
-    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
     shown = []
     monkeypatch.setattr(common, "print_table", lambda _, table: shown.append(table))
     said = call(shlex.split(typed))

@@ -27,7 +27,7 @@ COMMANDS = vars(typer.main.get_command(app))["commands"]
 
 #: Pages that run from top to bottom in an empty folder, as they are printed.
 RUN = ["README.md", *(f"docs/tutorials/{p.name}" for p in sorted(ROOT.glob("docs/tutorials/*.md")))]
-RUN += ["docs/how-to/python.md", "docs/how-to/batch.md"]
+RUN += ["docs/how-to/python.md", "docs/how-to/many.md"]
 
 #: Verbs that a quick run of the README leaves out: what follows does not need them, or, as Python,
 #: asks the same; of the same verb twice it does the first, and not that of twelve joints.

@@ -19,7 +19,7 @@ from identifiability.cli.options import Verb, helps
 #: Verbs in the order of the help; any other file here with a function of its name is one, too.
 FIRST = (
     *("new", "demo", "inspect", "analyze", "prune", "diagnose", "simulate", "excite", "predict"),
-    *("export", "calibrate", "payload", "compare", "rollout", "gain", "batch", "paper"),
+    *("export", "calibrate", "payload", "compare", "rollout", "gain", "paper"),
 )
 
 
@@ -53,7 +53,10 @@ class Verbs(Mapping[str, Any]):
 
 
 #: Verbs that went, and what to type instead.
-GONE = {"convert": "identifiability new FOLDER --robot table.toml"}
+GONE = {
+    "batch": "identifiability analyze --each FOLDER --each FOLDER --out RESULTS",
+    "convert": "identifiability new FOLDER --robot table.toml",
+}
 
 
 class Group(typer.core.TyperGroup):

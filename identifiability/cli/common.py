@@ -327,7 +327,7 @@ def look(
     results = [path for path in sides if path.lower().endswith(".json")]
     logs += [path for path in sides if path not in results]
     marked = list(_marked(given, marks))
-    robot = given.get("robot")
+    robot = given.get("robot") or None
     read = [robot, given.get("sidecar"), *logs, *results]
     read += [value for mark, value in marked if isinstance(mark, Reads)]
     written = [(mark, Path(value)) for mark, value in marked if isinstance(mark, Writes)]

@@ -304,7 +304,7 @@ def command(*, motion_alone: bool = False) -> Callable[[Callable[..., None]], Ve
 # Kinds of options, and groups of them.
 
 
-def _robots(typed: str) -> list[str]:
+def find_robots(typed: str) -> list[str]:
     """Return the shipped robots that begin so, for the shell; it adds the files itself."""
     package = Path(__file__).resolve().parents[1]
     shipped = [*package.glob("models/*/robot.*"), *package.parent.glob("models/*/robot.*")]
@@ -343,7 +343,7 @@ Quick = bool
 class Machine:
     """The robot, and what its file does not say."""
 
-    robot: Annotated[str, Argument(autocompletion=_robots)]
+    robot: Annotated[str, Argument(autocompletion=find_robots)]
     sidecar: str | None = None
     lock: Annotated[Sequence[str] | None, Option(metavar="NAME[=VALUE]")] = None
     base: Annotated[str | None, Option(metavar="fixed|floating")] = None

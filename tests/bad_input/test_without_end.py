@@ -27,7 +27,6 @@ from identifiability.robot import markup as magnitudes
 from identifiability.robot import markup as xml
 from identifiability.robot.files import read_geometry
 from identifiability.robot.table import write_table
-from identifiability.workflows import batch as studies
 from identifiability.workflows.predict import read_fit
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -270,21 +269,6 @@ def test_limits_of_results(refuses):
     refuses(read, "r.json", "[" + "[]," * MOST_PARTS + "1]", "more than 2000000 lists and keys")
     refuses(read, "r.json", sparse, "larger than 50 MB")
     refuses(read, "r.json", json.dumps({"a": 1})[:-1] + "[" * 3000, "is not valid JSON")
-
-
-def test_a_study_of_too_many_robots_is_refused(refuses, tmp_path, monkeypatch):
-    def begin(path):
-        return studies.batch(path, tmp_path / "out")
-
-    robot = '[[robots]]\nfile = "two-link"\ntrain = "a.csv"\n'
-    many = 'verb = "analyze"\n' + robot * (MOST_TABLES + 1)
-    refuses(begin, "study.toml", many, f"has {MOST_TABLES + 1} entries, more than {MOST_TABLES}")
-    assert studies.MOST == 10_000
-    monkeypatch.setattr(studies, "MOST", 3)
-    for k in range(4):
-        (tmp_path / f"arm{k}").mkdir()
-    found = 'verb = "analyze"\n' + robot + 'each = "arm*"\n'
-    refuses(begin, "study.toml", found, "has more than 3 robots; make several")
 
 
 #: What is at its limit, and read.

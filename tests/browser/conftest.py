@@ -20,18 +20,18 @@ from identifiability.robot import Robot
 from identifiability.robot.locate import locate_robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, random_trajectory, simulate
 from identifiability.workflows.analyze import analyze
-from identifiability.workflows.batch import batch
 from identifiability.workflows.calibrate.calibration import calibrate
 from identifiability.workflows.compare import compare
 from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.excite import excite
 from identifiability.workflows.inspect import inspect
+from identifiability.workflows.many import analyze_many
 from identifiability.workflows.payload import payload
 from identifiability.workflows.prune import prune
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 #: Kinds of reports that are opened whenever everything is tested.
-LATER = ("payload", "comparison", "excitation", "prediction", "robot", "batch", "floating")
+LATER = ("payload", "comparison", "excitation", "prediction", "robot", "fleet", "floating")
 KINDS = ("demo", "inspection", "analysis", "pruning", "calibration", "table", "index", "diagnosis")
 LONG = "a_joint_whose_name_is_" + "very_" * 12 + "long<script>alert(1)</script>"
 
@@ -140,14 +140,11 @@ def _shipped(robot: str, log: str) -> Path:
     return locate_robot(robot).parent / "logs" / log
 
 
-def _batch(folder: Path) -> object:
+def _fleet(folder: Path) -> object:
     """Two robots, of which one cannot be asked."""
-    study = folder / "fleet.toml"
-    text = 'name = "{0}"\nfile = "{0}"\ntrain = "{1}"\n'
-    logs = dict.fromkeys(("cart-arm", "two-link"), _shipped("cart-arm", "pushed.csv"))
-    rows = [f"[[robots]]\n{text.format(robot, log)}" for robot, log in logs.items()]
-    study.write_text("\n".join(['verb = "analyze"', "[options]", "quick = true", *rows]))
-    return batch(study, folder / "fleet", engine=Serial())
+    log = _shipped("cart-arm", "pushed.csv")
+    robots = {name: (name, log) for name in ("cart-arm", "two-link")}
+    return analyze_many(robots, folder / "fleet", quick=True, engine=Serial())
 
 
 def _record(robot: Robot, rng: np.random.Generator) -> object:
@@ -185,7 +182,7 @@ def later_reports(tmp_path_factory) -> dict[str, Path]:
         "excitation": excite(robot, start_from=log, evaluations=100, iterations=2),
         "prediction": result.predict(more[1]),
         "robot": inspect(robot),
-        "batch": _batch(folder),
+        "fleet": _fleet(folder),
         "floating": analyze("cart-arm", _shipped("cart-arm", "pushed.csv"), quick=True),
     }
     return {k: r.write_report(folder / f"{k}.html") for k, r in results.items()}

@@ -18,7 +18,7 @@ LATER = (
     ("pruning", 400),
     *((kind, w) for kind in ("diagnosis", "calibration", "inspection", "demo") for w in WIDTHS),
 )
-GOING_ON = ("payload", "comparison", "excitation", "prediction", "robot", "batch", "floating")
+GOING_ON = ("payload", "comparison", "excitation", "prediction", "robot", "fleet", "floating")
 
 
 @pytest.fixture(scope="session")

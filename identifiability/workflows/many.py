@@ -1,0 +1,452 @@
+"""One verb over many robots: one table, and a page each; a robot that fails is a sentence.
+
+A robot is one item of an engine, so its answer does not depend on where it was found, and what an
+engine that is resumed has finished is not done again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, field, replace
+from pathlib import Path
+from statistics import median
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_type_hints
+from urllib.parse import quote
+
+import pandas as pd
+
+from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
+from identifiability.foundation.engines.local import Engine, Serial
+from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing, near_match
+from identifiability.foundation.numbers import percent
+from identifiability.foundation.options import (
+    Expected,
+    FilePath,
+    OptionError,
+    check_option,
+    checked,
+)
+from identifiability.foundation.output import temporary_folder, write_bytes
+from identifiability.foundation.result import Result
+from identifiability.foundation.rounding import NONE, error_text, format_count
+from identifiability.foundation.values import frozen
+from identifiability.logs.formats.bags import BAGS, is_bag
+from identifiability.logs.formats.reader import find_reader
+from identifiability.logs.tables import write_table
+from identifiability.robot import Robot
+from identifiability.robot.locate import ENDINGS
+from identifiability.workflows.analyze import analyze
+from identifiability.workflows.answers import with_hints
+from identifiability.workflows.diagnose import diagnose
+from identifiability.workflows.opening import Progress, quiet, running
+from identifiability.workflows.prune import prune
+
+Verb = Literal["analyze", "prune", "diagnose"]
+Robots: TypeAlias = Sequence[FilePath] | Mapping[str, tuple[Any, ...]]
+RobotsLike = Annotated[
+    Robots, Expected("folders, or a mapping from names to a robot, its logs and those held out")
+]
+
+#: What stands in the folder of the answers.
+PAGE, TABLE, JSON, ROBOTS = "index.html", "table.csv", "table.json", "robots"
+
+#: Names that are files of every system.
+_NAME = re.compile(r"\w[\w .+,=@()-]{0,99}")
+
+
+@frozen(kw_only=True)
+class Task:
+    """What is asked of one robot: all that leads to its answer, or why it cannot be asked."""
+
+    name: str
+    verb: str
+    options: Mapping[str, Any]
+    robot: str = ""
+    logs: tuple[str, ...] = ()
+    held: tuple[str, ...] = ()
+    digest: str = ""
+    refusal: str = ""
+
+
+def _plan(name: str, source: Any, verb: str, options: Mapping[str, Any]) -> Task:
+    """Return what is asked of a robot that lies in a folder, or is given with its logs."""
+    if not _NAME.fullmatch(name):
+        raise OptionError(f"'{name}' cannot be the name of a page; give letters and digits.")
+    task = Task(name=name, verb=verb, options=options)
+    try:
+        robot, *logs = source if isinstance(source, tuple) else _find(Path(source))
+        several = [[each] if isinstance(each, (str, Path)) else each for each in (*logs, (), ())]
+        fitted, held = (tuple(map(str, each)) for each in several[:2])
+        task = replace(task, robot=str(robot), logs=fitted, held=held)
+        return replace(task, digest=_digest(task))
+    except (IdentifiabilityError, OSError) as error:
+        return replace(task, refusal=str(error))
+
+
+def _find(folder: Path) -> tuple[Path, list[Path], list[Path]]:
+    """Return the robot file in a folder, its logs, and the last of several, which is held out.
+
+    Raises
+    ------
+    OptionError
+        If there is no folder, no log, or not one robot file.
+    """
+    if not folder.is_dir():
+        raise OptionError(f"There is no folder '{folder}'; give one with a robot file and logs.")
+    there = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+    files = [path for path in there if path.suffix.lower() in ENDINGS]
+    files = [p for p in files if p.name in ("robot.xml", "robot.urdf")][-1:] or files
+    if len(files) != 1:
+        has = f"has {listing([p.name for p in files])}" if files else "has no robot file"
+        raise OptionError(f"'{folder}' {has}; call the one to use robot.urdf or robot.xml.")
+    logs = [p for p in there if p.suffix.lower() in (".csv", ".parquet", *BAGS) or is_bag(p)]
+    if not logs:
+        raise OptionError(f"'{folder}' has no logs; put CSV or Parquet files or bags into it.")
+    fitted = logs[:-1] or logs
+    return files[0], fitted, logs[len(fitted) :]
+
+
+def _digest(task: Task) -> str:
+    """Return a digest of the content of all files that lead to an answer."""
+    robot = Robot.of(task.robot)
+    digest = hashlib.sha256(robot.sha256.encode())
+    logs = [Path(text) for text in (*task.logs, *task.held)]
+    readers = [find_reader(log) for log in logs]
+    places = [p if r is None else r.place(p) for p, r in zip(logs, readers, strict=True)]
+    places += [Path(v) for v in task.options.values() if isinstance(v, (str, Path))]
+    places += [robot.path.with_name("ladder.toml")]  # analyze takes it without being told
+    for place in places:
+        for path in sorted(place.rglob("*")) if place.is_dir() else [place]:
+            if path.is_file():
+                with path.open("rb") as stream:
+                    digest.update(hashlib.file_digest(stream, "sha256").digest())
+    return digest.hexdigest()
+
+
+def _function(verb: str) -> Any:
+    return {"analyze": analyze, "prune": prune, "diagnose": diagnose}[verb]
+
+
+def _check_options(verb: str, given: Mapping[str, Any]) -> None:
+    """Refuse what is no option of a verb."""
+    kinds = get_type_hints(_function(verb), include_extras=True)
+    ours = ("robot", "logs", "validate", "engine", "progress", "return")
+    known = [name for name in kinds if name not in ours]
+    for name, value in given.items():
+        if name not in known:
+            raise OptionError(
+                f"'{name}' is no option of {verb}{near_match(name, known)} "
+                f"Its options are {listing(sorted(known), 40)}."
+            )
+        check_option(name, value, kinds[name])
+
+
+@frozen(kw_only=True)
+class Row:
+    """What the table says of one robot.
+
+    Attributes
+    ----------
+    robot : str
+    logs, held : tuple of str
+        Names of the logs that are fitted, and that judge.
+    model : str
+        That which is worth using; of a diagnosis that with what was missing.
+    parameters : int or None
+        Of that model.
+    verdicts : mapping
+        How many of them have which; none of a diagnosis.
+    error, error_unseen : float or None
+        Relative errors of that model on fitted and unseen motion.
+    missing : tuple of str
+        What is missing: of a diagnosis by name, else functions of which joint.
+    warnings : tuple of str
+        What to check in its logs and its file.
+    failed : str
+        Why there is no answer, in one sentence.
+    """
+
+    robot: str
+    logs: tuple[str, ...] = ()
+    held: tuple[str, ...] = ()
+    model: str = ""
+    parameters: int | None = None
+    verdicts: Mapping[str, int] = field(default_factory=dict)
+    error: float | None = None
+    error_unseen: float | None = None
+    missing: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    failed: str = ""
+
+    @property
+    def page(self) -> str:
+        """Its page, seen from the folder of the answers; empty if there is none."""
+        return "" if self.failed else f"{ROBOTS}/{self.robot}.html"
+
+
+def run_task(task: Task) -> tuple[Row, bytes, bytes]:
+    """Return the row of a robot, its JSON and its page; whatever goes wrong stands in the row."""
+    logs, held = (tuple(Path(log).name for log in each) for each in (task.logs, task.held))
+    row, said = Row(robot=task.name, logs=logs, held=held), task.refusal
+    try:
+        if not said:
+            result: Result = _function(task.verb)(
+                task.robot, list(task.logs), list(task.held), engine=Serial(), **task.options
+            )
+            with temporary_folder() as folder:
+                told = result.to_json(Path(folder, f"{task.name}.json")).read_bytes()
+                page = result.write_report(Path(folder, f"{task.name}.html")).read_bytes()
+            return _fill(row, json.loads(told)), told, page
+    except IdentifiabilityError as error:
+        said = str(error)
+    except MemoryError:  # of all that run at once: the whole run says so
+        raise
+    except Exception as error:  # noqa: BLE001 - one robot does not end the others
+        said = f"It met a fault of this program, please report it: {type(error).__name__}: {error}."
+    return replace(row, failed=said), b"", b""
+
+
+def _fill(row: Row, told: Mapping[str, Any]) -> Row:
+    """Return a row with what the JSON of a result says."""
+    row = replace(row, warnings=tuple(told["hints"]))
+    if "models" not in told:  # a diagnosis
+        named = [" or ".join([e["effect"], *e["or"]]) for e in told["effects"]]
+        where = [", ".join(e["joints"]) for e in told["effects"]]
+        return replace(
+            row,
+            model=told["fit"]["model"]["name"],
+            parameters=len(told["fit"]["names"]),
+            missing=tuple(f"{n}@{j}" if j else n for n, j in zip(named, where, strict=True)),
+            error=told["after"]["error_ra"],
+            error_unseen=told["after"]["error_ra_validation"],
+        )
+    chosen = next(m for m in told["models"] if m["name"] == told["selected"])
+    unseen = (chosen.get("error_ra_validation"), chosen.get("error_ra_unseen"))
+    return replace(
+        row,
+        model=chosen["name"],
+        parameters=len(told["parameters"]),
+        verdicts=dict(Counter(p["verdict"] for p in told["parameters"])),
+        error=chosen["error_ra"],
+        error_unseen=next((e for e in unseen if e is not None), None),
+        missing=tuple(f"{f['of']}, {f['joint']}" for f in told["missing_functions"]),
+    )
+
+
+@frozen(kw_only=True)
+class Fleet(Result):
+    """The answers of many robots. Make it with `analyze_many`.
+
+    Attributes
+    ----------
+    verb : str
+    folder : Path
+        Where the table and the pages are.
+    rows : tuple of Row
+        One a robot.
+    """
+
+    schema: ClassVar[str] = "identifiability/fleet/1"
+
+    verb: str
+    folder: Path
+    rows: tuple[Row, ...]
+
+    @property
+    def files(self) -> list[Path]:
+        """The table, as CSV and as JSON, and its page."""
+        return [self.folder / name for name in (TABLE, JSON, PAGE)]
+
+    @property
+    def failed(self) -> tuple[Row, ...]:
+        """Robots without an answer."""
+        return tuple(row for row in self.rows if row.failed)
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Errors on unseen motion where they are known, by robot, the largest first."""
+        known = {r.robot: r.error_unseen for r in self.rows if r.error_unseen is not None}
+        return dict(sorted(known.items(), key=lambda item: -item[1]))
+
+    @property
+    def heading(self) -> tuple[str, str, str]:
+        """Title of its page, what kind of page it is, and what it is about."""
+        title = self.folder.resolve().name
+        return title, "Many robots", f"{self.verb} · {format_count(len(self.rows), 'robot')}"
+
+    def cautions(self) -> tuple[Note, ...]:
+        """Return why robots have no answer, and what to check in logs and files, by robot."""
+        failed = [Note("warning", row.robot, row.failed) for row in self.failed]
+        odd = [Note("note", row.robot, " ".join(row.warnings)) for row in self.rows if row.warnings]
+        return (*failed, *odd)
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return whether every robot has an answer, how well they are described, what to check."""
+        total, names = len(self.rows), [row.robot for row in self.failed]
+        short = f"{total - len(names)} of {total}." if names else f"Yes, all {total}."
+        text = f"Without one: {listing(names)}; why is said below." if names else ""
+        tone = "amber" if names else "green"
+        question = "How well is unseen motion predicted?"
+        errors = [Answer(question, "Not known.", tone="grey")]
+        if self.errors:
+            each = list(self.errors.values())
+            ends = " to ".join(dict.fromkeys((percent(each[-1], 2), percent(each[0], 2))))
+            worst = listing([f"{n} ({percent(e, 2)})" for n, e in list(self.errors.items())[:3]])
+            middle = f"The median is {percent(median(each), 2)}. The largest: {worst}."
+            errors = [Answer(question, f"With an error of {ends}.", middle, "blue")]
+        lacking = [row.robot for row in self.rows if row.missing]
+        warned = [row.robot for row in self.rows if row.warnings]
+        look = f"Something is missing in the model of {listing(lacking)}. " if lacking else ""
+        look += f"There are warnings on {listing(warned)}." if warned else ""
+        count = format_count(len({*lacking, *warned}), "robot")
+        first = f"{count} first." if look else "Nothing stands out."
+        check = Answer("Which should I look at?", first, look, "amber" if look else "green")
+        return Answer("Has every robot an answer?", short, text, tone), *errors, check
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return one row a robot."""
+        own = with_hints(
+            "fleet",
+            Column("robot", "text", lambda r: Cell(r.robot, r.robot, link=quote(r.page))),
+            Column("held out", "text", lambda r: ", ".join(r.held) or NONE),
+            Column("model", "text", "model"),
+            Column("size", "number", "parameters"),
+            *map(_count, sorted({kind for row in self.rows for kind in row.verdicts})),
+            _error("error", "error"),
+            _error("unseen", "error_unseen"),
+            Column("missing", "text", lambda r: "; ".join(r.missing) or NONE),
+            Column("warnings", "number", lambda r: len(r.warnings)),
+        )
+        return (Table.of("One row a robot, whose name leads to its own page", own, self.rows),)
+
+    @property
+    def statement(self) -> str:
+        """The answer in plain words."""
+        said = [f"{len(self.rows) - len(self.failed)} of {len(self.rows)} robots have an answer."]
+        said += [f"{row.robot} has none: {row.failed}" for row in self.failed[:3]]
+        if len(self.failed) > 3:
+            said.append(f"So have {len(self.failed) - 3} more, as the table says.")
+        _, errors, check = self.answers()
+        if self.errors:
+            said += [f"Torque of unseen motion is predicted {errors.short.lower()}", errors.text]
+        return " ".join([*said, *filter(None, [check.text])]).strip()
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a robot; errors are fractions."""
+        kinds = sorted({kind for row in self.rows for kind in row.verdicts})
+        frame = pd.DataFrame(self._told())
+        for name in ("logs", "held", "missing", "warnings"):
+            frame[name] = frame[name].map("; ".join)
+        for kind in kinds:
+            frame[kind] = [row.verdicts.get(kind, 0) if row.verdicts else None for row in self.rows]
+        whole = dict.fromkeys(("parameters", *kinds), "Int64")
+        return frame.drop(columns="verdicts").astype(whole)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the answers in their documented JSON schema."""
+        head = {"schema": self.schema, "verb": self.verb, "statement": self.statement}
+        return {**head, "robots": self._told()}
+
+    def _told(self) -> list[dict[str, Any]]:
+        return [{**asdict(row), "page": row.page} for row in self.rows]
+
+
+@checked
+def analyze_many(
+    robots: RobotsLike,
+    out: FilePath,
+    verb: Verb = "analyze",
+    *,
+    engine: Engine | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Fleet:
+    """Ask the same of many robots: one table, and a page each.
+
+    Parameters
+    ----------
+    robots : sequence of path, or mapping
+        Folders, each with a robot file (``robot.xml``, ``robot.urdf`` or the only one), its sidecar
+        and its logs, of which the last of several, by name, is held out. Or by name: path or
+        shipped name of the robot, logs to fit, and logs held out, as paths.
+    out : path
+        Folder of the answers: new, empty, or that of an earlier time.
+    verb : {"analyze", "prune", "diagnose"}
+    engine : Engine, optional
+        Where robots are asked; by default in several processes.
+    progress : callable(str, float), optional
+    **options
+        Of the verb.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If options or the folder cannot be used; what is wrong with one robot stands in its row.
+    """
+    say, folder = progress or quiet, Path(out)
+    _check_options(verb, options)
+    named = (
+        robots.items()
+        if isinstance(robots, Mapping)
+        else [(Path(place).resolve().name, place) for place in robots]
+    )
+    if not named:
+        raise OptionError("No robot is given; give folders with a robot file and logs.")
+    counts = Counter(name.casefold() for name, _ in named)
+    twice = next((name for name, _ in named if counts[name.casefold()] > 1), None)
+    if twice is not None:
+        raise OptionError(f"Two robots are called '{twice}'; rename the folder of one.")
+    say("looking at robots and logs", 0.0)
+    tasks = [_plan(name, source, verb, options) for name, source in named]
+    _open(folder)
+    rows: list[Row] = []
+    with running(engine) as runner:
+        for row, told, page in runner.map(run_task, tasks):
+            rows.append(row)
+            if not row.failed:
+                write_bytes(folder / ROBOTS / f"{row.robot}.json", told)
+                write_bytes(folder / row.page, page)
+            say(f"asked {row.robot}", len(rows) / len(tasks))
+    result = Fleet(verb=verb, folder=folder, rows=tuple(rows))
+    write_table(folder / TABLE, result.to_frame())
+    result.to_json(folder / JSON)
+    result.write_report(folder / PAGE)
+    return result
+
+
+def _open(folder: Path) -> None:
+    """Make the folder of the answers.
+
+    Raises
+    ------
+    OutputError
+        If it is none, or has other things in it.
+    """
+    try:
+        for path in folder.rglob("*") if folder.is_dir() else ():
+            own = path.parent == folder and path.name in (PAGE, TABLE, JSON, ROBOTS)
+            own |= path.parent == folder / ROBOTS and path.suffix in (".html", ".json")
+            if not own and not path.name.startswith("."):
+                raise OutputError(
+                    f"'{folder}' holds '{path.name}', which is no answer about many robots; give a "
+                    "new folder (--out)."
+                )
+        (folder / ROBOTS).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"'{folder}' cannot be used: {error.strerror or error}.") from None
+
+
+def _count(kind: str) -> Column:
+    return Column(kind, "number", lambda r: r.verdicts.get(kind, 0) if r.verdicts else None)
+
+
+def _error(title: str, name: str) -> Column:
+    def of(row: Row) -> Cell:
+        error = getattr(row, name)
+        return Cell(NONE, float("nan")) if error is None else Cell(error_text(error), error)
+
+    return Column(title, "number", of)

@@ -1,0 +1,177 @@
+"""Many robots at once: one table, a page each; what is finished is kept, failures are sentences."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from identifiability import analyze_many
+from identifiability.cli import app
+from identifiability.foundation.engines.local import Processes, Resumed, Serial
+from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.workflows import many as module
+
+MODEL = Path(__file__).resolve().parents[1] / "models" / "two-link" / "robot.xml"
+
+OPTIONS = {"replicates": 20, "seed": 1}
+
+
+@pytest.fixture(scope="module")
+def start(tmp_path_factory, simulated_session):
+    """A folder with the folders of three robots, one of which has no logs."""
+    folder = tmp_path_factory.mktemp("fleet")
+    for k, name in enumerate("abc"):
+        place = folder / name
+        place.mkdir()
+        shutil.copy(MODEL, place)
+        if name != "c":
+            for log, seed in {"1": k, "2": 9 + k}.items():
+                motion = "ab"[int(log) - 1]
+                session = simulated_session("two-link", motion, seed, samples=300)
+                session.write(place / f"run{log}.csv")
+    return folder
+
+
+def ask(start, out, engine, names="abc", **options):
+    robots = [start / name for name in names]
+    return analyze_many(robots, out, engine=engine, **{**OPTIONS, **options})
+
+
+def written(out):
+    """The table and the answers in a folder; pages say when they were made."""
+    files = [p for p in out.rglob("*") if p.suffix in (".csv", ".json")]
+    return {p.relative_to(out): p.read_bytes() for p in files}
+
+
+@pytest.fixture(scope="module")
+def asked(start, tmp_path_factory):
+    """What the command printed, and the folder of its answers."""
+    out = tmp_path_factory.mktemp("out") / "results"
+    words = [w for name in "abc" for w in ("--each", str(start / name))]
+    more = ["--out", str(out), "--replicates", "20", "--seed", "1", "--workers", "1"]
+    return CliRunner().invoke(app, ["analyze", *words, *more]), out
+
+
+def test_one_row_a_robot_and_a_page_each(asked):
+    run, out = asked
+    assert run.exit_code == 1
+    assert "2 of 3 robots have an answer. c has none: " in " ".join(run.stdout.split())
+    told = json.loads((out / "table.json").read_text())
+    rows = {row["robot"]: row for row in told["robots"]}
+    assert told["schema"] == "identifiability/fleet/1"
+    assert list(rows) == ["a", "b", "c"]
+    for name in "ab":
+        row = rows[name]
+        own = json.loads((out / "robots" / f"{name}.json").read_text())
+        verdicts = [p["verdict"] for p in own["parameters"]]
+        assert row["verdicts"] == {kind: verdicts.count(kind) for kind in set(verdicts)}
+        assert (row["model"], row["warnings"]) == (own["selected"], own["hints"])
+        assert (row["logs"], row["held"]) == (["run1.csv"], ["run2.csv"])
+        assert 0.01 < row["error_unseen"] < 0.2
+    assert rows["c"]["failed"].endswith("has no logs; put CSV or Parquet files or bags into it.")
+    links = re.findall(r'<a href="(robots/[^"]*)"', (out / "index.html").read_text())
+    assert links == ["robots/a.html", "robots/b.html"]
+    assert all((out / link).stat().st_size > 100_000 for link in links)
+    header, *lines = (out / "table.csv").read_text().splitlines()
+    assert header.startswith("robot,logs,held,model,parameters,error,error_unseen,")
+    assert len(lines) == 3
+
+
+def test_several_processes_write_the_same(asked, start, tmp_path):
+    with Processes(2) as engine:
+        ask(start, tmp_path / "results", engine)
+    assert written(tmp_path / "results") == written(asked[1])
+
+
+def test_what_is_finished_is_not_done_again_but_a_changed_log_is(start, tmp_path):
+    fleet = shutil.copytree(start, tmp_path / "fleet")
+    first = Resumed(Serial(), tmp_path / "kept")
+    one = ask(fleet, tmp_path / "one", first, "ab")
+    log = fleet / "b" / "run2.csv"
+    log.write_text(log.read_text().replace("1", "2", 1))
+    second = Resumed(Serial(), tmp_path / "kept")
+    two = ask(fleet, tmp_path / "one", second, "ab")
+    assert (first.found, first.done, second.found, second.done) == (0, 2, 1, 1)
+    assert one.rows[0] == two.rows[0]
+
+
+def test_what_goes_wrong_with_one_robot_is_the_sentence_of_its_row(start, tmp_path, monkeypatch):
+    (tmp_path / "two").mkdir()
+    for name in ("x.urdf", "y.urdf"):
+        (tmp_path / "two" / name).write_text("")
+
+    def broken(*_, **__):
+        raise ZeroDivisionError("by zero")
+
+    monkeypatch.setattr(module, "_check_options", lambda verb, given: None)
+    monkeypatch.setattr(module, "_function", lambda verb: broken)
+    robots = {
+        "fault": ("two-link", start / "a" / "run1.csv"),
+        "gone": ("two-link", ["no.csv"]),
+        "unknown": ("tow-link", "no.csv"),
+        "none": tmp_path / "nowhere",
+        "two": tmp_path / "two",
+    }
+    told = [r.failed for r in analyze_many(robots, tmp_path / "out", engine=Serial()).rows]
+    assert told[0].endswith("please report it: ZeroDivisionError: by zero.")
+    assert "did you mean 'two-link'?" in told[2]
+    assert "There is no folder" in told[3]
+    assert "has x.urdf, y.urdf; call the one to use robot.urdf" in told[4]
+
+
+@pytest.mark.parametrize(
+    ("robots", "options", "sentence"),
+    [
+        ([], {}, "No robot is given"),
+        (["a/x", "b/x"], {}, "Two robots are called 'x'"),
+        ({"a/b": "x"}, {}, "'a/b' cannot be the name of a page"),
+        (["a"], {"verb": "prune", "critrion": "best"}, "'critrion' is no option of prune, did you"),
+        (["a"], {"replicates": "many"}, "replicates must be"),
+        (["a"], {"verb": "analyse"}, "verb must be"),
+        (3, {}, "robots must be folders, or a mapping from names"),
+    ],
+)
+def test_what_cannot_be_asked_is_one_sentence(robots, options, sentence, tmp_path):
+    with pytest.raises(IdentifiabilityError, match=re.escape(sentence)):
+        analyze_many(robots, tmp_path / "out", **options)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_is_not_for_answers_is_left_as_it_is(start, tmp_path):
+    (tmp_path / "thesis.tex").write_text("")
+    with pytest.raises(IdentifiabilityError, match=r"holds 'thesis\.tex', which is no answer"):
+        ask(start, tmp_path, Serial())
+    with pytest.raises(IdentifiabilityError, match=r"thesis\.tex' cannot be used: "):
+        ask(start, tmp_path / "thesis.tex", Serial())
+    assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["analyze"], "Give a robot and its logs, or folders of several robots with --each"),
+        (["analyze", "two-link"], "Give a robot and its logs"),
+        (["analyze", "--each", "a"], "give --out and how to fit beside it"),
+        (["analyze", "two-link", "--each", "a", "--out", "r"], "--each takes robots, logs and"),
+        (["analyze", "--each", "a", "--out", "r", "--angles", "deg"], "--each takes robots"),
+        (["batch", "fleet.toml"], "analyze --each FOLDER --each FOLDER --out RESULTS"),
+    ],
+)
+def test_the_command_says_what_to_type(words, sentence):
+    run = CliRunner().invoke(app, words, env={"COLUMNS": "1000"})
+    assert run.exit_code == 2
+    assert sentence in " ".join(run.stderr.split())
+
+
+@pytest.mark.everything
+@pytest.mark.parametrize("verb", ["prune", "diagnose"])
+def test_other_verbs_have_rows_as_well(verb, start, tmp_path):
+    result = analyze_many([start / "a"], tmp_path / "out", verb, quick=True, engine=Serial())
+    (row,) = result.rows
+    assert not row.failed
+    assert row.error_unseen < 0.2
+    assert bool(row.verdicts) == (verb == "prune")
+    assert (tmp_path / "out" / "index.html").stat().st_size > 10_000
