@@ -119,7 +119,7 @@ def test_what_goes_wrong_with_one_robot_is_the_sentence_of_its_row(start, tmp_pa
     assert told[0].endswith("please report it: ZeroDivisionError: by zero.")
     assert "did you mean 'two-link'?" in told[2]
     assert "There is no folder" in told[3]
-    assert "has x.urdf, y.urdf; call the one to use robot.urdf" in told[4]
+    assert "has x.urdf, y.urdf; there must be one robot.urdf" in told[4]
 
 
 @pytest.mark.parametrize(

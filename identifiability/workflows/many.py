@@ -102,7 +102,7 @@ def _find(folder: Path) -> tuple[Path, list[Path], list[Path]]:
     files = [p for p in files if p.name in ("robot.xml", "robot.urdf")][-1:] or files
     if len(files) != 1:
         has = f"has {listing([p.name for p in files])}" if files else "has no robot file"
-        raise OptionError(f"'{folder}' {has}; call the one to use robot.urdf or robot.xml.")
+        raise OptionError(f"'{folder}' {has}; there must be one robot.urdf or robot.xml.")
     logs = [p for p in there if p.suffix.lower() in (".csv", ".parquet", *BAGS) or is_bag(p)]
     if not logs:
         raise OptionError(f"'{folder}' has no logs; put CSV or Parquet files or bags into it.")
