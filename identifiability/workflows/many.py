@@ -285,27 +285,18 @@ class Fleet(Result):
         return (*failed, *odd)
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return whether every robot has an answer, how well they are described, what to check."""
+        """Return whether every robot has an answer, and how well they are described."""
         total, names = len(self.rows), [row.robot for row in self.failed]
         short = f"{total - len(names)} of {total}." if names else f"Yes, all {total}."
         text = f"Without one: {listing(names)}; why is said below." if names else ""
-        tone = "amber" if names else "green"
-        question = "How well is unseen motion predicted?"
-        errors = [Answer(question, "Not known.", tone="grey")]
-        if self.errors:
-            each = list(self.errors.values())
-            ends = " to ".join(dict.fromkeys((percent(each[-1], 2), percent(each[0], 2))))
-            worst = listing([f"{n} ({percent(e, 2)})" for n, e in list(self.errors.items())[:3]])
-            middle = f"The median is {percent(median(each), 2)}. The largest: {worst}."
-            errors = [Answer(question, f"With an error of {ends}.", middle, "blue")]
-        lacking = [row.robot for row in self.rows if row.missing]
-        warned = [row.robot for row in self.rows if row.warnings]
-        look = f"Something is missing in the model of {listing(lacking)}. " if lacking else ""
-        look += f"There are warnings on {listing(warned)}." if warned else ""
-        count = format_count(len({*lacking, *warned}), "robot")
-        first = f"{count} first." if look else "Nothing stands out."
-        check = Answer("Which should I look at?", first, look, "amber" if look else "green")
-        return Answer("Has every robot an answer?", short, text, tone), *errors, check
+        done = Answer("Has every robot an answer?", short, text, "amber" if names else "green")
+        each = [f"{name} ({percent(error, 2)})" for name, error in self.errors.items()]
+        size = "Not known."
+        if each:
+            size = f"The median error is {percent(median(self.errors.values()), 2)}."
+        worst = f"The largest: {listing(each[:3])}." if each else ""
+        tone = "blue" if each else "grey"
+        return done, Answer("How well is unseen motion predicted?", size, worst, tone)
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a robot."""
@@ -326,14 +317,11 @@ class Fleet(Result):
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        said = [f"{len(self.rows) - len(self.failed)} of {len(self.rows)} robots have an answer."]
-        said += [f"{row.robot} has none: {row.failed}" for row in self.failed[:3]]
-        if len(self.failed) > 3:
-            said.append(f"So have {len(self.failed) - 3} more, as the table says.")
-        _, errors, check = self.answers()
-        if self.errors:
-            said += [f"Torque of unseen motion is predicted {errors.short.lower()}", errors.text]
-        return " ".join([*said, *filter(None, [check.text])]).strip()
+        done = f"{len(self.rows) - len(self.failed)} of {len(self.rows)} robots have an answer."
+        failed = [f"{row.robot} has none: {row.failed}" for row in self.failed[:3]]
+        unseen = self.answers()[1]
+        error = [f"Of torque on unseen motion: {unseen.short} {unseen.text}"] if self.errors else []
+        return " ".join([done, *failed, *error])
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a robot; errors are fractions."""
