@@ -124,7 +124,7 @@ def question_2(problems: int) -> dict[str, Any]:
             for _ in range(problems):
                 information, true = plant(rng, rho, precision)
                 search = find_path(information, np.zeros(information.size, bool))
-                p = search.path.steps[search.choose("identifiable")].partition
+                p = search.path.steps[search.choose()].partition
                 found = {p.columns[g] for g in p.leaders}
                 hits.append(found == true)
                 extra.append(len(found - true))

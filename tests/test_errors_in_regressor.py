@@ -154,7 +154,7 @@ def test_results_say_what_least_squares_would_have_been(noisy_log, monkeypatch):
 
 @pytest.mark.everything
 def test_pruning_follows_the_estimator(noisy_log):
-    found = prune("3-rps", noisy_log, propose=False, replicates=10)
+    found = prune("3-rps", noisy_log, replicates=10)
     chosen = found.models[found.selected]
     fit = chosen.estimate
     assert fit.correction is not None

@@ -71,6 +71,10 @@ RENAMED = {
 
 #: Options that went: verb and name, and what to type instead.
 GONE = {
+    ("prune", "--criterion"): "the smallest model that predicts as well is chosen: leave it out",
+    ("prune", "--no-propose"): "symmetries of the robot are always tried: leave it out",
+    ("prune", "--propose"): "symmetries of the robot are always tried: leave it out",
+    ("prune", "--reach"): "it did nothing: leave it out",
     ("diagnose", "--from"): "give all logs: identifiability diagnose ROBOT LOG LOG NEW_LOG",
 }
 

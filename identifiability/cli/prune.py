@@ -9,13 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from identifiability.cli import common, options
 from identifiability.cli.common import Writes
-from identifiability.foundation.options import (
-    NotNegative,
-    Positive,
-    PruneCriterion,
-    Replicates,
-    Seed,
-)
+from identifiability.foundation.options import NotNegative, Replicates, Seed
 
 if TYPE_CHECKING:
     from identifiability.workflows.prune import Ladder
@@ -29,9 +23,6 @@ class Options:
     ladder: options.Ladder = None
     forbid: Sequence[str] = ()
     force: Sequence[str] = ()
-    criterion: PruneCriterion = "identifiable"
-    propose: bool = True
-    reach: Positive = 1.0
     method: options.Method = "wls"
     estimator: options.Estimator = "auto"
     replicates: Replicates | None = None

@@ -91,7 +91,6 @@ EngineName = Literal["serial", "processes", "dask"]
 EstimatorKind = Literal["auto", "ls", "iv"]
 ExciteCriterion = Literal["condition", "information", "separate"]
 ExportFormat = Literal["mjcf", "urdf", "json", "isaaclab"]
-PruneCriterion = Literal["identifiable", "one-se-of-difference", "one-se", "best"]
 
 #: Samples of a motion at most; the simulator takes one at a time.
 MOST_SAMPLES = 10_000_000

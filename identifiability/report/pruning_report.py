@@ -70,7 +70,7 @@ def section_ladder(ladder: Ladder) -> Section:
     figure = draw_ladder(sizes, fitted, unseen, spread, ladder.selected, ladder.least)
     path = ladder.tables()[0]
     every = Fold(f"All {format_count(len(ladder.models), 'model')} of the path", (path,))
-    why = sentence("pruning.why", ladder.criterion)
+    why = sentence("pruning.why")
     return section("pruning.ladder", picture("ladder", figure), every, why=why)
 
 
@@ -166,6 +166,6 @@ def section_refused(ladder: Ladder) -> Section:
 def section_method(ladder: Ladder) -> Section:
     """Return how it was done."""
     effects = ", ".join(ladder.effects)
-    settings = {"method": ladder.method, "criterion": ladder.criterion, "seed": ladder.seed}
+    settings = {"method": ladder.method, "seed": ladder.seed}
     text = words("pruning.how", effects=effects, **settings)
     return section("pruning.method", Prose(tuple(text.values())), level_table())

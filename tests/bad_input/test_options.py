@@ -66,13 +66,7 @@ ANALYZE = {
     ),
 }
 PRUNE = {
-    "criterion": (
-        {"criterion": "bic"},
-        "criterion must be 'identifiable', 'one-se-of-difference', 'one-se' or 'best', not 'bic'",
-    ),
-    "near criterion": ({"criterion": "one_se"}, "did you mean 'one-se'?"),
     "forbid": ({"forbid": "link1.mx"}, "forbid must be a list of names, not 'link1.mx'"),
-    "reach": ({"reach": 0}, "reach must be a number above 0, not 0"),
 }
 DIAGNOSE = {
     "replicates": ({"replicates": 0}, "replicates must be a whole number of at least 19 or None"),

@@ -33,8 +33,8 @@ def plant(rng, rho: float = 0.0, precision: float = 10.0, samples: int = 1000):
     return gather(W, W @ phi + noise), {f"p{j}" for j in true}
 
 
-def chosen_set(search, criterion="identifiable") -> set[str]:
-    partition = search.path.steps[search.choose(criterion)].partition
+def chosen_set(search) -> set[str]:
+    partition = search.path.steps[search.choose()].partition
     return {partition.columns[g] for g in partition.leaders}
 
 

@@ -21,7 +21,6 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
-from identifiability.foundation.options import PruneCriterion
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.workflows.prune.folds import (
@@ -461,14 +460,6 @@ def _significance(denied: Array, covariance: Array, folds: int) -> tuple[float, 
 # The path of a regression, and which model of it to use: the smallest as good as the best.
 
 
-#: ``identifiable``: the smallest within two nats of the best predictive log density, or as good as
-#: the best (`evidence.near_best`).
-#: ``one-se-of-difference``, ``one-se``: the smallest whose density is within one standard error of
-#: the difference to the best; that depends on the scatter between folds, and keeps less.
-#: ``best``: the best predictive log density itself; keeps most.
-Criterion = PruneCriterion
-
-
 @frozen
 class Search:
     """A path and what it was walked with.
@@ -502,9 +493,9 @@ class Search:
             steps.append(replace(step, partition=Partition(columns, group), values=values))
         return replace(path, steps=tuple(steps))
 
-    def choose(self, criterion: Criterion) -> int:
+    def choose(self) -> int:
         """Return the step to use, physics aside."""
-        return choose_step(self.path.steps, criterion)
+        return choose_step(self.path.steps)
 
 
 def find_path(
@@ -605,7 +596,7 @@ def first_allowed(steps: Sequence[Step]) -> int:
     return max((k for k, s in enumerate(steps) if s.move and s.move.kind in must), default=0)
 
 
-def good_steps(steps: Sequence[Step], criterion: Criterion) -> Iterator[int]:
+def good_steps(steps: Sequence[Step]) -> Iterator[int]:
     """Yield the steps that may be used, the preferred one first.
 
     Preferred is the smallest of those with the fewest forbidden signs; the others follow for the
@@ -613,18 +604,10 @@ def good_steps(steps: Sequence[Step], criterion: Criterion) -> Iterator[int]:
     """
     best, allowed = best_step(steps), range(first_allowed(steps), len(steps))
     for k in sorted(allowed, key=lambda k: (steps[k].violations, len(steps[k].partition))):
-        own, its = steps[k].score, steps[best].score
-        if criterion == "best":
-            good = k == best
-        elif criterion == "identifiable":
-            good = may_stand(own, its)
-        else:
-            gain = own.gain(its)
-            good = gain.value >= -gain.se
-        if good:
+        if may_stand(steps[k].score, steps[best].score):
             yield k
 
 
-def choose_step(steps: Sequence[Step], criterion: Criterion) -> int:
+def choose_step(steps: Sequence[Step]) -> int:
     """Return the step to use, the physical certificate aside."""
-    return next(good_steps(steps, criterion))
+    return next(good_steps(steps))

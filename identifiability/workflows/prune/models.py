@@ -56,7 +56,6 @@ from identifiability.workflows.analyze.fit import DelayErrors
 from identifiability.workflows.analyze.words import WORSE
 from identifiability.workflows.opening import Opening, find_missing
 from identifiability.workflows.prune.elimination import (
-    Criterion,
     Path,
     Search,
     Step,
@@ -249,7 +248,6 @@ class Stability:
 def assess_stability(
     search: Search,
     chosen: Partition,
-    criterion: Criterion,
     rng: np.random.Generator,
     *,
     replicates: int,
@@ -264,7 +262,6 @@ def assess_stability(
     search : Search
     chosen : Partition
         What the logs themselves chose.
-    criterion : Criterion
     rng : numpy.random.Generator
     replicates : int
     length : float
@@ -279,9 +276,7 @@ def assess_stability(
     # Drawn here, so that a replicate is the same whoever walks it.
     draws = rng.multinomial(count, np.full(count, 1 / count), size=replicates)
     items = [draws[k : k + BATCH] for k in range(0, replicates, BATCH)]
-    parts = (engine or Serial()).map(
-        partial(_walk_again, search, unit, criterion), items, progress=progress
-    )
+    parts = (engine or Serial()).map(partial(_walk_again, search, unit), items, progress=progress)
     drawn = [partition for part in parts for partition in part]
     sets, most = Counter(_set(p) for p in drawn), max(replicates, 1)
     alive = np.array([p.survivors() for p in drawn]).reshape(-1, len(chosen.columns))
@@ -336,16 +331,14 @@ def thin_path(search: Search, chosen: int) -> tuple[Search, int, str]:
     return replace(search, path=path), kept.index(chosen), said
 
 
-def _walk_again(
-    search: Search, unit: np.ndarray, criterion: Criterion, draws: np.ndarray
-) -> list[Partition]:
+def _walk_again(search: Search, unit: np.ndarray, draws: np.ndarray) -> list[Partition]:
     """Return what some replicates choose; `draws` (r, units) says how often they draw a unit."""
     chosen = []
     for row in draws:
         steps = walk(
             search.whitened.fit(row[unit].astype(float)), search.plan, explained=False
         ).steps
-        path = Path((steps[choose_step(steps, criterion)],))
+        path = Path((steps[choose_step(steps)],))
         chosen.append(search.embed(path).steps[0].partition)
     return chosen
 

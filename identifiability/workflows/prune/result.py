@@ -51,7 +51,7 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
-from identifiability.workflows.prune.elimination import Criterion, Refusal
+from identifiability.workflows.prune.elimination import Refusal
 from identifiability.workflows.prune.models import Absorption, Measured, PrunedModel, Stability
 from identifiability.workflows.prune.moves import Partition
 
@@ -70,8 +70,6 @@ class Ladder(Laddered, Measured):
         Suggested moves that the data contradict.
     stability : Stability
     absorption : Absorption
-    criterion
-        As asked for.
     source : LadderSource
         Where the model that pruning started from came from.
     """
@@ -84,7 +82,6 @@ class Ladder(Laddered, Measured):
     refused: tuple[Refusal, ...]
     stability: Stability
     absorption: Absorption
-    criterion: Criterion
     source: LadderSource
 
     @property
@@ -144,11 +141,6 @@ class Ladder(Laddered, Measured):
         """The answer in plain words."""
         return self._state(_state_answer(self))
 
-    @property
-    def _asked(self) -> dict[str, object]:
-        """Options beside `settings`."""
-        return {**super()._asked, "criterion": self.criterion}
-
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter of the model to use."""
         return pd.DataFrame([v.to_row() for v in self.verdicts])
@@ -178,7 +170,7 @@ class Ladder(Laddered, Measured):
             "physical": {"sentence": self.result.physical.sentence, **told["physical"]},
             "ladder": self.model_text,
             "effects": list(self.effects),
-            "criterion": self.criterion,
+            "criterion": "identifiable",  # there were others
             "seed": self.seed,
         }
 

@@ -17,7 +17,6 @@ from identifiability.foundation.errors import IdentifiabilityError, ModelError, 
 from identifiability.foundation.options import (
     Names,
     NotNegative,
-    Positive,
     Replicates,
     Seed,
     checked,
@@ -49,7 +48,6 @@ from identifiability.workflows.analyze.fit import DelayErrors, check_cutoff, set
 from identifiability.workflows.analyze.words import compare_logs, state_mounting, state_weak
 from identifiability.workflows.opening import Logs, Progress, quiet, running, share
 from identifiability.workflows.prune.elimination import (
-    Criterion,
     Search,
     Step,
     best_step,
@@ -69,7 +67,7 @@ from identifiability.workflows.prune.models import (
     state_foreign,
     thin_path,
 )
-from identifiability.workflows.prune.moves import merge_moves, propose_moves
+from identifiability.workflows.prune.moves import propose_moves
 from identifiability.workflows.prune.result import Ladder
 from identifiability.workflows.session import Session, Weighed, settle_prior
 
@@ -78,11 +76,6 @@ Candidate = tuple[int, FittedModel, tuple[Certificate | None, str]]
 
 #: Models as good as the best whose physical certificate is asked for, the preferred one first.
 CERTIFIED = 4
-
-IDLE_REACH = (
-    "The option 'reach' does nothing any more: the model is chosen by what it predicts of "
-    "stretches of the logs; log the faster motion to be sure of it."
-)
 
 
 @renamed(cad_weight="cad_prior")
@@ -95,9 +88,6 @@ def prune(
     *,
     forbid: Names = (),
     force: Names = (),
-    criterion: Criterion = "identifiable",
-    propose: bool = True,
-    reach: Positive = 1.0,
     preparation: Preparation | None = None,
     method: Method = "wls",
     estimator: Kind = "auto",
@@ -125,13 +115,6 @@ def prune(
         Parameters that must not be dropped.
     force : sequence of str
         Parameters that are dropped whatever the data say.
-    criterion : {"identifiable", "one-se-of-difference", "one-se", "best"}
-        How much of what the best model predicts a smaller one may cost; by default 2 nats.
-    propose : bool
-        Whether symmetries that the robot's kinematics suggest are tried.
-    reach : float
-        Does nothing any more: models are chosen by what they predict of the logs. Other values than
-        1 are noted among the hints.
     preparation : Preparation, optional
         How derivatives are made.
     method : str or Estimator
@@ -174,8 +157,8 @@ def prune(
             session = session.follow_fitted(streams[0], base, estimator, cad_prior)
             rows = session.weigh(session.open("pruned"), base, estimator)
             question = _ask(session, rows, source.entry)
-            search = _walk(session, rows, question, forbid, force, propose=propose)
-            selected, physical = _choose(question, search, criterion, cad_prior)
+            search = _walk(session, rows, question, forbid, force)
+            selected, physical = _choose(question, search, cad_prior)
             search, selected, thinned = thin_path(search, selected)
             measuring = share(say, "measuring errors", 0.5, 0.7)
             measured = measure_models(
@@ -186,7 +169,6 @@ def prune(
         stability = assess_stability(
             search,
             measured.models[selected].step.partition,
-            criterion,
             streams[3],
             replicates=count_walks(search, draws) if replicates is None else draws,
             length=measured.result.uncertainty.block,
@@ -197,19 +179,14 @@ def prune(
             "estimator": estimator,
             "forbid": list(forbid),
             "force": list(force),
-            "propose": propose,
-            "reach": reach,
             "replicates": draws,
             "cad_prior": cad_prior,
             "prior": share_,
             "preparation": preparation or Preparation(),
         }
         known = {"method": base.name, "seed": seed, "source": source, "settings": settings}
-        found = _tell(
-            session, rows, question, search, selected, measured, stability, criterion, known
-        )
-        idle = (IDLE_REACH,) if reach != 1.0 else ()
-        told = filter(None, (*idle, contradicted, *found.hints, thinned))
+        found = _tell(session, rows, question, search, selected, measured, stability, known)
+        told = filter(None, (contradicted, *found.hints, thinned))
         return replace(found, hints=(*told, *unused_ladder(robot, ladder)))
 
 
@@ -234,7 +211,6 @@ def _tell(
     selected: int,
     measured: Measured,
     stability: Stability,
-    criterion: Criterion,
     known: Mapping[str, Any],
 ) -> Ladder:
     """Return the result, with where the effect of removed parameters went and what seems wrong."""
@@ -253,7 +229,6 @@ def _tell(
         refused=search.path.refused,
         stability=stability,
         absorption=absorb(part, submodels[0].estimate, chosen.estimate, chosen.step.partition),
-        criterion=criterion,
         moved=session.recordings.measure_rollouts(
             session.structure.robot, result.physical.parameters()
         ),
@@ -270,19 +245,16 @@ def _walk(
     question: Question,
     forbid: Sequence[str],
     force: Sequence[str],
-    *,
-    propose: bool,
 ) -> Search:
     """Return the path down from the model where pruning starts."""
     start, surveys = question.start, [s.survey for s in rows.opening.samples]
     session.say("walking down the ladder", 0.4)
     _check_wishes(start, forbid, force)
-    suggest = propose_moves if propose else merge_moves
     return find_path(
         start.reduce(question.information),
         start.nonnegative,
         variation=rows.alike.variation * find_signal(surveys),
-        suggested=suggest(session.structure, start.columns),
+        suggested=propose_moves(session.structure, start.columns),
         forbid=forbid,
         force=force,
         method=question.estimator,
@@ -319,13 +291,13 @@ def _check_wishes(start: Submodel, forbid: Sequence[str], force: Sequence[str]) 
 
 
 def _choose(
-    question: Question, search: Search, criterion: Criterion, cad_prior: float | None
+    question: Question, search: Search, cad_prior: float | None
 ) -> tuple[int, PhysicalResult]:
     """Return the step to use: the first as good as the best that a real robot can have."""
     steps = search.path.steps
     asked: list[Candidate] = []
     problems: list[IdentifiabilityError] = []
-    good = list(good_steps(steps, criterion))
+    good = list(good_steps(steps))
     sound = (k for k in good if not contradicts(question.fit(steps[k]), question.full))
     for k in list(islice(sound, CERTIFIED)) or good[:CERTIFIED]:
         model = question.fit(steps[k])
@@ -341,7 +313,7 @@ def _choose(
     feasible = [a for a in asked if a[2][0] is not None and a[2][0].feasible]
     noise = Noise(search.full.variance, search.full.times)
     held_out = HeldOut.of(question.information, noise, search.whitened.folds)
-    if not feasible and criterion == "identifiable":
+    if not feasible:
         feasible = _find_possible(question, steps, asked[0][0], held_out)
     k, model, proved = (feasible or asked)[0]
     return k, settle_robot(model, held_out, cad_prior).robot.with_certificate(*proved)

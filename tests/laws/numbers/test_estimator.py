@@ -175,7 +175,7 @@ def pruned(method):
         suggested=[Move(Kind.TIE, tie=(("p0", "p1"),)), Move(Kind.TIE, tie=(("p3", "p4"),))],
     )  # fmt: skip
     stable = assess_stability(
-        search, search.path.steps[search.choose("identifiable")].partition, "identifiable",
+        search, search.path.steps[search.choose()].partition,
         np.random.default_rng(6), replicates=20, length=10.0,
     )  # fmt: skip
     return search, stable

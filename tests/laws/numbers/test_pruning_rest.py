@@ -134,10 +134,8 @@ def planted(samples=640, unseen=None):
 
 
 def stability(search, rng, length=5.0, replicates=20):
-    chosen = search.path.steps[search.choose("identifiable")].partition
-    return chosen, assess_stability(
-        search, chosen, "identifiable", rng, replicates=replicates, length=length
-    )
+    chosen = search.path.steps[search.choose()].partition
+    return chosen, assess_stability(search, chosen, rng, replicates=replicates, length=length)
 
 
 def test_a_replicate_that_draws_every_unit_once_chooses_what_the_log_chose():
