@@ -185,7 +185,7 @@ def test_what_the_data_leave_open_is_determined_by_bodies_or_is_the_prior(analys
                 assert after.verdict is Class.PRIOR
                 continue
             assert row["interval95"] == unpruned.physical.interval[k].tolist()
-            assert row["data_interval95"] == list(before.interval95)
+            assert row["data_interval95"] == list(before.data_interval95)
             assert f"{row['interval95'][0]:.3g} … {row['interval95'][1]:.3g}" in after.reason
         if after.verdict is Class.CONSTRAINT:  # like with like: data and prior without bodies
             assert unpruned.physical.sd[k] ** 2 < 0.5 * unpruned.model_data_sd[k] ** 2

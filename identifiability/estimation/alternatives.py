@@ -196,7 +196,7 @@ def find_alternatives(
 
 
 def _conclude(missing: Missing, model: MixedModel, terms: Terms) -> Alternatives:
-    groups = [(t, 1.0) for t in terms] + model.alternatives(terms)[0]
+    groups = [(t, 1.0) for t in terms] + model.alternatives(terms)
     used = np.unique(np.concatenate([np.empty(0, int), *(t.columns for t, _ in groups)]))
     place, p, rows = {int(k): i for i, k in enumerate(used)}, missing.fixed, missing.seen
     shares = []

@@ -8,7 +8,7 @@ on are families as well, and return to zero where there were no data.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
@@ -27,15 +27,14 @@ from identifiability.estimation.noise import ARNoise, JointRuns
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
-from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.samples import Piece
 from identifiability.regression.columns import (
+    PIECE,
     Candidate,
     Entries,
     Present,
     compute_entries,
     list_candidates,
-    pieces_of,
 )
 from identifiability.regression.regression import Chunk, Regression, choose_within, inside
 from identifiability.robot import Robot
@@ -88,7 +87,7 @@ class Excerpt:
                 continue
             chunks += [own for c in part.shown() for own in c.inside(windows[part.log])]
             start = part.start
-            for piece in _pieces(part.samples):
+            for piece in part.samples.pieces(PIECE):
                 stop = start + len(piece.motion.t[piece.at])
                 found = [rows for _, rows in inside(windows[part.log], start, stop)]
                 if found:
@@ -101,10 +100,8 @@ class Excerpt:
         at = np.concatenate([c.start + np.arange(len(c.t)) for c in chunks])
         apart = (np.diff(log) != 0) | (np.diff(at) != 1)
         edges = [0, *(np.flatnonzero(apart) + 1).tolist(), len(at)]
-        cuts = set(edges[:-1])
-        for a, b in pairwise(edges):
-            cuts |= set((a + 1 + np.flatnonzero(signals.has_gap(t[a:b]))).tolist())
-        starts = sorted(cuts)
+        gaps = [a + 1 + np.flatnonzero(signals.has_gap(t[a:b])) for a, b in pairwise(edges)]
+        starts = np.unique(np.concatenate([edges[:-1], *gaps])).astype(int).tolist()
         runs = tuple(zip(starts, [*starts[1:], len(at)], strict=True))
         X, y, data = (np.concatenate([getattr(c, k) for c in chunks]) for k in ("W", "tau", "data"))
         own = JointRuns.of(runs, data)
@@ -115,20 +112,6 @@ class Excerpt:
         parts = [(c.part, c.columns) for c in candidates]
         found = compute_entries(self.robot, parts, self.pieces)
         return {at: x[self.seen] * self.data[:, at[0]] for at, x in found.items()}
-
-    @property
-    def torque(self) -> Array:
-        """Root mean square of the torque of each joint, (n,)."""
-        counts = np.maximum(self.data.sum(0), 1)
-        rms: Array = np.sqrt(np.sum(self.y**2 * self.data, axis=0) / counts)
-        return rms
-
-
-def _pieces(samples: object) -> Iterable[Piece]:
-    if isinstance(samples, Samples) and samples.outputs <= EXCERPT[0]:
-        return pieces_of(samples)
-    found: Iterator[Piece] = samples.pieces(EXCERPT[2])  # type: ignore[attr-defined]
-    return found
 
 
 @frozen
@@ -166,21 +149,17 @@ class Missing:
     @cached_property
     def acting(self) -> tuple[np.ndarray, ...]:
         """Columns of candidates that act in each joint."""
-        n = self.seen.y.shape[1]
-        own: list[list[int]] = [[] for _ in range(n)]
-        for j, k in self.entries:
-            own[j].append(k)
-        return tuple(np.array(sorted(x), int) for x in own)
+        joints = range(self.seen.y.shape[1])
+        return tuple(np.array(sorted(k for i, k in self.entries if i == j), int) for j in joints)
 
     @cached_property
     def scale(self) -> Array:
         """What makes columns of candidates as large as the torque of their joint, (c,)."""
         width = max((c.columns[-1] + 1 for c in self.candidates), default=0)
-        square, torque = np.zeros(width), self.seen.torque
-        counts = np.maximum(self.seen.data.sum(0), 1)
+        square, torque = np.zeros(width), np.sum(self.seen.y**2, axis=0)
         for (j, k), x in self.entries.items():
             if torque[j] > 0:
-                square[k] += x @ x / counts[j] / torque[j] ** 2
+                square[k] += x @ x / torque[j]
         return np.where(square > 0, np.sqrt(square), 1.0)
 
     @cached_property
@@ -227,19 +206,17 @@ class Missing:
         for c in self.candidates:
             if seen.issuperset(c.columns):
                 found[c.family.name][c.place].append(c)
-        out, p = [], self.fixed
+        out = []
         for name, places in found.items():
-            pooled = len(places) > 1 and next(iter(places.values()))[0].family.origin is None
-            price = float(np.log(len(found)) + np.log(len(places) + pooled))
-            for place, own in places.items():
-                members = _members(own, [[c] for c in own], p)
-                out.append(Group(name, place, members, price, all(c.positive for c in own)))
-            if pooled:
-                every = list(places.values())
-                alike = [[own[k] for own in every if k < len(own)] for k in range(len(every[0]))]
-                members = _members([c for own in every for c in own], alike, p)
-                positive = all(c.positive for own in every for c in own)
-                out.append(Group(name, EVERYWHERE, members, price, positive))
+            every = list(places.values())
+            alike = {place: [[c] for c in own] for place, own in places.items()}
+            if len(every) > 1 and every[0][0].family.origin is None:
+                shapes = range(len(every[0]))
+                alike[EVERYWHERE] = [[own[k] for own in every if k < len(own)] for k in shapes]
+            price = float(np.log(len(found)) + np.log(len(alike)))
+            for place, sets in alike.items():
+                positive = all(c.positive for some in sets for c in some)
+                out.append(Group(name, place, _members(sets, self.fixed), price, positive))
         return tuple(out)
 
     def model(self, products: Products | None = None) -> MixedModel:
@@ -251,12 +228,10 @@ class Missing:
         return MixedModel(own, self.fixed, self.groups, scale)
 
 
-def _members(
-    every: Sequence[Candidate], alike: Sequence[Sequence[Candidate]], first: int
-) -> tuple[np.ndarray, ...]:
+def _members(sets: Sequence[Sequence[Candidate]], first: int) -> tuple[np.ndarray, ...]:
     """Return the columns of each shape, and of all of them where they form a curve."""
-    members = [np.concatenate([c.columns for c in some]) + first for some in alike]
-    whole = every[0].family.continuous or every[0].family.separate
-    if whole and len(members) > 1:
-        members.append(np.concatenate([c.columns for c in every]) + first)
-    return tuple(m.astype(int) for m in members)
+    members = [np.concatenate([c.columns for c in some]).astype(int) + first for some in sets]
+    family = sets[0][0].family
+    if (family.continuous or family.separate) and len(members) > 1:
+        members.append(np.concatenate(members))
+    return tuple(members)

@@ -20,7 +20,7 @@ from itertools import pairwise
 
 import numpy as np
 import scipy
-from scipy.special import log_ndtr, logsumexp
+from scipy.special import log_ndtr, logsumexp, softmax
 
 from identifiability.estimation.noise import (
     ARNoise,
@@ -90,7 +90,6 @@ class Products:
         noise: ARNoise,
         runs: JointRuns,
         edges: Sequence[int],
-        weights: Array | None = None,
     ) -> Products:
         """Return those of the rows of each joint, whitened within stretches of data.
 
@@ -104,15 +103,11 @@ class Products:
             A row without data ends a stretch.
         edges : sequence of int
             Rows at which blocks begin and end.
-        weights : (N, n), optional
-            Of whitened rows.
         """
         values = []
         each = zip(rows, noise.joints, runs.each, strict=True)
-        for j, (own, of_joint, stretches) in enumerate(each):
+        for own, of_joint, stretches in each:
             white = whiten(own, stretches, of_joint.pacf) / of_joint.sigma
-            if weights is not None:
-                white *= np.sqrt(weights[:, j, None])
             values.append(np.array([white[a:b].T @ white[a:b] for a, b in pairwise(edges)]))
         return Products(tuple(columns), tuple(values), int(columns[0][-1]))
 
@@ -129,28 +124,6 @@ class Products:
     def take(self, blocks: Sequence[int] | np.ndarray) -> Products:
         """Return those of some blocks."""
         return replace(self, values=tuple(v[blocks] for v in self.values))
-
-    def transform(self, fixed: int, M: Array, c: Array) -> Products:
-        """Return those of a smaller model whose first columns are ``X M``, torque less ``X c``.
-
-        Parameters
-        ----------
-        fixed : int
-            Number of columns X, the first ones.
-        M : (fixed, k)
-        c : (fixed,)
-        """
-        new, columns, values = M.shape[1], [], []
-        for at, own in zip(self.columns, self.values, strict=True):
-            model = np.flatnonzero(at < fixed)
-            rest = len(at) - len(model)
-            T = np.zeros((len(at), new + rest))
-            T[model, :new] = M[at[model]]
-            T[len(model) :, new:] = np.eye(rest)
-            T[model, -1] = -c[at[model]]
-            columns.append(np.concatenate([np.arange(new), at[len(model) :] + new - fixed]))
-            values.append(T.T @ own @ T)
-        return Products(tuple(columns), tuple(values), self.width + new - fixed)
 
     @cached_property
     def _totals(self) -> tuple[Array, ...]:
@@ -403,10 +376,6 @@ class MixedModel:
     name: float = RULES.name
     keep: float = RULES.keep
 
-    def with_blocks(self, blocks: Sequence[int] | np.ndarray) -> MixedModel:
-        """Return the model of some blocks of rows."""
-        return replace(self, products=self.products.take(blocks))
-
     @cached_property
     def _target(self) -> Array:
         """Products of all columns with the torque, (m,)."""
@@ -528,11 +497,11 @@ class MixedModel:
         ``p(block | fitted) = p(both) / p(fitted)``.
         """
         s = self.solve(terms)
-        both = replace(self, products=self.products + unseen)
+        every = self.products + unseen
         own = range(self.products.blocks)
         out = []
         for k in range(unseen.blocks):
-            joined = both.with_blocks([*own, self.products.blocks + k])
+            joined = replace(self, products=every.take([*own, self.products.blocks + k]))
             out.append(joined.solve(terms).log_likelihood - s.log_likelihood)
         return np.array(out)
 
@@ -572,46 +541,11 @@ class MixedModel:
         least = [(t, SIMPLER if t.size < own.size else RIVAL) for t in self.gains(rest, among)]
         return [t for t, within in least if t.odds > own.odds - within]
 
-    def alternatives(self, terms: Terms = ()) -> tuple[list[tuple[Term, float]], Array, Array]:
-        """Return what one group more would do to the fixed effects, each with its probability.
-
-        Returns
-        -------
-        groups : list of (Term, float)
-        shift : (G, p)
-            Of the fixed effects, by each.
-        added : (G, p, p)
-            To their covariance, by each.
-        """
+    def alternatives(self, terms: Terms = ()) -> list[tuple[Term, float]]:
+        """Return groups of which one more may be there, each with its probability."""
         found = [t for t in self.gains(terms) if t.odds > UNLIKELY]
-        s, odds = self.solve(terms), np.array([np.exp(min(t.odds, 50.0)) for t in found])
-        weights = odds / (1.0 + odds.sum())
-        p = self.fixed
-        shift, added = np.zeros((len(found), p)), np.zeros((len(found), p, p))
-        for k, t in enumerate(found):
-            C = self._between(s.columns, t.columns)
-            along = s.root @ C
-            S = self._between(t.columns, t.columns) - along.T @ along
-            S[np.diag_indices_from(S)] += 1.0 / t.variance
-            aim = self._target[t.columns] - along.T @ (s.root @ self._target[s.columns])
-            T = (s.root.T @ along)[:p]
-            shift[k] = -T @ np.linalg.solve(S, aim)
-            added[k] = T @ np.linalg.solve(S, T.T)
-        unit = self.scale[:p]
-        weighed = list(zip(found, weights.tolist(), strict=True))
-        return weighed, shift / unit, added / np.outer(unit, unit)
-
-    def labels(self, terms: Terms = ()) -> tuple[Array, Array, Array]:
-        """Return values of the fixed effects (p,), and two parts of their covariance, (p, p).
-
-        By noise beside the terms, and by what may be missing all the same: a mixture over one group
-        more, ``Σ w (δ δᵀ + ΔV)``.
-        """
-        s, p, unit = self.solve(terms), self.fixed, self.scale[: self.fixed]
-        groups, shift, added = self.alternatives(terms)
-        w = np.array([w for _, w in groups])
-        more = np.einsum("g,gi,gj->ij", w, shift, shift) + np.einsum("g,gij->ij", w, added)
-        return s.value[:p] / unit, s.covariance[:p, :p] / np.outer(unit, unit), more
+        weights = softmax([0.0, *(t.odds for t in found)])[1:].tolist()
+        return list(zip(found, weights, strict=True))
 
 
 def _without(terms: Terms, k: int) -> Terms:

@@ -350,16 +350,6 @@ class LaggedProducts:
         """Number of rows."""
         return sum(rows for _, rows in self.counts)
 
-    @property
-    def plain(self) -> Array:
-        """Products of the rows as they are, (m, m)."""
-        total: Array = self.products[:: len(_AT)].sum(0)
-        return total
-
-    def times(self, T: Array) -> LaggedProducts:
-        """Return those of other columns, rows @ T with T (m, k)."""
-        return LaggedProducts(T.T @ self.products @ T, self.lengths, self.counts)
-
     def weigh(self, pacf: Array) -> tuple[Array, Array, Array]:
         """Return what products count for in those of what noise leaves of the rows.
 
@@ -402,10 +392,6 @@ class LaggedProducts:
         flat = self.products.reshape(len(weights), -1)
         total: Array = (weights @ flat).reshape(self.products.shape[1:])
         return total
-
-    def whitened(self, pacf: Array) -> Array:
-        """Return the products of what noise leaves of the rows, (m, m)."""
-        return self.weighed(self.weigh(pacf[:, None])[0][:, 0])
 
 
 def _multiply(parts: Sequence[Array]) -> Array:

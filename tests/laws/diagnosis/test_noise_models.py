@@ -10,12 +10,12 @@ from identifiability.estimation.noise import (
     ARNoise,
     JointNoise,
     RestrictedLikelihood,
-    _span,
     autocovariance,
     durbin,
     fit_joint,
     fit_noise,
     levinson,
+    span_columns,
     whiten,
 )
 
@@ -192,7 +192,9 @@ def test_what_columns_span_is_orthonormal_however_alike_they_are(samples):
     four = rng.standard_normal((samples, 4))
     alike = four @ rng.standard_normal((4, 66))
     noisy = alike + 1e-6 * rng.standard_normal(alike.shape)
-    basis = _span([four[:, :1], noisy, rng.standard_normal((samples, 5))], int(0.45 * samples))
+    basis = span_columns(
+        [four[:, :1], noisy, rng.standard_normal((samples, 5))], int(0.45 * samples)
+    )
     assert basis.shape[1] == 9
     np.testing.assert_allclose(basis.T @ basis, np.eye(9), atol=1e-8)
     np.testing.assert_allclose(basis @ (basis.T @ alike), alike, atol=1e-4)
