@@ -128,7 +128,7 @@ def test_what_goes_wrong_with_one_robot_is_the_sentence_of_its_row(start, tmp_pa
         ([], {}, "No robot is given"),
         (["a/x", "b/x"], {}, "Two robots are called 'x'"),
         ({"a/b": "x"}, {}, "'a/b' cannot be the name of a page"),
-        (["a"], {"verb": "prune", "critrion": "best"}, "'critrion' is no option of prune, did you"),
+        (["a"], {"verb": "prune", "replicats": 2}, "'replicats' is no option of prune, did you"),
         (["a"], {"replicates": "many"}, "replicates must be"),
         (["a"], {"verb": "analyse"}, "verb must be"),
         (3, {}, "robots must be folders, or a mapping from names"),

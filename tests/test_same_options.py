@@ -43,7 +43,7 @@ def test_every_verb_has_them(verb, commands):
     ("verb", "names"),
     [
         ("analyze", "validate ladder posterior replicates seed quick"),
-        ("prune", "validate ladder forbid force propose replicates seed quick"),
+        ("prune", "validate ladder forbid force replicates seed quick"),
         ("diagnose", "validate model seed quick"),
         ("calibrate", "model seed quick"),
         ("payload", "without body"),

@@ -180,7 +180,10 @@ def find_alternatives(
     plain = replace(regression, instruments=None, echo=None)
     if regression.instruments is None and regression.echo is None:
         plain = regression
-    families = find_families(None, commanded=commanded)
+    # A wrong scale of one joint's torque is nearly the model itself, at any size: its prior alone
+    # would widen every label. What weighs a known load tells it.
+    every = find_families(None, commanded=commanded)
+    families = [f for f in every if f.name != TorqueScale.name]
     missing = Missing.of(plain, families, structure.present)
     if not len(missing.seen.y) or not missing.groups:
         return NO_ALTERNATIVES

@@ -40,24 +40,16 @@ from identifiability.foundation.values import frozen
 
 #: Sizes that a group may have, relative to the torque of its joint: uniform in the logarithm.
 SIZES = np.geomspace(1e-4, 1.0, 40)
-#: Log odds within which the group with fewest columns goes first, and what is named is "A or B":
-#: of something as simple or simpler, and of anything.
-SIMPLER, RIVAL = 3.0, 4.0
 #: What is left of a direction of unit columns beside the model; below it there is none.
 THIN: Tolerance = 1e-6
 #: Precisions of what may be missing that are tried beside the noise, in that of its innovations,
 #: and rounds in which those of all functions and the noise take turns.
 PRECISIONS = np.geomspace(1e-6, 1e6, 13)
 ROUNDS = 4
-#: What a function must explain to stand beside the noise [nat]: about what a name must, else slow
-#: noise is taken for a function of time.
-PRICE = 6.0
 #: White noise that is taken to be there beside the residual, as a share of its variance.
 FLOOR_RICH: Tolerance = 1e-2
 #: Share of a diagonal that keeps a factor positive.
 RIDGE: Tolerance = 1e-10
-#: Log odds below which a group is no alternative to speak of.
-UNLIKELY = -6.0
 
 
 # Products of whitened rows.
@@ -221,6 +213,8 @@ def _settle(
     """
 
     def prior_of(values: Array) -> Array:
+        if not values.size:  # no function acts here
+            return np.zeros(len(owner))
         return np.where(owner < 0, 0.0, values[..., np.maximum(owner, 0)])
 
     values, none = precisions.copy(), PRECISIONS[-1]
@@ -231,13 +225,13 @@ def _settle(
             tried = np.repeat(values[None], len(PRECISIONS), axis=0)
             tried[:, k] = PRECISIONS
             each = problem.deviances(best, prior_of(tried))
-            pays = each[-1] - each.min() > 2.0 * PRICE
+            pays = each[-1] - each.min() > 2.0 * RULES.smooth_price
             values[k] = PRECISIONS[int(np.argmin(each))] if pays else none
         if np.array_equal(values, before):
             break
         best = problem.with_prior(prior_of(values)).maximise()
     own = prior_of(values)
-    price = 2.0 * PRICE * np.sum(values < none) + len(best) * np.log(problem.rows)
+    price = 2.0 * RULES.smooth_price * np.sum(values < none) + len(best) * np.log(problem.rows)
     return problem.with_prior(own).deviance(best) + float(price), best, own
 
 
@@ -483,7 +477,7 @@ class MixedModel:
             found = [t for t in self.gains(terms) if t.key not in gone and t.odds >= self.name]
             if not found:
                 break
-            near = [t for t in found if t.odds > found[0].odds - SIMPLER]
+            near = [t for t in found if t.odds > found[0].odds - RULES.simpler]
             terms = self.settle((*terms, min(near, key=lambda t: (t.size, -t.odds))))
             while terms and min(t.odds for t in terms) < self.name:
                 least = min(range(len(terms)), key=lambda k: terms[k].odds)
@@ -538,12 +532,15 @@ class MixedModel:
         own, rest = terms[which], _without(terms, which)
         taken = {t.key for t in terms}
         among = [g for g in self.groups if g.key not in taken]
-        least = [(t, SIMPLER if t.size < own.size else RIVAL) for t in self.gains(rest, among)]
+        least = [
+            (t, RULES.simpler if t.size < own.size else RULES.rival)
+            for t in self.gains(rest, among)
+        ]
         return [t for t, within in least if t.odds > own.odds - within]
 
     def alternatives(self, terms: Terms = ()) -> list[tuple[Term, float]]:
         """Return groups of which one more may be there, each with its probability."""
-        found = [t for t in self.gains(terms) if t.odds > UNLIKELY]
+        found = [t for t in self.gains(terms) if t.odds > RULES.unlikely]
         weights = softmax([0.0, *(t.odds for t in found)])[1:].tolist()
         return list(zip(found, weights, strict=True))
 

@@ -68,6 +68,12 @@ class Rules(RuleTable):
     ] = 1e-3
     name: Annotated[float, "log odds that name what a model lacks, on fitted rows, derived"] = 1.0
     keep: Annotated[float, "and its gain on unseen rows that keeps it, derived"] = 2.0
+    simpler: Annotated[float, "nats within which fewer columns go first, derived"] = 3.0
+    rival: Annotated[float, "nats within which it is A or B, derived"] = 4.0
+    smooth_price: Annotated[
+        float, "what a function explains beside the noise [nat], calibrated"
+    ] = 6.0
+    unlikely: Annotated[float, "log odds of no alternative to speak of, by hand"] = -6.0
     instrument_f: Annotated[
         float, "least first-stage F [Lee 2022] of what was measured again, literature"
     ] = 104.7

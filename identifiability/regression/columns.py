@@ -15,6 +15,7 @@ import numpy as np
 
 from identifiability.effects import Effect, Family, Part, Placed, Span
 from identifiability.effects.effect import measure_spans
+from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
@@ -142,7 +143,10 @@ def list_candidates(
             else:
                 start = out[-1].columns[-1] + 1 if out else 0
                 span = spans.get(place, Span(place, 1.0, 1.0, robot=robot))
-                out += _at_place(robot, family, span, start, free)
+                try:
+                    out += _at_place(robot, family, span, start, free)
+                except ModelError as error:  # a curve over next to no range
+                    refused.append(Refusal(family.name, place, str(error)))
     return out, refused
 
 

@@ -234,4 +234,4 @@ def test_thresholds_and_words_are_explained(believed_analysis, whole_page):
     html = render_page(build_page(believed_analysis))
     for text in ("constraint-determined", "prior-dominated", "contraction", "room of a body"):
         assert text in html
-    assert "variance of a constraint-determined parameter" in html
+    assert "share to which bodies narrow an open variance" in html
