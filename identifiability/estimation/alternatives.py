@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.effects import find_families, title_of
+from identifiability.effects.measurement import TorqueScale
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.groups import Missing
 from identifiability.estimation.mixed_model import EVERYWHERE, MixedModel, Term, Terms
