@@ -176,14 +176,6 @@ def find_leaning(logs: MeasuredLogs) -> Leaning | None:
     return found if all(better) else None
 
 
-def state_leaning(found: Leaning) -> str:
-    """Return what is said of gravity that the logs contradict."""
-    return (
-        f"By the torque, gravity {found.text}: the base stands otherwise than the file says (on a "
-        "wall, under a ceiling?); diagnose takes gravity so, and says what is left."
-    )
-
-
 def _gravity_by_file(logs: MeasuredLogs) -> Array:
     """Return gravity (3,) [m/s²] by the file's masses, beside what any drive adds at its joint."""
     robot, motion = logs.robot, logs.motion
