@@ -16,6 +16,7 @@ from identifiability.effects.effect import (
     SPEEDS,
     Along,
     AlongAxes,
+    Family,
     Shaped,
     Span,
     actuated_joints,
@@ -321,3 +322,37 @@ class FrictionDrift(AlongAxes):
     def curves(self, at: Along) -> list[Array]:
         """Return both frictions, growing with time."""
         return [at.motion.t * at.speed, at.motion.t * at.sign]
+
+
+# Dry friction at reversals, where joints stick for milliseconds that no encoder resolves.
+
+
+class ReversalFriction(AlongAxes):
+    """``τ = (r₀ + r₁ |q̈|^-½ + r₂ |q̈|^½) d sign(q̇)/dt``: friction that turns later than its sign.
+
+    A joint sticks at a reversal until its drive overcomes the friction, the longer the less it is
+    accelerated. It is no effect to be named: every model of dry friction has it, and without it a
+    diagnosis takes it for delays.
+    """
+
+    name = "reversal_friction"
+    equation = "τ = (r₀ + r₁ |q̈|^-½ + r₂ |q̈|^½) d sign(q̇)/dt"
+    source = "[Karnopp 1985]"
+    units = (("r0", "N·m·s", "N·s"), ("r1", "N·m·s", "N·s"), ("r2", "N·m·s", "N·s"))
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return pulses at reversals, weighed by the acceleration over its median."""
+        sign, pulse = at.sign, np.zeros(len(at.motion))
+        gaps = np.flatnonzero(np.diff(at.motion.kept) != 1) + 1
+        for rows in np.split(np.arange(len(pulse)), gaps):
+            if len(rows) > 1:
+                pulse[rows] = np.gradient(sign[rows], at.motion.t[rows])
+        size = np.abs(at.acceleration)
+        root = np.sqrt(np.clip(size / (np.median(size) or 1.0), SLOWEST, None))
+        return [pulse, pulse / root, pulse * root]
+
+
+#: Least acceleration at a reversal, over the median of all.
+SLOWEST: Tolerance = 0.05
+#: What every hypothesis has beside Coulomb friction.
+REVERSALS = Family(ReversalFriction(), "friction at reversals", needs="coulomb_friction")

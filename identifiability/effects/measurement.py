@@ -437,7 +437,6 @@ def _stands_in_a_tree(robot: Robot, place: str) -> str:
     actuated_joints,
     against="position",
     refuse=_stands_in_a_tree,
-    logs="commands",
     loaded=True,
     told_by=POSTURES,
     rank=13.5,

@@ -207,7 +207,7 @@ def _conclude(missing: Missing, model: MixedModel, terms: Terms) -> Alternatives
     for k, (t, weight) in enumerate(groups):
         beside = terms if k < len(terms) else (*terms, t)
         s = model.solve(beside)
-        first = p + sum(x.size for x in beside[:k] if k < len(terms))
+        first = model.fixed + sum(x.size for x in beside[:k] if k < len(terms))
         at = np.arange(first, first + t.size) if k < len(terms) else np.arange(-t.size, 0)
         unit = model.scale[t.columns]
         value, covariance = s.value[at] / unit, s.root[:, at].T @ s.root[:, at]

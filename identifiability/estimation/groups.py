@@ -7,15 +7,17 @@ on are families as well, and return to zero where there were no data.
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from identifiability.effects import Family
+from identifiability.effects.friction import REVERSALS, ReversalFriction
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
     Group,
@@ -35,6 +37,7 @@ from identifiability.regression.columns import (
     Present,
     compute_entries,
     list_candidates,
+    number,
 )
 from identifiability.regression.regression import Chunk, Regression, choose_within, inside
 from identifiability.robot import Robot
@@ -54,8 +57,13 @@ class Excerpt:
     robot : Robot
     X : (N, n, p)
     y : (N, n) [N·m or N]
+    raw : (N, n) [N·m or N]
+        Torque as it was measured, before any low-pass.
     data : (N, n) bool
         Where torque of each joint is data; elsewhere its rows are zero.
+    t : (N,) [s]
+    log : (N,) int
+        Which log a row comes from.
     runs : JointRuns
         Stretches of data without gaps, of each joint.
     pieces : tuple of Piece
@@ -67,18 +75,21 @@ class Excerpt:
     robot: Robot
     X: Array
     y: Array
+    raw: Array
     data: np.ndarray
+    t: Array
+    log: np.ndarray
     runs: JointRuns
     pieces: tuple[Piece, ...]
     seen: np.ndarray
 
     @staticmethod
-    def of(regression: Regression) -> Excerpt:
-        """Return the rows of a regression by least squares."""
+    def of(regression: Regression, most: tuple[int, int, int] = EXCERPT) -> Excerpt:
+        """Return the rows of a regression by least squares, an excerpt of more than so many."""
         plain = replace(regression, instruments=None, echo=None)
         if regression.instruments is None and regression.echo is None:
             plain = regression
-        windows = choose_within(plain.windows, EXCERPT)
+        windows = choose_within(plain.windows, most)
         chunks: list[Chunk] = []
         pieces: list[Piece] = []
         seen, outputs = [np.empty(0, int)], 0
@@ -103,9 +114,11 @@ class Excerpt:
         gaps = [a + 1 + np.flatnonzero(signals.has_gap(t[a:b])) for a, b in pairwise(edges)]
         starts = np.unique(np.concatenate([edges[:-1], *gaps])).astype(int).tolist()
         runs = tuple(zip(starts, [*starts[1:], len(at)], strict=True))
-        X, y, data = (np.concatenate([getattr(c, k) for c in chunks]) for k in ("W", "tau", "data"))
+        kinds = ("W", "tau", "raw", "data")
+        X, y, raw, data = (np.concatenate([getattr(c, k) for c in chunks]) for k in kinds)
         own = JointRuns.of(runs, data)
-        return Excerpt(plain.robot, X, y, data, own, tuple(pieces), np.concatenate(seen))
+        rows = np.concatenate(seen)
+        return Excerpt(plain.robot, X, y, raw, data, t, log, own, tuple(pieces), rows)
 
     def entries(self, candidates: Sequence[Candidate]) -> Entries:
         """Return the torque (N,) of candidates by joint and column, where it is not zero."""
@@ -123,10 +136,17 @@ class Missing:
     candidates : tuple of Candidate
     seen : Excerpt
         Of the logs that are fitted.
+    root : (d, p)
+        What is known of the model's values beforehand: observations of zero, in units of their
+        standard deviation.
+    given : ARNoise or None
+        The noise, where it is known.
     """
 
     candidates: tuple[Candidate, ...]
     seen: Excerpt
+    root: Array = field(default_factory=lambda: np.empty((0, 0)))
+    given: ARNoise | None = None
 
     @staticmethod
     def of(regression: Regression, families: Sequence[Family], present: Present) -> Missing:
@@ -134,7 +154,7 @@ class Missing:
         seen = Excerpt.of(regression)
         motions = [piece.motion for piece in seen.pieces]
         listed, _ = list_candidates(seen.robot, families, present, motions, fixed=False)
-        return Missing(tuple(listed), seen)
+        return Missing(with_reversals(seen.robot, listed, present), seen)
 
     @cached_property
     def entries(self) -> Entries:
@@ -165,6 +185,8 @@ class Missing:
     @cached_property
     def noise(self) -> ARNoise:
         """Noise beside all smooth functions that may be missing."""
+        if self.given is not None:
+            return self.given
         order = sorted(
             (c for c in self.candidates if c.family.flexible),
             key=lambda c: (not c.family.unnamed, c.family.rank, -len(c.columns)),
@@ -183,8 +205,17 @@ class Missing:
             blocks.append([X[:, X.any(0)], *(np.stack(x, 1) for x in own if x)])
         return rich_noise(blocks, list(self.seen.y.T), self.seen.runs)
 
-    def products(self, of: Excerpt | None = None) -> Products:
-        """Return products of whitened rows: fitted ones, or others with the same columns."""
+    def products(
+        self, of: Excerpt | None = None, edges: Sequence[int] | None = None
+    ) -> Products:
+        """Return products of whitened rows: fitted ones, or others with the same columns.
+
+        Parameters
+        ----------
+        of : Excerpt, optional
+        edges : sequence of int, optional
+            Rows at which blocks begin and end.
+        """
         rows = of or self.seen
         entries = self.entries if of is None else rows.entries(self.candidates)
         p, width = self.fixed, len(self.scale)
@@ -195,37 +226,74 @@ class Missing:
             none = np.zeros(len(rows.y))
             Z = [entries.get((j, k), none) for k in acting.tolist()]
             blocks.append(np.column_stack([rows.X[:, j, model], *Z, rows.y[:, j]]))
-        edges = np.ceil(np.linspace(0, len(rows.y), BLOCKS + 1)).astype(int).tolist()
-        return Products.of(columns, blocks, self.noise, rows.runs, edges)
+        usual = np.ceil(np.linspace(0, len(rows.y), BLOCKS + 1)).astype(int).tolist()
+        return Products.of(columns, blocks, self.noise, rows.runs, edges or usual)
 
     @cached_property
-    def groups(self) -> tuple[Group, ...]:
-        """Groups of the candidates, each with its price."""
+    def sets(self) -> dict[tuple[str, str], list[list[Candidate]]]:
+        """Candidates of each shape, by family and place, and of a family everywhere."""
         found: dict[str, dict[str, list[Candidate]]] = defaultdict(lambda: defaultdict(list))
         seen = {k for _, k in self.entries}
         for c in self.candidates:
             if seen.issuperset(c.columns):
                 found[c.family.name][c.place].append(c)
-        out = []
+        out = {}
         for name, places in found.items():
             every = list(places.values())
-            alike = {place: [[c] for c in own] for place, own in places.items()}
+            out |= {(name, place): [[c] for c in own] for place, own in places.items()}
             if len(every) > 1 and every[0][0].family.origin is None:
                 shapes = range(len(every[0]))
-                alike[EVERYWHERE] = [[own[k] for own in every if k < len(own)] for k in shapes]
-            price = float(np.log(len(found)) + np.log(len(alike)))
-            for place, sets in alike.items():
-                positive = all(c.positive for some in sets for c in some)
-                out.append(Group(name, place, _members(sets, self.fixed), price, positive))
+                out[name, EVERYWHERE] = [[x[k] for x in every if k < len(x)] for k in shapes]
+        return out
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """Groups of the candidates, each with its price."""
+        places = Counter(name for name, _ in self.sets)
+        out = []
+        for (name, place), sets in self.sets.items():
+            price = float(np.log(len(places)) + np.log(places[name]))
+            positive = all(c.positive for some in sets for c in some)
+            out.append(Group(name, place, _members(sets, self.fixed), price, positive))
         return tuple(out)
 
     def model(self, products: Products | None = None) -> MixedModel:
-        """Return the mixed model of the fitted rows."""
-        own = products or self.products()
-        diagonal = np.diag(own.between(np.arange(self.fixed), np.arange(self.fixed)))
-        unit = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-        scale = np.concatenate([unit, self.scale])
-        return MixedModel(own, self.fixed, self.groups, scale)
+        """Return the mixed model of the fitted rows.
+
+        What every hypothesis has, friction at reversals, is a part of its fixed columns, with the
+        variance that it has beside the model.
+        """
+        own, p = products or self.products(), self.fixed
+        diagonal = np.diag(own.between(np.arange(p), np.arange(p)))
+        scale = np.concatenate([np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), self.scale])
+        prior, always = self.root.T @ self.root, (REVERSALS.name, EVERYWHERE)
+        groups = tuple(g for g in self.groups if g.family != REVERSALS.name)
+        if always not in self.sets:
+            return MixedModel(own, p, groups, scale, prior)
+        columns = np.concatenate([c.columns for c in self.sets[always][0]]) + p
+        group = Group(*always, (columns,), 0.0)
+        (term,) = MixedModel(own, p, (group,), scale, prior).gains()
+        prior = prior if prior.size else np.zeros((p, p))
+        prior = block_diag(prior, np.diag(scale[columns] ** 2 / term.variance))
+        return MixedModel(own, p + len(columns), groups, scale, prior)
+
+
+def with_reversals(
+    robot: Robot, candidates: Sequence[Candidate], present: Present
+) -> tuple[Candidate, ...]:
+    """Return friction at reversals where there is dry friction, then candidates that fit a model.
+
+    What refines a part that it does not have does not.
+    """
+    kinds = tuple(kind for kind, *_ in ReversalFriction.units)
+    columns = tuple(range(len(kinds)))
+    always = [
+        Candidate(REVERSALS, axis.name, np.nan, kinds, REVERSALS.effect, columns)
+        for axis in robot.axes
+        if ("coulomb_friction", axis.name) in present
+    ]
+    fits = [c for c in candidates if not c.family.needs or (c.family.needs, c.place) in present]
+    return tuple(number([*always, *fits]))
 
 
 def _members(sets: Sequence[Sequence[Candidate]], first: int) -> tuple[np.ndarray, ...]:

@@ -14,7 +14,7 @@ costs the same however many rows there were.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -359,6 +359,9 @@ class MixedModel:
     scale : (m,)
         What a column is divided by: random ones by what makes their torque as large as their
         joint's.
+    prior : (p, p)
+        What is known of the fixed columns' values without the rows: the inverse of a covariance
+        about zero; none where it is empty.
     name, keep : float
         Log odds from which on a group is named, and gain on unseen rows from which on it is kept.
     """
@@ -367,6 +370,7 @@ class MixedModel:
     fixed: int
     groups: tuple[Group, ...]
     scale: Array
+    prior: Array = field(default_factory=lambda: np.empty((0, 0)))
     name: float = RULES.name
     keep: float = RULES.keep
 
@@ -386,19 +390,45 @@ class MixedModel:
 
     def solve(self, terms: Terms = ()) -> Solution:
         """Return values, their covariance and the restricted likelihood with some terms."""
-        own = [t.columns for t in terms]
-        columns = np.concatenate([np.arange(self.fixed), *own]).astype(int)
-        prior = np.concatenate(
-            [np.zeros(self.fixed), *(np.full(t.size, 1.0 / t.variance) for t in terms)]
+        columns = self._columns(terms)
+        return self._solve(
+            terms, columns, self._between(columns, columns), self._target[columns]
         )
-        P = self._between(columns, columns)
-        P[np.diag_indices_from(P)] += prior + RIDGE * np.maximum(np.diag(P), 1e-300)
+
+    def _columns(self, terms: Terms) -> np.ndarray:
+        """Return the columns of the fixed model and some terms."""
+        return np.concatenate([np.arange(self.fixed), *(t.columns for t in terms)]).astype(int)
+
+    def _solve(self, terms: Terms, columns: np.ndarray, P: Array, target: Array) -> Solution:
+        """Return the solution of products of columns (c, c) among themselves and with the torque.
+
+        What all models of the same rows have in common is left out of the likelihood.
+        """
+        sizes = np.concatenate([np.full(t.size, t.variance) for t in terms] or [np.empty(0)])
+        first = self.fixed
+        P = P + RIDGE * np.diag(np.maximum(np.diag(P), 1e-300))
+        P[range(first, len(P)), range(first, len(P))] += 1.0 / sizes
+        if self.prior.size:
+            P[:first, :first] += self.prior / np.outer(self.scale[:first], self.scale[:first])
+        if not len(P):
+            return Solution(columns, np.empty(0), np.empty((0, 0)), 0.0)
         L = np.linalg.cholesky(P)
         root, _ = scipy.linalg.lapack.dtrtri(L, lower=1)
-        half = root @ self._target[columns]
-        sizes = sum(t.size * np.log(t.variance) for t in terms)
-        likelihood = 0.5 * half @ half - np.log(np.diag(L)).sum() - 0.5 * sizes
+        half = root @ target
+        likelihood = 0.5 * half @ half - np.log(np.diag(L)).sum() - 0.5 * np.log(sizes).sum()
         return Solution(columns, root.T @ half, root, float(likelihood))
+
+    def beside(self, terms: Terms) -> list[Group]:
+        """Return the groups that may come beside some terms: what is everywhere has no place."""
+        taken = {t.key for t in terms}
+        families = {t.group.family for t in terms}
+        whole = {t.group.family for t in terms if t.group.place == EVERYWHERE}
+        return [
+            g
+            for g in self.groups
+            if g.key not in taken
+            and g.family not in (families if g.place == EVERYWHERE else whole)
+        ]
 
     def gains(self, terms: Terms = (), among: Sequence[Group] | None = None) -> list[Term]:
         """Return further groups with their log odds beside some terms, the likeliest first.
@@ -412,8 +442,7 @@ class MixedModel:
         among : sequence of Group, optional
             By default all that are not among the terms.
         """
-        taken = {t.key for t in terms}
-        asked = [g for g in self.groups if g.key not in taken] if among is None else list(among)
+        asked = self.beside(terms) if among is None else list(among)
         s = self.solve(terms)
         every = np.arange(self.products.width)
         along = s.root @ self._between(s.columns, every)
@@ -490,14 +519,17 @@ class MixedModel:
 
         ``p(block | fitted) = p(both) / p(fitted)``.
         """
-        s = self.solve(terms)
-        every = self.products + unseen
-        own = range(self.products.blocks)
+        columns = self._columns(terms)
+        some = np.append(columns, self.products.width)
+        scale = np.append(self.scale[columns], 1.0)
+        fitted = self.products.between(some, some)
         out = []
-        for k in range(unseen.blocks):
-            joined = replace(self, products=every.take([*own, self.products.blocks + k]))
-            out.append(joined.solve(terms).log_likelihood - s.log_likelihood)
-        return np.array(out)
+        for k in range(-1, unseen.blocks):
+            more = unseen.take([k]).between(some, some) if k >= 0 else 0.0
+            both = (fitted + more) / np.outer(scale, scale)
+            found = self._solve(terms, columns, both[:-1, :-1], both[:-1, -1])
+            out.append(found.log_likelihood)
+        return np.array(out[1:]) - out[0]
 
     def confirm(self, terms: Terms, unseen: Products) -> Terms:
         """Return those terms that make unseen rows likelier, the worst tried first.
@@ -530,8 +562,7 @@ class MixedModel:
     def rivals(self, terms: Terms, which: int) -> list[Term]:
         """Return what would do as well in the place of a term: "A or B", the likeliest first."""
         own, rest = terms[which], _without(terms, which)
-        taken = {t.key for t in terms}
-        among = [g for g in self.groups if g.key not in taken]
+        among = [g for g in self.beside(rest) if g.key != own.key]
         least = [
             (t, RULES.simpler if t.size < own.size else RULES.rival)
             for t in self.gains(rest, among)
