@@ -17,7 +17,7 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, find_base_parameters
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, Noise, random_trajectory, shipped_trajectory
-from identifiability.workflows.diagnose import BASE_EFFECTS, Diagnosis, Problem, Setting, diagnose
+from identifiability.workflows.diagnose import BASE_EFFECTS, Diagnosis, Setting, diagnose, look
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.motion import prepare_rows
 
@@ -210,9 +210,9 @@ def true_error(name: str, seed: int) -> float:
     logs = simulated(name, np.zeros_like(campaign(name).torque), seed)
     samples = tuple(prepare_rows(robot, log, None) for log in logs)
     structure = Structure.of(robot, Model.of(*BASE_EFFECTS))
-    p = Problem(Setting(structure, samples[:4], samples[4:]), ())
-    left = p.residual(p.unseen.rows, (), p.settled(()))
-    return float(Gap(p.unseen.rows, left[:, :, None]).relative_error()[0])
+    found = look(Setting(structure, samples[:4], samples[4:]), ())
+    left = found.left((), found.fit(()), unseen=True)
+    return float(Gap(found.unseen, left[:, :, None]).relative_error()[0])
 
 
 def run(job: Job) -> Trial | None:

@@ -94,7 +94,7 @@ def examine(path: Path) -> dict[str, Any]:
             "joint": p.place,
             "shape": float(p.shape),
             "weight": float(getattr(p, "weight", np.nan)),
-            "or": [[r.family, r.place] for r in p.rivals if r.undecided],
+            "or": [[r.family, r.place] for r in p.rivals],
         }
         for e in d.effects
         for p in e.placements
@@ -118,7 +118,7 @@ def examine(path: Path) -> dict[str, Any]:
         "noise": truth["noise"]["level"],
         "stands": float(np.mean(truth["stands"])),
         "said": "; ".join(_say(n) for n in named),
-        "refuted": "; ".join(f"{e.name}@{'+'.join(e.joints)}" for e in d.refuted),
+        "refuted": "; ".join(f"{e.name}@{e.place}" for e in d.refuted),
         "before": error[0],
         "after": error[1],
         "held_before": d.held_before,

@@ -30,7 +30,6 @@ from shared import data_folder, study_parser, write_answer
 from identifiability import Log, Robot, analyze, diagnose
 from identifiability.logs.conventions import Conventions
 from identifiability.physical.cad_prior import total_mass
-from identifiability.workflows.diagnose.words import contradiction
 from identifiability.workflows.prune import prune
 
 Case = tuple[str, Robot, list[Log], Log]
@@ -150,11 +149,7 @@ def state_diagnosed(
     """Return what a diagnosis names, and keep what stands and what does not of each robot."""
     found, arm = diagnose(robot, fitted, other, forward=False), name.partition(" ")[0]
     stand = {f"{e.name} {p.place}" for e in found.effects for p in e.placements}
-    falls = {
-        f"{e.name} {p.place}": contradiction(e, found.rules.odds)
-        for e in found.refuted
-        for p in e.placements
-    }
+    falls = {f"{x.name} {x.place}": f"{x.unseen:.1f} nats" for x in found.refuted}
     names, earlier = kept.named.setdefault(arm, set()), kept.refused.setdefault(arm, {})
     contrary = [f"{k} ({falls[k]} here)" for k in falls.keys() & names]
     contrary += [f"{k} ({earlier[k]} there)" for k in earlier.keys() & stand]

@@ -520,7 +520,7 @@ def hide(
     found = diagnose(known, logs[:2], logs[2], forward=False)
     seconds = time.process_time() - began
     named = [
-        {(e.name, p.place), *((r.family, r.place) for r in p.rivals if r.undecided)}
+        {(e.name, p.place), *((r.family, r.place) for r in p.rivals)}
         for e in found.effects
         for p in e.placements
     ]

@@ -74,7 +74,7 @@ def test_noise_that_pulls_values_down_is_said(positions):
 
 def test_a_diagnosis_says_it_too(positions):
     low = Preparation(cutoff=1.2)
-    found = diagnose("two-link", positions(2e-5), preparation=low, replicates=19, forward=False)
+    found = diagnose("two-link", positions(2e-5), preparation=low, forward=False)
     assert len(about_cutoff(found)) == 1
     assert about_cutoff(found)[0].startswith("The cut-off of 1.2 Hz cuts into the motion")
 

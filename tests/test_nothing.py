@@ -183,7 +183,7 @@ def test_a_torque_that_never_changes_beside_others_that_do_is_said_everywhere(ca
     results = [
         analysis,
         prune("two-link", log, replicates=2),
-        diagnose("two-link", log, replicates=20, effects=["torque_offset", "joint_stiffness"]),
+        diagnose("two-link", log, effects=["torque_offset", "joint_stiffness"]),
         calibrate(analysis, replicates=2, refits=20, noise=(1.0,), rho=(0.0,), sbc=0, names=0),
     ]
     for out in results:
@@ -217,7 +217,7 @@ def test_a_body_that_cannot_exist_is_said_and_no_error_is_made_up(arm, tmp_path,
 
 def test_families_that_the_model_has_leave_nothing_to_name(arm, tmp_path):
     asked = ["viscous_friction", "coulomb_friction"]
-    out = diagnose("two-link", arm(""), effects=asked, replicates=20)
+    out = diagnose("two-link", arm(""), effects=asked)
     assert out.statement.startswith(
         "Nothing was left to name: viscous_friction and coulomb_friction (the model has it already)"
     )

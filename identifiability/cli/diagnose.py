@@ -11,7 +11,7 @@ from typer import Option
 
 from identifiability.cli import common, options
 from identifiability.cli.common import Writes
-from identifiability.foundation.options import Seed, Simulated
+from identifiability.foundation.options import Seed
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,6 @@ class Options:
     validate: Sequence[str] = ()
     effects: options.Effects | None = None
     model: options.Model = None
-    replicates: Simulated | None = None
     seed: Seed = 0
     quick: options.Quick = False
 

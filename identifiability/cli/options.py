@@ -75,6 +75,7 @@ GONE = {
     ("prune", "--no-propose"): "symmetries of the robot are always tried: leave it out",
     ("prune", "--propose"): "symmetries of the robot are always tried: leave it out",
     ("prune", "--reach"): "it did nothing: leave it out",
+    ("diagnose", "--replicates"): "log odds need no simulated noises: leave it out",
     ("diagnose", "--from"): "give all logs: identifiability diagnose ROBOT LOG LOG NEW_LOG",
 }
 

@@ -25,8 +25,8 @@ from identifiability.estimation.mixed_model import (
     Products,
     rich_noise,
 )
-from identifiability.estimation.noise import ARNoise, JointRuns
-from identifiability.foundation.names import Array
+from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, Runs
+from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare.samples import Piece
@@ -44,6 +44,12 @@ from identifiability.robot import Robot
 
 #: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
 EXCERPT = (6_000, 6, 1_000)
+#: What a compact load of 1 kg has of each inertial parameter, of radius .1 m.
+LOAD = (
+    {"m": 1.0} | dict.fromkeys(INERTIAL_KINDS[1:4], 0.1) | dict.fromkeys(INERTIAL_KINDS[4:], 0.01)
+)
+#: Families of bodies, with typical values of their kinds.
+BODIES = {"rigid_body": LOAD, "payload": {f"payload_{kind}": x for kind, x in LOAD.items()}}
 #: Blocks of rows over which gains on unseen motion are summed.
 BLOCKS = 10
 
@@ -174,12 +180,23 @@ class Missing:
 
     @cached_property
     def scale(self) -> Array:
-        """What makes columns of candidates as large as the torque of their joint, (c,)."""
+        """What makes columns of candidates as large as the torque of their joint, (c,).
+
+        Pieces of one curve are alike, reached or not: beyond the data it returns to zero. Those of
+        a body are as a compact one has them.
+        """
         width = max((c.columns[-1] + 1 for c in self.candidates), default=0)
         square, torque = np.zeros(width), np.sum(self.seen.y**2, axis=0)
         for (j, k), x in self.entries.items():
             if torque[j] > 0:
                 square[k] += x @ x / torque[j]
+        for c in self.candidates:
+            at = list(c.columns)
+            if c.family.flexible:
+                square[at] = square[at].max()
+            elif c.family.name in BODIES and len(at) > 1:
+                typical = np.array([BODIES[c.family.name][kind] for kind in c.kinds])
+                square[at] = np.sum(square[at] * typical**2) / typical**2
         return np.where(square > 0, np.sqrt(square), 1.0)
 
     @cached_property
@@ -187,27 +204,29 @@ class Missing:
         """Noise beside all smooth functions that may be missing."""
         if self.given is not None:
             return self.given
+        runs = self.seen.runs.each
+        return ARNoise(tuple(self.joint_noise(j, own) for j, own in enumerate(runs)))
+
+    @cached_property
+    def _smooth(self) -> list[Candidate]:
+        """One candidate of each smooth function, what must not be left out first."""
         order = sorted(
             (c for c in self.candidates if c.family.flexible),
             key=lambda c: (not c.family.unnamed, c.family.rank, -len(c.columns)),
         )
-        smooth: dict[tuple[str, str], Candidate] = {}
-        for c in order:
-            smooth.setdefault(c.group, c)
-        blocks = []
-        for j, acting in enumerate(self.acting):
-            X = self.seen.X[:, j]
-            own = [
-                [self.entries[j, k] for k in c.columns if (j, k) in self.entries]
-                for c in smooth.values()
-                if acting.size
-            ]
-            blocks.append([X[:, X.any(0)], *(np.stack(x, 1) for x in own if x)])
-        return rich_noise(blocks, list(self.seen.y.T), self.seen.runs)
+        return list({c.group: c for c in reversed(order)}.values())[::-1]
 
-    def products(
-        self, of: Excerpt | None = None, edges: Sequence[int] | None = None
-    ) -> Products:
+    def joint_noise(self, joint: int, runs: Runs) -> JointNoise:
+        """Return the noise of a joint in some stretches."""
+        X = self.seen.X[:, joint]
+        own = (
+            [self.entries[joint, k] for k in c.columns if (joint, k) in self.entries]
+            for c in self._smooth
+        )
+        blocks = [X[:, X.any(0)], *(np.stack(x, 1) for x in own if x)]
+        return rich_noise(blocks, self.seen.y[:, joint], runs)
+
+    def products(self, of: Excerpt | None = None, edges: Sequence[int] | None = None) -> Products:
         """Return products of whitened rows: fitted ones, or others with the same columns.
 
         Parameters
@@ -235,9 +254,9 @@ class Missing:
         found: dict[str, dict[str, list[Candidate]]] = defaultdict(lambda: defaultdict(list))
         seen = {k for _, k in self.entries}
         for c in self.candidates:
-            if seen.issuperset(c.columns):
+            if seen.intersection(c.columns):
                 found[c.family.name][c.place].append(c)
-        out = {}
+        out: dict[tuple[str, str], list[list[Candidate]]] = {}
         for name, places in found.items():
             every = list(places.values())
             out |= {(name, place): [[c] for c in own] for place, own in places.items()}

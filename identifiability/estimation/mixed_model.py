@@ -155,27 +155,19 @@ class Products:
         return out
 
 
-def rich_noise(
-    joints: Sequence[Sequence[Array]], targets: Sequence[Array], runs: JointRuns
-) -> ARNoise:
-    """Return the noise of each joint by restricted likelihood beside all that may be missing.
+def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
+    """Return the noise of a joint by restricted likelihood beside all that may be missing.
 
     Beside the model alone what is missing would count as noise, and hide itself; without the
     restriction slow noise would be taken for what is missing.
 
     Parameters
     ----------
-    joints : sequence of sequences of (N, k)
-        Of each joint: columns of the model, then of what may be missing, what must not be left out
-        first.
-    targets : sequence of (N,)
-    runs : JointRuns
+    blocks : sequence of (N, k)
+        Columns of the model, then of what may be missing, what must not be left out first.
+    y : (N,)
+    runs : Runs
     """
-    each = zip(joints, targets, runs.each, strict=True)
-    return ARNoise(tuple(_rich_noise(blocks, y, own) for blocks, y, own in each))
-
-
-def _rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
     runs, (y, X, *random) = take_data(runs, y, *blocks)
     silent = JointNoise(np.empty(0), np.empty((0, 0)), np.inf, 1.0, 0.0)
     if not len(y):
@@ -375,7 +367,7 @@ class MixedModel:
     keep: float = RULES.keep
 
     @cached_property
-    def _target(self) -> Array:
+    def target(self) -> Array:
         """Products of all columns with the torque, (m,)."""
         p = self.products
         every = np.arange(p.width)
@@ -391,9 +383,7 @@ class MixedModel:
     def solve(self, terms: Terms = ()) -> Solution:
         """Return values, their covariance and the restricted likelihood with some terms."""
         columns = self._columns(terms)
-        return self._solve(
-            terms, columns, self._between(columns, columns), self._target[columns]
-        )
+        return self._solve(terms, columns, self._between(columns, columns), self.target[columns])
 
     def _columns(self, terms: Terms) -> np.ndarray:
         """Return the columns of the fixed model and some terms."""
@@ -426,8 +416,7 @@ class MixedModel:
         return [
             g
             for g in self.groups
-            if g.key not in taken
-            and g.family not in (families if g.place == EVERYWHERE else whole)
+            if g.key not in taken and g.family not in (families if g.place == EVERYWHERE else whole)
         ]
 
     def gains(self, terms: Terms = (), among: Sequence[Group] | None = None) -> list[Term]:
@@ -446,23 +435,34 @@ class MixedModel:
         s = self.solve(terms)
         every = np.arange(self.products.width)
         along = s.root @ self._between(s.columns, every)
-        left = self._target - along.T @ (s.root @ self._target[s.columns])
+        left = self.target - along.T @ (s.root @ self.target[s.columns])
         flat = [(k, i, at) for k, g in enumerate(asked) for i, at in enumerate(g.members)]
-        rise: dict[tuple[int, int], Array] = {}
+        rise: dict[tuple[int, int], tuple[Array, Array]] = {}
         for width in sorted({len(at) for _, _, at in flat}):
             own = [x for x in flat if len(x[2]) == width]
             found = self._rise(np.array([at for _, _, at in own]), along, left)
-            signs = np.array([asked[k].positive for k, _, _ in own])
-            total = found[0] + signs[:, None] * found[1]
-            rise |= {(k, i): row for (k, i, _), row in zip(own, total, strict=True)}
+            rise |= {(k, i): (a, b) for (k, i, _), a, b in zip(own, *found, strict=True)}
         out = []
         for k, g in enumerate(asked):
-            each = np.array([rise[k, i] for i in range(len(g.members))])
+            each, signs = (np.array([rise[k, i][n] for i in range(len(g.members))]) for n in (0, 1))
+            if g.positive:
+                sizes = np.array([len(at) for at in g.members])
+                # Shapes of one curve may cancel: its sign is that of the one that is nearest to it.
+                single = np.where(sizes == sizes.min(), each.max(1), -np.inf)
+                signs[sizes > sizes.min()] = signs[int(np.argmax(single))]
+                each = each + signs
             weights = member_weights(g)
             odds = float(logsumexp(each + np.log(weights)[:, None]) - np.log(len(SIZES)) - g.price)
             member, size = np.unravel_index(int(np.argmax(each)), each.shape)
             out.append(Term(g, int(member), float(SIZES[size] ** 2), odds))
         return sorted(out, key=lambda t: -t.odds)
+
+    def information(self, terms: Terms, columns: np.ndarray) -> Array:
+        """Return what rows say of columns (k,) beside the model with some terms, (k, k)."""
+        s = self.solve(terms)
+        along = s.root @ self._between(s.columns, columns)
+        left: Array = self._between(columns, columns) - along.T @ along
+        return left
 
     def _rise(self, sets: np.ndarray, along: Array, left: Array) -> tuple[Array, Array]:
         """Return the rise of the log-likelihood by sets of columns (s, k), and what signs add.
@@ -474,18 +474,7 @@ class MixedModel:
         S = self.products.within(sets) / (scale[:, :, None] * scale[:, None, :])
         outside = S.copy()
         outside -= np.einsum("csk,csl->skl", part, part, optimize=True)
-        e, U = np.linalg.eigh(0.5 * (outside + outside.transpose(0, 2, 1)))
-        most = np.einsum("skk->sk", S).max(1)
-        told = e > THIN * most[:, None]
-        e = np.where(told, e, 0.0)
-        z = np.where(told, np.einsum("skl,sk->sl", U, left[sets]), 0.0)
-        towards = U.sum(1)
-        v = SIZES[:, None] ** 2
-        shrink = 1.0 + v * e[:, None, :]
-        rise = 0.5 * (z[:, None, :] ** 2 * v / shrink - np.log(shrink)).sum(2)
-        mean = (towards[:, None, :] * z[:, None, :] * v / shrink).sum(2)
-        sd = np.sqrt((towards[:, None, :] ** 2 * v / shrink).sum(2))
-        return rise, np.log(2.0) + log_ndtr(mean / np.maximum(sd, 1e-300))
+        return rise_of(S, outside, left[sets])
 
     def settle(self, terms: Terms) -> Terms:
         """Return terms with the member, size and odds that each has beside the others."""
@@ -538,8 +527,7 @@ class MixedModel:
         """
         kept, tried = terms, {t.key for t in terms}
         while kept:
-            full = self.evidence(kept, unseen)
-            each = [full - self.evidence(_without(kept, k), unseen) for k in range(len(kept))]
+            each = self._news(kept, unseen)
             worst = int(np.argmin([x.sum() for x in each]))
             if self._holds(each[worst]):
                 return kept
@@ -553,6 +541,14 @@ class MixedModel:
             best = max(held, key=lambda k: float(gain[k].sum()), default=None)
             kept = rest if best is None else self.settle((*rest, passed[best]))
         return kept
+
+    def news(self, terms: Terms, unseen: Products) -> list[float]:
+        """Return what each term gains on unseen rows beside the others [nat]."""
+        return [float(x.sum()) for x in self._news(terms, unseen)]
+
+    def _news(self, terms: Terms, unseen: Products) -> list[Array]:
+        full = self.evidence(terms, unseen)
+        return [full - self.evidence(_without(terms, k), unseen) for k in range(len(terms))]
 
     def _holds(self, gain: Array) -> bool:
         """Whether gains by block are enough together, and larger than their standard error."""
@@ -574,6 +570,34 @@ class MixedModel:
         found = [t for t in self.gains(terms) if t.odds > RULES.unlikely]
         weights = softmax([0.0, *(t.odds for t in found)])[1:].tolist()
         return list(zip(found, weights, strict=True))
+
+
+def rise_of(S: Array, outside: Array, left: Array) -> tuple[Array, Array]:
+    """Return the rise of the log-likelihood by sets of columns, and what signs add, by size.
+
+    Parameters
+    ----------
+    S, outside : (s, k, k)
+        Their products, and what of them is outside the model.
+    left : (s, k)
+        Their products with what the model leaves of the torque.
+
+    Returns
+    -------
+    rise, sign : (s, sizes)
+    """
+    e, U = np.linalg.eigh(0.5 * (outside + outside.transpose(0, 2, 1)))
+    most = np.einsum("skk->sk", S).max(1)
+    told = e > THIN * most[:, None]
+    e = np.where(told, e, 0.0)
+    z = np.where(told, np.einsum("skl,sk->sl", U, left), 0.0)
+    towards = U.sum(1)
+    v = SIZES[:, None] ** 2
+    shrink = 1.0 + v * e[:, None, :]
+    rise = 0.5 * (z[:, None, :] ** 2 * v / shrink - np.log(shrink)).sum(2)
+    mean = (towards[:, None, :] * z[:, None, :] * v / shrink).sum(2)
+    sd = np.sqrt((towards[:, None, :] ** 2 * v / shrink).sum(2))
+    return rise, np.log(2.0) + log_ndtr(mean / np.maximum(sd, 1e-300))
 
 
 def _without(terms: Terms, k: int) -> Terms:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.effects import find_effect, title_of
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.answers import Cell, Column, Note, Table
 from identifiability.foundation.rounding import (
     digits,
@@ -41,10 +42,10 @@ from identifiability.report.torque import (
     velocity_units,
 )
 from identifiability.workflows.answers import level_table, sentence
-from identifiability.workflows.diagnose.findings import Curve, NamedEffect
+from identifiability.workflows.diagnose.findings import Curve
 from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.result import PLACES, Diagnosis
-from identifiability.workflows.diagnose.words import remarks, weight_text
+from identifiability.workflows.diagnose.words import remarks
 
 # What a diagnosis answers first: what is missing, what it explains, what is left, what next.
 
@@ -101,16 +102,10 @@ def section_effects(d: Diagnosis) -> Section:
     """Return the effects that were named, with their values, and those that were refuted."""
     rows = []
     for e in d.effects:
-        close = [
-            f"{n.replace('_', ' ')} ({s:.2f}, weight {_weight(e.weight_of(n))})"
-            for n, s in e.similar.items()
-            if s > d.rules.similar
-        ]
         for p in e.placements:
             shape = f"shape {format_number(p.shape, 3)}" if np.isfinite(p.shape) else ""
             first = (Cell(e.names, note=shape), p.place)
-            last = (p.p_value, p.rms, close[0] if close else "nothing")
-            rows += [(*first, *row, *last) for row in p.rows]
+            rows += [(*first, *row, p.odds, p.rms) for row in p.rows]
     if not rows and not d.refuted and not d.changes:
         nothing = "No effect stands out from the noise and helps on unseen motion."
         return section("diagnosis.effects", nothing)
@@ -212,14 +207,12 @@ def _section_gap(d: Diagnosis) -> Section:
         figure = draw_gap(rows.t[part], pair[0][part], pair[1][part], joint, units[k])
         over_time[k], against[k] = picture("gap", figure, joint=joint), []
         for what, x, unit in (
-            ("velocity", rows.dq[:, k], speeds[k]),
-            ("position", rows.q[:, k], speeds[k].removesuffix("/s")),
+            ("velocity", rows.states[1][:, k], speeds[k]),
+            ("position", rows.states[0][:, k], speeds[k].removesuffix("/s")),
             ("load", rows.measured[:, k], units[k]),
         ):
             figure = draw_against(x, *pair, joint, (unit, units[k]), what)
             against[k].append(picture("against", figure, joint=joint, what=what))
-    errors = {"before": percent(d.real_before), "after": percent(d.real_after)}
-    real = sentence("diagnosis.real", **errors) if np.isfinite(d.real_after) else ""
     first = [k for k in over_time if k in named] or list(over_time)
     shown, others = (
         (
@@ -231,7 +224,7 @@ def _section_gap(d: Diagnosis) -> Section:
     rest = format_count(len(over_time) - len(first), "joint")
     fold = Fold(f"The same of {rest} in which nothing was named", others)
     more = (fold,) if len(first) < len(over_time) else ()
-    return section("diagnosis.gap", *shown, d.tables()[-1], *more, real=real)
+    return section("diagnosis.gap", *shown, d.tables()[-1], *more)
 
 
 def _first_joints(d: Diagnosis, named: set[int]) -> list[int]:
@@ -263,32 +256,30 @@ SIZES = (
 )
 
 
+#: Groups that a table lists.
+LISTED = 12
+
+
 def _section_evidence(d: Diagnosis) -> Section:
-    rows = [
-        (str(k), " in ".join(s.best), s.p_value, Cell(percent(-s.gain, 2), s.gain), s.reason)
-        for k, s in enumerate(d.steps, 1)
-    ]
-    table = Table.of("Steps of the search", STEPS, rows)
-    families = list(dict.fromkeys(f for s in d.steps for f, _ in s.evidence))
+    order = sorted(d.evidence, key=lambda x: -x.before)
+    table = Table.of("The likeliest of all that was asked", EVIDENCE, order[:LISTED])
+    families = list(dict.fromkeys(x.name for x in order))
     if not families:
         return section("diagnosis.evidence", table)
-    steps = d.steps[:6]
-    scores = np.full((len(families), len(steps)), np.nan)
-    for k, s in enumerate(steps):
-        for (family, _), score in s.evidence.items():
-            at = families.index(family), k
-            scores[at] = np.fmax(scores[at], score)
-    critical = np.array([s.critical for s in steps])
+    scores = np.full((len(families), 2), np.nan)
+    for x in d.evidence:
+        at = families.index(x.name)
+        scores[at] = np.fmax(scores[at], [x.before, x.after])
+    critical = np.full(2, RULES.name)
     figure = draw_evidence([title_of(f) for f in families], scores, critical)
     return section("diagnosis.evidence", picture("evidence", figure), table)
 
 
-STEPS = (
-    Column("step"),
-    Column("best"),
-    Column("p ≤", digits(2)),
-    Column("unseen error", "number"),
-    Column("what became of it"),
+EVIDENCE = (
+    Column("effect", get=lambda x: title_of(x.name)),
+    Column("where", get="place"),
+    Column("log odds", digits(3), "before", "Beside the model."),
+    Column("then", digits(3), "after", "Beside what was named as well."),
 )
 
 
@@ -327,7 +318,7 @@ def _section_remainder(d: Diagnosis) -> Section:
 
 
 def _section_method(d: Diagnosis) -> Section:
-    names = dict.fromkeys([*d.base, *(f for s in d.steps for f, _ in s.evidence)])
+    names = dict.fromkeys([*d.base, *(x.name for x in d.evidence)])
     terms = [
         Term(title_of(name), e.source, formula=e.equation)
         for name, e in ((n, find_effect(n)) for n in names)
@@ -349,29 +340,18 @@ EFFECTS = (
     Column("value", digits(3)),
     Column("± se", digits(2)),
     Column("unit"),
-    Column("p ≤", digits(2), hint="Family-wise."),
+    Column("log odds", digits(3)),
     Column("adds, rms", digits(3)),
-    Column("resembles"),
 )
 
 
 def _table_refuted(d: Diagnosis) -> Table:
     columns = (
-        Column("effect", get="names"),
-        Column("where", get=lambda e: ", ".join(e.joints)),
-        Column("p ≤", digits(2), "p_value", "Family-wise."),
-        Column("why", get="why"),
-        Column("error without", percent, "before", f"On {d.verified_on}."),
-        Column("with", percent, "after"),
-        Column("change, 95 %", "number", _change, "Points."),
+        Column("effect", get=lambda x: title_of(x.name)),
+        Column("where", get="place"),
+        Column("log odds", digits(3), "odds"),
+        Column("on unseen motion", digits(3), "unseen", f"On {d.verified_on}."),
     )
-    return Table.of("Refuted by the motion that verifies, and in no model", columns, d.refuted)
-
-
-def _weight(weight: float) -> str:
-    return "< 0.01" if weight < 0.01 else weight_text(weight)
-
-
-def _change(e: NamedEffect) -> Cell:
-    low, high = (format_number(100 * x, 2) for x in e.interval)
-    return Cell(f"{low} … {high}", e.interval[0])
+    return Table.of(
+        "Not confirmed by the motion that verifies, and in no model", columns, d.refuted
+    )

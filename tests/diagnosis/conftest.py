@@ -39,7 +39,7 @@ def make_logs(
 @cache
 def diagnosed(name: str, *hide: str, seed: int = 0, **options) -> Diagnosis:
     logs = make_logs(name, *hide, seed=seed)
-    options = {"replicates": 199, "forward": False, **options}
+    options = {"forward": False, **options}
     return diagnose(name, logs[:4], logs[4:], **options)
 
 

@@ -177,7 +177,7 @@ def test_a_family_that_a_study_registers_is_named(cubic, logs_of, named):
         logs.append(
             Log.from_frame(Log(log.name, log.joints, log.t, log.q, tau, None, None, "").to_frame())
         )
-    d = diagnose("two-link", logs[:4], logs[4:], replicates=199)
+    d = diagnose("two-link", logs[:4], logs[4:])
     assert named(d) == [("cubic_drag", ("elbow",))]
     assert d.statement.startswith("Cubic drag")
     with pytest.raises(ModelError, match="effect 'cubic_drag' already"):

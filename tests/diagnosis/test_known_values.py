@@ -132,7 +132,7 @@ def test_a_simulation_forward_begins_with_the_values_of_the_result(logs_of):
     hidden = logs_of("two-link", "joint_stiffness@shoulder=0.05", seed=6)
     logs = moved(hidden, "two-link", far)
     a = analyze("two-link", before[:3], replicates=0)
-    few = {"effects": ["joint_stiffness"], "replicates": 99}
+    few = {"effects": ["joint_stiffness"]}
     d = diagnose("two-link", logs[:4], logs[4:], fixed=a, **few)
     assert [(e.name, e.joints) for e in d.effects] == [("joint_stiffness", ("shoulder",))]
     kept = real_robot(d, d.structure)

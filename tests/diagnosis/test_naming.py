@@ -102,7 +102,7 @@ def test_nulls_get_a_name_no_more_often_than_they_may(rho, motion, logs_of):
     false = 0
     for seed in range(4):
         logs = logs_of("two-link", seed=100 + seed, rho=rho, motion=motion)
-        d = diagnose("two-link", logs[:2], logs[4:], replicates=99, seed=seed, forward=False)
+        d = diagnose("two-link", logs[:2], logs[4:], seed=seed, forward=False)
         false += bool(d.effects)
     assert false <= 2
 
@@ -133,7 +133,7 @@ def paper_logs(rps, parameters=None, excess=0.0, seed=1):
 @pytest.mark.everything
 def test_the_papers_nonlinear_friction_is_named(rps, named):
     logs = paper_logs(rps, excess=372.0)
-    d = diagnose(rps, logs[:2], logs[2:], replicates=199)
+    d = diagnose(rps, logs[:2], logs[2:])
     assert named(d) == [("stribeck_friction", ("slider1", "slider2", "slider3"))]
     level = d.to_frame().value.to_numpy()
     np.testing.assert_allclose(level, 372.0, rtol=0.35)
@@ -143,7 +143,7 @@ def test_the_papers_nonlinear_friction_is_named(rps, named):
 def test_the_papers_rotational_friction_is_named(rps, named, effects):
     hinges = {f"hinge{k}.{n}": v for k in (1, 2, 3) for n, v in (("Fv", 490.8), ("Fc", 34.2))}
     logs = paper_logs(rps, hinges)
-    d = diagnose(rps, logs[:2], logs[2:], replicates=99, effects=effects, forward=False)
+    d = diagnose(rps, logs[:2], logs[2:], effects=effects, forward=False)
     assert named(d) == [("passive_joint_friction", ("hinge1", "hinge2", "hinge3"))]
 
 
@@ -151,7 +151,7 @@ def test_the_papers_rotational_friction_is_named(rps, named, effects):
 def test_the_papers_actuator_dynamics_are_named(rps, named, effects):
     logs = paper_logs(rps)
     model = ("rigid_body", "viscous_friction", "coulomb_friction")
-    few = {"replicates": 99, "effects": effects, "forward": False}
+    few = {"effects": effects, "forward": False}
     d = diagnose(rps, logs[:2], logs[2:], model=model, **few)
     assert named(d) == [("actuator_inertia", ("slider1", "slider2", "slider3"))]
     np.testing.assert_allclose(d.to_frame().value, 483.1, rtol=0.1)
@@ -159,7 +159,7 @@ def test_the_papers_actuator_dynamics_are_named(rps, named, effects):
 
 
 def test_a_shape_that_lies_between_is_found_and_nothing_beside_it(diagnosis_of, named):
-    d = diagnosis_of("two-link", "sigmoid_friction@elbow=0.3", seed=1, replicates=39)
+    d = diagnosis_of("two-link", "sigmoid_friction@elbow=0.3", seed=1)
     assert named(d) == [("sigmoid_friction", ("elbow",))]
     span = measure_spans(d.robot, [s.motion for s in d.samples])["elbow"]
     grid = np.array(find_family("sigmoid_friction").grid(span))

@@ -7,37 +7,14 @@ import pytest
 
 from identifiability import Robot, diagnose
 from identifiability.effects import title_of
-from identifiability.estimation.estimate import estimate
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure
 from identifiability.report.results import answer_first
 from identifiability.simulation import Noise, random_trajectory, simulate
-from identifiability.workflows.diagnose import BASE_EFFECTS, workflow
-from identifiability.workflows.diagnose.motion import (
-    OddLog,
-    describe_odd_log,
-    locate_error,
-    prepare_rows,
-)
 from identifiability.workflows.diagnose.words import state_change
 
 FEW = {"effects": ["joint_stiffness", "torque_offset", "position_ripple"], "quick": True}
-FEW |= {"replicates": 99, "forward": False}
-
-
-def about(logs):
-    robot = Robot.load("two-link")
-    structure = Structure.of(robot, Model.of(*BASE_EFFECTS))
-    regression = structure.regression(tuple(prepare_rows(robot, log, None) for log in logs))
-    return regression, gather_information(regression)
-
-
-def said(logs):
-    regression, information = about(logs)
-    odd = describe_odd_log(regression, information, estimate(information))
-    return "" if odd is None else odd.left_out
+FEW |= {"forward": False}
 
 
 def changed(log, since=0.0, size=0.5):
@@ -47,72 +24,25 @@ def changed(log, since=0.0, size=0.5):
     return replace(log, tau=log.tau + np.outer(more * late, [0.0, 1.0]))
 
 
-def test_a_log_with_a_changed_joint_is_told_with_joint_and_time(logs_of):
-    logs = list(logs_of("two-link")[:4])
-    assert said(logs) == ""
-    assert said([changed(log) for log in logs]) == ""  # all of them alike
-    assert said([logs[0], changed(logs[1])]) == ""  # of two nobody knows which
-    text = said([logs[0], changed(logs[1]), *logs[2:]])
-    assert text.startswith(f"{logs[1].name} disagrees with the other logs")
-    assert "elbow.Fc" in text
-    assert "errs there most in elbow, all the time" in text
-
-
-def test_the_time_is_told_where_only_a_part_of_the_log_errs(logs_of):
-    logs = list(logs_of("two-link")[:3])
-    regression, information = about([*logs[:2], changed(logs[2], 0.5, 1.0)])
-    others = estimate(information.take(information.log != 2))
-    scale = np.sqrt(others.variance)
-    text = locate_error(regression, 2, others.value, scale)
-    begin, end = text.partition("most from ")[2].removesuffix(" s").split(" to ")
-    half = logs[2].t[0] + 0.5 * np.ptp(logs[2].t)
-    assert "in elbow" in text
-    assert half - 0.5 < float(begin) < float(end)
-
-
-def test_effects_are_named_from_the_others_and_that_is_said(logs_of, named):
+def test_a_log_of_another_robot_is_left_out_and_effects_are_named_from_the_others(logs_of, named):
+    """Of two fitted logs nobody knows which is odd, and what is in all of them is an effect."""
+    few = {**FEW, "effects": [*FEW["effects"], "coulomb_friction"]}
     logs = list(logs_of("two-link", "joint_stiffness@shoulder=0.04"))
     logs[1] = changed(logs[1])
-    d = diagnose("two-link", logs[:4], logs[4:], **FEW)
+    d = diagnose("two-link", logs[:4], logs[4:], **few)
     assert named(d) == [("joint_stiffness", ("shoulder",))]
-    assert d.hints[0].startswith(f"{logs[1].name} disagrees with the other logs")
-    assert "left out" in d.hints[0]
-    told = d.to_dict()["roles"]
-    assert told["left_out"] == [logs[1].name]
-    assert told["fitted"] == [log.name for log in (logs[0], *logs[2:4])]
-    alone = diagnose("two-link", [logs[0], *logs[2:4]], logs[4:], **FEW)
+    (change,) = d.changes
+    assert (change.log, change.family, change.place) == (
+        logs[1].name, "coulomb_friction", "elbow"
+    )  # fmt: skip
+    assert np.isinf(change.start)
+    assert np.isinf(change.stop)
+    assert f"In all of {logs[1].name} another robot was logged" in d.statement
+    assert [s.name for s in d.samples] == [log.name for log in (logs[0], *logs[2:4])]
+    alone = diagnose("two-link", [logs[0], *logs[2:4]], logs[4:], **few)
     assert d.error_after == alone.error_after  # nothing of that log is in it
-
-
-def test_a_log_whose_motion_alone_shows_an_effect_stays(logs_of, named, monkeypatch):
-    logs = list(logs_of("two-link", "joint_stiffness@shoulder=0.04"))
-    odd = OddLog(1, logs[1].name, "so and so")
-    monkeypatch.setattr(workflow, "describe_odd_log", lambda *_: odd)
-    d = diagnose("two-link", logs[:4], logs[4:], **FEW)
-    assert named(d) == [("joint_stiffness", ("shoulder",))]
-    assert d.left_out == ()
-    assert [s.name for s in d.samples] == [log.name for log in logs[:4]]
-    assert "What is named here explains that, so it was kept" in d.hints[0]
-
-
-def test_a_log_that_only_verifies_is_doubted_aloud(logs_of, named):
-    logs = list(logs_of("two-link", "joint_stiffness@shoulder=0.04"))
-    logs[4] = changed(logs[4])
-    d = diagnose("two-link", logs[:4], logs[4:], **FEW)
-    assert d.left_out == ()
-    assert d.hints[0].startswith(f"{logs[4].name}, which judges what was named, disagrees")
-    assert "elbow.Fc" in d.hints[0]
-    assert "verify on another log" in d.statement
-
-
-def test_which_of_two_fitted_logs_is_odd_is_told_by_the_one_that_judges(logs_of):
-    logs = list(logs_of("two-link")[:3])
-    d = diagnose("two-link", [logs[0], changed(logs[1])], logs[2], **FEW)
-    assert d.left_out == (logs[1].name,)
-    assert d.hints[0].startswith(f"{logs[1].name} disagrees with the other logs")
-    assert d.error_after == diagnose("two-link", logs[0], logs[2], **FEW).error_after
-    only = diagnose("two-link", changed(logs[1]), [logs[0], logs[2]], **FEW)
-    assert only.left_out == ()  # nothing else is fitted
+    assert not diagnose("two-link", logs[:2], logs[2], **few).changes
+    assert not diagnose("two-link", [changed(log) for log in logs[2:]], logs[0], **few).changes
 
 
 CHANGES = {"effects": ["payload", "coulomb_friction", "torque_offset"], "forward": False}

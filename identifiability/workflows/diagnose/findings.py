@@ -8,7 +8,6 @@ import numpy as np
 
 from identifiability.effects import Effect, title_of
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import state_mass
 from identifiability.regression.columns import Refusal
@@ -18,74 +17,23 @@ from identifiability.robot import Robot
 from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.gap import Discrepancy, Gap, Remainder
 from identifiability.workflows.diagnose.problem import Alias, Setting
-from identifiability.workflows.diagnose.search import SearchStep
 from identifiability.workflows.gravity import Leaning
-
-#: Similarity from which on two effects, or a direction of one and of another, are the same torque.
-SAME: Tolerance = 1.0 - 1e-6
 
 
 @frozen
 class Rival:
-    """Another name for the same rows.
+    """Another name for the same rows: "A or B".
 
     Attributes
     ----------
     family, place : str
-    similarity : float
-        Largest canonical correlation with what was named, beside the rest of the model.
-    undecided : bool
-        Whether it is among the likeliest names that together are as sure as a name must be.
-    contains : bool
-        Whether it can be all in this motion that what was named can be.
-    weight : float
-        Its posterior probability among the names for these rows.
+    behind : float [nat]
+        By how much its log odds are less than those of what was named.
     """
 
     family: str
     place: str
-    similarity: float
-    undecided: bool
-    contains: bool = False
-    weight: float = 0.0
-
-
-@frozen
-class Nearest:
-    """A name beside a function without one.
-
-    Attributes
-    ----------
-    title : str
-    worse : float
-        By how much unseen motion is predicted worse with it in the function's stead, as a share.
-    """
-
-    title: str
-    worse: float
-
-
-@frozen
-class Shown:
-    """What unseen motion shows of an effect at the joints where it is.
-
-    Attributes
-    ----------
-    before, after : float
-        Error over each of these joints' own scale, without and with the effect.
-    interval : (float, float)
-        95 % of the change.
-    expected : float
-        The change that an effect of the fitted size would bring; zero or less.
-    odds : float [nat]
-        Logarithm of the predictive likelihood ratio, with the effect over without.
-    """
-
-    before: float
-    after: float
-    interval: tuple[float, float]
-    expected: float
-    odds: float = 0.0
+    behind: float
 
 
 @frozen
@@ -97,11 +45,9 @@ class Placement:
     place : str
     shape : float
         nan for families without one.
-    p_value : float
-        Share of simulated noises in which anything is as likely, an upper bound where none is.
     parameters, units : tuple of str
     values, errors : (k,)
-        Generalised least squares, with standard errors.
+        Of the mixed model, with standard errors.
     rms : float [N·m or N]
         Of the torque that it adds at the joint where it is largest.
     rivals : tuple of Rival
@@ -109,28 +55,25 @@ class Placement:
         Parameters that the motion determines together with others only: their values are the
         smallest of many.
     weight : float
-        Its posterior probability among the names for these rows.
-    odds : float [nat]
-        Log odds for it on the fitted motion.
-    scatter : float
-        How much more its scores scatter from block to block than noise lets them.
+        Its posterior probability among all that may be in its place.
+    odds, unseen : float [nat]
+        Log odds for it on the fitted motion, and what it gains on unseen motion.
     prior : (k,)
         Standard deviation that its parameters have beforehand, of functions alone.
     """
 
     place: str
     shape: float
-    p_value: float
     parameters: tuple[str, ...]
     units: tuple[str, ...]
     values: Array
     errors: Array
     rms: float
-    rivals: tuple[Rival, ...]
+    rivals: tuple[Rival, ...] = ()
     open: tuple[str, ...] = ()
     weight: float = 1.0
     odds: float = float("nan")
-    scatter: float = 1.0
+    unseen: float = float("nan")
     prior: Array = field(default_factory=lambda: np.empty(0))
 
     @property
@@ -177,18 +120,15 @@ class NamedEffect:
         Held-out ε_RA of the model without and with it.
     interval : (float, float)
         95 % of the change.
-    joints_before, joints_after, joints_interval
-        The same of the error over each joint's own scale.
-    shown : Shown
-        The same at the joints where it is: elsewhere other errors may hide it.
-    real : (float, float)
-        The same where every fit is a real robot; nan without bodies or with values that are kept.
+    shown_before, shown_after, shown_interval
+        The same at the joints where it is, over each joint's own scale: elsewhere other errors may
+        hide it.
+    everywhere : bool
+        Whether it is at all places where it can be.
     unnamed : bool
         Whether it is a function without a name.
-    nearest : tuple of Nearest
-        Names in the stead of such a function.
-    why : str
-        What refuted it, of what was.
+    nearest : tuple of str
+        Of such a function: the likeliest names in its stead.
     leaning : Leaning or None
         Where gravity points, if it is a tilted base.
     """
@@ -199,20 +139,18 @@ class NamedEffect:
     before: float
     after: float
     interval: tuple[float, float]
-    joints_before: float
-    joints_after: float
-    joints_interval: tuple[float, float]
-    shown: Shown
-    real: tuple[float, float] = (float("nan"), float("nan"))
+    shown_before: float
+    shown_after: float
+    shown_interval: tuple[float, float]
+    everywhere: bool = False
     unnamed: bool = False
-    nearest: tuple[Nearest, ...] = ()
-    why: str = ""
+    nearest: tuple[str, ...] = ()
     leaning: Leaning | None = None
 
     @property
     def confirmed(self) -> bool:
         """Whether the error of its joints surely falls on unseen motion."""
-        return self.shown.interval[1] < 0
+        return self.shown_interval[1] < 0
 
     @property
     def weight(self) -> float:
@@ -220,17 +158,14 @@ class NamedEffect:
         return min(p.weight for p in self.placements)
 
     @property
-    def sure(self) -> float:
-        """How sure the name is together with those that it cannot be told from."""
-        return min(p.weight + sum(r.weight for r in p.rivals if r.undecided)
-                   for p in self.placements)  # fmt: skip
+    def odds(self) -> float:
+        """Least log odds over its places [nat]."""
+        return min(p.odds for p in self.placements)
 
-    def weight_of(self, family: str) -> float:
-        """Return the least posterior probability of a family over the places of the effect."""
-        if family == self.name:
-            return self.weight
-        return min(sum(r.weight for r in p.rivals if (r.family, r.place) == (family, p.place))
-                   for p in self.placements)  # fmt: skip
+    @property
+    def unseen(self) -> float:
+        """What it gains on unseen motion [nat]."""
+        return min(p.unseen for p in self.placements)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -238,30 +173,49 @@ class NamedEffect:
         return tuple(dict.fromkeys(p.place for p in self.placements))
 
     @property
-    def p_value(self) -> float:
-        """The largest over its places."""
-        return max(p.p_value for p in self.placements)
-
-    @cached_property
-    def similar(self) -> dict[str, float]:
-        """Largest similarity of each other family at any of its places, most similar first."""
-        out: dict[str, float] = {}
-        for p in self.placements:
-            for r in p.rivals:
-                if r.family != self.name:
-                    out[r.family] = max(out.get(r.family, 0.0), r.similarity)
-        return dict(sorted(out.items(), key=lambda x: -x[1]))
-
-    @property
     def alternatives(self) -> tuple[str, ...]:
-        """Families that neither motion nor data tell from this one: the name is "A or B"."""
-        rivals = [r for p in self.placements for r in p.rivals if r.family != self.name]
-        return tuple(dict.fromkeys(r.family for r in rivals if r.undecided))
+        """Families that the data do not tell from this one: the name is "A or B"."""
+        rivals = [r for p in self.placements for r in p.rivals]
+        return tuple(dict.fromkeys(r.family for r in rivals))
 
     @property
     def names(self) -> str:
         """The name, with its alternatives, in words."""
         return " or ".join([self.title, *map(title_of, self.alternatives)])
+
+
+@frozen
+class Refuted:
+    """What fitted motion named and unseen motion did not confirm; in no model.
+
+    Attributes
+    ----------
+    name, place : str
+    odds, unseen : float [nat]
+        Log odds on the fitted motion, and what it gains on unseen motion.
+    """
+
+    name: str
+    place: str
+    odds: float
+    unseen: float
+
+
+@frozen
+class Odds:
+    """Log odds of a family at a place, or in all joints.
+
+    Attributes
+    ----------
+    name, place : str
+    before, after : float [nat]
+        Beside the model, and beside what was named as well; nan of what was named itself.
+    """
+
+    name: str
+    place: str
+    before: float
+    after: float
 
 
 @frozen
@@ -280,9 +234,6 @@ class Verified:
         ε_RA on the fitted logs.
     held_before, held_after : float
         ε_RA on unseen motion.
-    real_before, real_after : float
-        ε_RA on unseen motion where every fit is a real robot; nan where the model has no bodies
-        or keeps its values.
     """
 
     effects: tuple[NamedEffect, ...]
@@ -292,8 +243,6 @@ class Verified:
     error_after: float
     held_before: float
     held_after: float
-    real_before: float
-    real_after: float
 
 
 @frozen(kw_only=True)
@@ -302,15 +251,14 @@ class Findings(Setting, Verified):
 
     Attributes
     ----------
-    refuted : tuple of NamedEffect
-        What the fitted motion named and unseen motion refuted, each beside what was named at the
-        end; in no model.
+    refuted : tuple of Refuted
     interval : (float, float)
         95 % of the change on unseen motion.
     discrepancies, discrepancies_after : tuple of Discrepancy
     aliases : tuple of Alias
     refusals : tuple of Refusal
-    steps : tuple of SearchStep
+    evidence : tuple of Odds
+        Of all that was asked, the likeliest first.
     remainder : Remainder
     model : Model
         The base model with the named effects.
@@ -325,13 +273,13 @@ class Findings(Setting, Verified):
         and `structure` is about that.
     """
 
-    refuted: tuple[NamedEffect, ...]
+    refuted: tuple[Refuted, ...]
     interval: tuple[float, float]
     discrepancies: tuple[Discrepancy, ...]
     discrepancies_after: tuple[Discrepancy, ...]
     aliases: tuple[Alias, ...]
     refusals: tuple[Refusal, ...]
-    steps: tuple[SearchStep, ...]
+    evidence: tuple[Odds, ...]
     remainder: Remainder
     model: Model
     forward: ForwardGap | None = None

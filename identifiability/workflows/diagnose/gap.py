@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -21,11 +20,13 @@ from identifiability.estimation.torque_errors import (
     relative_error,
 )
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.signals import is_constant
 from identifiability.workflows.diagnose.rows import Rows
-from identifiability.workflows.diagnose.rules import Rules
 
+#: Share of the rms speed that is near a reversal.
+NEAR: Tolerance = 0.15
 #: Bins in which the residual is averaged.
 BINS = 12
 
@@ -63,7 +64,7 @@ class Gap:
         """Return the same at some joints only."""
         some = list(joints)
         measured, data = self.rows.measured[:, some], self.rows.data[:, some]
-        rows = replace(self.rows, measured=measured, moves=data)
+        rows = replace(self.rows, measured=measured, data=data)
         return Gap(rows, self.residual[:, some])
 
     def joint_error(self, *, raw: bool = False) -> Array:
@@ -85,31 +86,6 @@ class Gap:
         """Return the 95 % interval of the change of the error over each joint's own scale."""
         squares = self.residual[:, :, [first, second]] ** 2
         return change_interval_over_joints(squares, self.variation, rng, draws)
-
-    def change(self, first: int, second: int, rng: np.random.Generator) -> dict[str, Any]:
-        """Return errors of two models and intervals of their change, as in `NamedEffect`.
-
-        Of all joints together, and over each joint's own scale.
-        """
-        errors, joints = self.relative_error().tolist(), self.error_over_joints().tolist()
-        return {
-            "before": errors[first],
-            "after": errors[second],
-            "interval": self.interval(first, second, rng),
-            "joints_before": joints[first],
-            "joints_after": joints[second],
-            "joints_interval": self.interval_over_joints(first, second, rng),
-        }
-
-    def expected_change(self, first: int, second: int) -> float:
-        """Return how the error over joints would change, were what the second model adds there.
-
-        Then the first one misses the torque between them beside what the second one leaves.
-        """
-        before, after = self.residual[:, :, first], self.residual[:, :, second]
-        squares = np.stack([after**2 + (before - after) ** 2, after**2], axis=2)
-        without, with_it = error_over_joints(squares, self.variation)
-        return float(with_it - without)
 
     @property
     def variation(self) -> Array:
@@ -158,14 +134,14 @@ class Discrepancy:
 
 
 def find_discrepancies(
-    rows: Rows, residual: Array, joints: Sequence[str], near: float = Rules.near
+    rows: Rows, residual: Array, joints: Sequence[str], near: float = NEAR
 ) -> list[Discrepancy]:
     """Return where the residual (N, n) of each joint sits, near reversals or not."""
     memory = autocorrelation_time(residual)
     out = []
     for j, joint in enumerate(joints):
         data = rows.data[:, j]
-        r, v = residual[data, j], rows.dq[data, j]
+        r, v = residual[data, j], rows.states[1][data, j]
         if not len(r):
             out.append(Discrepancy(joint, 0.0, 0.0, float("nan"), {}, float(memory[j])))
             continue
@@ -200,22 +176,6 @@ def explained_share(x: Array, r: Array) -> float:
 
 
 @frozen
-class Left:
-    """What functions without a name still explain in a joint.
-
-    Attributes
-    ----------
-    share : float
-        Of what is left of the whitened rows, beyond what noise gives.
-    p_value : float
-        That they explain no more than noise does, after Bonferroni's correction.
-    """
-
-    share: float
-    p_value: float
-
-
-@frozen
 class Remainder:
     """What no effect explains.
 
@@ -226,10 +186,7 @@ class Remainder:
     detectable : mapping of family to float
         Smallest effect that is named in four of five logs, its rms as a share of the residual's,
         at the place where it is seen best.
-    joints : tuple of Left or None, (n,)
-        What functions without a name still explain in each joint; None where nothing can be said.
     """
 
     rms: Array
     detectable: dict[str, float]
-    joints: tuple[Left | None, ...]

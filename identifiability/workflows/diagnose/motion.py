@@ -1,14 +1,9 @@
-"""The motion of a diagnosis: what is fitted, what verifies, how much of it; a log that disagrees.
+"""The motion of a diagnosis: what is fitted, what verifies, how much of it; what changed in it.
 
 An error that was minimised is no evidence: the motion on which the gap is quoted is not fitted.
 Whole logs are kept apart where there are enough; else a log is divided into stretches of time, with
 a pause between that nobody looks at.
 A diagnosis asks few rows many questions, so long logs are looked at in evenly spaced stretches.
-
-What differs between logs (a load, a temperature, another robot) looks like whatever effect the
-logs' motions happen to tell apart. Only a log is told of without which the others agree: an effect
-that the model misses makes all of them disagree. It is left out while effects are named. One whose
-motion alone shows an effect is odd, too: where what is named with it explains it, it stays.
 """
 
 from __future__ import annotations
@@ -20,10 +15,6 @@ from itertools import pairwise
 import numpy as np
 
 from identifiability.effects import title_of
-from identifiability.estimation.estimate import find_estimator
-from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.uncertainty import Motions, compare_motions
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_count
@@ -39,14 +30,9 @@ from identifiability.logs.prepare.samples import prepare_rows as prepare_stretch
 from identifiability.logs.repeats import Recording
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import bandwidth_of_windows
-from identifiability.regression.gather import gather_information
-from identifiability.regression.information import Information
-from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.analyze.words import differences
 from identifiability.workflows.diagnose.rules import RULES, Rules
-from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 
 #: What follows the name of a log in that of a part of it.
 PART = ", part "
@@ -56,11 +42,6 @@ PAUSE: Tolerance = 0.05
 #: are thinned to stretches.
 MOST_SAMPLES, MOST_IN_ALL = 6000, 8000
 STRETCH = 300
-#: Stretches of an odd log that are looked at, and logs of which one can be odd.
-STRETCHES, FEWEST = 8, 3
-
-#: What refutes the value of an effect, not its name.
-OTHER = "unseen motion has it with another value"
 
 
 @frozen
@@ -301,72 +282,6 @@ def prepare_thin(
     )
 
 
-def find_odd_log(information: Information, fit: Estimate) -> tuple[Motions, int] | None:
-    """Return what logs say of each other and the odd one among them; None where none is.
-
-    Parameters
-    ----------
-    information : Information
-        About the base parameters, of several logs.
-    fit : Estimate
-        To all of them.
-    """
-    motions = compare_motions(information, fit, fit.memory)
-    if motions is None or len(motions.which) < FEWEST or motions.agree:
-        return None
-    odd = motions.odd()
-    return (
-        (motions, odd)
-        if motions.without(odd) >= Thresholds.sign_level and motions.moved.any()
-        else None
-    )
-
-
-@frozen
-class OddLog:
-    """A log that disagrees with the others.
-
-    Attributes
-    ----------
-    number : int
-        Which of the logs, fitted ones first.
-    name : str
-    difference : str
-        What differs there, in which joint and when, in words.
-    """
-
-    number: int
-    name: str
-    difference: str
-
-    @property
-    def left_out(self) -> str:
-        """What is said where effects are named without it."""
-        return (
-            f"{self.name} disagrees with the other logs, and did so before any effect was looked "
-            f"for: {self.difference}. A payload, a temperature or another robot does that: it was "
-            "left out, and effects are named from the others; diagnose it by itself."
-        )
-
-    @property
-    def doubted(self) -> str:
-        """What is said of a log that is not fitted, and so cannot be left out."""
-        return (
-            f"{self.name}, which judges what was named, disagrees with the fitted logs, and did so "
-            f"before any effect was looked for: {self.difference}. A payload, a temperature or "
-            "another robot does that, or motion that alone shows what is missing: what it refutes "
-            "may be right; verify on another log, or fit this one, too."
-        )
-
-    @property
-    def kept(self) -> str:
-        """What is said where effects that are named with it explain it."""
-        return (
-            f"{self.name} disagreed with the other logs before any effect was looked for: "
-            f"{self.difference}. What is named here explains that, so it was kept."
-        )
-
-
 @frozen
 class Change:
     """What changed in the middle of a log.
@@ -425,69 +340,10 @@ class Change:
             f"{at:.3g} s" + (f" (95 %: {low:.3g} … {high:.3g} s)" if low < high else "")
             for at, (low, high) in ((self.start, self.began), (self.stop, self.ended))
         )
+        if np.isinf(self.stop) and np.isinf(self.start):
+            return f"in all of {self.log}"
         if np.isinf(self.stop):
             return f"from {begin} of {self.log} on"
         if np.isinf(self.start):
             return f"until {end} of {self.log}"
         return f"from {begin} to {end} of {self.log}"
-
-
-def describe_odd_log(
-    regression: Regression, information: Information, fit: Estimate
-) -> OddLog | None:
-    """Return the log that disagrees with the others, or None."""
-    found = find_odd_log(information, fit)
-    if found is None:
-        return None
-    motions, odd = found
-    log = int(motions.which[odd])
-    others = fit.estimator.fit(information.take(information.log != log))
-    scale = np.sqrt(np.maximum(others.variance, 1e-300))
-    where = locate_error(regression, log, others.value, scale)
-    difference = f"{differences(motions, information.columns, odd)}; {where}"
-    return OddLog(log, regression.samples[log].name, difference)
-
-
-def still_odd(structure: Structure, samples: Sequence[Prepared], number: int) -> bool:
-    """Whether a log disagrees with the others under a model, too."""
-    information = gather_information(structure.regression(tuple(samples)))
-    found = find_odd_log(information, find_estimator("wls").fit(information))
-    return found is not None and int(found[0].which[found[1]]) == number
-
-
-def locate_error(
-    regression: Regression,
-    log: int,
-    value: Array,
-    scale: Array,
-) -> str:
-    """Return the joint and the time at which what the other logs say errs most, in words.
-
-    Parameters
-    ----------
-    regression : Regression
-    log : int
-    value : (b,)
-        From the other logs.
-    scale : (n,) [N·m or N]
-        What is usual of each joint.
-    """
-    only = Regression(
-        regression.robot, regression.model, (regression.samples[log],), regression.columns
-    )
-    parts = [(c.t.copy(), c.tau - c.W @ value) for p in only.parts() for c in p.chunks()]
-    t, left = (np.concatenate(x) for x in zip(*parts, strict=True))
-    edges = np.linspace(0, len(t), STRETCHES + 1).astype(int)
-    rms = np.array(
-        [
-            np.sqrt(np.mean(left[a:b] ** 2, axis=0)) / scale
-            for a, b in pairwise(edges.tolist())
-            if b > a
-        ]
-    )
-    k = int(np.argmax(np.mean(rms**2, axis=0)))
-    at, typical = int(np.argmax(rms[:, k])), float(np.median(rms[:, k]))
-    when = "all the time"
-    if rms[at, k] > WORKFLOW_RULES.grows * typical:
-        when = f"most from {t[edges[at]]:.3g} to {t[edges[at + 1] - 1]:.3g} s"
-    return f"what the others say errs there most in {regression.robot.joints[k]}, {when}"

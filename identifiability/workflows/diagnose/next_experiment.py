@@ -34,7 +34,9 @@ from identifiability.regression.columns import Candidate, list_candidates
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.simulation import Trajectory
-from identifiability.workflows.diagnose.findings import SAME, Findings, Placement
+from identifiability.workflows.diagnose.findings import Findings, Placement
+
+SAME = 1.0 - 1e-6
 from identifiability.workflows.diagnose.motion import prepare_rows, samples_each
 from identifiability.workflows.excite import Excitation, Limits, find_limits
 from identifiability.workflows.excite.criteria import (

@@ -37,7 +37,7 @@ from identifiability.workflows.commands import (
     source_name,
 )
 from identifiability.workflows.diagnose.completed import keep_completed, nearest_dict, real_robot
-from identifiability.workflows.diagnose.findings import Findings, NamedEffect
+from identifiability.workflows.diagnose.findings import Findings, NamedEffect, Odds
 from identifiability.workflows.diagnose.forward import ForwardGap, compare_forward
 from identifiability.workflows.diagnose.motion import Change
 from identifiability.workflows.diagnose.words import headline, state, state_remainder, weight_text
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.opening import Recordings
 
 #: What the table says of an effect at a place, and of each parameter there.
-PLACE, PARAMETER = ("effect", "joint", "shape", "p_value"), ("parameter", "value", "error", "unit")
+PLACE, PARAMETER = ("effect", "joint", "shape", "log_odds"), ("parameter", "value", "error", "unit")
 
 
 @frozen
@@ -132,7 +132,7 @@ class Diagnosis(Result, Findings, Predicts):
         rows = []
         for e in self.effects:
             for p in e.placements:
-                where = (e.name, p.place, p.shape, p.p_value)
+                where = (e.name, p.place, p.shape, p.odds)
                 which = (", ".join(e.alternatives), e.before, e.after)
                 rows += [(*where, *row, *which) for row in p.rows]
         return pd.DataFrame(rows, columns=[*PLACE, *PARAMETER, "or", "before", "after"])
@@ -162,12 +162,8 @@ class Diagnosis(Result, Findings, Predicts):
         return pd.DataFrame(columns)
 
     def evidence_frame(self) -> pd.DataFrame:
-        """Return the log odds of every family and place at every step."""
-        steps = {
-            f"step {k + 1}": {f"{f} {p}".strip(): s for (f, p), s in step.evidence.items()}
-            for k, step in enumerate(self.steps)
-        }
-        return pd.DataFrame(steps)
+        """Return the log odds of every family and place, before and after what was named."""
+        return pd.DataFrame([vars(x) for x in self.evidence])
 
     def discrepancy_frame(self) -> pd.DataFrame:
         """Return where the residual of the base model sits, one row a joint."""
@@ -189,8 +185,8 @@ class Diagnosis(Result, Findings, Predicts):
             **pick(self, "fixed", "statement", "hints", "seed"),
             "physical": self.fit.state_robot(self.physical),
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
-            "effects": [_effect_row(e, self.rules.similar) for e in self.effects],
-            "refuted": [_effect_row(e, self.rules.similar) for e in self.refuted],
+            "effects": [_effect_row(e) for e in self.effects],
+            "refuted": [vars(x) for x in self.refuted],
             "changes": [_change_row(c) for c in self.changes],
             "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
             "errors": {"joints": self.error_frame().to_dict("records")},
@@ -202,7 +198,7 @@ class Diagnosis(Result, Findings, Predicts):
                 "verified_logs": list(given_paths(self.validation)),
                 "left_out": list(self.left_out),
             },
-            "real_robot": pick(self, error_ra_before="real_before", error_ra_after="real_after"),
+            "real_robot": None,  # for one release
             "forward": None if self.forward is None else _forward_row(self.forward),
             "fit": self.fit.to_dict(),
             **({} if self.moved is None else {"rollout": self.moved.to_dict()}),
@@ -210,15 +206,11 @@ class Diagnosis(Result, Findings, Predicts):
                 "statement": self.unexplained,
                 "rms": dict(zip(joints, left.rms.tolist(), strict=True)),
                 **pick(left, "detectable"),
-                "functions": [
-                    {"joint": joint, **pick(one, "share", "p_value")}
-                    for joint, one in zip(joints, left.joints, strict=True)
-                    if one is not None
-                ],
             },
             "aliases": [pick(a, "remaining", **hidden) for a in self.aliases if a.structural],
             "not_applicable": [vars(r) for r in self.refusals],
-            "steps": [pick(s, "best", "p_value", "gain", "accepted", "reason") for s in self.steps],
+            "evidence": [_odds_row(x) for x in self.evidence],
+            "steps": [],  # for one release
             "preparation": {
                 s.path or s.name: list(s.notes) for s in (*self.samples, *self.validation)
             },
@@ -257,43 +249,44 @@ def _change_row(c: Change) -> dict[str, Any]:
     }
 
 
-def _effect_row(e: NamedEffect, similar: float) -> dict[str, Any]:
+def _odds_row(x: Odds) -> dict[str, Any]:
+    after = x.after if np.isfinite(x.after) else None
+    return {"effect": x.name, "place": x.place, "log_odds": x.before, "log_odds_after": after}
+
+
+def _effect_row(e: NamedEffect) -> dict[str, Any]:
+    """Return an effect as JSON has it; what only older readers ask for is null."""
     verified = {
         "error_ra_validation_before": "before",
         "error_ra_validation_after": "after",
         "change_interval95": "interval",
-        "error_joints_validation_before": "joints_before",
-        "error_joints_validation_after": "joints_after",
-        "joints_change_interval95": "joints_interval",
+        "error_joints_validation_before": "shown_before",
+        "error_joints_validation_after": "shown_after",
+        "joints_change_interval95": "shown_interval",
+        "log_odds": "odds",
+        "log_odds_unseen": "unseen",
     }
     return {
-        **pick(e, "joints", "p_value", "weight", "confirmed", effect="name", **verified),
-        "error_ra_real_before": e.real[0],
-        "error_ra_real_after": e.real[1],
-        "shown": pick(
-            e.shown, "before", "after", "expected", change_interval95="interval", log_odds="odds"
-        ),
+        **pick(e, "joints", "weight", "confirmed", "everywhere", effect="name", **verified),
+        "p_value": None,
         "unnamed": e.unnamed,
-        "nearest": [pick(n, "worse", effect="title") for n in e.nearest],
+        "nearest": list(e.nearest),
         **({} if e.leaning is None else {"gravity": e.leaning.to_dict()}),
-        **({"why": e.why} if e.why else {}),
         "or": list(e.alternatives),
         "confusable_with": [
-            {"effect": name, "similarity": similarity}
-            for name, similarity in e.similar.items()
-            if similarity > similar
+            {"effect": r.family, "joint": r.place, "undecided": True}
+            for p in e.placements
+            for r in p.rivals
         ],
         "places": [
             {
-                **pick(p, "shape", "p_value", "rms", "weight", "scatter", joint="place"),
-                "log_odds": p.odds,
-                "or": [{"effect": r.family, "joint": r.place, "weight": r.weight}
-                       for r in p.rivals if r.undecided],
+                **pick(p, "shape", "rms", "weight", joint="place", log_odds="odds"),
+                "or": [{"effect": r.family, "joint": r.place} for r in p.rivals],
                 "parameters": {name: value for name, value, *_ in p.rows},
             }
             for p in e.placements
         ],
-    }  # fmt: skip
+    }
 
 
 def simulate_forward(d: Findings, rng: np.random.Generator) -> ForwardGap:
@@ -338,10 +331,7 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
 #: Places of an effect that the first line lists.
 PLACES = 3
 
-WEIGHT = (
-    "Posterior probability among all names for the same rows, with those that it cannot be told "
-    "from."
-)
+ODDS = "Log odds for it on the fitted motion, all that was asked counted [nat]."
 
 
 def _what(d: Diagnosis) -> Answer:
@@ -399,8 +389,8 @@ def _left(d: Diagnosis) -> Answer:
 NAMED = (
     Column("effect", "code", lambda e: " or ".join([e.name, *e.alternatives])),
     Column("where", get=lambda e: ", ".join(e.joints)),
-    Column("weight", get=lambda e: Cell(weight_text(e.sure), e.sure), hint=WEIGHT),
-    Column("p ≤", digits(2), "p_value", "Family-wise."),
+    Column("log odds", digits(3), "odds", ODDS),
+    Column("on unseen motion", digits(3), "unseen"),
     Column("unseen error before", error_text, "before"),
     Column("after", error_text, "after"),
 )

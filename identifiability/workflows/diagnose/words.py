@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.effects import find_family, title_of
-from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.foundation.numbers import REACH, holm, percent
+from identifiability.foundation.numbers import REACH, percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.workflows.answers import state_joints
-from identifiability.workflows.diagnose.findings import SAME, Findings, NamedEffect
-from identifiability.workflows.diagnose.motion import OTHER, Change, join
-from identifiability.workflows.diagnose.verdict import REFUTED, WORSE
+from identifiability.workflows.diagnose.findings import Findings, NamedEffect, Refuted
+from identifiability.workflows.diagnose.motion import Change, join
 
 #: Effects that the headline states in full, and names and places that it lists of each.
 FULL, LISTED = 2, 3
@@ -25,8 +23,6 @@ LOOKS = {
     "log": "a difference between the logs",
     "load": "something that goes with the load",
 }
-#: From which on three digits would.
-NEARER_ONE: Tolerance = 0.9995
 #: Weight above which none is said.
 MOST: Tolerance = 0.99
 
@@ -74,10 +70,10 @@ def _state_named(d: Findings) -> str:
     start = "the robot file's own values" if d.fixed else "the refitted model"
     start = start if d.known is None else d.known.words
     if not d.effects:
-        why = "No effect can be named" if d.steps else _state_untried(d)
+        why = "No effect can be named" if d.evidence else _state_untried(d)
         return (
             f"{why}: {start} predict{'' if d.fixed else 's'} unseen motion "
-            f"({d.verified_on}) with an error of {percent(d.held_before)}.{_state_refused(d)}"
+            f"({d.verified_on}) with an error of {percent(d.held_before)}."
         )
     verb = "falls" if d.held_after < d.held_before else "goes"
     change = (
@@ -91,12 +87,15 @@ def _state_missing(d: Findings) -> str:
     """Return what is missing in one sentence; of many effects the names and where they are."""
     if len(d.effects) <= FULL:
         return _capital("; ".join(_state_effect(e) for e in d.effects))
-    named = []
-    for e in d.effects:
-        at = join(e.joints) if len(e.joints) <= LISTED else f"{len(e.joints)} joints"
-        named.append(e.title if e.joints == ("base",) else f"{e.title} ({at})")
-    worst = max(e.p_value for e in d.effects)
-    return f"{len(d.effects)} effects are missing (p ≤ {worst:.2g}): {join(named)}"
+    named = [e.title if e.joints == ("base",) else f"{e.title} ({_where(e)})" for e in d.effects]
+    return f"{len(d.effects)} effects are missing: {join(named)}"
+
+
+def _where(e: NamedEffect) -> str:
+    """Return where an effect is, in words."""
+    if e.everywhere:
+        return "all joints"
+    return join(e.joints) if len(e.joints) <= LISTED else f"{len(e.joints)} joints"
 
 
 def _state_undecided(d: Findings) -> list[str]:
@@ -126,30 +125,13 @@ def _state_untried(d: Findings) -> str:
     return f"Nothing was left to name: {why}. Give other families, or none for all. As it is"
 
 
-def _state_refused(d: Findings) -> str:
-    """Return what stood out from the noise and was refused all the same."""
-    known = [e.name for e in d.refuted]
-    for s in d.steps:
-        if s.p_value <= d.rules.level and not s.accepted and s.best[0] not in known:
-            name, place = s.best
-            return (
-                f" {name.replace('_', ' ').capitalize()} in {place} stands out from the noise (p ≤ "
-                f"{s.p_value:.2g}) but is refused: {s.reason}."
-            )
-    return ""
-
-
 def remarks(d: Findings) -> list[Remark]:
     """Return what else should be known of the named effects, and what was refuted."""
-    always = [Remark("Refuted", _state_contradicted(e, d)) for e in d.refuted]
+    always = [Remark("Refuted", _state_refuted(x, d)) for x in d.refuted]
     always += [Remark("Please note", hint) for hint in d.hints]
     if not d.effects:
         return always
     out = []
-    if np.isfinite(d.real_after):
-        change = _change(d.real_before, d.real_after)
-        text = f"With bodies that can exist the error goes {change}."
-        out.append(Remark("A real robot", text, d.real_after < d.real_before))
     if d.forward is not None and d.forward.measured:
         better = d.forward.interval[1] < 0
         out.append(Remark("In simulated motion", d.forward.statement, better))
@@ -157,20 +139,14 @@ def remarks(d: Findings) -> list[Remark]:
     rivals = [Remark("A or B", _state_rivals(e)) for e in d.effects if e.alternatives]
     if len(d.effects) <= FULL:  # the headline has them
         named, rivals = [], rivals if len(rivals) > 1 else []
-    return [
-        *named,
-        *rivals,
-        *out,
-        *(r for e in d.effects for r in _caveats(e, d.rules.similar)),
-        *always,
-    ]
+    return [*named, *rivals, *out, *(r for e in d.effects for r in _caveats(e)), *always]
 
 
 def _state_effect(e: NamedEffect) -> str:
-    where = "" if e.joints == ("base",) else f" in {join(e.joints)}"
+    where = "" if e.joints == ("base",) else f" in {_where(e)}"
     at = "" if e.leaning is None else f": gravity {e.leaning.text}"
-    sure = "" if e.why else f"weight {weight_text(e.sure)}, "
-    return f"{_either(e)}{where}{_state_mass(e)}{at} ({sure}p ≤ {e.p_value:.2g})"
+    sure = f" (log odds {e.odds:.3g})" if np.isfinite(e.odds) else ""
+    return f"{_either(e)}{where}{_state_mass(e)}{at}{sure}"
 
 
 def weight_text(weight: float) -> str:
@@ -203,76 +179,26 @@ def _state_mass(e: NamedEffect) -> str:
     return f", {' and '.join(masses)}".replace("-", "−") if masses else ""
 
 
-def contradiction(e: NamedEffect, odds: float) -> str:
-    """Return what unseen motion says of an effect that it does not let stand, to follow its name.
-
-    Log odds between those for and those against it leave it open; and what serves its own joints,
-    but makes the error over all of them surely larger, is not refuted where it is.
-
-    Parameters
-    ----------
-    e : NamedEffect
-    odds : float [nat]
-        From which on a name is stated.
-    """
-    if e.why == OTHER:
-        return f"its value is refuted ({OTHER})"
-    if e.why == WORSE and e.shown.odds > 0 and e.shown.after <= e.shown.before:
-        return "is left out"
-    return "is not confirmed" if e.why == REFUTED and abs(e.shown.odds) < odds else "is refuted"
-
-
-def _state_contradicted(e: NamedEffect, d: Findings) -> str:
-    """Return what the motion that verifies says against an effect."""
-    named, what, verified_on = (
-        _capital(_state_effect(e)),
-        contradiction(e, d.rules.odds),
-        d.verified_on,
-    )
-    start = f"{named} stood out from the fitted motion and {what}: on {verified_on}"
-    if np.isnan(e.shown.before):  # without a scale of its own there is no error over it
-        return f"{start} the torque where it is never changes."
-    change = _change(e.shown.before, e.shown.after, e.shown.interval)
-    likelier = "likelier" if e.shown.odds > 0 else "less likely"
-    odds = f"{e.shown.odds:.2g}".replace("-", "−")
-    over_all = ""
-    if e.why == WORSE:
-        risen = _change(e.joints_before, e.joints_after, e.joints_interval)
-        over_all = f" Over all joints it goes {risen}."
+def _state_refuted(x: Refuted, d: Findings) -> str:
+    """Return that the motion that verifies did not confirm an effect."""
+    what = _capital(f"{title_of(x.name)} in {x.place}")
+    gain = f"{x.unseen:.2g}".replace("-", "−")
     return (
-        f"{start} the torque is {likelier} with it (log likelihood ratio {odds}), and the error of "
-        f"its joints, each on its own scale, goes {change}.{over_all}"
+        f"{what} stood out from the fitted motion (log odds {x.odds:.3g}) and is left out: on "
+        f"{d.verified_on} the torque is not surely likelier with it (log likelihood ratio {gain})."
     )
 
 
 def _state_rivals(e: NamedEffect) -> str:
-    weights = [weight_text(e.weight_of(name)) for name in (e.name, *e.alternatives)]
-    return (
-        f"This motion cannot tell {e.names} apart (weights {join(weights)}, similarity "
-        f"{_similarity(max(e.similar[a] for a in e.alternatives))}): {advice(e)}."
-    )
+    return f"This motion cannot tell {e.names} apart: {advice(e)}."
 
 
-def _state_nearest(e: NamedEffect) -> str:
-    """Return the names nearest to a function without one, and why they were refused."""
-    more = [(n.title, percent(abs(n.worse), 2), n.worse < 0) for n in e.nearest]
-    near = join([f"{title} ({by} {'less' if less else 'more'})" for title, by, less in more])
-    if not near:
-        return "No effect that has a name can be there."
-    function = f"{e.title.removeprefix('an unnamed ')} in {join(e.joints)}"
-    return (
-        f"No name explains this {function} as well; with the nearest instead of it the error of "
-        f"its joints on unseen motion is another: {near}."
-    )
-
-
-def _caveats(e: NamedEffect, similar: float) -> list[Remark]:
-    title, out = e.title[0].upper() + e.title[1:], []
+def _caveats(e: NamedEffect) -> list[Remark]:
+    title, out = _capital(e.title), []
     if e.unnamed:
-        out.append(Remark("Without a name", _state_nearest(e)))
-    name, similarity = next(iter(e.similar.items()), ("", 0.0))  # the most similar
-    if similarity > similar and not (e.alternatives or e.unnamed):
-        out.append(Remark("Resembles", _state_resembling(e, name, similarity)))
+        near = join([f"{x}" for x in e.nearest])
+        text = f"Nearest to it are {near}." if near else "No effect that has a name can be there."
+        out.append(Remark("Without a name", f"No name explains {_where(e)} as well. {text}"))
     if not e.confirmed:
         text = (
             f"{title} by itself does not surely lower the error of its joints there, each on its "
@@ -280,28 +206,6 @@ def _caveats(e: NamedEffect, similar: float) -> list[Remark]:
         )
         out.append(Remark("Not confirmed", text))
     return out
-
-
-def _state_resembling(e: NamedEffect, name: str, similarity: float) -> str:
-    """Return what the most similar name is to an effect that the data do tell from it."""
-    title, other = _capital(e.title), title_of(name)
-    if all(any(r.family == name and r.contains for r in p.rivals) for p in e.placements):
-        return (
-            f"Whatever {e.title} is in this motion, {other} can be too, so no data prefer the "
-            "former: it has the name because it says as much with less."
-        )
-    if similarity > SAME:
-        return f"{_capital(other)} is a part of {e.title} in this motion, and explains less alone."
-    return (
-        f"{title} resembles {other} in this motion (similarity {_similarity(similarity)}); the "
-        "data prefer the former."
-    )
-
-
-def _similarity(x: float) -> str:
-    """Return a similarity with two digits after the point, more where these would say one."""
-    # Similarity from which on two digits after the point would say that it is one.
-    return f"{x:.2f}" if not 0.995 <= x <= SAME else f"{min(x, 0.9999):.{3 + (x >= NEARER_ONE)}f}"
 
 
 def advice(e: NamedEffect) -> str:
@@ -330,32 +234,16 @@ def state_remainder(d: Findings) -> str:
             f"The smallest nameable effect here is {name.replace('_', ' ')} of "
             f"{percent(size, 2)} of the residual"
         )
-    parts += [_functions(d), f"The residual looks like {_looks(d)}"]
-    return " ".join(f"{part}." for part in parts)
-
-
-def _functions(d: Findings) -> str:
-    """Return whether functions without a name still explain something, in words."""
-    asked = {
-        joint: left
-        for joint, left in zip(d.robot.joints, d.remainder.joints, strict=True)
-        if left is not None
-    }
-    if not asked:
-        return (
-            "The motion that names effects is too short to say whether the rest depends on motion "
-            "and load: record more of it"
+    left = [x for x in d.evidence if np.isfinite(x.after)]
+    if left:
+        most = max(left, key=lambda x: x.after)
+        odds = f"{most.after:.2g}".replace("-", "−")
+        parts.append(
+            "Nothing that is known explains the rest; the likeliest is "
+            f"{title_of(most.name)} in {most.place} (log odds {odds})"
         )
-    corrected = holm(np.array([left.p_value for left in asked.values()]))
-    seen = [
-        f"{percent(left.share, 2)} of the residual in {joint}"
-        for (joint, left), p in zip(asked.items(), corrected, strict=True)
-        if p < ESTIMATION_RULES.unasked_level
-    ]
-    if seen:
-        return f"Functions of motion and load without a name would explain {join(seen)}"
-    where = "any joint" if len(asked) == len(d.robot.joints) else join(list(asked))
-    return f"Functions of motion and load without a name explain nothing more in {where}"
+    parts.append(f"The residual looks like {_looks(d)}")
+    return " ".join(f"{part}." for part in parts)
 
 
 def _looks(d: Findings) -> str:

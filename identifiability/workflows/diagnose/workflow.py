@@ -23,14 +23,7 @@ from identifiability.estimation.estimate import Outliers, estimate, find_estimat
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.foundation.engines.mapping import Engine, Serial, one_thread
 from identifiability.foundation.names import BASE
-from identifiability.foundation.options import (
-    Effects,
-    Seed,
-    Simulated,
-    checked,
-    renamed,
-    settle_count,
-)
+from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, Samples
@@ -48,17 +41,10 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.kinematics import shortest_turn
 from identifiability.workflows.analyze.fit import say_band
-from identifiability.workflows.diagnose.changes import (
-    change_beside,
-    change_first,
-    leave_out,
-    stays_beside,
-    without_outliers,
-)
-from identifiability.workflows.diagnose.conclude import conclude, null_odds
-from identifiability.workflows.diagnose.findings import NamedEffect, Placement, Shown
+from identifiability.workflows.diagnose.changes import find_change, leave_out, without_outliers
+from identifiability.workflows.diagnose.conclude import conclude
+from identifiability.workflows.diagnose.findings import NamedEffect, Placement
 from identifiability.workflows.diagnose.gap import Gap
-from identifiability.workflows.diagnose.hypothesis import Hypothesis
 from identifiability.workflows.diagnose.known_values import (
     Given,
     KnownValues,
@@ -68,19 +54,15 @@ from identifiability.workflows.diagnose.known_values import (
     read_given,
 )
 from identifiability.workflows.diagnose.motion import (
-    OddLog,
     along_rollouts,
     assign_roles,
-    describe_odd_log,
     prepare_rows,
     samples_each,
-    still_odd,
 )
-from identifiability.workflows.diagnose.problem import Problem, Setting
+from identifiability.workflows.diagnose.naming import Naming, look, name_missing
+from identifiability.workflows.diagnose.problem import Setting
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
 from identifiability.workflows.diagnose.rules import RULES, Rules
-from identifiability.workflows.diagnose.search import Search
-from identifiability.workflows.diagnose.verdict import Verdict, refute_worse, settle
 from identifiability.workflows.gravity import Leaning, find_leaning, settle_tilt
 from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.opening import (
@@ -102,9 +84,6 @@ from identifiability.workflows.session import (
     where_outlying,
 )
 
-#: Simulated noises.
-DRAWS = 199
-
 #: What is to be known of values that are kept without their errors.
 EXACT = (
     "The robot file's values were taken as exact, so that their errors may be named as effects: "
@@ -116,7 +95,6 @@ EXACT = (
 BASE_EFFECTS = USUAL_EFFECTS
 
 
-@renamed(draws="replicates")
 @checked
 def diagnose(
     robot: RobotLike,
@@ -128,7 +106,6 @@ def diagnose(
     fixed: Given = False,
     preparation: Preparation | None = None,
     rules: Rules | None = None,
-    replicates: Simulated | None = None,
     seed: Seed = 0,
     quick: bool = False,
     forward: bool = True,
@@ -160,12 +137,9 @@ def diagnose(
         How derivatives are made.
     rules : Rules, optional
         Thresholds.
-    replicates : int, optional
-        Simulated noises; the smallest p-value, an upper bound, is 1 / (replicates + 1). By default
-        199, or 99 if `quick`.
     seed : int
     quick : bool
-        Fewer replicates, where nobody says how many.
+        Leave out the simulation of `forward`.
     forward : bool
         Also simulate the motion that verifies, before and after what was named (half a second).
     progress : callable(str, float), optional
@@ -176,8 +150,8 @@ def diagnose(
     ------
     IdentifiabilityError
     """
-    say, draws = progress or quiet, settle_count(replicates, DRAWS, DRAWS // 2, quick=quick)
-    streams = tuple(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6))
+    say = progress or quiet
+    streams = tuple(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
     rules = rules or RULES
     find_families(effects)  # what is misspelt is told before logs are read
     with one_thread():
@@ -204,7 +178,7 @@ def diagnose(
             commanded=commanded,
             seed=seed,
         )
-        asked = _Asked(effects, say, draws, streams)
+        asked = _Asked(effects, say, streams[0])
         looked = asked.look(opened(given))
         later = common_delay(looked.found)
         if later and robot.servo is not None:
@@ -214,14 +188,13 @@ def diagnose(
         found = (
             settle_named(found)
             if leaning is None
-            else lead_with_tilt(found, session.structure, leaning, 1.0 / (draws + 1), streams[2])
+            else lead_with_tilt(found, session.structure, leaning, streams[0])
         )
         options = {
             "effects": "all" if effects is None else list(effects),
             "fixed": fixed is True if known is None else known.words,
             **({"prior": near} if near else {}),
             "rules": setting.rules,
-            "replicates": draws,
             "quick": quick,
             "preparation": preparation or Preparation(),
         }
@@ -236,10 +209,10 @@ def diagnose(
             hints=(*hints, *free_again(model), *unused_ladder(robot, model)),
             provenance=state_provenance(robot, used, seed, None, options),
         ).moved_by(given)
-        if not (forward and found.effects) or found.robot.base is not None:
+        if quick or not (forward and found.effects) or found.robot.base is not None:
             return found
         say("simulating forward", 0.95)
-        return replace(found, forward=simulate_forward(found, streams[3]))
+        return replace(found, forward=simulate_forward(found, streams[1]))
 
 
 class _Opened(NamedTuple):
@@ -310,24 +283,70 @@ def _open(
     return _Opened(setting, opening, leaning)
 
 
-def _name(asked: _Asked, setting: Setting, opening: Opening) -> tuple[Diagnosis, list[str]]:
-    """Name effects, and say which logs and stretches of them are doubted."""
-    if setting.fixed:
-        return asked.run(setting), []
-    odd, decided, outliers = _doubt_logs(opening)
-    # Rows that hardly count are no data for names, unless a change or a name explains them: bursts
-    # of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16 and more.
-    if outliers is not None and (outliers := outliers.below(0.1)) is not None:
-        first = asked.run(setting)
-        if first.changes or not _still_outlying(first, outliers):
-            return first, [decided] * bool(decided)
-        where = where_outlying(opening.robot.joints, opening.samples, outliers)
-        decided = decided or f"{where} was left out. Look at what happened there."
-        setting = without_outliers(setting, outliers)
-    if odd is None:
-        return asked.run(setting), [decided] * bool(decided)
-    found, said = asked.run_doubted(setting, odd)
-    return found, [x for x in (said, decided) if x]
+@frozen
+class _Asked:
+    """How effects are looked for in some samples.
+
+    Attributes
+    ----------
+    effects : iterable of str or None
+        Families that may be named.
+    say : callable(str, float)
+    stream : numpy.random.Generator
+        For intervals.
+    """
+
+    effects: Effects | None
+    say: Progress
+    stream: np.random.Generator
+
+    def look(self, opened: _Opened) -> _Looked:
+        """Name what is missing in opened logs."""
+        setting, opening, leaning = opened
+        # Values that are kept are those of the file, and a wrong scale or sign is an effect.
+        asked = self if setting.fixed or not opening.misread else replace(self, effects=())
+        return _Looked(*asked.name(setting, opening), setting, opening, leaning)
+
+    def name(self, setting: Setting, opening: Opening) -> tuple[Diagnosis, list[str]]:
+        """Name what is missing, and say which stretches of logs are doubted.
+
+        Rows that hardly count are no data for names, unless a change or a name explains them.
+        """
+        found = self.run(setting)
+        if setting.fixed:
+            return found, []
+        joints, wls = opening.robot.joints, find_estimator("wls")
+        information = gather_information(opening.structure.regression(opening.samples, keep=True))
+        _, decided, outliers = weigh_rows(joints, opening.samples, information, wls)
+        # Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
+        outliers = None if outliers is None else outliers.below(0.1)
+        if outliers is not None and not found.changes and _still_outlying(found, outliers):
+            where = where_outlying(joints, opening.samples, outliers)
+            decided = decided or f"{where} was left out. Look at what happened there."
+            found = self.run(without_outliers(setting, outliers))
+        return found, [decided] * bool(decided)
+
+    def run(self, setting: Setting) -> Diagnosis:
+        """Name what is missing, add it, verify."""
+        naming = self._settle(setting)
+        self.say("verifying", 0.9)
+        return conclude(naming, self.stream)
+
+    def _settle(self, setting: Setting) -> Naming:
+        """Return what is missing in logs without what changed in their midst.
+
+        A change that explains more than any effect is left out before names are looked for, else
+        it would be named piece by piece.
+        """
+        looked = look(setting, self.effects)
+        self.say("naming effects", 0.3)
+        change = None if setting.fixed else find_change(looked, self.effects)
+        if change is None:
+            looked = name_missing(looked)
+            if looked.parts and not setting.fixed:
+                change = find_change(looked, self.effects)
+        without = None if change is None else leave_out(setting, change)
+        return looked if without is None else self._settle(without)
 
 
 def _still_outlying(found: Diagnosis, outliers: Outliers) -> bool:
@@ -340,107 +359,6 @@ def _still_outlying(found: Diagnosis, outliers: Outliers) -> bool:
     same = again.log[:, None] == outliers.log
     begun = again.first[:, None] < outliers.last
     return bool((same & begun & (outliers.first < again.last[:, None])).any())
-
-
-@frozen
-class _Asked:
-    """How effects are looked for in some samples.
-
-    Attributes
-    ----------
-    effects : iterable of str or None
-        Families that may be named.
-    say : callable(str, float)
-    draws : int
-        Simulated noises.
-    streams : tuple of numpy.random.Generator
-    """
-
-    effects: Effects | None
-    say: Progress
-    draws: int = DRAWS
-    streams: tuple[np.random.Generator, ...] = ()
-
-    def look(self, opened: _Opened) -> _Looked:
-        """Name what is missing in opened logs."""
-        setting, opening, leaning = opened
-        # Values that are kept are those of the file, and a wrong scale or sign is an effect.
-        asked = self if setting.fixed or not opening.misread else replace(self, effects=())
-        return _Looked(*_name(asked, setting, opening), setting, opening, leaning)
-
-    def run(self, setting: Setting) -> Diagnosis:
-        """Name what is missing, add it, verify."""
-        search, verdict = self._settle(setting)
-        self.say("verifying", 0.9)
-        null = null_odds(search, self.draws, self.streams[0])
-        return conclude(search, verdict, null, self.streams[2])
-
-    def _settle(self, setting: Setting) -> tuple[Search, Verdict]:
-        """Return what stands, and the search for it, in logs without what changed in their midst.
-
-        A change that explains more than any name is left out before names are looked for; it must
-        be there beside these all the same.
-        """
-        effects = self.effects
-        search = Search(Problem(setting, effects), self.say)
-        self.say("naming effects", 0.3)
-        change, goes_first = change_first(search, effects)
-        without = leave_out(setting, change) if change is not None and goes_first else None
-        if without is not None:
-            later, verdict = self._settle(without)
-            named = [later.problem.candidates[k] for k in verdict.hypothesis.parts]
-            if stays_beside(search, named, effects):
-                return later, verdict
-        verdict = refute_worse(search, settle(search, Hypothesis()), self.streams[4])
-        change = change_beside(search, verdict, change, effects)
-        without = None if change is None else leave_out(setting, change)
-        return (search, verdict) if without is None else self._settle(without)
-
-    def run_doubted(self, setting: Setting, odd: OddLog) -> tuple[Diagnosis, str]:
-        """Name effects without a log that disagrees, unless what is named with it explains it.
-
-        A log whose motion alone shows what is missing disagrees as well, and is the one that says
-        most: then no log disagrees any more under the model with what was named. A log that is not
-        fitted stays where it is.
-
-        Returns
-        -------
-        found : Diagnosis
-        said : str
-            What became of the log.
-        """
-        found = self.run(setting)
-        held_out = odd.number >= len(setting.samples)
-        logs = (*found.samples, *found.validation)
-        explained = found.effects or found.changes
-        if len(found.samples) < len(setting.samples):
-            return found, ""
-        if explained and not still_odd(found.completed, logs, odd.number):
-            return found, odd.kept
-        if held_out:
-            return found, odd.doubted
-        samples = tuple(s for k, s in enumerate(setting.samples) if k != odd.number)
-        found = self.run(replace(setting, samples=samples, left_out=(odd.name,)))
-        return found, odd.left_out
-
-
-def _doubt_logs(opening: Opening) -> tuple[OddLog | None, str, Outliers | None]:
-    """Return the log that disagrees, if one does, and what is said of outlying stretches.
-
-    Those that are not fitted are asked where the fitted ones do not tell, as two cannot; the only
-    one that is fitted cannot be left out.
-    """
-    fitted = len(opening.samples)
-    each = (*opening.samples, *opening.validation)
-    regression = opening.structure.regression(each, keep=True)
-    every = gather_information(regression)
-    information, estimator = every.take(every.log < fitted), find_estimator("wls")
-    fit = estimator.fit(information)
-    odd = describe_odd_log(opening.regression, information, fit)
-    if odd is None:
-        odd = describe_odd_log(regression, every, estimator.fit(every))
-        odd = None if odd is None or odd.number < fitted < 2 else odd
-    return odd, *weigh_rows(opening.robot.joints, opening.samples, information, estimator)[1:]
 
 
 def _settle_values(
@@ -508,7 +426,6 @@ def lead_with_tilt(
     found: Diagnosis,
     upright: Structure,
     leaning: Leaning,
-    p_value: float,
     rng: np.random.Generator,
 ) -> Diagnosis:
     """Return a diagnosis under the gravity that was found as one of the robot file's.
@@ -520,20 +437,21 @@ def lead_with_tilt(
     upright : Structure
         What was diagnosed, with gravity as the file states it.
     leaning : Leaning
-    p_value : float
-        The smallest that as many simulated noises can give.
     rng : numpy.random.Generator
     """
     fitted, unseen = _predict_both(upright, found.samples, found.validation)
     gap = Gap(found.gap.rows, np.concatenate([unseen.residual, found.gap.residual], axis=2))
-    change = gap.change(0, 1, rng)
-    joints = change["joints_before"], change["joints_after"], change["joints_interval"]
+    errors, joints = gap.relative_error().tolist(), gap.error_over_joints().tolist()
     first = NamedEffect(
         name=GravityTilt.name,
         title=title_of(GravityTilt.name),
-        placements=(_place_tilt(found, upright, leaning, p_value),),
-        **change,
-        shown=Shown(*joints, gap.expected_change(0, 1)),
+        placements=(_place_tilt(found, upright, leaning),),
+        before=errors[0],
+        after=errors[1],
+        interval=gap.interval(0, 1, rng),
+        shown_before=joints[0],
+        shown_after=joints[1],
+        shown_interval=gap.interval_over_joints(0, 1, rng),
         leaning=leaning,
     )
     return replace(
@@ -542,10 +460,8 @@ def lead_with_tilt(
         effects=(first, *found.effects),
         gap=gap,
         interval=gap.interval(0, -1, rng),
-        held_before=change["before"],
+        held_before=errors[0],
         error_before=float(fitted.relative_error()[0]),
-        real_before=float("nan"),
-        real_after=float("nan"),
     )
 
 
@@ -558,9 +474,7 @@ def _predict_both(
     return predict(fitted, values), predict(structure.regression(validation), values)
 
 
-def _place_tilt(
-    found: Diagnosis, upright: Structure, leaning: Leaning, p_value: float
-) -> Placement:
+def _place_tilt(found: Diagnosis, upright: Structure, leaning: Leaning) -> Placement:
     """Return a tilt as two rotations of gravity about horizontal axes of the file."""
     stated, turned = upright.robot, leaning.structure.robot
     step = shortest_turn(stated.gravity, turned.gravity)
@@ -570,11 +484,9 @@ def _place_tilt(
     return Placement(
         place=BASE,
         shape=float("nan"),
-        p_value=p_value,
         parameters=tuple(f"{BASE}.{kind}" for kind in TILTS),
         units=("rad", "rad"),
         values=np.array([axis @ step for axis in horizontal_axes(stated.gravity)]),
         errors=np.full(2, np.radians(leaning.sd)),
         rms=float(np.sqrt(np.mean(added**2, axis=0)).max()),
-        rivals=(),
     )

@@ -14,7 +14,7 @@ def rng():
     return np.random.default_rng(6)
 
 
-def test_an_alias_is_what_the_model_contains_but_for_three_per_cent(rng, rows_of, candidate):
+def test_an_alias_is_what_the_model_contains_but_for_three_per_cent(rng, missing_of, candidate):
     """Joints weigh by the size of their torque, so that N and N·m compare."""
     n = 400
     e = np.linalg.qr(rng.standard_normal((2 * n, 5)))[0].T.reshape(5, n, 2)
@@ -29,8 +29,11 @@ def test_an_alias_is_what_the_model_contains_but_for_three_per_cent(rng, rows_of
     D = np.stack([c * size for c in columns], axis=2)
     names = ("alike", "visible", "mixture", "free")
     options = [candidate(f, "j", k) for k, f in enumerate(names)]
-    rows = rows_of(tau, X, D)
-    found = {a.family: a for a in find_aliases(rows, options, ("x0", "x1"), 0.03)}
+
+    def aliases(some, model=X, names=("x0", "x1")):
+        return find_aliases(missing_of(tau, model, D, some), names, 0.03)
+
+    found = {a.family: a for a in aliases(options)}
     assert [found[f].structural for f in names] == [True, False, True, False]
     remaining = [found[f].remaining for f in names]
     np.testing.assert_allclose(remaining, [0.029, 0.031, 0.0, 1.0], atol=1e-9)
@@ -38,7 +41,7 @@ def test_an_alias_is_what_the_model_contains_but_for_three_per_cent(rng, rows_of
     assert found["mixture"].behind == ("x0", "x1")  # the larger share first
     # Of several shapes or columns the most visible one decides.
     shapes = [candidate("f", "j", 0, shape=1.0), candidate("f", "j", 3, 0, shape=2.0)]
-    (alias,) = find_aliases(rows, shapes, ("x0", "x1"), 0.03)
+    (alias,) = aliases(shapes)
     assert alias.remaining == pytest.approx(1.0)
     # Of two columns together it is the most visible of all that they can be, whatever is added to
     # one of them of the other: a spring is no less visible where its rest is far away.
@@ -46,7 +49,7 @@ def test_an_alias_is_what_the_model_contains_but_for_three_per_cent(rng, rows_of
         D[:, :, 3] = (e[3] + rest * e[1]) * size
         pair = candidate("f", "j", 0, 3)
         D[:, :, 0] = mixed(0.0) * size
-        (alias,) = find_aliases(rows_of(tau, X, D), [pair], ("x0", "x1"), 0.03)
+        (alias,) = aliases([pair])
         assert alias.remaining == pytest.approx(1.0)
         assert not alias.structural
     # Rounding decides no tie: of shapes that are wholly hidden the first is told, of parameters
@@ -57,13 +60,12 @@ def test_an_alias_is_what_the_model_contains_but_for_three_per_cent(rng, rows_of
         D[:, :, 2] = (X[:, :, 0] + 100 * X[:, :, 1]) * nudge
         shapes = [candidate("f", "j", k, shape=float(k)) for k in (0, 1)]
         for first, order in (("x0", shapes), ("x1", shapes[::-1])):
-            (alias,) = find_aliases(rows_of(tau, X, D), order, ("x0", "x1"), 0.03)
+            (alias,) = aliases(order)
             assert alias.behind == (first,)
-        (alias,) = find_aliases(rows_of(tau, X, D), options[2:3], ("x0", "x1"), 0.03)
+        (alias,) = aliases(options[2:3])
         assert alias.behind == ("x0", "x1")
     # Without a model nothing hides.
-    fixed = rows_of(tau, X[:, :, :0], D)
-    assert all(a.remaining == pytest.approx(1.0) for a in find_aliases(fixed, options, (), 0.03))
+    assert all(a.remaining == pytest.approx(1.0) for a in aliases(options, X[:, :, :0], ()))
 
 
 def test_averages_over_bins_explain_what_they_explain_adjusted_for_their_number(rng):
@@ -89,7 +91,7 @@ def test_a_discrepancy_says_where_the_residual_is(rng, rows_of):
     near = np.abs(dq[:, 0]) < 0.15 * np.sqrt(np.mean(dq**2))
     residual = np.where(near, 3.0, 1.0)[:, None] * np.where(rng.random((n, 1)) > 0.5, 1, -1)
     tau = np.full((n, 1), 4.0)
-    rows = rows_of(tau, np.zeros((n, 1, 0)), np.zeros((n, 1, 0)), dq=dq)
+    rows = rows_of(tau, dq=dq)
     (d,) = find_discrepancies(rows, residual, ["j"])
     assert d.joint == "j"
     assert d.reversals == pytest.approx(9.0)
@@ -97,6 +99,6 @@ def test_a_discrepancy_says_where_the_residual_is(rng, rows_of):
     assert d.share == pytest.approx(d.rms / 4.0)
     assert d.memory == pytest.approx(1.0, abs=0.3)
     position = SimpleNamespace(x=np.linspace(-1, 1, n))
-    rows = rows_of(tau, np.zeros((n, 1, 0)), np.zeros((n, 1, 0)), dq=dq, q=position.x[:, None])
+    rows = rows_of(tau, dq=dq, q=position.x[:, None])
     (d,) = find_discrepancies(rows, np.sign(position.x)[:, None], ["j"])
     assert max(d.explained, key=d.explained.get) == "position"

@@ -12,7 +12,6 @@ from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.diagnose.false_names import FalseNames
 from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.motion import assign_roles, divide, thin
-from identifiability.workflows.diagnose.problem import family_blocks
 
 
 def log(name="log", n=1000):
@@ -111,12 +110,3 @@ def test_a_rate_of_false_names_has_the_interval_of_its_number_of_trials():
     assert "b of 30 % of the residual" in found.statement
     one = FalseNames(trials=40, named=("a",), sizes={})
     assert "1 was given a name" in one.statement
-
-
-def test_noise_is_fitted_beside_the_model_and_small_families_first(rows_of, candidate):
-    D = np.arange(24.0).reshape(4, 1, 6)
-    rows = rows_of(np.zeros((4, 1)), np.ones((4, 1, 2)), D)
-    options = [candidate("big", "j", 0, 1), candidate("big", "k", 2), candidate("small", "j", 4)]
-    first, *families = family_blocks(rows, options, 0)
-    np.testing.assert_array_equal(first, rows.X[:, 0])
-    assert [f[0].tolist() for f in families] == [[4.0], [0.0, 1.0, 2.0]]

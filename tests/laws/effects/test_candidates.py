@@ -7,14 +7,14 @@ import pytest
 
 from identifiability.effects import FAMILIES, find_families
 from identifiability.effects.effect import measure_spans
+from identifiability.effects.friction import REVERSALS
+from identifiability.estimation.groups import with_reversals
 from identifiability.logs.prepare import Samples
 from identifiability.logs.signals import Decimation
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.workflows.diagnose import Rules
-from identifiability.workflows.diagnose.hypothesis import Catalogue
-from identifiability.workflows.diagnose.rows import Table
+from identifiability.workflows.diagnose.rows import Rows
 
 T = 0.01 * np.arange(300)
 
@@ -92,9 +92,10 @@ def test_a_refinement_stands_where_the_model_has_what_it_refines(polar, move):
     found, _ = listed(polar, move(polar, T), "stribeck_friction", present=structure.present)
     both = Structure.of(polar, Model.of("coulomb_asymmetry")).present  # has its two levels
     for present, places in ((structure.present, {"lift"}), (both, {c.place for c in found})):
-        catalogue = Catalogue(found, len(found), present, Rules())
-        allowed = catalogue.allowed([], (), functions=False)
-        assert {c.place for c, may in zip(found, allowed, strict=True) if may} == places
+        kept = with_reversals(polar, found, present)
+        assert {c.place for c in kept if c.family is not REVERSALS} == places
+        always = [c.place for c in kept if c.family is REVERSALS]
+        assert always == [j for j in polar.joints if ("coulomb_friction", j) in present]
 
 
 def test_without_masses_there_is_no_load(polar, move):
@@ -144,28 +145,30 @@ def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):
     candidates, _ = listed(polar, parts[0], "joint_stiffness", "torque_offset")
     model = Model.of("rigid_body", "viscous_friction")
     structure = Structure.of(polar, model)
-    rows = Table.of(structure, logs).rows(candidates)
+    rows = Rows.of(structure, logs)
+    entries = rows.seen.entries(candidates)
     W = np.concatenate([model.regressor(polar, m) for m in parts])[:, :, structure.base.kept]
-    np.testing.assert_allclose(rows.X, W, atol=1e-12)
+    np.testing.assert_allclose(rows.seen.X, W, atol=1e-12)
+    none = np.zeros(300)
     for c in candidates:
         every = Model((c.effect,))
         names = [p.name for p in c.effect.parameters(polar)]
         at = names.index(f"{c.place}.{c.kinds[0]}")
+        (k,) = c.columns
+        found = np.stack([entries.get((j, k), none) for j in range(2)], axis=1)
         for m, own in zip(parts, (slice(0, 120), slice(120, 300)), strict=True):
-            np.testing.assert_array_equal(
-                rows.D.take(c.columns)[own, :, 0], every.regressor(polar, m)[:, :, at]
-            )
-    np.testing.assert_array_equal(rows.tau, np.concatenate([s.tau for s in logs]))
-    np.testing.assert_array_equal(
-        rows.dq[:, 1], np.concatenate([m.actuated_v for m in parts])[:, 1]
-    )
+            np.testing.assert_array_equal(found[own], every.regressor(polar, m)[:, :, at])
+    np.testing.assert_array_equal(rows.measured, np.concatenate([s.tau for s in logs]))
+    speed = np.concatenate([m.actuated_v for m in parts])[:, 1]
+    np.testing.assert_array_equal(rows.states[1][:, 1], speed)
     assert rows.log.tolist() == [0] * 120 + [1] * 180
-    assert rows.runs == [(0, 120), (120, 300)]
+    assert list(rows.seen.runs.each[0]) == [(0, 120), (120, 300)]
     # With the values of the robot file the model's torque is taken off, and no column is left.
-    fixed = Table.of(structure, logs, fixed=True).rows(candidates)
-    np.testing.assert_allclose(fixed.tau, rows.tau - W @ structure.nominal_base, atol=1e-9)
-    assert fixed.X.shape[2] == 0
-    np.testing.assert_array_equal(fixed.measured, rows.tau)
+    fixed = Rows.of(structure, logs, fixed=True)
+    left = rows.measured - W @ structure.nominal_base
+    np.testing.assert_allclose(fixed.seen.y, left, atol=1e-9)
+    assert fixed.seen.X.shape[2] == 0
+    np.testing.assert_array_equal(fixed.measured, rows.measured)
 
 
 @pytest.mark.parametrize("factor", [1, 3])
@@ -176,9 +179,10 @@ def test_no_stretch_of_rows_reaches_across_a_gap(polar, move, factor):
     log = Samples("log", m, np.ones((len(m), 2)), d, (), "")
     model = Model.of("viscous_friction")
     structure = Structure.of(polar, model)
-    rows = Table.of(structure, [log, log]).rows([])
-    assert len(rows.runs) == 4
-    for a, b in rows.runs:
+    rows = Rows.of(structure, [log, log])
+    runs = rows.seen.runs.each[0]
+    assert len(runs) == 4
+    for a, b in runs:
         np.testing.assert_allclose(np.diff(rows.t[a:b]), 0.01 * factor)
     np.testing.assert_allclose(rows.t, np.tile(log.output_times(), 2))
-    assert len(set(rows.log[: rows.runs[1][1]])) == 1
+    assert len(set(rows.log[: runs[1][1]])) == 1

@@ -1,0 +1,455 @@
+"""`Naming`: what is missing beside a model, found and confirmed by one mixed model.
+
+Groups of all families at all places, and everywhere, are searched on fitted rows; unseen rows may
+only take out what was found. What stays is written as parts of a model: one shape each, refined
+between those of its grid, at the places where it is sure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import cached_property, partial
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.special import chdtrc, softmax
+
+from identifiability.effects import FAMILIES, Family, find_families
+from identifiability.effects.friction import REVERSALS
+from identifiability.estimation.groups import Missing, with_reversals
+from identifiability.estimation.mixed_model import (
+    EVERYWHERE,
+    SIZES,
+    Group,
+    MixedModel,
+    Products,
+    Term,
+    Terms,
+)
+from identifiability.estimation.noise import autocorrelation_time
+from identifiability.foundation.linalg import NEARLY, triangular_factor
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.regression.columns import Candidate, Entries, Refusal, list_candidates, number
+from identifiability.workflows.diagnose.problem import Alias, Setting, find_aliases
+from identifiability.workflows.diagnose.rows import Rows
+
+#: Looks for the shape between two of a grid.
+LOOKS = 8
+#: Quantile of the normal distribution for a power of 80 %.
+POWER = 0.8416
+#: Level at which a place has a share of what is everywhere.
+LEVEL = 0.05
+#: Share of all places from which on an effect is said to be everywhere.
+MOST = 0.75
+
+
+@frozen
+class Part:
+    """A family at a place that is missing.
+
+    Attributes
+    ----------
+    candidate : Candidate
+        With its shape; its columns are numbered among those of all parts.
+    term : Term
+        Of the group that was found; its place may be everywhere.
+    unseen : float [nat]
+        What it gains on unseen rows; nan without any.
+    rivals : tuple of Term
+        What would do as well in its place, the likeliest first.
+    weight : float
+        Its posterior probability among all that may be in its place.
+    nearest : tuple of Term
+        Of a function without a name: the likeliest names in its place.
+    """
+
+    candidate: Candidate
+    term: Term
+    unseen: float
+    rivals: Terms
+    weight: float
+    nearest: Terms = ()
+
+
+@frozen
+class Naming:
+    """What is missing in some logs.
+
+    Attributes
+    ----------
+    setting : Setting
+    fitted, unseen : Rows
+        Unseen ones are those that errors are stated on: fitted ones where there are no others.
+    aliases : tuple of Alias
+    refusals : tuple of Refusal
+    asked : Missing
+        All that may be missing,
+    whole : MixedModel
+        and the model of that.
+    before, after : tuple of Term
+        Log odds of all groups beside the model, and beside what was named.
+    refuted : tuple of (Term, float)
+        What fitted rows named and unseen rows did not confirm, with what it gains on these [nat].
+    parts : tuple of Part
+        What is missing, families as they came, each in the order of the robot's places.
+    missing : Missing
+        The parts alone, after friction at reversals, beside the model and its noise.
+    """
+
+    setting: Setting
+    fitted: Rows
+    unseen: Rows
+    aliases: tuple[Alias, ...]
+    refusals: tuple[Refusal, ...]
+    asked: Missing
+    whole: MixedModel
+    before: Terms
+    after: Terms
+    refuted: tuple[tuple[Term, float], ...]
+    parts: tuple[Part, ...]
+    missing: Missing
+
+    @cached_property
+    def model(self) -> MixedModel:
+        """The mixed model of the parts."""
+        return self.missing.model()
+
+    @cached_property
+    def terms(self) -> Terms:
+        """The parts in their order, each with its variance."""
+        return _terms_of(self.model, [p.candidate for p in self.parts])
+
+    def values(self, k: int) -> tuple[Array, Array]:
+        """Return the values of a part (m,) and their covariance (m, m)."""
+        s = self.model.solve(self.terms)
+        first = self.model.fixed + sum(t.size for t in self.terms[:k])
+        at = np.arange(first, first + self.terms[k].size)
+        unit = self.model.scale[self.terms[k].columns]
+        return s.value[at] / unit, s.root[:, at].T @ s.root[:, at] / np.outer(unit, unit)
+
+    def spread(self, k: int) -> Array:
+        """Return the standard deviation that a part's values have beforehand, (m,)."""
+        term = self.terms[k]
+        spread: Array = np.sqrt(term.variance) / self.model.scale[term.columns]
+        return spread
+
+    @cached_property
+    def seen_entries(self) -> Entries:
+        """Columns of the parts along the fitted rows."""
+        return self.missing.entries
+
+    @cached_property
+    def unseen_entries(self) -> Entries:
+        """The same along the unseen rows."""
+        if self.unseen is self.fitted:
+            return self.seen_entries
+        return self.unseen.seen.entries(self.missing.candidates)
+
+    def smallest(self) -> dict[tuple[str, int], float]:
+        """Return the smallest effect of each family that is named in four of five logs like these.
+
+        At each joint, its rms over that of the joint's torque.
+        """
+        joints, out = self.setting.structure.robot.joints, {}
+        for t in self.after:
+            sets = self.asked.sets[t.key]
+            if t.group.place in joints and not sets[0][0].family.unnamed:
+                middle = t.group.members[len(sets) // 2]
+                known = float(np.diag(self.whole.information((), middle)).max())
+                # Of a size s the log odds are about (x − ln(1 + x)) / 2 with x = s² known.
+                needed = t.group.price + self.whole.name + np.log(len(SIZES) / 2)
+                square = (np.sqrt(2.0 * needed + np.log1p(2.0 * needed)) + POWER) ** 2
+                if known > 0:
+                    out[t.group.family, joints.index(t.group.place)] = float(
+                        np.sqrt(square / known)
+                    )
+        return out
+
+    def columns(self, parts: Sequence[int], joint: int, *, unseen: bool = False) -> Array:
+        """Return the columns of some parts in a joint, (N, m)."""
+        rows = self.unseen if unseen else self.fitted
+        entries = self.unseen_entries if unseen else self.seen_entries
+        none = np.zeros(len(rows))
+        at = [k for p in parts for k in self.parts[p].candidate.columns]
+        return np.stack([entries.get((joint, k), none) for k in at] or [none[:0]], axis=-1)
+
+    def acts(self, part: int) -> list[int]:
+        """Return the joints in which a part acts."""
+        own = self.parts[part].candidate.columns
+        return sorted({j for j, k in self.seen_entries if k in own})
+
+    def left(self, parts: Sequence[int], values: Array, *, unseen: bool = False) -> Array:
+        """Return what values (b + m,) of the model with some parts leave of torque, (N, n)."""
+        rows = self.unseen if unseen else self.fitted
+        b = rows.seen.X.shape[2]
+        left: Array = rows.seen.y - rows.seen.X @ values[:b]
+        for j in range(left.shape[1]) if len(values) > b else ():
+            left[:, j] -= self.columns(parts, j, unseen=unseen) @ values[b:]
+        return left
+
+    def fit(self, parts: Sequence[int]) -> Array:
+        """Return the values (b + m,) of model and some parts as an analysis fits them.
+
+        Rows are weighed by the errors of their joint. Whitened ones judge better what is missing,
+        but of slow noise they keep no levels, and predict worse.
+        """
+        rows, b = self.fitted, self.fitted.seen.X.shape[2]
+        width = b + sum(len(self.parts[p].candidate.columns) for p in parts)
+        joints = []
+        for j in range(rows.data.shape[1]):
+            A = np.zeros((len(rows), width + 1))
+            A[:, :b], A[:, -1] = rows.seen.X[:, j], rows.seen.y[:, j]
+            if parts:
+                A[:, b:-1] = self.columns(parts, j)
+            joints.append(triangular_factor(A[rows.data[:, j]]))
+        known = np.concatenate([_pad(rows.seen.X, rows.root, width), *self._priors(parts, width)])
+        squares = np.array([A[-1, -1] ** 2 if len(A) > width else 0.0 for A in joints])
+        value, memory = np.zeros(width), 1.0
+        # Rounds in which joints are weighed by what is left of them, and that by its memory.
+        for k in range(6):
+            variance = np.maximum(squares / rows.counts * memory, 1e-24 * squares.max(initial=0.0))
+            scale = np.sqrt(np.where(variance > 0, variance, 1.0)).tolist()
+            R = np.concatenate([*(A / s for A, s in zip(joints, scale, strict=True)), known])
+            length = np.linalg.norm(R[:, :-1], axis=0)
+            length = np.where(length > 0, length, 1.0)
+            value = np.linalg.lstsq(R[:, :-1] / length, R[:, -1], rcond=1e-9)[0] / length
+            squares = np.array([np.sum((A @ np.r_[value, -1.0]) ** 2) for A in joints])
+            if k == 1:
+                memory = float(autocorrelation_time(self.left(parts, value)).mean())
+        return value
+
+    def _priors(self, parts: Sequence[int], width: int) -> Iterable[Array]:
+        """Return that functions are as large as they were found."""
+        at = self.fitted.seen.X.shape[2]
+        for p in parts:
+            m = len(self.parts[p].candidate.columns)
+            if self.parts[p].candidate.family.flexible:
+                rows = np.zeros((m, width + 1))
+                rows[range(m), range(at, at + m)] = 1.0 / self.spread(p)
+                yield rows
+            at += m
+
+
+def _pad(X: Array, root: Array, width: int) -> Array:
+    return np.pad(root, ((0, 0), (0, width + 1 - X.shape[2])))
+
+
+def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
+    """Return what may be missing beside the model of a setting, before anything is named.
+
+    Parameters
+    ----------
+    setting : Setting
+    effects : iterable of str, optional
+        Families that may be named; all by default.
+    """
+    s, fixed = setting.structure, setting.fixed
+    known = setting.known or setting.near
+    fitted = Rows.of(s, setting.samples, known, fixed=fixed)
+    unseen = fitted
+    if setting.validation:
+        unseen = Rows.of(s, setting.validation, known, fixed=fixed)
+    families = find_families(effects, commanded=setting.commanded)
+    motions = [x.motion for x in setting.samples]
+    listed, refused = list_candidates(s.robot, families, s.present, motions, fixed=fixed)
+    noise = None
+    if effects is not None:  # it is the same whatever may be named
+        functions = [f for f in FAMILIES.values() if f.flexible]
+        smooth, _ = list_candidates(s.robot, functions, s.present, motions, fixed=fixed)
+        every = with_reversals(s.robot, smooth, s.present)
+        noise = Missing(every, fitted.seen, fitted.root).noise
+    every = with_reversals(s.robot, listed, s.present)
+    missing = Missing(every, fitted.seen, fitted.root, noise)
+    aliases = [
+        a
+        for a in find_aliases(missing, s.base.names, setting.rules.alias)
+        if a.family != REVERSALS.name
+    ]
+    hidden = {(a.family, a.place) for a in aliases if a.structural}
+    model = missing.model()
+    groups = tuple(g for g in model.groups if not _is_hidden(missing, g.key, hidden))
+    model = replace(model, groups=groups)
+    before = tuple(model.gains())
+    found = Naming(
+        setting=setting,
+        fitted=fitted,
+        unseen=unseen,
+        aliases=tuple(aliases),
+        refusals=tuple(refused),
+        asked=missing,
+        whole=model,
+        before=before,
+        after=before,
+        refuted=(),
+        parts=(),
+        missing=missing,
+    )
+    return _with_parts(found, ())
+
+
+def name_missing(looked: Naming) -> Naming:
+    """Return what is missing: found on fitted rows, confirmed on unseen ones."""
+    model, missing, unseen = looked.whole, looked.asked, looked.unseen
+    found, refuted = model.search(), list[tuple[Term, float]]()
+    kept, gains = found, dict[tuple[str, str], float]()
+    others = None
+    if looked.setting.validation and found:
+        others = missing.products(unseen.seen)
+        kept = model.confirm(found, others)
+        gains = {t.key: g for t, g in zip(kept, model.news(kept, others), strict=True)}
+        news = model.news(found, others)
+        refuted = [(t, g) for t, g in zip(found, news, strict=True) if t.key not in gains]
+    parts = []
+    for k, term in enumerate(kept):
+        unnamed = _family(missing, term).unnamed
+        rivals = [
+            r
+            for r in model.rivals(kept, k)
+            if r.group.family != term.group.family and (unnamed or not _family(missing, r).unnamed)
+        ]
+        others_here = [
+            t for t in model.gains(kept[:k] + kept[k + 1 :]) if t.group.family != term.group.family
+        ]
+        weight = float(softmax([term.odds, *(t.odds for t in others_here)])[0])
+        near = [
+            t
+            for t in others_here
+            if t.group.place == term.group.place and not _family(missing, t).unnamed
+        ]
+        nearest = tuple(near[:3]) if unnamed else ()
+        gain = gains.get(term.key, np.nan)
+        parts += [
+            Part(c, term, gain, tuple(rivals), weight, nearest)
+            for c in _candidates(missing, model, kept, k, others)
+        ]
+    named = replace(
+        looked,
+        after=tuple(model.gains(kept)),
+        refuted=tuple(refuted),
+    )
+    return _refined(_with_parts(named, _in_order(looked.setting, parts)))
+
+
+def _family(missing: Missing, term: Term) -> Family:
+    return missing.sets[term.key][0][0].family
+
+
+def _is_hidden(missing: Missing, key: tuple[str, str], hidden: set[tuple[str, str]]) -> bool:
+    """Whether a group can never be named from this motion, wherever it is."""
+    return all(c.group in hidden for some in missing.sets[key] for c in some)
+
+
+def _candidates(
+    missing: Missing, model: MixedModel, terms: Terms, k: int, unseen: Products | None
+) -> list[Candidate]:
+    """Return what a term is written as: one candidate a place, where it has a share."""
+    term, sets = terms[k], missing.sets[terms[k].key]
+    if term.member < len(sets):
+        chosen = sets[term.member]
+    elif sets[0][0].family.separate:
+        chosen = [c for some in sets for c in some]
+    else:  # of a curve of all shapes the one that is nearest to it
+        single = replace(term.group, members=term.group.members[: len(sets)])
+        (term,) = model.gains(terms[:k] + terms[k + 1 :], [single])
+        chosen = sets[term.member]
+    places: dict[str, list[Candidate]] = {}
+    for c in chosen:
+        places.setdefault(c.place, []).append(c)
+    found = [
+        replace(own[0], kinds=tuple(k for c in own for k in c.kinds),
+                columns=tuple(k for c in own for k in c.columns))
+        for own in places.values()
+    ]  # fmt: skip
+    if term.group.place != EVERYWHERE:
+        return found
+    each = [
+        replace(term, group=Group(*c.group, (np.array(c.columns) + missing.fixed,), 0.0), member=0)
+        for c in found
+    ]
+    every = terms[:k] + terms[k + 1 :] + tuple(each)
+    sure = [_has_share(model, every, len(terms) - 1 + n) for n in range(len(each))]
+    if unseen is not None:  # it must be at no place that unseen rows refute
+        news = model.news(every, unseen)[len(terms) - 1 :]
+        held = [x > -model.keep for x in news]
+        found = [c for c, one in zip(found, held, strict=True) if one] or found
+        sure = [x for x, one in zip(sure, held, strict=True) if one] or sure
+    if 0 < sum(sure) < MOST * len(sure):
+        return [c for c, one in zip(found, sure, strict=True) if one]
+    return found
+
+
+def _has_share(model: MixedModel, terms: Terms, k: int) -> bool:
+    """Whether a term's values are surely none of zero."""
+    s = model.solve(terms)
+    at = model.fixed + sum(t.size for t in terms[:k]) + np.arange(terms[k].size)
+    square = s.value[at] @ np.linalg.solve(s.root[:, at].T @ s.root[:, at], s.value[at])
+    return bool(chdtrc(len(at), square) < LEVEL)
+
+
+def _in_order(setting: Setting, parts: Sequence[Part]) -> list[Part]:
+    """Return families as they came, each in the order of the robot's places."""
+    robot = setting.structure.robot
+    came = list(dict.fromkeys(p.candidate.family.name for p in parts))
+
+    def rank(p: Part) -> tuple[int, int]:
+        c = p.candidate
+        return came.index(c.family.name), list(c.family.places(robot)).index(c.place)
+
+    return sorted(parts, key=rank)
+
+
+def _terms_of(model: MixedModel, candidates: Sequence[Candidate]) -> Terms:
+    groups = {g.key: g for g in model.groups}
+    terms = tuple(Term(groups[c.group], 0, 1.0, 0.0) for c in candidates)
+    return model.settle(model.settle(terms))
+
+
+def _with_parts(naming: Naming, parts: Sequence[Part]) -> Naming:
+    """Return a naming of some parts, numbered after friction at reversals."""
+    always = [c for c in naming.missing.candidates if c.family is REVERSALS]
+    numbered = number([*always, *(p.candidate for p in parts)])
+    missing = Missing(tuple(numbered), naming.fitted.seen, naming.fitted.root, naming.missing.noise)
+    own = zip(parts, numbered[len(always) :], strict=True)
+    return replace(naming, missing=missing, parts=tuple(replace(p, candidate=c) for p, c in own))
+
+
+def _refined(naming: Naming) -> Naming:
+    """Return a naming whose continuous shapes are the likeliest between those that were tried."""
+    for k, part in enumerate(naming.parts):
+        c = part.candidate
+        grid = sorted({o.shape for o in naming.asked.candidates if o.group == c.group})
+        if c.family.continuous and len(grid) > 1:
+            at = grid.index(c.shape)
+            ends = np.log([grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)]])
+            found = minimize_scalar(
+                partial(_unlikely, naming, k),
+                bounds=ends,
+                method="bounded",
+                options={"maxiter": LOOKS},
+            )
+            naming = _with_shape(naming, k, float(found.x))
+    return naming
+
+
+def _with_shape(naming: Naming, k: int, log_shape: float) -> Naming:
+    c, shape = naming.parts[k].candidate, float(np.exp(log_shape))
+    other = replace(c, shape=shape, effect=c.family.at(shape, c.place))
+    changed = replace(naming.parts[k], candidate=other)
+    return _with_parts(naming, [*naming.parts[:k], changed, *naming.parts[k + 1 :]])
+
+
+def _unlikely(naming: Naming, k: int, log_shape: float) -> float:
+    """Return minus the log-likelihood of a shape, by the sizes that were found."""
+    model = _with_shape(naming, k, log_shape).model
+    return -model.solve(naming.terms).log_likelihood
+
+
+def determined_alone(G: Array) -> np.ndarray:
+    """Return which columns (m,) of products beside a model are determined by themselves."""
+    size = np.sqrt(np.maximum(np.diag(G), 1e-300))
+    unit = G / np.outer(size, size)
+    shares = np.diag(np.linalg.pinv(unit, rcond=1e-9, hermitian=True) @ unit)
+    alone: np.ndarray = np.abs(shares - 1.0) < NEARLY
+    return alone
