@@ -156,6 +156,7 @@ TITLES = {
     "condition": "A motion that excites all parameters alike",
     "information": "What to measure next",
     "separate": "A motion that separates two effects",
+    "discriminate": "A motion that tells effects of known size apart",
 }
 
 

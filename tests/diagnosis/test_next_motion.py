@@ -10,87 +10,139 @@ from typer.testing import CliRunner
 
 from identifiability import IdentifiabilityError, Robot, excite
 from identifiability.cli import app
-from identifiability.robot import complete_motion
+from identifiability.effects import Part, find_effect
+from identifiability.estimation.rules import RULES
+from identifiability.logs.prepare import Preparation
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.simulation import Campaign, Noise, random_trajectory
-from identifiability.workflows.diagnose import Rules, diagnose, find_next
+from identifiability.workflows.diagnose import diagnose, find_next
+from identifiability.workflows.diagnose.motion import prepare_rows
 from identifiability.workflows.diagnose.next_experiment import (
-    aim_at,
+    LIKELY,
+    PERIODS,
+    Bench,
     decision_chance,
-    halve_steps,
-    place_all,
+    list_shapes,
 )
-from identifiability.workflows.excite import find_limits
-from identifiability.workflows.excite.criteria import Ask, Discrimination, Reveal
+from identifiability.workflows.excite.criteria import Ask, Discrimination
+from identifiability.workflows.excite.search import Series
 
-ODDS = Rules().odds
-
-
-def aim_of(values=(1.0,), *more, nested=False):
-    """One model column, one effect, and one rival with two shapes."""
-    shapes = (np.array([2]), np.array([3]))
-    ask = Ask(0, False, np.array([1]), np.array(values), shapes, nested=nested)
-    return Discrimination(np.array([1]), np.array([2, 3]), (ask, *more))
+BASE = ("rigid_body", "viscous_friction", "coulomb_friction")
+NOISE = Noise(additive=0.012, correlation=0.9)
 
 
-def test_what_only_the_true_effect_explains_is_its_least_over_the_rivals_shapes():
+def campaign(size=1.0, count=3, **how):
+    robot, rng = Robot.load("two-link"), np.random.default_rng(3)
+    drawn = [random_trajectory(robot, rng, **how) for _ in range(count)]
+    return robot, [replace(m, sin=size * m.sin, cos=size * m.cos) for m in drawn]
+
+
+def diagnosis(text, kind, value, rivals, base=BASE, size=1.0):
+    """What a diagnosis says that found one effect, along logs in which it is hidden."""
+    robot, motions = campaign(size)
+    logs = Campaign.of(robot, motions).logs([], NOISE, np.random.default_rng(0))
+    name, _, place = text.partition(":")[0].partition("@")
+    shape = float(text.partition(":")[2] or "nan")
+    rivals = tuple(
+        SimpleNamespace(family=f.split("@")[0], place=f.split("@")[1], undecided=True)
+        for f in rivals
+    )
+    found = SimpleNamespace(place=place, shape=shape, parameters=(f"{place}.{kind}",),
+                            values=np.array([value]), rms=1.0, rivals=rivals)  # fmt: skip
+    return SimpleNamespace(
+        robot=robot, structure=Structure.of(robot, Model.of(*base)), model=Model.of(*base, text),
+        samples=[prepare_rows(robot, log, None) for log in logs], preparation=Preparation(),
+        effects=(SimpleNamespace(name=name, placements=(found,)),), aliases=(),
+        remainder=SimpleNamespace(rms=np.full(2, 0.01)),
+    )  # fmt: skip
+
+
+def ask(d, **options):
+    return find_next.__wrapped__(d, evaluations=300, **options)  # no diagnosis is made
+
+
+def test_non_centrality_is_what_neither_model_nor_any_shape_of_the_rival_explains():
     rng = np.random.default_rng(0)
     A = rng.standard_normal((50, 4))
     A[:, 2] += 2 * A[:, 1]
-    aim, G = aim_of((3.0,)), A.T @ A
+    own, shapes = np.array([1]), (np.array([2]), np.array([3]))
+    asks = (Ask(own, np.array([3.0]), shapes), Ask(own, np.array([2.0]), (np.empty(0, int),)))
+    aim, G = Discrimination(1, asks), A.T @ A
 
     def left(columns):
         return A[:, 1] - A[:, columns] @ np.linalg.lstsq(A[:, columns], A[:, 1], rcond=None)[0]
 
-    squares = [9 * np.sum(left([0, k]) ** 2) for k in (2, 3)]
-    assert aim.figure(float(aim.cost(G[None])[0])) == pytest.approx(np.sqrt(min(squares)))
-    whole = 9 * np.sum(left([0]) ** 2)
-    assert aim.squares(G[None], aim.asks[0])[0][0] == pytest.approx(whole)
-    similarity = np.sqrt(1 - min(squares) / whole)
-    assert aim.similarity(G[None])[0] == pytest.approx(similarity)
+    expected = [min(9 * np.sum(left([0, k]) ** 2) for k in (2, 3)), 4 * np.sum(left([0]) ** 2)]
+    np.testing.assert_allclose(aim.squares(G[None])[:, 0], expected)
+    one = Discrimination(1, asks[:1])
+    assert one.figure(float(one.cost(G[None])[0])) == pytest.approx(np.sqrt(expected[0]))
+    # What is told apart already weighs little beside what is not.
+    both = Discrimination(1, (*asks[:1], replace(asks[0], values=np.array([3000.0]))))
+    assert both.cost(G[None])[0] == pytest.approx(one.cost(G[None])[0] - np.log(2) / 2, abs=1e-4)
 
 
-def test_a_chance_rises_with_the_effect_and_is_the_mean_over_both_truths():
-    G = np.eye(4)
-    G[1, 2] = G[2, 1] = 0.5
-    weak, strong = (decision_chance(aim_of((size,)), G, ODDS) for size in (0.5, 8.0))
-    assert weak < 0.5 < 0.99 < strong
-    back = Ask(0, True, np.array([2]), np.array([0.5]), (np.array([1]),))
-    both = decision_chance(aim_of((8.0,), back), G, ODDS)
-    alone = decision_chance(Discrimination(np.array([2]), np.array([1, 3]), (back,)), G, ODDS)
-    assert both == pytest.approx((strong + alone) / 2)
-    # The more alike they are, and the surer a name must be, the less is decided.
-    apart = decision_chance(aim_of((4.0,)), G, ODDS)
-    G[1, 2] = G[2, 1] = 0.95
-    alike = decision_chance(aim_of((4.0,)), G, ODDS)
-    assert decision_chance(aim_of((4.0,)), G, 2 * ODDS) < alike < apart - 0.2
+@pytest.mark.parametrize("square", [2.0, 9.0, 40.0])
+def test_a_chance_is_how_often_the_likelihood_ratio_exceeds_the_odds(square):
+    rng = np.random.default_rng(1)
+    W, y = rng.standard_normal((20, 2)), rng.standard_normal((20_000, 20))
+    true = W[:, 0] - W[:, 1] * (W[:, 1] @ W[:, 0]) / (W[:, 1] @ W[:, 1])
+    true *= np.sqrt(square / (true @ true))
+    y += true  # the rival, whose part of it is taken away already, says nothing
+    ratio = 0.5 * (np.sum(y**2, 1) - np.sum((y - true) ** 2, 1))
+    chance = float(decision_chance(np.array([square]))[0])
+    assert np.mean(ratio > RULES.rival) == pytest.approx(chance, abs=0.015)
+    assert chance < decision_chance(np.array([square + 1.0]))[0]
 
 
-def test_the_part_of_a_rival_is_decided_where_the_rival_would_show_more():
-    """An offset, and a spring with an offset of its own, of which the motion shows more or less."""
-    chances = []
-    for seen in (0.1, 1.0):
-        G = np.eye(4)
-        G[1, 2] = G[2, 1] = 1.0
-        G[3, 0] = G[0, 3] = np.sqrt(1 - seen**2)  # the model hides the rest
-        aim = aim_at(G, [np.array([1])], [[np.array([2, 3])]], 0, np.array([10.0]))
-        (ask,) = aim.asks
-        assert ask.reverse
-        assert ask.nested
-        np.testing.assert_allclose(np.abs(ask.values), 10 / np.sqrt(2))
-        chances.append(decision_chance(aim, G, ODDS))
-    assert chances[0] < 0.1 < 0.9 < chances[1]
+def test_a_designed_motion_tells_more_than_a_random_one_of_the_same_length():
+    d = diagnosis("quadratic_friction@elbow", "Fq", 0.02, ("stribeck_friction@elbow",))
+    found = ask(d)
+    assert found.names == ("quadratic_friction@elbow", "stribeck_friction@elbow")
+    assert (found.hidden, found.same) == (False, False)
+    path, aim = found.excitation.trajectory, found.excitation.criterion
+    series = Series(found.excitation.limits, path.period, 5)
+    shapes = list_shapes(d, "stribeck_friction", "elbow", series, 0)
+    named = Part(find_effect("quadratic_friction"), "elbow")
+    bench = Bench.of(d, Model.of(*BASE), [[named], shapes], series, 0)
+
+    def square(motion):
+        new, _ = bench.along(d, replace(motion, period=path.period))
+        return float(aim.squares(new[None])[0, 0])
+
+    drawn = [random_trajectory(d.robot, np.random.default_rng(k)) for k in range(10)]
+    assert square(path) > max(square(m) for m in drawn)
 
 
-def test_hidden_effects_count_alike_however_large_and_none_counts_against():
-    A = np.random.default_rng(1).standard_normal((40, 3))
-    A[:, 2] = A[:, 0]  # the model says it
-    aim = Reveal((np.array([1]), np.array([2])), (np.array([2.0]), np.array([3.0])))
-    G = A.T @ A
-    Q = A[:, [0]] / np.linalg.norm(A[:, 0])
-    seen = 4 * np.sum((A[:, 1] - Q[:, 0] * (Q[:, 0] @ A[:, 1])) ** 2)
-    np.testing.assert_allclose(aim.squares(G[None])[:, 0], [seen, 0.0], atol=1e-6)
-    assert aim.figure(float(aim.cost(G[None])[0])) < np.sqrt(seen)
-    assert aim.cost(1e4 * G[None])[0] < aim.cost(G[None])[0] < aim.cost(0 * G[None] + np.eye(3))[0]
+def test_the_fewest_periods_that_are_likely_to_decide_are_asked_for():
+    """Larger effects take shorter logs, and none is longer than 32 periods."""
+    rivals = ("stribeck_friction@elbow",)
+    found = [
+        ask(diagnosis("quadratic_friction@elbow", "Fq", value, rivals))
+        for value in (0.01, 0.1, 0.5)
+    ]
+    chances, periods = [f.chance for f in found], [f.periods for f in found]
+    assert chances[0] < 0.1 < LIKELY < min(chances[1:])
+    assert periods[0] == PERIODS > periods[1] > periods[2] == 1
+    assert all(f.before < f.chance for f in found)
+
+
+def test_of_what_its_rival_contains_the_rival_is_taken_as_true():
+    found = ask(diagnosis("torque_offset@elbow", "off", 0.1, ("position_torque@elbow",)))
+    assert not found.same
+    assert found.chance > found.before
+
+
+def test_what_is_the_same_torque_however_the_robot_moves_is_said_to_be():
+    found = ask(diagnosis("actuator_inertia@shoulder", "Ia", 0.1, ("payload@link2",)))
+    assert found.same
+    assert found.chance < 0.01
+    assert "they are the same torque" in found.statement
+
+
+def test_nothing_is_asked_for_where_nothing_is_undecided_or_hidden():
+    with pytest.raises(IdentifiabilityError, match="Nothing that was named is undecided"):
+        ask(diagnosis("quadratic_friction@elbow", "Fq", 0.1, ()))
 
 
 def test_a_motion_may_begin_and_end_at_rest():
@@ -108,89 +160,60 @@ def test_a_motion_may_begin_and_end_at_rest():
         excite("two-link", at_rest=True, harmonics=1)
 
 
-def test_shapes_of_an_effect_may_have_different_numbers_of_columns():
-    known, rival = np.eye(5) + 0.1, [np.array([2]), np.array([3, 4])]
-    found = aim_at(known, [np.array([1])], [rival], 0, np.ones(1))
-    assert [own.tolist() for own in found.asks[0].others] == [[2], [3, 4]]
-    assert found._model(known[None]).tolist() == [0]
+def again(robot, motions, found, hidden):
+    """The logs that were made, and those of the motion that was asked for."""
+    torque = Campaign.of(robot, motions).hidden(hidden)
+    both = Campaign.of(robot, [*motions, *[found.excitation.trajectory] * found.periods])
+    more = both.hidden(hidden)
+    more *= np.linalg.norm(torque) / np.linalg.norm(more[: len(torque)])
+    return both.logs(more, NOISE, np.random.default_rng(5))
 
 
-def test_a_rival_may_lie_half_way_between_shapes_that_are_searched():
-    np.testing.assert_allclose(halve_steps((1.0, 4.0, 16.0)), [1, 2, 4, 8, 16])
-    wider = (1.0, 4.0, 16.0, 6.0, 24.0, 96.0)
-    found = np.array(halve_steps(wider))
-    assert (found[0], found[-1]) == pytest.approx((1.0, 96.0))
-    assert np.all(np.diff(found) > 0)
-    assert np.diff(np.log(found)).max() == pytest.approx(np.log(2), rel=0.2)
+def named(d):
+    return [(e.name, e.joints, e.alternatives) for e in d.effects]
 
 
-def test_a_rival_of_many_pieces_has_those_that_each_of_its_shapes_has():
-    robot, t = Robot.load("six-dof-arm"), np.linspace(0, 1, 50)
-    q = 0.4 + 0.3 * np.sin(2 * np.pi * t)[:, None] * np.ones(6)  # from 0.1 to 0.7 rad
-    motion = complete_motion(robot, t, q, np.gradient(q, t, axis=0), 0 * q)
-    structure = SimpleNamespace(present=())
-    d = SimpleNamespace(
-        robot=robot, samples=[SimpleNamespace(motion=motion)], structure=structure, fixed=False
-    )
-    placed, shapes = place_all(d, "position_friction", "joint_4", find_limits(robot, None))
-    assert len(placed.parameters(robot)) == sum(len(p.kinds) for p in placed.parts)
-    assert len(shapes) == len(placed.parts) > 1
-
-
-def test_nothing_is_asked_for_where_nothing_is_undecided_or_hidden(diagnosis_of):
-    d = replace(diagnosis_of("two-link", effects=("quadratic_friction",)), aliases=())
-    with pytest.raises(IdentifiabilityError, match="Nothing that was named is undecided"):
-        find_next(d)
+QUICK = {"quick": True, "forward": False}
 
 
 def test_what_small_motion_hides_is_shown_by_the_motion_that_is_asked_for():
-    robot, rng = Robot.load("two-link"), np.random.default_rng(3)
-    drawn = [random_trajectory(robot, rng, harmonics=1) for _ in range(3)]
-    motions = [replace(m, sin=0.2 * m.sin, cos=0.2 * m.cos) for m in drawn]
-    noise, hidden = Noise(additive=0.012, correlation=0.9), ["joint_stiffness@shoulder=0.05"]
-    options = {"effects": ["joint_stiffness"], "quick": True, "forward": False}
-
-    def record(c, torque):
-        return c.logs(torque, noise, np.random.default_rng(5))
-
-    first = Campaign.of(robot, motions)
-    torque = first.hidden(hidden)
-    logs = record(first, torque)
+    robot, motions = campaign(0.2, harmonics=1)
+    hidden, options = ["joint_stiffness@shoulder=0.05"], {"effects": ["joint_stiffness"], **QUICK}
+    logs = Campaign.of(robot, motions).logs(hidden, NOISE, np.random.default_rng(5))
     d = diagnose(robot, logs[:2], logs[2:], **options)
     assert d.effects == ()
-    assert ("joint_stiffness", "shoulder") in {(a.family, a.place) for a in d.aliases}
     found = find_next(d, evaluations=300)
     assert found.hidden
     assert "joint_stiffness@shoulder" in found.names
     assert found.before < found.chance
     assert "which these logs cannot tell from the model" in found.statement
-    both = Campaign.of(robot, [*motions, *[found.excitation.trajectory] * found.periods])
-    again = both.hidden(hidden)
-    again *= np.linalg.norm(torque) / np.linalg.norm(again[: len(torque)])
-    logs = record(both, again)
+    logs = again(robot, motions, found, hidden)
     after = diagnose(robot, [*logs[:2], *logs[3:]], logs[2], **options)
-    assert [(e.name, e.joints) for e in after.effects] == [("joint_stiffness", ("shoulder",))]
+    assert named(after) == [("joint_stiffness", ("shoulder",), ())]
 
 
-@pytest.mark.everything
-def test_the_next_motion_is_written_with_its_chance(tmp_path):
-    """Case 4 of the study of next experiments."""
+def test_what_is_a_or_b_has_its_true_name_after_the_motion_that_is_asked_for(tmp_path):
+    """The file of the motion says what it tells apart, with which chance."""
     robot, rng = Robot.load("two-link"), np.random.default_rng([4, 17])
-    rng.integers(7), rng.integers(2)
-    share, count = rng.choice((0.02, 0.05)), int(rng.choice((1, 2, 3)))
-    motions = [random_trajectory(robot, rng, harmonics=count) for _ in range(3)]
-    noise = Noise(additive=0.012, correlation=0.9, encoder=2e-5)
-    hidden = [f"quadratic_friction@shoulder={share}"]
-    logs = Campaign.of(robot, motions).logs(hidden, noise, np.random.default_rng([4, 77]))
+    motions = [random_trajectory(robot, rng, harmonics=1) for _ in range(3)]
+    hidden = ["stribeck_friction@elbow=0.03"]
+    logs = Campaign.of(robot, motions).logs(hidden, NOISE, np.random.default_rng(5))
     paths = [str(tmp_path / f"run{k}.csv") for k in range(3)]
     for log, path in zip(logs, paths, strict=True):
-        log.to_frame().assign(t=1.7e9 + log.t).to_csv(path, index=False)
+        log.to_frame().to_csv(path, index=False)
+    d = diagnose(robot, logs[:2], logs[2:], **QUICK)
+    ((_, _, others),) = named(d)
+    assert others
+    found = find_next(d)
+    assert found.chance > LIKELY
+    after = again(robot, motions, found, hidden)
+    after = diagnose(robot, [*after[:2], *after[3:]], after[2], **QUICK)
+    assert named(after) == [("stribeck_friction", ("elbow",), ())]
     out = tmp_path / "motion.json"
-    argv = ["diagnose", "two-link", *paths[:2], "--validate", paths[2], "--quick", "--seed", "4"]
+    argv = ["diagnose", "two-link", *paths[:2], "--validate", paths[2], "--quick"]
     done = CliRunner().invoke(app, [*argv, "--next", str(out)])
-    text = " ".join(done.output.split())
-    assert done.exit_code == 0, text
-    assert "which begins and ends at rest" in text
-    assert text.count("the times count from 1970") == 1
+    assert done.exit_code == 0, done.output
+    assert "which begins and ends at rest" in " ".join(done.output.split())
     told = json.loads(out.read_text())["next"]
+    assert set(told["separates"]) == set(found.names)
     assert 0 <= told["before"] < told["chance"] <= 1

@@ -1,27 +1,26 @@
 """`NextMotion`: what to measure next, so that "A or B" becomes A, or B, or what is hidden shows.
 
-The motion makes a name and all its rivals as unlike as it can, beside everything else that the
-model has, together with the logs there are. Where nothing is open it shows what these logs cannot
-tell from the model itself. Whether it will decide hangs on how large the effect is over the noise:
-the chance is that of the very rule by which names are undecided, with the noise that the logs have.
+The motion makes the torque that was named as unlike as it can what its rivals explain beside the
+rest of the model, with the logs there are; where nothing is open it shows what these cannot tell
+from the model. The logarithm of the likelihood ratio of the true effect to its rival is about
+normal, with half of the non-centrality as its mean and all of it as its variance.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import compress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from scipy.special import ndtr
 
 from identifiability.effects import Part, Placed, find_family, title_of
-from identifiability.effects.effect import measure_spans
-from identifiability.estimation.noise import ARNoise, JointRuns, find_runs, fit_noise
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.engines.mapping import one_thread
-from identifiability.foundation.errors import ClosureError, IdentifiabilityError, listing
+from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
@@ -29,8 +28,8 @@ from identifiability.foundation.rounding import format_time, stated
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, Samples
-from identifiability.regression.columns import Candidate, list_candidates
+from identifiability.logs.prepare import Preparation
+from identifiability.regression.columns import list_candidates
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.simulation import Trajectory
@@ -38,45 +37,39 @@ from identifiability.workflows.diagnose.findings import Findings, Placement
 
 SAME = 1.0 - 1e-6
 from identifiability.workflows.diagnose.motion import prepare_rows, samples_each
-from identifiability.workflows.excite import Excitation, Limits, find_limits
+from identifiability.workflows.excite import Excitation, find_limits
 from identifiability.workflows.excite.criteria import (
+    IDLE,
     Ask,
     Discrimination,
     Known,
     Question,
-    Reveal,
-    Separation,
-    pose_question,
+    add_beside,
+    gather_known,
 )
 from identifiability.workflows.excite.limits import LimitsLike
+from identifiability.workflows.excite.rules import RULES as EXCITE_RULES
 from identifiability.workflows.excite.search import Objective, Series
 from identifiability.workflows.excite.workflow import find_motion
 from identifiability.workflows.opening import Progress
 
-#: A motion is logged for the fewest periods that are as likely to decide as a name is sure, up to
-#: so many.
+#: A motion is logged for the fewest periods, up to so many, that are as likely to decide.
 PERIODS = 32
-#: Where these are not likely to, how many times as long a log may be, and how much slower a motion
-#: is tried as well: it stays longer near a reversal, where laws of friction differ, and has less
-#: inertia to hide them. A faster one crosses it in so few samples that how the sign of a speed is
-#: smoothed counts.
-LONGER, SLOWER = 4, 2
-#: Looks of each search, and samples a second.
+LIKELY: Tolerance = 0.95
+#: Looks of the search, and samples a second.
 EVALUATIONS = 4000
 RATE: Tolerance = 100.0
-#: Names that a sentence lists.
-LISTED = 4
 #: Random motions that are asked whether any motion tells effects apart, and samples of each.
 LOOKS, SAMPLES = 12, 150
 #: Periods of a motion that are prepared to know what one of many says.
 PREPARED = 3
-#: Samples of a log that is longer than any share of those that are looked at.
+#: Samples of a log that is longer than its share of those that are looked at.
 MANY = 10**9
-#: Experiments that are drawn for a chance.
-DRAWN = 20_000
+#: The model alone as a rival.
+NOTHING = (np.empty(0, int),)
 
-#: Columns of an effect, one array for each of its shapes.
-Shapes = Sequence[np.ndarray]
+#: Effects along motions, what they are called, and what is asked of them.
+Asked: TypeAlias = "tuple[Bench, tuple[str, ...], tuple[Ask, ...]]"
 
 
 @frozen
@@ -112,39 +105,25 @@ class NextMotion:
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        period, k = self.excitation.trajectory.period, self.periods
-        more = f", {k} times ({format_time(k * period)} in all)" if k > 1 else ""
-        motion = (
-            f"log this motion of {period:g} s{more}, which begins and ends at rest, and "
-            "diagnose it with the logs there are"
-        )
-        if self.hidden:
-            told = listing([_told(name) for name in self.names], LISTED)
-            if self.same:
-                return (
-                    f"No motion was found that shows {told}: the model says the same, however the "
-                    "robot moves."
-                )
-            return (
-                f"To show {told}, which these logs cannot tell from the model, {motion}: what is "
-                f"as large as the residual stands out with a chance of {_percent(self.chance)} "
-                f"(without it: {_percent(self.before)}). {self.excitation.limits_statement}"
-            )
-        first, *others = self.names
-        place = first.partition("@")[2].partition(":")[0]
-        alone = all(name.partition("@")[2].partition(":")[0] == place for name in others)
-        title = title_of(first.partition("@")[0]) if alone else _told(first)
-        rivals = [title_of(n.partition("@")[0]) if alone else _told(n) for n in others]
-        pair = f"{title} from {listing(rivals, LISTED)}" + f" in {place}" * alone
+        parts = [name.partition(":")[0].partition("@") for name in self.names]
+        first, *others = (f"{title_of(family)} in {place}" for family, _, place in parts)
+        pair = f"{first} from {listing(others)}"
         if self.same:
             return (
                 f"No motion was found that tells {pair}: beside the rest of the model they are the "
                 "same torque, and either predicts it."
             )
+        goal, then = f"tell {pair}", "it decides, if the effect is as large as it was found,"
+        if self.hidden:
+            goal = f"show {listing([first, *others])}, which these logs cannot tell from the model"
+            then = "what is as large as the residual stands out"
+        period, k = self.excitation.trajectory.period, self.periods
+        more = f", {k} times ({format_time(k * period)} in all)" if k > 1 else ""
+        chance = "more than 99 %" if self.chance > 0.99 else f"{100 * self.chance:.0f} %"
         return (
-            f"To tell {pair}, {motion}: it decides with a chance of {_percent(self.chance)}, if "
-            f"the effect is as large as it was found (without it: {_percent(self.before)}). "
-            f"{self.excitation.limits_statement}"
+            f"To {goal}, log this motion of {period:g} s{more}, which begins and ends at rest, and "
+            f"diagnose it with the logs there are: {then} with a chance of {chance} (without it: "
+            f"{100 * self.before:.0f} %). {self.excitation.limits_statement}"
         )
 
     def to_json(self, path: str | Path) -> Path:
@@ -156,10 +135,7 @@ class NextMotion:
         told = {"shows" if self.hidden else "separates": list(self.names), "chance": self.chance}
         told |= {"before": self.before, "periods": self.periods}
         content = {**self.excitation.to_dict(), "comment": self.statement, "next": told}
-        # Of the shapes that a rival may have the most alike one counts, not all of them together.
-        del content["before"], content["after"]
-        rounded: dict[str, Any] = stated(content)
-        return rounded
+        return dict(stated(content))
 
 
 @checked
@@ -181,8 +157,7 @@ def find_next(
         Of several names that are "A or B" the one with the largest torque is asked about; where
         there is none, what these logs cannot tell from the model.
     duration : float [s]
-        The period. It is logged up to 32 times; where these are not likely to decide up to 128
-        times, or one of twice the period up to 64 times.
+        The period. It is logged up to 32 times.
     limits : Limits, mapping, path or None
         TOML with limits of the joints, as for `excite`.
     harmonics, evaluations, seed, progress
@@ -193,520 +168,194 @@ def find_next(
     IdentifiabilityError
         If nothing is undecided or hidden, or no motion keeps the robot's limits.
     """
-    say = progress or (lambda what, share: None)
     with one_thread("blas"):
         d.robot.check_stands("designing the motion that decides between names")
-        bounds = find_limits(d.robot, limits)
-        series = Series(bounds, duration, harmonics, at_rest=True)
-        asked = ask_open(d, series, seed) or ask_hidden(d, series, seed)
+        series = Series(find_limits(d.robot, limits), duration, harmonics, at_rest=True)
+        asked = ask_open(d, series, seed)
+        hidden = asked is None
+        asked = asked or ask_hidden(d, series, seed)
         if asked is None:
             raise IdentifiabilityError(
                 "Nothing that was named is undecided, and nothing is hidden by the model that "
                 "another motion shows, so no motion is asked for; excite --separate tells any two "
                 "effects apart."
             )
-
-        def search(series: Series, lasts: float) -> Excitation:
-            return find_motion(
-                asked.question,
-                Known(asked.known, asked.weights, lasts / step, logs),
-                series,
-                samples=max(round(RATE * series.period), 4 * harmonics + 1),
-                iterations=80,
-                evaluations=1 if asked.same else evaluations,
-                time_limit=None,
-                seed=seed,
-                name="next",
-                say=say,
-            )
-
+        bench, names, asks = asked
+        known, aim = bench.known, Discrimination(bench.model, asks)
+        same = not any(bench.tells(ask, 1.0 - SAME**2) for ask in asks)
+        question = replace(bench.question, criterion=aim, chosen=names)
         step = float(np.median(np.diff(d.samples[0].output_times())))
-        logs, told = tuple(s.name for s in d.samples), Told.of(asked.question, d)
-        found, longest = [search(series, duration)], PERIODS * duration
-        usual = _judge(d, asked, told, found, longest)
-        if usual.chance >= 1.0 - d.rules.level or asked.same:
-            return usual
-        with suppress(ClosureError):  # the first one keeps the workspace
-            found.append(search(replace(series, period=SLOWER * duration), longest))
-        return _judge(d, asked, told, found, LONGER * longest)
+        motion = find_motion(
+            question,
+            replace(known, samples=duration / step),
+            series,
+            samples=max(round(RATE * duration), 4 * harmonics + 1),
+            iterations=80,
+            evaluations=1 if same else evaluations,
+            time_limit=None,
+            seed=seed,
+            name="next",
+            say=progress or (lambda what, share: None),
+        )
+
+        def chance_of(G: Array) -> float:
+            chances = decision_chance(aim.squares(G[None])[:, 0])
+            return float(chances.mean() if hidden else chances.min())
+
+        new, seen = bench.along(d, motion.trajectory)
+        periods, chance = 1, chance_of(known.G + new)
+        while periods < min(PERIODS, seen) and chance < LIKELY and not same:
+            periods *= 2
+            chance = chance_of(known.G + min(periods, seen) * new)
+    return NextMotion(names, motion, periods, chance, chance_of(known.G), hidden, same)
 
 
-def _judge(
-    d: Findings, asked: Asked, told: Told, found: Sequence[Excitation], longest: float
-) -> NextMotion:
-    """Return the shortest log that is likely to decide, or else the one that is likeliest to.
+def decision_chance(squares: Array) -> Array:
+    """Return the chance that log likelihood ratios exceed the odds up to which it is "A or B".
 
-    Parameters
-    ----------
-    d : Findings
-    asked : Asked
-    told : Told
-        What the logs say of it.
-    found : sequence of Excitation
-        Motions of one period each.
-    longest : float [s]
-        A log may be.
+    `squares` are non-centralities: what of the true effect is outside of model and rival.
     """
-    logs = []
-    for motion in found:
-        (new, seen), period, k = told.along(d, motion.trajectory), motion.trajectory.period, 1
-        while k * period <= longest:
-            logs.append((k * period, k, asked.chance(told.known + min(k, seen) * new), motion))
-            k *= 2
-    logs.sort(key=lambda log: log[0])
-    likely = 1.0 - d.rules.level
-    likeliest = max(logs, key=lambda log: log[2])  # of several the shortest
-    _, periods, chance, motion = next((log for log in logs if log[2] >= likely), likeliest)
-    return NextMotion(
-        names=asked.names,
-        excitation=motion,
-        periods=periods,
-        chance=chance,
-        before=asked.chance(told.known),
-        hidden=asked.hidden,
-        same=asked.same,
-    )
-
-
-def _told(text: str) -> str:
-    """Return an effect at its place in words."""
-    name, _, place = text.partition("@")
-    return f"{title_of(name)} in {place.partition(':')[0]}" if place else title_of(name)
-
-
-#: From which share on a percentage is not said.
-NEARLY_ALL: Tolerance = 0.99
-
-
-def _percent(share: float) -> str:
-    return "more than 99 %" if share > NEARLY_ALL else f"{100 * share:.0f} %"
-
-
-@frozen
-class Asked:
-    """A question to the next motion.
-
-    Attributes
-    ----------
-    question : Question
-        With its criterion.
-    names : tuple of str
-        What is to be told apart or shown, as a model file writes it.
-    known : (k, k)
-        What the logs say of its columns, weighted.
-    weights : (n,)
-        What a sample of each joint says.
-    chance : callable((k, k)) -> float
-        The chance that it is decided with such information.
-    hidden, same : bool
-        As in `NextMotion`.
-    """
-
-    question: Question
-    names: tuple[str, ...]
-    known: Array
-    weights: Array
-    chance: Callable[[Array], float]
-    hidden: bool
-    same: bool
+    squares = np.maximum(squares, 1e-12)
+    chance: Array = ndtr((squares / 2 - RULES.rival) / np.sqrt(squares))
+    return chance
 
 
 def ask_open(d: Findings, series: Series, seed: int) -> Asked | None:
     """Return the question about the undecided name with the largest torque; None without one.
 
-    Rivals that no motion tells from it are left out, unless there are no others.
+    Of an effect that its rival contains no motion says more than the rival does: there the rival is
+    true, as large as what was named. Rivals that no motion tells from it are left out, unless there
+    are no others.
     """
-    found = [
-        (p.rms, e.name, p)
-        for e in d.effects
-        for p in e.placements
-        if any(r.undecided and r.family != e.name for r in p.rivals)
-    ]
+
+    def list_rivals(name: str, p: Placement) -> list[tuple[str, str]]:
+        every = dict.fromkeys((r.family, r.place) for r in p.rivals if r.undecided)
+        return [own for own in every if own[0] != name]
+
+    found = [(p.rms, e.name, p) for e in d.effects for p in e.placements if list_rivals(e.name, p)]
     if not found:
         return None
-    _, name, placement = max(found, key=lambda one: one[:2])
-    rivals = [r for r in placement.rivals if r.undecided and r.family != name]
-    (named, shapes), *others = (
-        place_all(d, family, place, series.limits)
-        for family, place in (
-            (name, placement.place),
-            *dict.fromkeys((r.family, r.place) for r in rivals),
-        )
-    )
-    left = [text for text in d.model.texts if text != _text(name, placement)]
-    parts = [part for other, _ in others for part in other.parts]
-    every = Placed(parts, [text for other, _ in others for text in other.texts])
-    question = pose_question(d.robot, "separate", Model.of(*left), None, (named, every))
-    aim, weights = question.criterion, _weigh(d)
-    assert isinstance(aim, Separation)
-    known = _gram(question, d, weights)
-    own = _split(d, named, aim.first)
-    columns, k = [], 0
-    for other, _ in others:
-        count = len(other.parameters(d.robot))
-        columns.append(_split(d, other, aim.second[k : k + count]))
-        k += count
-    at = _find_part(d, placement, named, shapes)
-    whole = aim_at(known, own, columns, at, placement.values)
-    grams = _look_about(replace(question, criterion=whole), series, weights, seed)
-    asks = [
-        ask
-        for ask in whole.asks
-        if len(grams) and replace(whole, asks=(ask,)).similarity(grams).min() < SAME
-    ]
-    told = {k for k in range(len(others)) if all(a in asks for a in whole.asks if a.rival == k)}
-    same = not told
-    aim = whole if same else replace(whole, asks=tuple(a for a in whole.asks if a.rival in told))
-    texts = [other.texts[0] for k, (other, _) in enumerate(others) if same or k in told]
-    return Asked(
-        question=replace(question, criterion=aim),
-        names=(_text(name, placement), *texts),
-        known=known,
-        weights=weights,
-        chance=lambda G: decision_chance(aim, G, d.rules.odds * placement.scatter),
-        hidden=False,
-        same=same,
-    )
+    _, name, p = max(found, key=lambda one: one[:2])
+    text = f"{name}@{p.place}" if np.isnan(p.shape) else f"{name}@{p.place}:{float(p.shape)!r}"
+    effect = find_family(name).at(p.shape, p.place)
+    kinds = (one.kind for one in effect.parameters(d.robot) if one.name in p.parameters)
+    named = Part(effect, p.place, tuple(kinds))
+    rivals, model = list_rivals(name, p), Model.of(*(x for x in d.model.texts if x != text))
+    shapes = [list_shapes(d, *own, series, seed) for own in rivals]
+    bench = Bench.of(d, model, [[named], *shapes], series, seed)
+    (own,), *others = bench.columns
+    by_name = dict(zip(p.parameters, p.values, strict=True))
+    values = np.array([by_name[one.name] for one in Placed.part_parameters(d.robot, named)])
+    size = float(values @ bench.known.G[np.ix_(own, own)] @ values)
+    asks: dict[str, Ask] = {}
+    names = [f"{family}@{place}" for family, place in rivals]
+    for rival, columns in zip(names, others, strict=True):
+        back = bench.size(columns[len(columns) // 2], size, (own,))
+        for ask in (Ask(own, values, columns), back):
+            if bench.tells(ask, 1.0 - SAME**2):
+                asks.setdefault(rival, ask)
+    asks = asks or dict.fromkeys(names, Ask(own, values, others[0]))
+    return bench, (text, *asks), tuple(asks.values())
 
 
 def ask_hidden(d: Findings, series: Series, seed: int) -> Asked | None:
     """Return the question about what the model says as well along these logs; None if nothing is.
 
-    Each effect is as large as what is left where it acts. Those that no motion shows are left out.
+    Each effect is as large as what is left. Those that no motion shows are left out.
     """
-    groups = dict.fromkeys((a.family, a.place) for a in d.aliases if a.structural)
-    named = {(e.name, place) for e in d.effects for place in e.joints}
-    placed = [
-        _place_one(d, family, place)
-        for family, place in groups
-        if (family, place) not in named and not find_family(family).unnamed
-    ]
-    if not placed:
+    named = {(e.name, p.place) for e in d.effects for p in e.placements}
+    every = dict.fromkeys((a.family, a.place) for a in d.aliases if a.structural)
+    hidden = [own for own in every if own not in named and not find_family(own[0]).unnamed]
+    if not hidden:
         return None
-    parts = [p for other in placed for p in other.parts]
-    question = pose_question(d.robot, "separate", d.model, None, (Placed(parts), Placed(parts[:1])))
-    question, weights = _without_second(question), _weigh(d)
-    assert isinstance(question.criterion, Separation)
-    ends = np.cumsum([len(p.parameters(d.robot)) for p in placed])
-    columns = np.split(question.criterion.first, ends[:-1])
-    known = _gram(question, d, weights)
-    sizes = _sizes(question, d, columns)
-    aim = Reveal(tuple(columns), tuple(sizes))
-    grams = _look_about(replace(question, criterion=aim), series, weights, seed)
-    if not len(grams):
-        return None
-    length = np.array([
-        np.einsum("mij,i,j->m", G, x, x) for G, x in (
-            (grams[:, own][:, :, own], size) for own, size in zip(columns, sizes, strict=True)
-        )
-    ])  # fmt: skip
-    shown = (aim.squares(grams) > d.rules.alias**2 * np.maximum(length, 1e-300)).any(1)
-    if not shown.any():
-        return None
-    aim = Reveal(
-        tuple(c for c, s in zip(columns, shown, strict=True) if s),
-        tuple(x for x, s in zip(sizes, shown, strict=True) if s),
-    )
-    reach = float(np.sqrt(2.0 * (d.rules.odds + d.rules.price)))
-
-    def chance(G: Array) -> float:
-        return float(np.mean(ndtr(np.sqrt(aim.squares(G[None])[:, 0]) - reach)))
-
-    names = tuple(p.texts[0] for p, s in zip(placed, shown, strict=True) if s)
-    return Asked(
-        replace(question, criterion=aim), names, known, weights, chance, hidden=True, same=False
-    )
-
-
-def _without_second(question: Question) -> Question:
-    """Return a question about two effects without the columns of the second."""
-    aim = question.criterion
-    assert isinstance(aim, Separation)
-    end = len(question.columns) - len(aim.second)
-    last = question.model.effects[:-1]
-    return replace(
-        question,
-        model=Model(last),
-        columns=question.columns[:end],
-        names=question.names[:end],
-        units=question.units[:end],
-    )
-
-
-def _look_about(question: Question, series: Series, weights: Array, seed: int) -> Array:
-    """Return what random motions by themselves say of the columns of a question, (m, k, k)."""
-    k = len(question.columns)
-    known = Known(np.zeros((k, k)), weights, float(SAMPLES))
-    objective = Objective(question, known, series, SAMPLES)
-    G, space = objective.look(series.draw(LOOKS, np.random.default_rng(seed)), SAMPLES)
-    usable: Array = G[space.open == 0]
-    return usable
-
-
-def _sizes(question: Question, d: Findings, columns: Sequence[np.ndarray]) -> list[Array]:
-    """Return values (p,) of effects whose torque is as large as what is left where they act."""
-    regression = Regression(d.robot, question.model, d.samples, question.columns)
-    W = np.concatenate([c.W for part in regression.parts() for c in part.chunks()])
-    rms, out = np.sqrt(np.mean(W**2, axis=0)), []
-    for own in columns:
-        j = int(np.argmax(rms[:, own].sum(1)))
-        size = np.maximum(rms[j, own], 1e-12 * max(float(rms[j].max()), 1e-300))
-        out.append(d.remainder.rms[j] / size / np.sqrt(len(own)))
-    return out
-
-
-def _at_place(d: Findings, name: str, place: str) -> list[Candidate]:
-    """Return a family at a place, with each shape that the motion of the logs tells apart."""
-    motions, present = [s.motion for s in d.samples], d.structure.present
-    listed, _ = list_candidates(d.robot, [find_family(name)], present, motions, fixed=d.fixed)
-    return [c for c in listed if c.place == place]
-
-
-def _place_one(d: Findings, name: str, place: str) -> Placed:
-    """Return a family at a place, with the shape in the middle of those that are tried."""
-    own = _at_place(d, name, place)
-    c = own[len(own) // 2]
-    return Placed([c.part], [f"{name}@{place}"])
-
-
-def _text(name: str, placement: Placement) -> str:
-    """Return what was named at a place, as a model file writes it."""
-    place, shape = placement.place, placement.shape
-    return f"{name}@{place}" if np.isnan(shape) else f"{name}@{place}:{float(shape)!r}"
-
-
-def place_all(d: Findings, name: str, place: str, limits: Limits) -> tuple[Placed, list[float]]:
-    """Return a family at a place with all of its shapes, those of a wider motion too."""
-    motions, family = [s.motion for s in d.samples], find_family(name)
-    listed = _at_place(d, name, place)
-    kinds = list(dict.fromkeys(c.kinds for c in listed))
-    span = measure_spans(d.robot, motions).get(place)
-    shapes: tuple[float, ...] = (float("nan"),)
-    if span is not None:
-        shapes = family.grid(span)
-        if place in limits.joints and family.shapes is not None:
-            j = limits.joints.index(place)
-            speed = max(float(limits.speed[j]), span.largest_speed)
-            wider = replace(
-                span,
-                position_range=float(limits.high[j] - limits.low[j]),
-                rms_speed=max(speed / 2, span.rms_speed),
-                largest_speed=speed,
-            )
-            shapes = tuple(dict.fromkeys((*shapes, *family.grid(wider))))
-        if family.continuous:
-            shapes = halve_steps(shapes)
-    every = [(shape, own) for shape in shapes for own in kinds]
-    if family.flexible:  # which parameters there are hangs on the shape
-        every = [(c.shape, c.kinds) for c in listed]
-    parts = [Part(family.at(shape, place), place, own) for shape, own in every]
-    return Placed(parts, [f"{name}@{place}"]), [shape for shape, _ in every]
-
-
-def halve_steps(shapes: Sequence[float]) -> tuple[float, ...]:
-    """Return shapes of the same range, neighbours half as far apart as the first two are.
-
-    What only the truth explains would else be what lies between two shapes of its rival.
-    """
-    low, high = min(shapes), max(shapes)
-    steps = 2 * np.log(high / low) / np.log(shapes[1] / shapes[0])
-    return tuple(np.geomspace(low, high, 1 + round(steps)).tolist())
-
-
-def _find_part(d: Findings, placement: Placement, effect: Placed, shapes: list[float]) -> int:
-    """Return which part of an effect with all of its shapes was found."""
-    own = [
-        tuple(p.name for p in Placed.part_parameters(d.robot, part)) == placement.parameters
-        for part in effect.parts
-    ]
-    away = np.abs(np.nan_to_num(np.array(shapes) - placement.shape))
-    return int(np.argmin(np.where(own, away, np.inf)))
-
-
-def _weigh(d: Findings) -> Array:
-    """Return the information that a sample of each joint has, (n,) [1/(N·m)² or 1/N²]."""
-    memory = np.array([found.memory for found in d.discrepancies_after])
-    rms = np.maximum(d.remainder.rms, 1e-12 * float(d.remainder.rms.max()) or 1.0)
-    weights: Array = 1.0 / (rms**2 * np.maximum(memory, 1.0))
-    return weights
-
-
-def _gram(question: Question, d: Findings, weights: Array) -> Array:
-    """Return what the fitted logs say of the columns of a question, (k, k)."""
-    regression = Regression(d.robot, question.model, d.samples, question.columns)
-    k = len(question.columns)
-    R = gather_information(regression).factor(weights)[:k, :k]
-    gram: Array = R.T @ R
-    return gram
-
-
-def _split(d: Findings, effect: Placed, columns: np.ndarray) -> list[np.ndarray]:
-    """Return the columns of each part of an effect."""
-    widths = [len(Placed.part_parameters(d.robot, part)) for part in effect.parts]
-    return np.split(columns, np.cumsum(widths)[:-1])
+    shapes = [list_shapes(d, *own, series, seed) for own in hidden]
+    bench = Bench.of(d, d.model, [[x[len(x) // 2]] for x in shapes], series, seed)
+    # In units of the noise what is left is about alike in all joints.
+    samples = sum(s.outputs for s in d.samples)
+    left = samples * float(np.mean(bench.known.weights * d.remainder.rms**2))
+    asks = [bench.size(own, left, NOTHING) for (own,) in bench.columns]
+    told = [bench.tells(ask, EXCITE_RULES.visible**2) for ask in asks]
+    names = tuple(f"{family}@{place}" for family, place in compress(hidden, told))
+    return (bench, names, tuple(compress(asks, told))) if names else None
 
 
 @frozen
-class Told:
-    """Information about the columns of a question.
+class Bench:
+    """Effects beside a model, along the logs and along random motions.
 
-    Attributes
-    ----------
-    question : Question
-    noise : ARNoise
-        Of the logs, beside all of these columns.
-    known : (k, k)
-        What the logs say.
+    `columns` are those of each effect with each of its shapes, `known` is what the logs say, and
+    `grams` (m, k, k) what random motions say.
     """
 
     question: Question
-    noise: ARNoise
-    known: Array
+    columns: tuple[tuple[np.ndarray, ...], ...]
+    known: Known
+    grams: Array
 
     @staticmethod
-    def of(question: Question, d: Findings) -> Told:
-        """Return what the fitted logs say."""
-        W, tau, runs = _rows(question, d, d.samples)
-        noise = fit_noise(tau, lambda j: [W[:, j]], runs)
-        rows = noise.whiten(W, runs).reshape(-1, W.shape[2])
-        return Told(question, noise, rows.T @ rows)
+    def of(
+        d: Findings, model: Model, effects: Sequence[Sequence[Part]], series: Series, seed: int
+    ) -> Bench:
+        """Return effects, each with all of its shapes, beside a model."""
+        question = add_beside(d.robot, model, [Placed(parts) for parts in effects])
+        widths = [len(Placed.part_parameters(d.robot, p)) for parts in effects for p in parts]
+        first = len(question.columns) - sum(widths)
+        each = iter(np.split(np.arange(first, len(question.columns)), np.cumsum(widths)[:-1]))
+        columns = tuple(tuple(next(each) for _ in parts) for parts in effects)
+        known = gather_known(question, d.samples, 0)
+        alone = Known(0 * known.G, known.weights, float(SAMPLES))
+        draws = series.draw(LOOKS, np.random.default_rng(seed))
+        G, space = Objective(question, alone, series, SAMPLES).look(draws, SAMPLES)
+        return Bench(question, columns, known, G[space.open == 0])
+
+    @property
+    def model(self) -> int:
+        """How many columns the model has."""
+        return int(self.columns[0][0][0])
+
+    def size(self, own: np.ndarray, squares: float, others: tuple[np.ndarray, ...]) -> Ask:
+        """Return an effect whose columns have equal parts of a sum of squares along the logs."""
+        length = np.sqrt(np.diag(self.known.G))
+        each = np.where(length > IDLE * length.max(), length, np.inf)[own]
+        return Ask(own, np.sqrt(squares / len(own)) / each, others)
+
+    def tells(self, ask: Ask, least: float) -> bool:
+        """Whether any random motion leaves more than a share of the squares of an effect."""
+        whole = Discrimination(0, (replace(ask, others=NOTHING),)).squares(self.grams)
+        left = Discrimination(self.model, (ask,)).squares(self.grams)
+        return bool((left > least * np.maximum(whole, 1e-300)).any())
 
     def along(self, d: Findings, path: Trajectory) -> tuple[Array, float]:
         """Return what a period of a motion would say (k, k), and how many a diagnosis looks at.
 
         It is prepared like a log: what low-passes torque takes from the columns what is fast, such
-        as where laws of friction differ at a reversal. Of a long log, which is halved, what is
-        looked at is shared with the logs there are.
+        as where laws of friction differ at a reversal.
         """
         t = np.arange(PREPARED * path.samples) * path.period / path.samples
         q, some = path.motion(t)[0], np.ones((len(t), len(d.robot.joints)))
         log = Log("next", d.robot.joints, t, q, some, None, None, "")
         how = None if d.preparation == Preparation() else d.preparation
-        samples = prepare_rows(d.robot, log, how)
-        W, _, runs = _rows(self.question, d, [samples])
-        rows = self.noise.whiten(W, runs).reshape(-1, W.shape[2])
+        samples, columns = prepare_rows(d.robot, log, how), self.question.columns
+        regression = Regression(d.robot, self.question.model, (samples,), columns)
+        R = gather_information(regression).factor(self.known.weights)[:, : len(columns)]
         step = float(np.median(np.diff(samples.output_times())))
-        each = samples_each([*(len(s.tau) for s in d.samples), MANY, MANY])
-        return rows.T @ rows / PREPARED, 2 * each * step / path.period
+        each = samples_each([*(len(s.tau) for s in d.samples), MANY])
+        return R.T @ R / PREPARED, each * step / path.period
 
 
-def _rows(
-    question: Question, d: Findings, samples: Sequence[Samples]
-) -> tuple[Array, Array, JointRuns]:
-    """Return columns (N, n, k), torque (N, n) and stretches of samples."""
-    regression = Regression(d.robot, question.model, tuple(samples), question.columns)
-    chunks = [(c.W.copy(), c.tau, c.data) for part in regression.parts() for c in part.chunks()]
-    W, tau, data = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
-    return W, tau, JointRuns.of(find_runs(samples), data)
+def list_shapes(d: Findings, name: str, place: str, series: Series, seed: int) -> list[Part]:
+    """Return a family at a place with each shape that logs and random motions tell apart.
 
-
-def aim_at(
-    G: Array, named: Shapes, rivals: Sequence[Shapes], at: int, values: Array
-) -> Discrimination:
-    """Return what tells an effect, as it was found, from its rivals, and each of them from it.
-
-    Where a rival is true it is as large as the logs take it for the named one. Of two of which one
-    is a part of the other only the whole can be told from the part: where it was not found, each
-    of its columns has an equal part of the torque.
-
-    Parameters
-    ----------
-    G : (k, k)
-        What the logs say of the columns of the model and of all these effects.
-    named : sequence of (p,) int
-    rivals : sequence of sequence of (q,) int
-    at : int
-        The shape that was found.
-    values : (p,)
-        With that shape.
+    Of continuous ones twice as many: what only the truth explains would else be what lies between
+    two shapes of its rival.
     """
-    every = [np.concatenate(list(shapes)) for shapes in (named, *rivals)]
-    model = np.setdiff1d(np.arange(len(G)), np.concatenate(every))
-    length = np.sqrt(np.maximum(np.diag(G), 1e-300))
-    unit = G / np.outer(length, length)
-    base = np.linalg.pinv(unit[np.ix_(model, model)], rcond=1e-12, hermitian=True)
-    left = unit - unit[:, model] @ base @ unit[model]
-    own = named[at]
-    true, asks = values * length[own], []
-    whole = float(true @ left[np.ix_(own, own)] @ true)
-    for k, shapes in enumerate(rivals):
-        found = [_explain(left, b, own, true) for b in shapes]
-        best = int(np.argmax([explained for _, explained in found]))
-        level, explained = found[best]
-        other = shapes[best]
-        nested = explained > SAME**2 * whole and len(other) > len(own)
-        if nested:
-            sign = np.where(level < 0, -1.0, 1.0)
-            level = sign * np.linalg.norm(true) / np.sqrt(len(other))
-        else:
-            asks.append(Ask(k, False, own, values, tuple(shapes)))
-        part = not nested and len(other) < len(own) and _within(left, other, own)
-        if part:
-            asks[-1] = Ask(k, False, own, values, tuple(shapes), nested=True)
-        else:
-            asks.append(Ask(k, True, other, level / length[other], tuple(named), nested=nested))
-    return Discrimination(every[0], np.concatenate(every[1:]), tuple(asks))
-
-
-def _explain(left: Array, b: np.ndarray, own: np.ndarray, true: Array) -> tuple[Array, float]:
-    """Return the level (q,) at which columns explain most of an effect, and how much."""
-    cross = left[np.ix_(b, own)] @ true
-    level = np.linalg.pinv(left[np.ix_(b, b)], rcond=1e-9, hermitian=True) @ cross
-    return level, float(level @ cross)
-
-
-def _within(left: Array, small: np.ndarray, large: np.ndarray) -> bool:
-    """Whether columns are a part of others, beside the model."""
-    squares = sum(_explain(left, large, small[[k]], np.ones(1))[1] for k in range(len(small)))
-    return squares > SAME**2 * float(np.trace(left[np.ix_(small, small)]))
-
-
-def _between_shapes(left: Array) -> float:
-    """Return the least that a shape between those tried (s,) leaves: they are continuous.
-
-    That of a parabola through the best of them and its neighbours.
-    """
-    k = int(np.argmin(left))
-    least = float(left[k])
-    if not 0 < k < len(left) - 1:
-        return least
-    before, after = float(left[k - 1]) - least, float(left[k + 1]) - least
-    return max(least - (before - after) ** 2 / max(8.0 * (before + after), 1e-300), 0.0)
-
-
-def decision_chance(aim: Discrimination, G: Array, odds: float) -> float:
-    """Return the chance that of several effects the true one is named alone.
-
-    Each may be true, one as likely as the other as long as nothing tells them apart. All are
-    scored by the squares that they explain; a name is undecided where the score of another comes
-    within the odds that a name needs. Of a part and the whole the part is decided where the whole
-    would have to explain as much more than it does.
-
-    Parameters
-    ----------
-    aim : Discrimination
-    G : (k, k)
-        Information about its columns, in units of the noise.
-    odds : float [nat]
-        From which on a name is stated.
-    """
-    e = np.random.default_rng(0).standard_normal((2, DRAWN))
-    right: dict[int, np.ndarray] = {}
-    for ask in aim.asks:
-        whole, left = (part[..., 0] for part in aim.squares(G[None], ask))
-        truth = ask.rival + 1 if ask.reverse else 0
-        own = right.get(truth, np.ones(DRAWN, bool))
-        for outside in [*np.minimum(left, whole).tolist(), min(_between_shapes(left), whole)]:
-            similarity = np.sqrt(1.0 - outside / max(float(whole), 1e-300))
-            first = np.sqrt(whole) + e[0]
-            # The other explains what is not the first one's own, and of the noise what it shares.
-            second = np.sqrt(max(whole - outside, 0.0))
-            second = second + similarity * e[0] + np.sqrt(max(1 - similarity**2, 0.0)) * e[1]
-            ahead = 0.5 * (first**2 - second**2)
-            own = own & (ahead > odds)
-        right[truth] = own
-        if ask.nested:
-            part = 0 if ask.reverse else ask.rival + 1
-            told = 0.5 * (float(left.min()) - e[1] ** 2) > odds
-            right[part] = right.get(part, np.ones(DRAWN, bool)) & told
-    return float(np.mean([x.mean() for x in right.values()]))
+    family, draws = find_family(name), series.draw(LOOKS, np.random.default_rng(seed))
+    wide = series.complete(d.robot, draws, SAMPLES)
+    motions = [*(s.motion for s in d.samples), *([] if wide is None else [wide])]
+    every, _ = list_candidates(d.robot, [family], (), motions, fixed=True)
+    found = [c for c in every if c.place == place]
+    if not family.continuous:
+        return [c.part for c in found]
+    ends = min(c.shape for c in found), max(c.shape for c in found)
+    shapes = np.geomspace(*ends, 2 * len(found)).tolist()
+    return [Part(family.at(shape, place), place, found[0].kinds) for shape in shapes]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,10 +30,9 @@ from identifiability.workflows.excite.rules import RULES
 #
 # What to use when: `Condition` for a first log of a robot (all parameters alike) [Gautier 1992];
 # `LogDet` for what to measure next, about some parameters beside all others [Swevers 1997] (D_s-
-# optimality, [Atkinson 2007, sec. 10.3]); `Separation` for two effects that a diagnosis could not
-# tell apart, `Discrimination` where their size is known; `Reveal` for effects that it could not
-# tell from the model. Each gives a cost that is to be made small, batched over candidates, and the
-# figure that a reader knows it by.
+# optimality, [Atkinson 2007, sec. 10.3]); `Separation` for two effects of unknown size;
+# `Discrimination` for effects of known size, from rivals or from the model. Each gives a cost that
+# is to be made small, batched over candidates, and the figure that a reader knows it by.
 
 
 #: Scaled eigenvalues of a Gram matrix below this are rounding.
@@ -142,10 +142,6 @@ class Separation(Criterion):
         """Return the similarity of visible effects."""
         return float(np.sqrt(np.maximum(1 - np.exp(-2 * cost), 0.0)))
 
-    def _model(self, G: Array) -> np.ndarray:
-        """Return the columns of neither effect."""
-        return np.setdiff1d(np.arange(G.shape[1]), [*self.first, *self.second])
-
     def angles(self, G: Array) -> tuple[Array, Array]:
         """Return similarities (m,) and remaining shares of both effects (m, 2).
 
@@ -153,8 +149,8 @@ class Separation(Criterion):
         """
         unit, _ = scaled(G)
         a, b = self.first, self.second
-        model = self._model(G)
         both = np.concatenate([a, b])
+        model = np.setdiff1d(np.arange(G.shape[1]), both)
         S = unit[:, both][:, :, both]
         if len(model):
             base = unit[:, model][:, :, model] + 1e-12 * np.eye(len(model))
@@ -173,89 +169,43 @@ class Separation(Criterion):
 
 @frozen
 class Ask:
-    """A true effect of known size that is to be told from another one.
+    """A true effect of known size, and what else it may be taken for.
 
     Attributes
     ----------
-    rival : int
-        Which rival it is about.
-    reverse : bool
-        Whether it is the rival that is true.
     own : (p,) int
         Columns of the true effect.
     values : (p,)
         Its size.
     others : tuple of (q,) int
-        Columns of the other effect with each of its shapes: the one that explains most counts.
-    nested : bool
-        Whether the other one is a part of it: of two that explain as much the part has the name.
+        Columns of a rival with each of its shapes, of which the most alike counts; one without
+        columns for what is to be told from the model alone.
     """
 
-    rival: int
-    reverse: bool
     own: np.ndarray
     values: Array
     others: tuple[np.ndarray, ...]
-    nested: bool = False
 
 
 @frozen
-class Discrimination(Separation):
-    """What of a true effect of known size neither the model nor its rival explains.
+class Discrimination(Criterion):
+    """What of true effects of known size neither the model nor a rival explains.
 
-    T-optimality [Atkinson & Fedorov 1975]: half of it is the expected logarithm of the likelihood
-    ratio of the two. Gram matrices are in units of the noise. Of all `asks` the worst counts.
+    T-optimality [Atkinson & Fedorov 1975]: half of these squares, the non-centrality, is the
+    expected logarithm of the likelihood ratio. Gram matrices are in units of the noise. The
+    harmonic mean over `asks` counts, so that what is told apart already weighs little. The first
+    `model` columns are the model.
     """
 
+    model: int
     asks: tuple[Ask, ...]
+    name = "discriminate"
     title = "what only the true effect explains, in standard deviations"
     short = "standard deviations"
 
     def cost(self, G: Array) -> Array:
-        """Return minus half the logarithm of the squares that only the true effect explains."""
-        least = np.min([self.squares(G, ask)[1].min(0) for ask in self.asks], axis=0)
-        cost: Array = -0.5 * np.log(np.maximum(least, 1e-12))
-        return cost
-
-    def figure(self, cost: float) -> float:
-        """Return the root of these squares."""
-        return float(np.exp(-cost))
-
-    def squares(self, G: Array, ask: Ask) -> tuple[Array, Array]:
-        """Return what of an effect is outside the model (m,), and of every other shape (s, m)."""
-        unit, length = scaled(G)
-        size, model = length[:, ask.own] * ask.values, self._model(G)
-        left = [_squares(unit, ask.own, np.concatenate([model, own]), size) for own in ask.others]
-        return _squares(unit, ask.own, model, size), np.array(left)
-
-    def similarity(self, G: Array) -> Array:
-        """Return how like the rival the most alike of them is, (m,)."""
-        found = [self.squares(G, ask) for ask in self.asks]
-        least = [left.min(0) / np.maximum(whole, 1e-300) for whole, left in found]
-        similarity: Array = np.sqrt(np.clip(1.0 - np.min(least, axis=0), 0.0, 1.0))
-        return similarity
-
-
-@frozen
-class Reveal(Criterion):
-    """How much of effects of known size is seen beside the model.
-
-    Gram matrices are in units of the noise. The mean logarithm over effects counts; beyond
-    `plain` standard deviations an effect is no better seen, and below one no worse hidden.
-    `effects` are columns (p,) of each, `values` (p,) their sizes.
-    """
-
-    effects: tuple[np.ndarray, ...]
-    values: tuple[Array, ...]
-    name = "reveal"
-    title = "what of effects the model does not say, in standard deviations"
-    short = "standard deviations"
-
-    def cost(self, G: Array) -> Array:
-        """Return minus half the mean logarithm of the squares outside the model, (m,)."""
-        seen = self.squares(G)
-        # Standard deviations beyond which an effect is seen well enough.
-        cost: Array = -0.5 * np.log(1.0 + seen / (1.0 + seen / 15.0**2)).mean(0)
+        """Return half the logarithm of the mean of one over one more than the squares, (m,)."""
+        cost: Array = 0.5 * np.log(np.mean(1.0 / (1.0 + self.squares(G)), axis=0))
         return cost
 
     def figure(self, cost: float) -> float:
@@ -263,22 +213,21 @@ class Reveal(Criterion):
         return float(np.sqrt(max(np.exp(-2 * cost) - 1.0, 0.0)))
 
     def squares(self, G: Array) -> Array:
-        """Return what of each effect is outside the model, (effects, m)."""
+        """Return the non-centrality of each ask, (asks, m)."""
         unit, length = scaled(G)
-        model = np.setdiff1d(np.arange(G.shape[1]), np.concatenate(self.effects))
-        both = zip(self.effects, self.values, strict=True)
-        return np.array([_squares(unit, own, model, length[:, own] * x) for own, x in both])
+        return np.array([
+            np.min([self._outside(unit, length, ask, own) for own in ask.others], axis=0)
+            for ask in self.asks
+        ])  # fmt: skip
 
-
-def _squares(unit: Array, own: np.ndarray, others: np.ndarray, size: Array) -> Array:
-    """Return the squares of columns times sizes (m, p) outside of other columns, (m,)."""
-    S = unit[:, own][:, :, own]
-    if len(others):
-        base = unit[:, others][:, :, others] + 1e-12 * np.eye(len(others))
-        cross = unit[:, others][:, :, own]
-        S = S - cross.transpose(0, 2, 1) @ np.linalg.solve(base, cross)
-    squares: Array = np.maximum(np.einsum("mi,mij,mj->m", size, S, size), 0.0)
-    return squares
+    def _outside(self, unit: Array, length: Array, ask: Ask, other: np.ndarray) -> Array:
+        """Return the squares of an effect outside of the model and other columns, (m,)."""
+        size, rest = length[:, ask.own] * ask.values, np.append(np.arange(self.model), other)
+        S, base = unit[:, ask.own][:, :, ask.own], unit[:, rest][:, :, rest]
+        cross = unit[:, rest][:, :, ask.own]
+        S = S - cross.transpose(0, 2, 1) @ np.linalg.solve(base + 1e-12 * np.eye(len(rest)), cross)
+        squares: Array = np.maximum(np.einsum("mi,mij,mj->m", size, S, size), 0.0)
+        return squares
 
 
 def scaled(G: Array) -> tuple[Array, Array]:
@@ -329,13 +278,13 @@ class Question:
     structure : Structure
         The robot under the model.
     model : Model
-        With the effects that are to be separated, if any, at its end.
+        With the effects that are to be told apart, if any, at its end.
     columns : (k,) int
-        Of the model: base parameters, then the columns of both effects.
+        Of the model: base parameters, then the columns of these effects.
     names, units : tuple of str
         Of the k columns.
     chosen : tuple of str
-        Parameters, or the two effects, that the criterion is about; empty for all.
+        Parameters, or the effects, that the criterion is about; empty for all.
     criterion : Criterion
     """
 
@@ -357,7 +306,8 @@ class Known:
     G : (k, k)
         Gram matrix of all logs, actuators weighted; zero without logs.
     weights : (n,)
-        One over the residual variance of each actuator; ones without logs.
+        One over the variance of each actuator's noise times its autocorrelation time; ones without
+        logs.
     samples : float
         Of one log, on average; the next one counts as many.
     logs : tuple of str
@@ -380,7 +330,7 @@ def pose_question(
     criterion: str,
     model: ModelLike | None,
     parameters: Sequence[str] | None,
-    separate: Sequence[str | Effect] | None,
+    separate: Sequence[str] | None,
 ) -> Question:
     """Return the question that the arguments of `excite` ask.
 
@@ -390,29 +340,33 @@ def pose_question(
     """
     check_choice("criterion", criterion, tuple(EFFECTS))
     _check_fit(criterion, parameters, separate)
-    pair = [e if isinstance(e, Effect) else _place_effect(robot, e) for e in separate or ()]
+    pair = [_place_effect(robot, text) for text in separate or ()]
     own = EFFECTS[criterion]
     usual = own if criterion == "condition" else default_effects(robot, own)
-    chosen_model = choose_model(model, usual)
-    structure = Structure.of(robot, chosen_model)
-    base = structure.base
-    whole = Model((*chosen_model.effects, *pair))
-    every = whole.parameters(robot)
-    added = range(len(base.parameters), len(every))
-    taken = {every[k].name for k in added}  # what is to be separated is no part of the model
-    kept = [k for k in base.kept if every[k].name not in taken]
-    columns = np.array([*kept, *added], int)
-    names = tuple(every[k].name for k in columns)
-    units = tuple(every[k].unit for k in columns)
-    rule: Criterion = Condition()
-    chosen = tuple(e.texts[0] if isinstance(e, Effect) else e for e in separate or ())
+    question = add_beside(robot, choose_model(model, usual), pair)
     if criterion == "information":
+        base = question.structure.base
         at = _find_parameters(base, parameters)
-        rule, chosen = LogDet(at), tuple(base.names[k] for k in at) if parameters else ()
-    elif criterion == "separate":
-        split = len(kept) + len(pair[0].parameters(robot))
-        rule = Separation(np.arange(len(kept), split), np.arange(split, len(columns)))
-    return Question(structure, whole, columns, names, units, chosen, rule)
+        chosen = tuple(base.names[k] for k in at) if parameters else ()
+        return replace(question, chosen=chosen, criterion=LogDet(at))
+    if criterion == "separate":
+        k, widths = len(question.columns), question.model.widths(robot)
+        split = k - widths[-1]
+        rule = Separation(np.arange(split - widths[-2], split), np.arange(split, k))
+        return replace(question, chosen=tuple(separate or ()), criterion=rule)
+    return question
+
+
+def add_beside(robot: Robot, model: Model, effects: Sequence[Effect]) -> Question:
+    """Return the question of all parameters of a model, with the columns of effects at its end."""
+    structure = Structure.of(robot, model)
+    whole = Model((*model.effects, *effects))
+    every = whole.parameters(robot)
+    added = range(len(structure.base.parameters), len(every))
+    taken = {every[k].name for k in added}  # what is to be separated is no part of the model
+    columns = np.array([*(k for k in structure.base.kept if every[k].name not in taken), *added])
+    names, units = (tuple(getattr(every[k], what) for k in columns) for what in ("name", "unit"))
+    return Question(structure, whole, columns.astype(int), names, units, (), Condition())
 
 
 def gather_known(question: Question, samples: Sequence[Prepared], planned: int) -> Known:
@@ -424,15 +378,16 @@ def gather_known(question: Question, samples: Sequence[Prepared], planned: int) 
         question.structure.robot, question.model, tuple(samples), question.columns
     )
     information = gather_information(regression)
-    variance = estimate(information).variance
-    weights = 1.0 / np.maximum(variance, 1e-12 * float(variance.max()) or 1.0)
+    fit = estimate(information)
+    noise = fit.variance * fit.times  # that an average over many samples has
+    weights = 1.0 / np.maximum(noise, 1e-12 * float(noise.max()) or 1.0)
     R = information.factor(weights)[:k, :k]
     paths = tuple(s.path or s.name for s in samples)
     return Known(R.T @ R, weights, information.samples / len(samples), paths)
 
 
 def _check_fit(
-    criterion: str, parameters: Sequence[str] | None, separate: Sequence[str | Effect] | None
+    criterion: str, parameters: Sequence[str] | None, separate: Sequence[str] | None
 ) -> None:
     """Refuse arguments that belong to another criterion."""
     if criterion == "separate" and (separate is None or len(separate) != 2):

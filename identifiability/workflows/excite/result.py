@@ -157,7 +157,7 @@ class Merit:
     Attributes
     ----------
     figure : float
-        Condition number, log-det of the information, or similarity.
+        Condition number, log-det of the information, similarity, or standard deviations.
     sigma : (k,)
         Standard deviations under white noise, up to a factor shared by all motions compared.
     visible : (2,)
@@ -390,6 +390,7 @@ class Excitation(Result):
     def worth(self) -> str:
         """What the motion tells, in words."""
         words = {"information": self._information, "separate": self._separation}
+        words["discriminate"] = self._discrimination
         return words.get(self.criterion.name, self._condition)()
 
     @property
@@ -416,6 +417,13 @@ class Excitation(Result):
             f"This motion of {self.trajectory.period:g} s gives the {len(self.names)} base columns "
             f"a column-normalised condition number of {self.after.figure:.3g}{together}; "
             f"{self.beside} gives {self.before.figure:.3g}."
+        )
+
+    def _discrimination(self) -> str:
+        return (
+            f"Of {listing(self.chosen, 4)} neither the model nor a rival explains "
+            f"{self.after.figure:.3g} standard deviations with this motion of "
+            f"{self.trajectory.period:g} s; {self.beside} gives {self.before.figure:.3g}."
         )
 
     def _information(self) -> str:
