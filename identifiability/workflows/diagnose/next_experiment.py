@@ -119,11 +119,14 @@ class NextMotion:
             then = "what is as large as the residual stands out"
         period, k = self.excitation.trajectory.period, self.periods
         more = f", {k} times ({format_time(k * period)} in all)" if k > 1 else ""
-        chance = "more than 99 %" if self.chance > 0.99 else f"{100 * self.chance:.0f} %"
+        chance, before = (
+            "more than 99 %" if share > 0.99 else f"{100 * share:.0f} %"
+            for share in (self.chance, self.before)
+        )
         return (
             f"To {goal}, log this motion of {period:g} s{more}, which begins and ends at rest, and "
             f"diagnose it with the logs there are: {then} with a chance of {chance} (without it: "
-            f"{100 * self.before:.0f} %). {self.excitation.limits_statement}"
+            f"{before}). {self.excitation.limits_statement}"
         )
 
     def to_json(self, path: str | Path) -> Path:
