@@ -25,6 +25,7 @@ from identifiability.workflows.diagnose.next_experiment import (
     decision_chance,
     list_shapes,
 )
+from identifiability.workflows.excite import find_limits
 from identifiability.workflows.excite.criteria import Ask, Discrimination
 from identifiability.workflows.excite.search import Series
 
@@ -112,6 +113,17 @@ def test_a_designed_motion_tells_more_than_a_random_one_of_the_same_length():
 
     drawn = [random_trajectory(d.robot, np.random.default_rng(k)) for k in range(10)]
     assert square(path) > max(square(m) for m in drawn)
+
+
+def test_the_rate_of_the_motion_that_is_asked_for_adds_no_information():
+    """The next log is taken as fast as the logs there are, whatever its file says."""
+    d = diagnosis("quadratic_friction@elbow", "Fq", 0.02, ("stribeck_friction@elbow",))
+    parts = [[Part(find_effect("quadratic_friction"), "elbow")]]
+    series = Series(find_limits(d.robot, None), 7.5, 5)
+    bench = Bench.of(d, Model.of(*BASE), parts, series, 0)
+    path = random_trajectory(d.robot, np.random.default_rng(1))
+    slow, fast = (bench.along(d, replace(path, samples=n))[0] for n in (750, 3000))
+    np.testing.assert_allclose(np.diag(fast), np.diag(slow), rtol=0.1)
 
 
 def test_the_fewest_periods_that_are_likely_to_decide_are_asked_for():

@@ -28,7 +28,7 @@ from identifiability.foundation.rounding import format_time, stated
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare import Preparation, Samples
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
@@ -56,9 +56,8 @@ from identifiability.workflows.opening import Progress
 #: A motion is logged for the fewest periods, up to so many, that are as likely to decide.
 PERIODS = 32
 LIKELY: Tolerance = 0.95
-#: Looks of the search, and samples a second.
-EVALUATIONS = 4000
-RATE: Tolerance = 100.0
+#: Motions that the search looks at, and samples of the one that it finds.
+EVALUATIONS, FINAL = 4000, 750
 #: Random motions that are asked whether any motion tells effects apart, and samples of each.
 LOOKS, SAMPLES = 12, 150
 #: Periods of a motion that are prepared to know what one of many says.
@@ -187,12 +186,11 @@ def find_next(
         known, aim = bench.known, Discrimination(bench.model, asks)
         same = not any(bench.tells(ask, 1.0 - SAME**2) for ask in asks)
         question = replace(bench.question, criterion=aim, chosen=names)
-        step = float(np.median(np.diff(d.samples[0].output_times())))
         motion = find_motion(
             question,
-            replace(known, samples=duration / step),
+            replace(known, samples=duration / find_step(d.samples[0])),
             series,
-            samples=max(round(RATE * duration), 4 * harmonics + 1),
+            samples=FINAL,
             iterations=80,
             evaluations=1 if same else evaluations,
             time_limit=None,
@@ -341,9 +339,14 @@ class Bench:
         samples, columns = prepare_rows(d.robot, log, how), self.question.columns
         regression = Regression(d.robot, self.question.model, (samples,), columns)
         R = gather_information(regression).factor(self.known.weights)[:, : len(columns)]
-        step = float(np.median(np.diff(samples.output_times())))
+        step = find_step(d.samples[0])  # what a sample says is known of those of the logs
         each = samples_each([*(len(s.tau) for s in d.samples), MANY])
-        return R.T @ R / PREPARED, each * step / path.period
+        return R.T @ R / PREPARED * find_step(samples) / step, each * step / path.period
+
+
+def find_step(samples: Samples) -> float:
+    """Return the time between samples after decimation [s]."""
+    return float(np.median(np.diff(samples.output_times())))
 
 
 def list_shapes(d: Findings, name: str, place: str, series: Series, seed: int) -> list[Part]:
