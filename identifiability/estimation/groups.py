@@ -186,7 +186,8 @@ class Missing:
         a body are as a compact one has them.
         """
         width = max((c.columns[-1] + 1 for c in self.candidates), default=0)
-        square, torque = np.zeros(width), np.sum(self.seen.y**2, axis=0)
+        square = np.zeros(width)
+        torque = np.sum(self.seen.raw**2 * self.seen.data, axis=0)
         for (j, k), x in self.entries.items():
             if torque[j] > 0:
                 square[k] += x @ x / torque[j]
@@ -217,13 +218,18 @@ class Missing:
         return list({c.group: c for c in reversed(order)}.values())[::-1]
 
     def joint_noise(self, joint: int, runs: Runs) -> JointNoise:
-        """Return the noise of a joint in some stretches."""
+        """Return the noise of a joint in some stretches.
+
+        How logs of a session differ says nothing of its memory within them.
+        """
         X = self.seen.X[:, joint]
-        own = (
-            [self.entries[joint, k] for k in c.columns if (joint, k) in self.entries]
+        own = [
+            (c, [self.entries[joint, k] for k in c.columns if (joint, k) in self.entries])
             for c in self._smooth
-        )
-        blocks = [X[:, X.any(0)], *(np.stack(x, 1) for x in own if x)]
+        ]
+        session = [x for c, some in own if c.family.against == "session" for x in some]
+        smooth = [np.stack(x, 1) for c, x in own if x and c.family.against != "session"]
+        blocks = [np.column_stack([X[:, X.any(0)], *session]), *smooth]
         return rich_noise(blocks, self.seen.y[:, joint], runs)
 
     def products(self, of: Excerpt | None = None, edges: Sequence[int] | None = None) -> Products:

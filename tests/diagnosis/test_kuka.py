@@ -78,7 +78,6 @@ def test_friction_and_offset_are_named_and_the_classic_mistakes_are_not(
     assert d.verified_on == f"run {test}"
     assert d.held_after < shrink * d.held_before
     assert d.interval[1] < 0
-    assert d.real_after < d.real_before < d.held_before
 
 
 @pytest.mark.everything

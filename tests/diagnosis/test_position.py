@@ -168,7 +168,6 @@ def test_a_spring_far_from_its_rest_is_told_from_an_offset_by_its_slope():
         assert not {"torque offset", "torque_offset"} & {e.name, *e.alternatives}
         if e.name == "free_spring":
             springs += 1
-            assert e.similar["torque_offset"] > 0.99
             slope = placed.values[0], -0.3 / np.ptp(q)
             assert slope[0] == pytest.approx(slope[1], abs=4 * placed.errors[0])
     assert springs >= 2

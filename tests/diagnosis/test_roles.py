@@ -61,6 +61,6 @@ def test_what_verifies_can_only_refute(logs_of, monkeypatch):
     assert {"joint_stiffness"} <= {e.name for e in b.refuted}
     assert {e.name for e in c.effects} <= {"joint_stiffness"}
     assert c.held_before > 10 * a.held_before
-    kept = ["effect", "joint", "shape", "p_value", "parameter", "value", "error"]
+    kept = ["effect", "joint", "shape", "log_odds", "parameter", "value", "error"]
     other = diagnose("two-link", logs[:3], [replace(logs[3], sha256="")], **few)
     assert a.to_frame()[kept].equals(other.to_frame()[kept])

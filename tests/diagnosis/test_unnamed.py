@@ -25,14 +25,12 @@ def test_friction_without_a_name_is_learned_and_confirmed(logs_of, tmp_path):
     assert named.effects[0].name in HELD_BACK
     gap = d.held_before - named.held_after
     assert d.held_before - d.held_after > 0.9 * gap
-    # Names beside it, and by how much they err more.
     assert 1 <= len(effect.nearest) <= 3
-    assert all(n.worse > 0 for n in effect.nearest)
-    assert "An unnamed function of velocity in left_shoulder (weight" in d.statement
-    assert "No name explains this function of velocity in left_shoulder as well" in d.statement
+    assert "An unnamed function of velocity in left_shoulder (log odds" in d.statement
+    assert "No name explains left_shoulder as well. Nearest to it" in d.statement
     (row,) = json.loads(d.to_json(tmp_path / "d.json").read_text())["effects"]
     assert row["unnamed"]
-    assert [n["effect"] for n in row["nearest"]] == [n.title for n in effect.nearest]
+    assert row["nearest"] == list(effect.nearest)
     # What was learned is the curve but for Coulomb and viscous friction, which are in the model.
     (curve,) = d.curves
     assert (curve.against, curve.of) == ("velocity", 0)

@@ -201,7 +201,9 @@ class Scan:
         return replace(self.missing, given=ARNoise(tuple(joints)))
 
 
-def find_change(naming: Naming, effects: Collection[str] | None = None) -> Change | None:
+def find_change(
+    naming: Naming, effects: Collection[str] | None = None, *, whole: bool = False
+) -> Change | None:
     """Return the likeliest change in the middle of a log beside what was named, if it is sure.
 
     What it adds is no noise: once it is known roughly, noise is that without it.
@@ -211,6 +213,8 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     naming : Naming
     effects : collection of str, optional
         Families that may be named; all by default.
+    whole : bool
+        Whether it may last as long as a log.
     """
     families = [f for f in CHANGING if effects is None or f in effects]
     if not families or not len(naming.fitted):
@@ -224,7 +228,7 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
         if best is None:
             return None
         stays, drift = scan.stays(scan.without(best))
-    return _likeliest(scan, stays, drift)
+    return _likeliest(scan, stays, drift, whole=whole)
 
 
 def _held(c: Candidate) -> Candidate:
@@ -262,7 +266,7 @@ def _log_alike(first: np.ndarray, last: np.ndarray, count: int) -> Array:
     return alike
 
 
-def _likeliest(scan: Scan, stays: Sequence[Stay], drift: float) -> Change | None:
+def _likeliest(scan: Scan, stays: Sequence[Stay], drift: float, *, whole: bool) -> Change | None:
     """Return the likeliest stay as a change, where it is sure.
 
     No unseen motion can take it out: it needs what both thresholds ask together, and to explain
@@ -272,10 +276,10 @@ def _likeliest(scan: Scan, stays: Sequence[Stay], drift: float) -> Change | None
     best = max(stays, key=lambda x: float(x.odds.max()))
     k, odds = int(np.argmax(best.odds)), float(best.odds.max())
     lasting = max(drift, *(t.odds for t in naming.after)) if naming.after else drift
-    whole = best.last[k] - best.first[k] == count[best.log]
+    lasts = best.last[k] - best.first[k] == count[best.log]
     if odds < max(ESTIMATION_RULES.name + ESTIMATION_RULES.keep, lasting):
         return None
-    if whole and len(count) < FEWEST:
+    if lasts and (len(count) < FEWEST or not whole):
         return None
     total = [float(logsumexp(x.odds)) for x in stays]
     weights = dict[tuple[str, str], float]()

@@ -34,8 +34,6 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.simulation import Trajectory
 from identifiability.workflows.diagnose.findings import Findings, Placement
-
-SAME = 1.0 - 1e-6
 from identifiability.workflows.diagnose.motion import prepare_rows, samples_each
 from identifiability.workflows.excite import Excitation, find_limits
 from identifiability.workflows.excite.criteria import (
@@ -53,6 +51,8 @@ from identifiability.workflows.excite.search import Objective, Series
 from identifiability.workflows.excite.workflow import find_motion
 from identifiability.workflows.opening import Progress
 
+#: Similarity from which on two torques are the same one.
+SAME: Tolerance = 1.0 - 1e-6
 #: A motion is logged for the fewest periods, up to so many, that are as likely to decide.
 PERIODS = 32
 LIKELY: Tolerance = 0.95
@@ -230,7 +230,7 @@ def ask_open(d: Findings, series: Series, seed: int) -> Asked | None:
     """
 
     def list_rivals(name: str, p: Placement) -> list[tuple[str, str]]:
-        every = dict.fromkeys((r.family, r.place) for r in p.rivals if r.undecided)
+        every = dict.fromkeys((r.family, r.place) for r in p.rivals)
         return [own for own in every if own[0] != name]
 
     found = [(p.rms, e.name, p) for e in d.effects for p in e.placements if list_rivals(e.name, p)]

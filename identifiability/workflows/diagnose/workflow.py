@@ -343,8 +343,8 @@ class _Asked:
         change = None if setting.fixed else find_change(looked, self.effects)
         if change is None:
             looked = name_missing(looked)
-            if looked.parts and not setting.fixed:
-                change = find_change(looked, self.effects)
+            if not setting.fixed:
+                change = find_change(looked, self.effects, whole=True)
         without = None if change is None else leave_out(setting, change)
         return looked if without is None else self._settle(without)
 
