@@ -8,17 +8,20 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 from scipy.signal import lfilter
 from scipy.special import ndtr
 from shared import study_parser
 
 from identifiability.estimation.estimate import find_estimator, weigh_outliers
+from identifiability.estimation.noise import ResidualNoise
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH, holm
 from identifiability.foundation.output import write_json
@@ -26,7 +29,15 @@ from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import Submodel
 from identifiability.report import Check, Picture, Prose, Section, frame_table, write_page
-from identifiability.report.calibration_report import draw_coverage, draw_wrong
+from identifiability.report.drawing import (
+    INK,
+    MUTED,
+    VERMILION,
+    drawn,
+    legend_above,
+    row_canvas,
+    whiskers,
+)
 from identifiability.robot import Robot
 from identifiability.simulation import (
     Noise,
@@ -36,8 +47,8 @@ from identifiability.simulation import (
     simulate,
 )
 from identifiability.workflows.analyze import Analysis, analyze
-from identifiability.workflows.calibrate.calibration import calibrate, label
-from identifiability.workflows.calibrate.outcome import Cell, Experiment, Outcome, count_outcomes
+from identifiability.workflows.calibrate.outcome import Experiment, Outcome, count_outcomes
+from identifiability.workflows.calibrate.world import EVERYTHING, World
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[1]
@@ -48,6 +59,52 @@ METHODS = ("ols", "wls")
 
 #: What must hold: coverage at ρ = 0.9, and the share of identifiable parameters that are wrong.
 LEAST_ROBUST, MOST_WHITE, MOST_WRONG = 0.90, 0.50, 0.02
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What was counted at one noise: its multiple and correlation from sample to sample.
+
+    Coverage of white-noise and of robust intervals with Monte-Carlo errors by trials; parameters
+    that are called identifiable, and that pass the 10× rule, and the shares of them off by half.
+    """
+
+    noise: float
+    rho: float
+    trials: int
+    coverage_white: float
+    coverage_white_se: float
+    coverage_robust: float
+    coverage_se: float
+    called: float
+    wrong: float
+    wrong_high: float
+    paper_called: float
+    paper_wrong: float
+
+
+def count(
+    trials: Sequence[Outcome], truth: Array, names: Sequence[str], noise: float, rho: float
+) -> Cell:
+    """Return what was counted of some trials, of truth (k,) or (T, k)."""
+    robust = count_outcomes(trials, truth, names)
+    white = count_outcomes(
+        [replace(t, robust=t.white, identifiable=t.paper) for t in trials], truth, names
+    )
+    return Cell(
+        noise=noise,
+        rho=rho,
+        trials=len(trials),
+        coverage_white=white.coverage,
+        coverage_white_se=white.coverage_se,
+        coverage_robust=robust.coverage,
+        coverage_se=robust.coverage_se,
+        called=robust.called,
+        wrong=float(np.nan_to_num(robust.wrong.value)),
+        wrong_high=robust.wrong.high,
+        paper_called=white.called,
+        paper_wrong=float(np.nan_to_num(white.wrong.value)),
+    )
 
 
 @dataclass(frozen=True)
@@ -72,8 +129,17 @@ def measure_red(
     """Return the cells of Model 1 under AR(1) noise, all levels and correlations."""
     log = simulate_log(robot, 1.0, np.random.default_rng(seed))
     analysis = analyze(robot, log, method=method, replicates=0, seed=seed)
-    few = {"replicates": trials, "sbc": 0, "names": 0}
-    return calibrate(analysis, noise=LEVELS, rho=RHO, **few, seed=seed, progress=say).cells
+    stream, *streams = np.random.SeedSequence(seed).spawn(1 + len(RHO) * len(LEVELS))
+    world = World.of(analysis, analysis.chosen, 200, np.random.default_rng(stream))
+    cells = []
+    for k, ((rho, level), own) in enumerate(zip(product(RHO, LEVELS), streams, strict=True)):
+        say(f"AR(1) noise, {method.upper()}", k / len(streams))
+        noise = ResidualNoise.first_order(level * world.noise.sd, rho)
+        repeat = replace(world, noise=noise).repeat
+        outcomes, truth = zip(*(repeat(EVERYTHING, s) for s in own.spawn(trials)), strict=True)
+        names = analysis.chosen.submodel.columns
+        cells.append(count(outcomes, np.array(truth), names, level, rho))
+    return tuple(cells)
 
 
 def measure_paper(
@@ -96,9 +162,7 @@ def measure_paper(
             for at, outcome in enumerate(judge_log(clean, submodels, level, rng)):
                 found[at].append(outcome)
         for submodel, outcomes, true in zip(submodels, found, truth, strict=True):
-            cells[submodel.name].append(
-                count_outcomes(outcomes, submodel.columns, true, level, 0.0)
-            )
+            cells[submodel.name].append(count(outcomes, true, submodel.columns, level, 0.0))
     return {name: tuple(c) for name, c in cells.items()}
 
 
@@ -110,7 +174,7 @@ def judge_log(
     regression = clean.structure.regression([samples])
     information = gather_information(regression)
     experiments = [Experiment.of(regression, submodel) for submodel in submodels]
-    return [e.judge(e.submodel.reduce(information), e.tau, rng) for e in experiments]
+    return [e.judge(information, e.tau, e.W, rng) for e in experiments]
 
 
 #: Noises of six kinds, of the size of the residual: memory (ρ to the next sample), resonance on
@@ -161,14 +225,15 @@ def measure_noises(trials: int, seed: int) -> pd.DataFrame:
         found = analyze(robot, log, replicates=0)
         e = Experiment.of(found.regression, found.full.submodel)
         truth = found.full.estimate.value
-        size = np.sqrt(np.mean((e.tau - e.W @ truth) ** 2, axis=0))
+        exact = e.W @ e.submodel.expand(truth)
+        size = np.sqrt(np.mean((e.tau - exact) ** 2, axis=0))
         for kind, stream in zip(NOISES, rng.spawn(len(NOISES)), strict=True):
             for level in (1.0, 3.0):
                 out = []
                 for own in stream.spawn(trials):
-                    information, tau = e.outcome(truth, level * size * draw_noise(kind, e.tau, own))
-                    information = weigh_outliers(information, find_estimator("wls"))[0]
-                    out.append(e.judge(information, tau, own))
+                    tau = exact + level * size * draw_noise(kind, e.tau, own)
+                    information = weigh_outliers(e.gather(tau, e.W), find_estimator("wls"))[0]
+                    out.append(e.judge(information, tau, e.W, own))
                 value, sigma = (np.array([getattr(o, x) for o in out]) for x in ("value", "robust"))
                 held = np.abs(value - truth) <= REACH * sigma
                 sd = value.std(0, ddof=1)
@@ -193,15 +258,44 @@ def measure_noises(trials: int, seed: int) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def label(cell: Cell) -> str:
+    """Return what a cell simulates, ``noise × 0.3, ρ = 0.9``."""
+    return f"noise × {cell.noise:g}, ρ = {cell.rho:g}"
+
+
+@drawn
+def draw_coverage(cells: Sequence[Cell]) -> Figure:
+    """Draw the coverage of white-noise and of robust 95 % intervals."""
+    figure, axes = row_canvas([label(c) for c in cells], 30, xlabel="intervals that hold [%]")
+    rows = np.arange(len(cells))
+    axes.axvline(95, color=INK, linewidth=1)
+    white = [100 * c.coverage_white for c in cells]
+    axes.plot(white, rows, "o", fillstyle="none", color=MUTED, markersize=7, label="white σ")
+    robust, spread = np.array([(100 * c.coverage_robust, 200 * c.coverage_se) for c in cells]).T
+    whiskers(axes, robust, rows, spread, label="robust σ")
+    legend_above(axes, handletextpad=0.3, borderaxespad=None)
+    axes.set_xlim(0, 102)
+    return figure
+
+
+@drawn
+def draw_wrong(labels: Sequence[str], cells: Sequence[Cell]) -> Figure:
+    """Draw the share of believed parameters that are off by more than half."""
+    figure, axes = row_canvas(labels, 30, xlabel="off by more than half [%]")
+    ours, paper, high = (100 * np.array([(c.wrong, c.paper_wrong, c.wrong_high) for c in cells])).T
+    rows = np.arange(len(cells))
+    axes.plot(paper, rows, "x", color=VERMILION, markersize=7, label="10× rule")
+    reach = np.nan_to_num(np.maximum(high - ours, 0.0))
+    whiskers(axes, ours, rows, [np.zeros(len(rows)), reach], label="identifiable")
+    axes.set_xlim(-2, max(10.0, 1.05 * float(np.nanmax([paper, ours, high]))))
+    legend_above(axes, handletextpad=0.3, borderaxespad=None)
+    return figure
+
+
 def coverage_section(method: str, cells: Sequence[Cell]) -> Section:
     """Return coverage and verdicts of one method under AR(1) noise."""
     own = [c for c in cells if c.noise == 1.0]
-    figure = draw_coverage(
-        [label(c) for c in own],
-        np.array([c.coverage_white for c in own]),
-        np.array([c.coverage_robust for c in own]),
-        np.array([c.coverage_se for c in own]),
-    )
+    figure = draw_coverage(own)
     caption = "Bars are two Monte-Carlo standard errors; the line is what is promised."
     return Section(
         f"coverage-{method}",
@@ -258,12 +352,7 @@ def paper_section(cells_of: dict[str, tuple[Cell, ...]]) -> Section:
     ]
     labels = [f"{name}, × {c.noise:g}" for name, cells in cells_of.items() for c in cells]
     flat = [c for cells in cells_of.values() for c in cells]
-    figure = draw_wrong(
-        labels,
-        np.array([c.wrong for c in flat]),
-        np.array([c.paper_wrong for c in flat]),
-        np.array([c.wrong_high for c in flat]),
-    )
+    figure = draw_wrong(labels, flat)
     lead = (
         "δ = 4 % on the motion and η = 5 % on the forces, per sample, times 0.3, 1 and 3, through "
         "the simulator: the regressor has errors too, which bias the estimate, so coverage of "
@@ -310,8 +399,8 @@ def write(result: Result, out: Path, trials: int, seed: int) -> None:
         "statement": state(result),
         "trials": trials,
         "seed": seed,
-        "ar1": {m: [c.to_dict() for c in cells] for m, cells in result.red.items()},
-        "paper": {m: [c.to_dict() for c in cells] for m, cells in result.paper.items()},
+        "ar1": {m: [asdict(c) for c in cells] for m, cells in result.red.items()},
+        "paper": {m: [asdict(c) for c in cells] for m, cells in result.paper.items()},
     }
     print(state(result))
     print(write_json(out, data))

@@ -106,7 +106,6 @@ class Subject:
         self.truth = np.linalg.lstsq(self.full.submodel.M, stated, rcond=None)[0]
         self.sd = np.sqrt(self.full.estimate.variance)
         self.base = np.concatenate([W for _, _, W, _ in regression.chunks()])
-        self.names = tuple(p.name for p in regression.parameters)
 
     def observe(self, first: float, others: float, rng: np.random.Generator) -> Array:
         """Return the torque of one log."""
@@ -121,7 +120,7 @@ class Subject:
     def try_log(self, tau: Array, rng: np.random.Generator) -> Trial:
         """Return what one log gives by every road."""
         e = self.experiment
-        whole = Information.of_rows(self.names, self.base, tau, e.log, e.block)
+        whole = e.gather(tau, self.base)
         model = FittedModel.of(
             self.analysis.structure, self.full.submodel, whole, find_estimator("wls")
         )
@@ -143,7 +142,7 @@ class Subject:
     def _before(self, part: Information, tau: Array) -> tuple[Array, Array]:
         """Return values by weights 1/σ², and deviations tempered by one mean time."""
         plain = find_estimator("ols").fit(part)
-        W = self.experiment.W
+        W = self.base @ self.full.submodel.M
         left = tau - self.base @ self.full.submodel.fixed - W @ plain.value
         weights = 1.0 / np.mean(left**2, axis=0)
         value = refit(part, weights, np.ones((1, len(part.counts))))[0]

@@ -2,16 +2,15 @@
 
 import json
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from identifiability import Log, Robot, diagnose
+from identifiability import Log, Robot, analyze
 from identifiability.cli import app
 from identifiability.effects import forget, load_plugin
 from identifiability.estimation import estimate
-from identifiability.foundation.engines.local import Processes
-from identifiability.workflows.diagnose.false_names import null_of
+from identifiability.foundation.engines.local import Processes, Serial
+from identifiability.workflows.calibrate.false_names import measure_false_names
 
 PLUGIN = '''
 """Cogging of known pitch."""
@@ -127,16 +126,14 @@ def test_a_motion_separates_it_from_another(folder, plugin):
 def test_workers_know_it(folder, plugin):
     """A null repetition of the whole diagnosis gives the same on another process."""
     load_plugin(plugin)
-    train, held = ([Log.read(folder / f"{name}.csv").rows(0, 150)] for name in "ab")
-    null = null_of(
-        diagnose("two-link", train, held, effects=["cogging"], seed=3, quick=True, forward=False),
-        train, held, None,
-    )  # fmt: skip
-    items = [(k, np.random.SeedSequence(k)) for k in (3, 4)]
+    pair = [Log.read(folder / f"{name}.csv").rows(0, 150) for name in "ab"]
+    analysis = analyze("two-link", pair, replicates=0)
     with Processes(2) as engine:
-        there, _ = engine.map(null, items)
-    assert "cogging" in there[1]
-    assert there == null(items[0])
+        there, here = (
+            measure_false_names(analysis, 2, 3, own, lambda done, total: None)
+            for own in (engine, Serial())
+        )
+    assert there == here
 
 
 @pytest.mark.parametrize(

@@ -51,17 +51,15 @@ def test_quick_is_a_tenth_unless_somebody_says_how_many(robot, monkeypatch):
     assert analyze(robot, log, quick=True, replicates=2).settings["replicates"] == 2
     assert prune(robot, log, quick=True).settings["replicates"] == 20
     analysis = analyze(robot, log, replicates=0)
-    few = {"noise": (1.0,), "rho": (0.0,), "refits": 0}
+    few = {"refits": 0}
     asked = {}
-    for name, count in (("check_ranks", "replicates"), ("measure_false_names", "trials")):
-        keep = partial(
-            lambda name, count, *_, **given: asked.update({name: given[count]}), name, count
-        )
+    for name, place in (("check_ranks", 3), ("measure_false_names", 1)):
+        keep = partial(lambda name, place, *given: asked.update({name: given[place]}), name, place)
         monkeypatch.setattr(f"identifiability.workflows.calibrate.calibration.{name}", keep)
     quick = calibrate(analysis, **few, quick=True)
-    assert (quick.cells[0].trials, asked) == (4 * 8, {"check_ranks": 200, "measure_false_names": 4})
+    assert (len(quick.cell.held), asked) == (32, {"check_ranks": 200, "measure_false_names": 4})
     stated = calibrate(analysis, **few, quick=True, replicates=2, names=0, sbc=0)
-    assert (stated.cells[0].trials, stated.false_names, stated.ranks) == (4 * 2, None, None)
+    assert (len(stated.cell.held), stated.false_names, stated.ranks) == (2, None, None)
 
 
 #: What judging verbs have in common, by how it is called.

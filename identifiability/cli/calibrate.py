@@ -60,4 +60,4 @@ def calibrate(
             engine=runner,
         )
         written = outputs.write(result, say)
-    common.print_result(result, [result.statement, *result.notes], written)
+    common.print_result(result, [result.statement], written)

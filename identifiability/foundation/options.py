@@ -105,20 +105,6 @@ Rng = Annotated[
     "np.random.Generator", Expected("a random generator, such as numpy.random.default_rng(0)")
 ]
 
-Levels = Annotated[
-    Sequence[Positive],
-    Expected("a list of numbers above 0", lambda levels: len(levels) > 0),
-]
-Correlations = Annotated[
-    Sequence[Any],
-    Expected(
-        "a list of numbers above -1 and below 1, or NaN for noise like the residual",
-        lambda values: (
-            len(values) > 0 and all(isinstance(r, Real) and not abs(float(r)) >= 1 for r in values)
-        ),
-    ),
-]
-
 #: Letters of a value that a sentence quotes.
 _LONGEST = 60
 

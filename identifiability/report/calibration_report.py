@@ -8,17 +8,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from scipy.stats import binom
 
-from identifiability.effects import title_of
 from identifiability.foundation.answers import Column, Table
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import (
-    digits,
-    format_number,
-    join,
-    rough_percent,
-    whole_percent,
-)
+from identifiability.foundation.rounding import digits, join, whole_percent
 from identifiability.report.blocks import Fold, Prose, Section, Sketch, picture, section
 from identifiability.report.drawing import (
     BLUE,
@@ -36,61 +30,8 @@ from identifiability.report.drawing import (
 )
 from identifiability.report.skeleton import Part, moved_pose, sketch_parts
 from identifiability.workflows.answers import sentence, with_hints, words
-from identifiability.workflows.calibrate.calibration import WORDS, Calibration, _rare, label
+from identifiability.workflows.calibrate.calibration import WORDS, Calibration
 from identifiability.workflows.calibrate.outcome import PRIOR_WIDTH, RankCheck
-from identifiability.workflows.diagnose import FalseNames
-
-# Operating characteristics: coverage, wrong verdicts, and ranks of planted values.
-
-
-_ROW = 30
-
-
-@drawn
-def draw_coverage(labels: Sequence[str], white: Array, robust: Array, spread: Array) -> Figure:
-    """Draw the coverage of white-noise and of robust 95 % intervals.
-
-    Parameters
-    ----------
-    labels : sequence of str
-        Simulated noise.
-    white, robust : (c,)
-        Shares of intervals that hold the truth.
-    spread : (c,)
-        Monte-Carlo standard error of `robust`.
-    """
-    figure, axes = row_canvas(labels, _ROW, xlabel="intervals that hold the truth [%]")
-    rows = np.arange(len(labels))
-    axes.axvline(95, color=INK, linewidth=1)
-    axes.plot(100 * white, rows, "o", fillstyle="none", color=MUTED, markersize=7, label="white σ")
-    whiskers(axes, 100 * robust, rows, 200 * np.nan_to_num(spread), label="robust σ")
-    legend_above(axes, handletextpad=0.3, borderaxespad=None)
-    axes.set_xlim(0, 102)
-    return figure
-
-
-@drawn
-def draw_wrong(labels: Sequence[str], ours: Array, paper: Array, high: Array) -> Figure:
-    """Draw the share of believed parameters that are off by more than half.
-
-    Parameters
-    ----------
-    labels : sequence of str
-        Simulated noise.
-    ours, paper : (c,)
-        Shares among the parameters called identifiable and those that pass the 10× rule.
-    high : (c,)
-        Upper ends of the intervals of `ours`.
-    """
-    figure, axes = row_canvas(labels, _ROW, xlabel="off by more than half [%]")
-    rows = np.arange(len(labels))
-    axes.plot(100 * paper, rows, "x", color=VERMILION, markersize=7, label="10× rule")
-    reach = 100 * np.nan_to_num(np.maximum(high - ours, 0.0))
-    whiskers(axes, 100 * ours, rows, [np.zeros(len(rows)), reach], label="identifiable")
-    most = float(np.nanmax(np.concatenate([paper, ours, high, [0.0]])))
-    axes.set_xlim(-2, max(10.0, 105 * most))
-    legend_above(axes, handletextpad=0.3, borderaxespad=None)
-    return figure
 
 
 @drawn
@@ -149,14 +90,9 @@ def draw_ranks(counts: Array, band: tuple[float, float], worst: int, name: str) 
     return figure
 
 
-# What a calibration answers first: trust or not, how often wrong, where weakest, what next.
-
-
 def sketch(calibration: Calibration) -> Sketch | None:
     """Return the robot with what was found drawn on it, if it can be drawn."""
-    analysis, cell = calibration.analysis, calibration.cells[0]
-    if analysis is None:
-        return None
+    analysis, cell = calibration.analysis, calibration.cell
     owners: dict[str, list[str]] = {}
     for name in cell.names:
         owners.setdefault(name.rpartition(".")[0], []).append(name)
@@ -169,93 +105,49 @@ def sketch(calibration: Calibration) -> Sketch | None:
     return sketch_parts(analysis.robot, parts, "decision.calibrated", pose, "not in the model")
 
 
-# The report of a calibration: may intervals and verdicts be trusted on this motion?
-
-
 def heading(calibration: Calibration) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
-    analysis = calibration.analysis
-    robot = calibration.robot if analysis is None else analysis.robot.path.name
-    return "Calibration", f"{robot} · {calibration.model}"
+    return "Calibration", f"{calibration.analysis.robot.path.name} · {calibration.model}"
 
 
-def paragraphs(calibration: Calibration) -> tuple[str, ...]:
-    """Return the answer in words."""
-    return (*calibration.lines, *calibration.notes)
-
-
-def sections(calibration: Calibration) -> list[Section]:
-    """Return the sections of the page."""
-    found = [_coverage(calibration), _each(calibration), _verdicts(calibration)]
-    if calibration.effects:
-        found.insert(0, _causes(calibration))
-    if calibration.ranks is not None:
-        found.append(_ranks(calibration.ranks))
-    if calibration.false_names is not None:
-        found.append(_names(calibration.false_names))
-    return [*found, _method(calibration)]
+def paragraphs(_: Calibration) -> tuple[str, ...]:
+    """Return nothing: the answers and the sections say it."""
+    return ()
 
 
 CAUSES = (
     Column("without", get=lambda e: WORDS[e.cause]),
-    Column("intervals that hold", get=lambda e: _tenths(e.cell.coverage_robust)),
-    Column("identifiable and wrong", get=lambda e: _rare(e.cell.wrong)),
+    Column("intervals that hold", whole_percent, "cell.coverage"),
     Column("gain", get=lambda e: f"{100 * e.gain:.1f} ± {100 * e.gain_se:.1f} %"),
     Column("does harm", get=lambda e: "yes" if e.harmful else "no"),
 )
 
 
-def _causes(calibration: Calibration) -> Section:
-    """Show what the answer would be without each of the causes."""
-    table = Table.of("One cause switched off", CAUSES, calibration.effects)
-    return section("calibration.causes", table)
-
-
-def _coverage(calibration: Calibration) -> Section:
-    cells = calibration.cells
-    white, robust, spread = np.array(
-        [(c.coverage_white, c.coverage_robust, c.coverage_se) for c in cells]
-    ).T
-    figure = draw_coverage([label(c) for c in cells], white, robust, spread)
-    return section("calibration.coverage", picture("coverage", figure))
+def sections(calibration: Calibration) -> list[Section]:
+    """Return the sections of the page."""
+    found = [_each(calibration)]
+    if calibration.effects:
+        table = Table.of("One cause switched off", CAUSES, calibration.effects)
+        found.insert(0, section("calibration.causes", table))
+    if calibration.ranks is not None:
+        found.append(_ranks(calibration.ranks))
+    if calibration.false_names is not None:
+        statement = calibration.false_names.statement
+        found.append(section("calibration.names", statement=statement))
+    return [*found, _method(calibration)]
 
 
 def _each(calibration: Calibration) -> Section:
-    """Show what the pooled coverage hides: the coverage of every single parameter."""
-    cell = calibration.cells[0]
-    shares = np.array([(s.value, s.low, s.high) for s in cell.each])
-    order = np.argsort(shares[:, 0], kind="stable")
-    names, shares = [cell.names[k] for k in order], shares[order]
-    least = np.min([[s.value for s in c.each] for c in calibration.cells], axis=0)[order]
-    own = with_hints(
-        "each",
-        Column("parameter"),
-        Column("coverage", _tenths, hint=f"Of {cell.trials} repetitions, {label(cell)}."),
-        Column("at least", _tenths),
-        Column("at most", _tenths),
-        Column("fewest in any row", whole_percent),
-    )
-    table = Table.of("", own, zip(names, *shares.T, least, strict=True))
-    fold = Fold(f"All {len(names)} parameters", (table,))
-    shown = picture("each", draw_each(names, *shares.T))
-    return section("calibration.parameters", shown, fold, statement=calibration.worst_statement)
-
-
-def _tenths(share: float) -> str:
-    return f"{100 * share:.1f} %"
-
-
-def _verdicts(calibration: Calibration) -> Section:
-    cells = calibration.cells
-    wrong, paper, high = np.array([(c.wrong, c.paper_wrong, c.wrong_high) for c in cells]).T
-    figure = draw_wrong([label(c) for c in cells], wrong, paper, high)
-    table = calibration.tables()[0]
-    holes = {"model": calibration.model, "size": calibration.parameters}
-    return section("calibration.verdicts", picture("wrong", figure), table, **holes)
+    """Show the coverage of every single parameter."""
+    frame = calibration.to_frame()
+    picture_ = draw_each(tuple(frame.parameter), *frame[["value", "low", "high"]].to_numpy().T)
+    fold = Fold(f"All {len(frame)} parameters", calibration.tables())
+    return section("calibration.parameters", picture("each", picture_), fold)
 
 
 def _ranks(found: RankCheck) -> Section:
-    figure = draw_ranks(found.counts, found.band, found.worst, found.names[found.worst])
+    band = binom.interval(0.99, found.replicates, 1 / found.counts.shape[1])
+    figure = draw_ranks(found.counts, band, found.worst, found.names[found.worst])
     own = (
         Column("parameter"),
         Column("p-value", digits(2), hint="Chi-square test of uniform ranks."),
@@ -267,36 +159,14 @@ def _ranks(found: RankCheck) -> Section:
     return section("calibration.posterior", shown, fold, statement=found.statement)
 
 
-def _names(found: FalseNames) -> Section:
-    own = (
-        Column("effect"),
-        Column("smallest that stands out", rough_percent, hint="Its rms over the residual's."),
-        Column("95 %", hint="Monte-Carlo interval of the median over repetitions."),
-    )
-    rows = []
-    for family, size in sorted(found.detectable.items(), key=lambda x: x[1]):
-        least, most = (format_number(100 * x, 2) for x in found.detectable_interval(family))
-        rows.append((title_of(family), size, f"{least} … {most} %"))
-    low, high = (100 * x for x in found.interval)
-    given = f": {'; '.join(found.named)}" if found.named else ""
-    numbers = {"named": len(found.named), "trials": found.trials, "low": low, "high": high}
-    text = sentence("calibration.named", given=given, **numbers)
-    caption = "Sizes that stand out from the noise in four of five logs, at the best place"
-    table = Table.of(caption, own, rows)
-    return section("calibration.names", text, table, statement=found.statement)
-
-
 def _method(calibration: Calibration) -> Section:
-    counts = [c.trials for c in calibration.cells]
-    repeated = {"trials": counts[-1], "first": counts[0], "seed": calibration.seed}
-    told = [*words("calibration.how", **repeated).values()]
+    holes = {"trials": len(calibration.cell.held), "seed": calibration.provenance["seed"]}
+    told = [*words("calibration.how", **holes).values()]
     if calibration.ranks is not None:
         numbers = {"replicates": calibration.ranks.replicates, "width": f"{PRIOR_WIDTH:g}"}
         told.append(sentence("calibration.ranks", "how", **numbers))
-    table, own = None, calibration.own
-    if own is not None:
-        rows = zip(calibration.joints, own.orders, own.sd, own.times, strict=True)
-        table = Table.of("Noise like the residual", NOISE, rows)
+    rows = [tuple(row.values()) for row in calibration.noise_rows()]
+    table = Table.of("Noise of the repetitions", NOISE, rows)
     return section("calibration.method", Prose(tuple(told)), table)
 
 

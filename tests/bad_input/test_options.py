@@ -85,14 +85,6 @@ OF_LOGS = {
 }
 CALIBRATE = {
     "analysis": ({"analysis": 3}, "analysis must be an Analysis, not 3"),
-    "rho": (
-        {"rho": 1},
-        "rho must be a list of numbers above -1 and below 1, or NaN for",
-    ),
-    "rho of one": ({"rho": (1,)}, "rho must be a list of numbers above -1 and below 1"),
-    "rho in words": ({"rho": ("high",)}, "rho must be a list of numbers above -1 and below 1"),
-    "noise": ({"noise": "paper"}, "noise must be a list of numbers above 0, not 'paper'"),
-    "no noise": ({"noise": ()}, "noise must be a list of numbers above 0, not ()"),
     "model": ({"model": "fll model"}, "model must be 'full model' or 'no torque offset', not"),
     "replicates": ({"replicates": 1}, "a whole number of at least 2 or None, not 1"),
     "sbc": ({"sbc": -1}, "sbc must be a whole number of at least 0 or None, not -1"),

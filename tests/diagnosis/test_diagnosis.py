@@ -17,7 +17,7 @@ from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Regression
 from identifiability.robot import Robot
-from identifiability.workflows.diagnose import diagnose, measure_false_names
+from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.diagnose.findings import Rival
 from identifiability.workflows.diagnose.gap import explained_share
 from identifiability.workflows.diagnose.motion import STRETCH, prepare_rows, thin
@@ -234,19 +234,6 @@ def test_averages_explain_what_depends_on_the_variable_and_nothing_else():
     assert explained_share(x, np.sin(3 * x) + 0.1 * noise) > 0.9
     assert explained_share(x, noise) < 0.01
     assert explained_share(np.zeros(3000), noise) == 0.0
-
-
-def test_false_names_are_counted_on_the_users_own_motion(logs_of):
-    logs = logs_of("two-link", "joint_stiffness@elbow=0.05")
-    found = measure_false_names(Robot.load("two-link"), logs[:2], logs[4:], trials=4)
-    # The spring that is in these logs is not in their repetitions; at a rate of .1 more than
-    # two of four happen once in 270.
-    assert found.trials == 4
-    assert len(found.named) <= 2
-    low, high = found.detectable_interval("stribeck_friction")
-    assert 0 < low <= found.detectable["stribeck_friction"] <= high
-    assert found.interval[0] <= found.rate <= found.interval[1]
-    assert "4 simulated repetitions" in found.statement
 
 
 @pytest.fixture

@@ -112,13 +112,6 @@ def test_one_bad_parameter_of_many_must_be_worse_by_their_number():
     assert bad.to_dict()["parameters"][1]["adjusted"] == pytest.approx(3e-5)
 
 
-def test_the_band_holds_99_per_cent_of_the_bins():
-    low, high = check(0.5).band
-    inside = stats.binom.cdf(high, 400, 1 / 8) - stats.binom.cdf(low - 1, 400, 1 / 8)
-    assert 0.985 < inside < 0.997
-    assert low < 50 < high
-
-
 def test_a_half_goes_to_the_even_digit():
     assert format_measured(1.2345, 0.035) == ("1.234", "0.035")
     assert format_measured(1.2355, 0.035) == ("1.236", "0.035")

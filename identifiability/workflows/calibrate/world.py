@@ -11,38 +11,36 @@ from dataclasses import replace
 from enum import Flag, auto
 
 import numpy as np
-from scipy.linalg import eigvalsh, toeplitz
 
 from identifiability.estimation.decide import body_scatter
 from identifiability.estimation.noise import (
-    HIGHEST_ORDER,
     JointRuns,
     ResidualNoise,
     Runs,
-    autocovariance,
-    durbin,
+    find_runs,
     fit_residual_noise,
 )
-from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log, fourier, signals
+from identifiability.logs import Log, fourier
 from identifiability.logs.prepare import Preparation, Samples
-from identifiability.logs.prepare.instruments import SecondRecord, add_instrument, find_record
+from identifiability.logs.prepare.instruments import (
+    SecondRecord,
+    add_instrument,
+    complete_along,
+    find_record,
+)
 from identifiability.logs.prepare.plan import Plan, joint_log, noise_size
 from identifiability.logs.prepare.preparation import make_plan
-from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.physical.pseudo_inertia import BASIS, natural_scale, scale_matrix, to_matrix
-from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
-from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot, complete_motion
+from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.assessment import ModelResult
-from identifiability.workflows.calibrate.outcome import Experiment, Outcome, Seeds
+from identifiability.workflows.calibrate.outcome import Experiment, Outcome, base_columns
+from identifiability.workflows.opening import in_memory
 
 # Errors of the measured motion, estimated from the log, and the motion with new ones.
 #
@@ -57,8 +55,8 @@ class MotionErrors:
     Attributes
     ----------
     samples : Samples
-        The true motion: the second record where there is one, else as prepared, and smoothed where
-        noise was drawn anew, or velocities and accelerations were measured.
+        The true motion: the second record where there is one, smoothed where noise was drawn anew,
+        else as prepared; errors that it has make the new ones do a little less.
     log : Log
         The same, as a log at the joints.
     plan : Plan
@@ -88,48 +86,45 @@ class MotionErrors:
             how = replace(how, cutoff=samples.cutoff, outputs=samples.band)
         plan = make_plan(robot, raw, how)
         log = joint_log(robot, plan.mend(raw))
-        none = np.zeros(log.q.shape)
-        sd = [none if x is None else noise_size(x) for x in _channels(log)]
+        sd = np.stack([noise_size(x) for x in _channels(log)])
         instrumented = samples.beside is not None
-        found = samples if instrumented else add_instrument(robot, log, samples, always=True)
-        beside = None if found is None else found.beside
-        smooth = replace(samples, motion=samples.echoes[0].motion) if samples.echoes else None
-        near = beside or smooth or _smoothed(robot, samples, log, plan)
-        exactly = replace(near.motion, smooth_v=None)  # its signs are those of its speeds
-        true = replace(near, motion=exactly, instrument=None, echoes=())
-        exact = beside is not None
+        other = samples if instrumented else add_instrument(robot, log, samples, always=True)
+        beside = None if other is None else other.beside
+        near = beside or samples
+        smoothed = samples.echoes[0].motion if samples.echoes and beside is None else near.motion
+        motion = replace(smoothed, smooth_v=None)  # its signs are those of its speeds
+        true = replace(near, motion=motion, instrument=None, echoes=())
+        at = _channels(log)
+        at[:, motion.kept] = motion.actuated_q, motion.actuated_v, motion.actuated_a
         record = find_record(log, samples, always=True) if instrumented else None
-        at = _as_log(log, true)
-        return MotionErrors(true, at, plan, np.stack(sd), record, exact, instrumented)
-
-    def scaled(self, factor: float) -> MotionErrors:
-        """Return the same with errors of another size."""
-        return replace(self, sd=factor * self.sd)
+        exact = beside is not None
+        return MotionErrors(true, _with(log, at), plan, sd, record, exact, instrumented)
 
     def measure(self, robot: Robot, rng: np.random.Generator) -> tuple[Log, Samples]:
         """Return the log with new errors and its samples, at the same times."""
         e = self.sd * rng.standard_normal(self.sd.shape)
-        pairs = zip(_channels(self.log), e, strict=True)
-        log = _with(self.log, [x if x is None else x + y for x, y in pairs])
-        samples = _moved(robot, self.samples, self._prepared(e))
-        smooth, motion = self.plan.smooth_speed(log), samples.motion
-        if smooth is not None:
-            samples = replace(samples, motion=replace(motion, smooth_v=smooth[motion.kept]))
-        return log, samples
-
-    def _prepared(self, e: Array) -> list[Array]:
-        """Return errors (3, N, n) of position, velocity and acceleration after the preparation."""
-        log, plan = self.log, self.plan
-        noise = _with(log, [x if x is None else y for x, y in zip(_channels(log), e, strict=True)])
+        log, noise, plan = _with(self.log, _channels(self.log) + e), _with(self.log, e), self.plan
         if plan.series is not None:
-            series = plan.series
-            t = log.t - plan.start
+            t, series = noise.t - plan.start, plan.series
             fit = fourier.fit_fourier(t, noise.q, series.period, series.harmonics)
             plan = replace(plan, series=fit)
-        return [x[self.samples.motion.kept].copy() for x in plan.derive(noise)]
+        motion, moved = self.samples.motion, np.stack(plan.derive(noise))
+        moved[:, motion.kept] += motion.actuated_q, motion.actuated_v, motion.actuated_a
+        motion = complete_along(robot, motion, [*moved]) or motion
+        smooth = self.plan.smooth_speed(log)
+        if smooth is not None:
+            motion = replace(motion, smooth_v=smooth[motion.kept])
+        return log, replace(self.samples, motion=motion)
 
 
 def measure_anew(
+    structure: Structure, motion: Sequence[MotionErrors], rng: np.random.Generator
+) -> tuple[Array, Array | None]:
+    """Return columns of base parameters along logs with new errors, and instruments as they had."""
+    return base_columns(structure.regression(sample_anew(structure.robot, motion, rng)))
+
+
+def sample_anew(
     robot: Robot, motion: Sequence[MotionErrors], rng: np.random.Generator
 ) -> list[Samples]:
     """Return the samples of all logs with new errors, and instruments as the logs have them."""
@@ -137,64 +132,22 @@ def measure_anew(
     out = []
     for m, (log, own) in zip(motion, found, strict=True):
         others = [s for _, s in found if s is not own]
-        has = None
+        out.append(own)
         if m.instrumented:
-            has = add_instrument(robot, log, own, others, always=True, like=m.record)
-        out.append(has or own)
+            out[-1] = add_instrument(robot, log, own, others, always=True, like=m.record) or own
     return out
 
 
-def _channels(log: Log) -> tuple[Array, Array | None, Array | None]:
-    return log.q, log.dq, log.ddq
+def _channels(log: Log) -> Array:
+    """Return what is measured of the motion, (3, N, n); zero where it is not."""
+    each = (log.q, log.dq, log.ddq)
+    return np.stack([np.zeros_like(log.q) if x is None else x for x in each])
 
 
-def _as_log(log: Log, samples: Samples) -> Log:
-    """Return a log with the motion of samples, where it has such channels and they have rows."""
-    motion = samples.motion
-    out: list[Array | None] = []
-    near = (motion.actuated_q, motion.actuated_v, motion.actuated_a)
-    for x, true in zip(_channels(log), near, strict=True):
-        if x is not None:
-            x = x.copy()  # noqa: PLW2901 - logs are read-only
-            x[motion.kept] = true
-        out.append(x)
-    return _with(log, out)
-
-
-def _with(log: Log, channels: Sequence[Array | None]) -> Log:
+def _with(log: Log, channels: Array) -> Log:
     q, dq, ddq = channels
-    assert q is not None
+    dq, ddq = None if log.dq is None else dq, None if log.ddq is None else ddq
     return replace(log, q=q, dq=dq, ddq=ddq)
-
-
-def _smoothed(robot: Robot, samples: Samples, log: Log, plan: Plan) -> Samples:
-    """Return samples without the errors of velocities and accelerations that were measured."""
-    if plan.cutoff is not None or plan.series is not None or signals.has_gap(log.t).any():
-        return samples
-    dt = signals.sampling_step(log.t)
-    cutoff = max(LOG_RULES.cutoff_wide * bandwidth_of_windows([log.q], dt), LOG_RULES.cutoff_lowest)
-    cutoff = min(cutoff, LOG_RULES.cutoff_highest / dt)
-    given = plan.derive(log)
-    errors = [(signals.lowpass(x, dt, cutoff) - x)[samples.motion.kept] for x in given]
-    return _moved(robot, samples, errors)
-
-
-def _moved(robot: Robot, samples: Samples, errors: list[Array]) -> Samples:
-    """Return samples with something added to position, velocity and acceleration, each (N, n)."""
-    motion = samples.motion
-    near = [motion.actuated_q, motion.actuated_v, motion.actuated_a]
-    for _ in range(2):
-        q, dq, ddq = (x + e for x, e in zip(near, errors, strict=True))
-        try:
-            found = complete_motion(robot, motion.t, q, dq, ddq)
-        except ClosureError:
-            break
-        if len(found) == len(motion):
-            rows = {k: getattr(motion, k) for k in ("kept", "dropped", "near_singular")}
-            return replace(samples, motion=replace(found, **rows))
-        for e in errors:
-            e[found.dropped] = 0.0  # their loops do not close with the error
-    return samples
 
 
 # True robots that file and logs make likely: what simulated repetitions are made from.
@@ -250,17 +203,14 @@ class TrueRobots:
         factor = analysis.information.factor(1.0 / np.maximum(noise, ROUNDING * torque + 1e-300))
         R = factor[:, :-1]
         left = factor[:, -1] - R @ (structure.G @ bodies + others)
-        columns = R @ span
-        size = np.linalg.norm(columns, axis=0)
-        size[size == 0] = 1.0
         moved = scatter > 0
-        prior = np.eye(moved.sum(), moved.sum() + span.shape[1])
-        A = np.vstack(
-            [np.hstack([R @ structure.G[:, moved] * scatter[moved], columns / size]), prior]
+        by_body = R @ structure.G[:, moved] * scatter[moved]
+        A = np.block(
+            [[by_body, R @ span], [np.eye(moved.sum()), np.zeros((moved.sum(), span.shape[1]))]]
         )
-        found = np.linalg.lstsq(A, np.append(left, np.zeros(len(prior))), rcond=None)[0]
-        bodies[moved] += scatter[moved] * found[: len(prior)]
-        return TrueRobots(structure, bodies, scatter, others + span @ (found[len(prior) :] / size))
+        found = np.linalg.lstsq(A, np.append(left, np.zeros(moved.sum())), rcond=None)[0]
+        bodies[moved] += scatter[moved] * found[: moved.sum()]
+        return TrueRobots(structure, bodies, scatter, others + span @ found[moved.sum() :])
 
     def draw(self, rng: np.random.Generator) -> Array:
         """Return the base parameters of a robot, (b,)."""
@@ -288,25 +238,23 @@ def _free(
     by_bodies : (b,)
         What bodies make of them in the file.
     """
-    own = submodel.M[rows]
+    own, fit = submodel.M[rows], full.estimate
     own = own[:, own.any(0)]
     left = np.eye(rows.sum()) - own @ np.linalg.pinv(own)
-    found = full.submodel.expand(full.estimate.value)[rows] - submodel.fixed[rows]
-    C = np.where(np.isfinite(full.estimate.covariance), full.estimate.covariance, 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        wider = np.nan_to_num(full.uncertainty.robust / full.estimate.sigma, nan=1.0, posinf=1.0)
     half = left @ full.submodel.M[rows]
-    sd = np.sqrt(np.einsum("ij,jk,ik->i", half * wider, C, half * wider))
-    open_ = (np.abs(half[:, ~full.estimate.determined]) > 0).any(1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        wider = np.nan_to_num(full.uncertainty.robust / fit.sigma, nan=1.0, posinf=1.0)
+    C = np.where(np.isfinite(fit.covariance), fit.covariance, 0.0) * np.outer(wider, wider)
+    sd = np.sqrt(np.einsum("ij,jk,ik->i", half, C, half))
+    open_ = half[:, ~fit.determined].any(1)
     # What a model leaves out, and no body has, is in a true robot if the unpruned model finds
     # it this many robust standard deviations from zero: less is noise, which must not be
     # planted as truth.
-    sure = (np.abs(left @ found) > 3.0 * sd) & (sd > 0) & ~open_
-    span, origin = np.zeros((len(rows), own.shape[1] + sure.sum())), np.zeros(len(rows))
+    away = left @ (full.submodel.expand(fit.value) - submodel.fixed)[rows]
+    sure = (np.abs(away) > 3.0 * sd) & (sd > 0) & ~open_
+    span = np.zeros((len(rows), own.shape[1] + sure.sum()))
     span[rows] = np.hstack([own, left[:, sure]])
-    fixed = rows & (submodel.fixed != 0)
-    origin[fixed] = submodel.fixed[fixed] - by_bodies[fixed]
-    return span, origin
+    return span, np.where(rows & (submodel.fixed != 0), submodel.fixed - by_bodies, 0.0)
 
 
 def make_possible(theta: Array, like: Array) -> Array:
@@ -339,11 +287,6 @@ DRAWS = 8
 #: Share of the residual's variance that noise of the torque keeps at least.
 LEAST: Tolerance = 0.01
 
-#: Worlds of white noise in which the likelihood is asked for a memory, and how many times theirs
-#: that of the log must be to be one.
-PRETENCES = 4
-DOUBT: Tolerance = 3.0
-
 
 class Cause(Flag):
     """What can take an interval from the truth."""
@@ -356,19 +299,17 @@ class Cause(Flag):
 EVERYTHING = Cause.NOISE_MEMORY | Cause.LEFT_OUT | Cause.MOTION
 
 
-@frozen(kw_only=True)
+@frozen
 class World:
     """How repetitions are simulated.
 
     Attributes
     ----------
     experiment : Experiment
-        The model and how its outcomes are judged.
+        The true motion, and how its outcomes are judged.
     robots : TrueRobots
     motion : tuple of MotionErrors
         Of each log.
-    W : (N, n, b)
-        Columns of the base parameters along the true motion.
     noise : ResidualNoise
         Of the torque; with what the errors of the motion add it is like the residual.
     runs : Runs
@@ -378,165 +319,69 @@ class World:
     experiment: Experiment
     robots: TrueRobots
     motion: tuple[MotionErrors, ...]
-    W: Array
     noise: ResidualNoise
     runs: Runs
 
-    def repeat(
-        self, noise: ResidualNoise, causes: Cause, seed: np.random.SeedSequence
-    ) -> tuple[Outcome, Array]:
+    @staticmethod
+    def of(analysis: Analysis, result: ModelResult, refits: int, rng: np.random.Generator) -> World:
+        """Return the world that is like the logs of an analysis.
+
+        Errors of the motion make part of the residual: the noise of the torque is the rest. Where
+        they would make more than was found, they are made smaller.
+
+        Parameters
+        ----------
+        analysis : Analysis
+        result : ModelResult
+            The model that is fitted to every repetition.
+        refits : int
+            Of the bootstrap in each.
+        rng : numpy.random.Generator
+        """
+        samples, logs = in_memory(analysis.samples, Samples), in_memory(analysis.recordings, Log)
+        how = analysis.settings.get("preparation")
+        how = how if isinstance(how, Preparation) else Preparation()
+        motion = tuple(
+            MotionErrors.of(analysis.robot, s, raw, how)
+            for s, raw in zip(samples, logs, strict=True)
+        )
+        experiment = Experiment.of(
+            analysis.structure.regression([m.samples for m in motion]),
+            result.submodel,
+            method=result.estimate.estimator,
+            thresholds=analysis.thresholds,
+            replicates=refits,
+            structure=analysis.structure,
+            echo=analysis.information.echo,
+        )
+        W, tau, moves, runs = experiment.W, experiment.tau, experiment.moves, find_runs(samples)
+        noise = fit_residual_noise(tau, W, JointRuns.of(runs, moves))
+        robots = TrueRobots.of(analysis, result)
+        if any(m.sd.any() for m in motion):
+            again = (measure_anew(robots.structure, motion, rng)[0] for _ in range(DRAWS))
+            made = np.mean([((x - W) @ robots.draw(rng)) ** 2 for x in again], axis=(0, 1))
+            made /= np.maximum(moves.mean(0) * analysis.full.estimate.variance, 1e-300)
+            worst = max(float(made.max()), 1.0)
+            motion = tuple(replace(m, sd=worst**-0.5 * m.sd) for m in motion)
+            if not all(m.exact for m in motion):  # beside an exact motion it is all there is
+                rest = np.sqrt(np.maximum(1.0 - made / worst, LEAST))
+                noise = replace(noise, innovation=rest * noise.innovation)
+        return World(experiment, robots, motion, noise, runs)
+
+    def repeat(self, causes: Cause, seed: np.random.SeedSequence) -> tuple[Outcome, Array]:
         """Return one repetition, fitted and judged, and what the labels meant in it, (k,)."""
         of_robot, of_noise, of_motion, of_fit = map(np.random.default_rng, seed.spawn(4))
-        submodel = self.experiment.submodel
+        e, noise, submodel = self.experiment, self.noise, self.experiment.submodel
         beta = self.robots.draw(of_robot)
         truth = np.linalg.lstsq(submodel.M, beta - submodel.fixed, rcond=None)[0]
         if Cause.LEFT_OUT not in causes:
             beta = submodel.expand(truth)
         if Cause.NOISE_MEMORY not in causes:
             noise = ResidualNoise(tuple(np.empty(0) for _ in noise.pacf), noise.sd)
-        moves = self.experiment.moves
-        made = noise.simulate(self.runs, of_noise)
-        tau = self.W @ beta + (
-            made if moves is None else made * moves
-        )  # sticking joints say nothing
-        W, V, echo = self.W, None, None
+        # Sticking joints say nothing.
+        tau = e.W @ beta + noise.simulate(self.runs, of_noise) * e.moves
+        W, V, echo = e.W, None, None
         if Cause.MOTION in causes and any(m.sd.any() for m in self.motion):
-            W, V = _columns(measure(self.robots, self.motion, of_motion))
-            echo = self.experiment.echo
-        log, size = self.experiment.log, self.experiment.block
-        names = self.robots.structure.base.names
-        whole = replace(Information.of_rows(names, W, tau, log, size, V, moves), echo=echo)
-        experiment = replace(self.experiment, W=W @ submodel.M)
-        left = tau - W @ submodel.fixed
-        return experiment.judge(submodel.reduce(whole), left, of_fit, whole), truth
-
-
-def measure(
-    robots: TrueRobots, motion: Sequence[MotionErrors], rng: np.random.Generator
-) -> Regression:
-    """Return the regression along a motion that was measured again, over base parameters."""
-    structure = robots.structure
-    return structure.regression(measure_anew(structure.robot, motion, rng))
-
-
-def build_world(
-    experiment: Experiment,
-    robots: TrueRobots,
-    motion: tuple[MotionErrors, ...],
-    columns: tuple[Array, Array],
-    runs: Runs,
-    sizes: Array,
-    rng: np.random.Generator,
-) -> tuple[World, ResidualNoise]:
-    """Return the world that is like the log, and the noise that the whole residual is like.
-
-    Errors of the motion make part of the residual: the noise of the torque is the rest. Where they
-    would make more than was found, they are made smaller.
-
-    Parameters
-    ----------
-    columns : ((N, n), (N, n, b))
-        The torque, and the columns of the base parameters along the measured motion.
-    sizes : (n,) [N·m or N]
-        Standard deviation of the residual.
-    """
-    erring = any(m.sd.any() for m in motion)
-    moves = experiment.moves
-    moving = runs if moves is None else JointRuns.of(runs, moves)
-    structure = robots.structure
-    W, _ = _columns(structure.regression([m.samples for m in motion]))
-    experiment = replace(experiment, W=W @ experiment.submodel.M)
-    made = np.zeros((len(sizes), HIGHEST_ORDER + 1))
-    share = np.ones(len(sizes)) if moves is None else np.maximum(moves.mean(0), 1e-12)
-    for _ in range(DRAWS if erring else 0):
-        beta = robots.draw(rng)
-        again, _ = _columns(measure(robots, motion, rng))
-        made += _autocovariances((again - W) @ beta, runs) / share[:, None] / DRAWS
-    worst = float(np.max(made[:, 0] / np.maximum(sizes**2, 1e-300), initial=0.0))
-    if worst > 1:
-        motion = tuple(m.scaled(worst**-0.5) for m in motion)
-        made /= worst
-    tau, measured = columns
-    if all(m.exact for m in motion):  # beside exact columns noise of the torque is all there is
-        own = fit_residual_noise(tau, W, moving)
-        world = World(
-            experiment=experiment, robots=robots, motion=motion, W=W, noise=own, runs=runs
-        )
-        return world, own
-    own = fit_residual_noise(tau, measured, moving)
-    rest = np.maximum(sizes**2 - made[:, 0], LEAST * sizes**2)
-    if erring and any(own.orders):
-        own = _without_pretence(own, sizes, np.sqrt(rest), (robots, motion, W, moving), rng)
-    parts = []
-    for pacf, new, part in zip(own.pacf, own.innovation, made, strict=True):
-        parts.append(_less(new**2 * autocovariance(pacf, HIGHEST_ORDER), part))
-    noise = ResidualNoise(tuple(p for p, _ in parts), np.array([s for _, s in parts]))
-    world = World(experiment=experiment, robots=robots, motion=motion, W=W, noise=noise, runs=runs)
-    return world, own
-
-
-def _without_pretence(
-    own: ResidualNoise,
-    sizes: Array,
-    rest: Array,
-    world: tuple[TrueRobots, tuple[MotionErrors, ...], Array, Runs | JointRuns],
-    rng: np.random.Generator,
-) -> ResidualNoise:
-    """Return the noise, white at actuators where errors of the motion only pretend a memory.
-
-    The likelihood takes columns for exact; beside noisy ones it sees slow noise that is not there.
-    So it is asked about worlds of white noise: a memory that it finds there too is no evidence.
-    """
-    robots, motion, W, runs = world
-    times = np.ones(len(sizes))
-    for _ in range(PRETENCES):
-        tau = W @ robots.draw(rng) + rest * rng.standard_normal((len(W), len(sizes)))
-        seen = fit_residual_noise(tau, _columns(measure(robots, motion, rng))[0], runs)
-        times = np.maximum(times, seen.times)
-    pretended = (times > 2.0) & (own.times < DOUBT * times)
-    pairs = list(zip(pretended, own.pacf, strict=True))
-    return ResidualNoise(
-        tuple(np.empty(0) if no else p for no, p in pairs),
-        np.where(pretended, sizes, own.innovation),
-    )
-
-
-def _columns(regression: Regression) -> tuple[Array, Array | None]:
-    """Return the columns of a regression in memory, (N, n, b), and instruments if it has any."""
-    both, at = np.empty(0), 0
-    for chunk in (c for part in regression.parts(whole=True) for c in part.chunks()):
-        wide = chunk.wide
-        if not at:  # of many joints these are hundreds of megabytes: they are held once
-            both = np.empty((regression.outputs, *wide.shape[1:]))
-        both[at : at + len(wide)] = wide
-        at += len(wide)
-    if regression.instruments is None:
-        return both, None
-    V, W = np.split(both, 2, axis=2)
-    return W, V
-
-
-def _autocovariances(x: Array, runs: Runs) -> Array:
-    """Return autocovariances of x (N, n) at lags 0 … the highest order, (n, lags)."""
-    lags = range(HIGHEST_ORDER + 1)
-    sums = [sum((x[a : max(a, b - k)] * x[a + k : b]).sum(0) for a, b in runs) for k in lags]
-    covariances: Array = np.stack(sums, axis=1) / max(len(x), 1)
-    return covariances
-
-
-def _less(total: Array, part: Array) -> tuple[Array, float]:
-    """Return partials and innovation of noise that makes the total with (most of) a part of it."""
-    if not total[0] > 0:
-        return np.empty(0), 0.0
-    for share in np.linspace(1.0, 0.0, 21):
-        left = total - share * part
-        least = eigvalsh(toeplitz(left))[0]
-        if left[0] >= LEAST * total[0] and least > LEAST**2 * left[0]:
-            return durbin(left)
-    return durbin(total)
-
-
-def repeat(world: World, item: tuple[ResidualNoise, Cause, Seeds]) -> list[tuple[Outcome, Array]]:
-    """Simulate and judge some repetitions; the item holds noise, causes and a seed for each."""
-    noise, causes, seeds = item
-    return [world.repeat(noise, causes, seed) for seed in seeds]
+            W, V = measure_anew(self.robots.structure, self.motion, of_motion)
+            echo = e.echo
+        return e.judge(replace(e.gather(tau, W, V), echo=echo), tau, W, of_fit), truth

@@ -6,7 +6,6 @@ log odds of a `Setting`, `name_missing` says what is missing and lets unseen mot
 `identifiability.effects.register`.
 """
 
-from identifiability.workflows.diagnose.false_names import FalseNames, measure_false_names
 from identifiability.workflows.diagnose.findings import NamedEffect, Placement
 from identifiability.workflows.diagnose.gap import Discrepancy, find_discrepancies
 from identifiability.workflows.diagnose.naming import Naming, look, name_missing
@@ -21,7 +20,6 @@ __all__ = [
     "Alias",
     "Diagnosis",
     "Discrepancy",
-    "FalseNames",
     "NamedEffect",
     "Naming",
     "NextMotion",
@@ -33,6 +31,5 @@ __all__ = [
     "find_discrepancies",
     "find_next",
     "look",
-    "measure_false_names",
     "name_missing",
 ]

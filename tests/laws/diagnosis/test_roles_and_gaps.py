@@ -9,7 +9,7 @@ from identifiability.logs import Log
 from identifiability.logs.prepare import Samples
 from identifiability.logs.signals import Decimation
 from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.diagnose.false_names import FalseNames
+from identifiability.workflows.calibrate.false_names import FalseNames
 from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.motion import assign_roles, divide, thin
 
@@ -94,19 +94,12 @@ def test_the_gap_in_motion_is_a_share_of_the_distance_that_each_joint_moves():
 
 
 def test_a_rate_of_false_names_has_the_interval_of_its_number_of_trials():
-    sizes = {"a": np.arange(1.0, 22.0), "b": np.array([0.5, 0.1, 0.3])}
-    found = FalseNames(trials=40, named=("a in j", "b in l"), sizes=sizes)
-    assert found.rate == 0.05
-    low, high = found.interval
+    found = FalseNames(trials=40, named=("a in j", "b in l"))
+    assert found.rate.value == 0.05
+    low, high = found.rate.low, found.rate.high
     # Clopper and Pearson: 2 or more of 40 at the lower end, 2 or fewer at the upper one.
     assert stats.binom.sf(1, 40, low) == pytest.approx(0.025)
     assert stats.binom.cdf(2, 40, high) == pytest.approx(0.025)
-    assert found.detectable == {"a": 11.0, "b": 0.3}
-    # Order statistics: the median of 21 lies between the 6th and the 16th in 97 of 100 cases.
-    low, high = found.detectable_interval("a")
-    assert (low, high) == (6.0, 16.0)
-    assert found.detectable_interval("b") == (0.1, 0.5)
-    assert "2 were given a name" in found.statement
-    assert "b of 30 % of the residual" in found.statement
-    one = FalseNames(trials=40, named=("a",), sizes={})
-    assert "1 was given a name" in one.statement
+    assert found.statement.endswith("2 were given a name (5 %, 95 %: 1 … 17 %): a in j; b in l.")
+    assert found.to_frame().loc[0, "high"] == found.to_dict()["interval95"][1] == high
+    assert "1 was given a name" in FalseNames(trials=40, named=("a",)).statement
