@@ -116,7 +116,7 @@ def paragraphs(_: Calibration) -> tuple[str, ...]:
 
 
 CAUSES = (
-    Column("without", get=lambda e: WORDS[e.cause]),
+    Column("without", get=lambda e: WORDS[e.cause][0]),
     Column("intervals that hold", whole_percent, "cell.coverage"),
     Column("gain", get=lambda e: f"{100 * e.gain:.1f} ± {100 * e.gain_se:.1f} %"),
     Column("does harm", get=lambda e: "yes" if e.harmful else "no"),

@@ -51,19 +51,15 @@ from identifiability.workflows.opening import Progress, quiet, require_signal, s
 
 Word = Literal["yes", "no", "not enough trials"]
 
-#: What a cause is called.
+#: What a cause is called, and what to do about it.
 WORDS = {
-    Cause.NOISE_MEMORY: "noise that remembers",
-    Cause.LEFT_OUT: "left-out parameters",
-    Cause.MOTION: "errors of the measured motion",
-}
-
-#: What to do about it.
-REMEDIES = {
-    Cause.NOISE_MEMORY: "Give longer logs",
-    Cause.LEFT_OUT: "Use a model that leaves out less (--model)",
-    Cause.MOTION: "Use instrumental variables (--estimator auto), for which the motion is repeated "
-    "or commands are logged; else low-pass it more (--cutoff)",
+    Cause.NOISE_MEMORY: ("noise that remembers", "Give longer logs"),
+    Cause.LEFT_OUT: ("left-out parameters", "Use a model that leaves out less (--model)"),
+    Cause.MOTION: (
+        "errors of the measured motion",
+        "Use instrumental variables (--estimator auto), for which the motion is repeated or "
+        "commands are logged; else low-pass it more (--cutoff)",
+    ),
 }
 
 
@@ -364,8 +360,8 @@ def _reason(calibration: Calibration) -> str:
     blamed = sorted((e for e in calibration.effects if e.harmful), key=lambda e: -e.gain)
     if not blamed:
         return "No single cause explains it: give longer or other logs."
-    why = ", then ".join(WORDS[e.cause] for e in blamed)
-    without, remedy = f"{100 * blamed[0].cell.coverage:.0f} % hold", REMEDIES[blamed[0].cause]
+    why = ", then ".join(WORDS[e.cause][0] for e in blamed)
+    without, remedy = f"{100 * blamed[0].cell.coverage:.0f} % hold", WORDS[blamed[0].cause][1]
     return f"Why: {why}; without it {without}. {remedy}."
 
 

@@ -1,8 +1,6 @@
 """How often does `diagnose` name what is not there, on this robot and this motion?
 
-The whole path is repeated from the raw log on, with torque that the model explains but for noise
-like that of the residual: filters, derivatives, regressor, tests. Only the last step would miss
-the false names that filters make.
+The whole path is repeated from the raw log on: tests alone would miss false names by filters.
 """
 
 from __future__ import annotations
@@ -70,23 +68,22 @@ class FalseNames:
 def measure_false_names(
     analysis: Analysis, trials: int, seed: int, engine: Engine, steps: Steps
 ) -> FalseNames:
-    """Diagnose simulated logs of the same motion in which nothing is missing.
+    """Diagnose logs of the same motion whose torque is that of the model and like noise.
 
-    Their torque is that of the model of the analysis as it is fitted beside the effects that a
-    diagnosis names; where a joint sticks, it is what it was.
+    The model is fitted beside the effects that a diagnosis names, which are left out.
     """
-    asked = analysis.settings.get("preparation")
-    how = asked if isinstance(asked, Preparation) and asked != Preparation() else None
     robot, logs = analysis.robot, in_memory(analysis.recordings, Log)
+    how = analysis.settings["preparation"]
+    assert isinstance(how, Preparation)
     judge = partial(diagnose, robot, preparation=how, quick=True)
     found = judge(logs, model=analysis.effects, seed=seed)
-    samples = [prepare_samples(robot, x, replace(how or Preparation(), decimate=1)) for x in logs]
+    samples = [prepare_samples(robot, x, replace(how, decimate=1)) for x in logs]
     moves = [np.ones(s.tau.shape, bool) if s.dwells is None else ~s.dwells for s in samples]
     data, tau = np.concatenate(moves), np.concatenate([s.tau for s in samples])
     W = np.concatenate([found.model.regressor(robot, s.motion) for s in samples])
     runs = find_runs(samples)
     noise = fit_residual_noise(tau, W, JointRuns.of(runs, data))
-    # Joints weigh by their torque.
+    # Joints weigh by their torque, and where one sticks torque is what it was.
     rows = data / np.maximum(np.sqrt(np.mean(tau**2 * data, axis=0)), 1e-12)
     A, b = (W * rows[:, :, None]).reshape(data.size, -1), (tau * rows).ravel()
     base, value = len(found.structure.parameters), np.linalg.lstsq(A, b, rcond=None)[0]

@@ -205,9 +205,8 @@ class TrueRobots:
         left = factor[:, -1] - R @ (structure.G @ bodies + others)
         moved = scatter > 0
         by_body = R @ structure.G[:, moved] * scatter[moved]
-        A = np.block(
-            [[by_body, R @ span], [np.eye(moved.sum()), np.zeros((moved.sum(), span.shape[1]))]]
-        )
+        rows_ = np.hstack([by_body, R @ span])
+        A = np.vstack([rows_, np.eye(moved.sum(), rows_.shape[1])])
         found = np.linalg.lstsq(A, np.append(left, np.zeros(moved.sum())), rcond=None)[0]
         bodies[moved] += scatter[moved] * found[: moved.sum()]
         return TrueRobots(structure, bodies, scatter, others + span @ found[moved.sum() :])
@@ -339,8 +338,8 @@ class World:
         rng : numpy.random.Generator
         """
         samples, logs = in_memory(analysis.samples, Samples), in_memory(analysis.recordings, Log)
-        how = analysis.settings.get("preparation")
-        how = how if isinstance(how, Preparation) else Preparation()
+        how = analysis.settings["preparation"]
+        assert isinstance(how, Preparation)
         motion = tuple(
             MotionErrors.of(analysis.robot, s, raw, how)
             for s, raw in zip(samples, logs, strict=True)
