@@ -19,7 +19,7 @@ from identifiability.foundation.engines.mapping import Steps
 from identifiability.foundation.numbers import Share, exact_share
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import prepare_samples
 from identifiability.robot.along import known_torque
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.diagnose import diagnose
@@ -40,14 +40,9 @@ class FalseNames:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""
-        return {
-            "trials": self.trials,
-            "false_names": len(self.named),
-            "named": list(self.named),
-            "rate": self.rate.value,
-            "interval95": [self.rate.low, self.rate.high],
-            "statement": self.statement,
-        }
+        rate, counts = self.rate, {"trials": self.trials, "false_names": len(self.named)}
+        told = {"rate": rate.value, "interval95": [rate.low, rate.high]}
+        return {**counts, **told, "named": list(self.named), "statement": self.statement}
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row: trials, false names, and their rate with its interval."""
@@ -73,8 +68,7 @@ def measure_false_names(
     The model is fitted beside the effects that a diagnosis names, which are left out.
     """
     robot, logs = analysis.robot, in_memory(analysis.recordings, Log)
-    how = analysis.settings["preparation"]
-    assert isinstance(how, Preparation)
+    how: Any = analysis.settings["preparation"]
     judge = partial(diagnose, robot, preparation=how, quick=True)
     found = judge(logs, model=analysis.effects, seed=seed)
     samples = [prepare_samples(robot, x, replace(how, decimate=1)) for x in logs]
@@ -87,10 +81,11 @@ def measure_false_names(
     rows = data / np.maximum(np.sqrt(np.mean(tau**2 * data, axis=0)), 1e-12)
     A, b = (W * rows[:, :, None]).reshape(data.size, -1), (tau * rows).ravel()
     base, value = len(found.structure.parameters), np.linalg.lstsq(A, b, rcond=None)[0]
-    known = np.concatenate([known_torque(robot, s.motion) for s in samples])
-    each = np.split(W[:, :, :base] @ value[:base] + known, np.cumsum([len(m) for m in moves])[:-1])
-    kept = [s.motion.kept for s in samples]
-    whole = list(zip((x.select(robot.joints) for x in logs), kept, each, moves, strict=True))
+    each = np.split(W[:, :, :base] @ value[:base], np.cumsum([len(m) for m in moves])[:-1])
+    whole = [
+        (log.select(robot.joints), s.motion.kept, part + known_torque(robot, s.motion), m)
+        for log, s, part, m in zip(logs, samples, each, moves, strict=True)
+    ]
     again = partial(judge, model=found.structure.model)
     named = partial(_name, again, find_families(None), whole, partial(noise.simulate, runs))
     items = [(seed + k, s) for k, s in enumerate(np.random.SeedSequence(seed).spawn(trials))]

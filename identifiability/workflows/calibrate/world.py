@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from enum import Flag, auto
+from typing import Any
 
 import numpy as np
 
@@ -338,8 +339,7 @@ class World:
         rng : numpy.random.Generator
         """
         samples, logs = in_memory(analysis.samples, Samples), in_memory(analysis.recordings, Log)
-        how = analysis.settings["preparation"]
-        assert isinstance(how, Preparation)
+        how: Any = analysis.settings["preparation"]
         motion = tuple(
             MotionErrors.of(analysis.robot, s, raw, how)
             for s, raw in zip(samples, logs, strict=True)
