@@ -11,7 +11,7 @@ from identifiability import Robot, analyze, compare, diagnose, payload
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.echo import add_echoes
+from identifiability.logs.prepare.instruments import add_echoes
 from identifiability.logs.prepare.longsamples import prepare_samples
 from identifiability.robot.locate import shipped_folder
 

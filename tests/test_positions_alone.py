@@ -11,7 +11,7 @@ from identifiability.estimation.least_squares import WeightedLeastSquares
 from identifiability.foundation.engines.local import Serial
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.logs.prepare.echo import add_echoes, noise_share
+from identifiability.logs.prepare.instruments import add_echoes, noise_share
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -118,21 +118,6 @@ def test_auto_takes_it_in_every_verb(exact):
         names=0,
     )
     assert len(answer.cell.held) == 8
-
-
-def test_what_cannot_be_undone_is_said(exact, monkeypatch):
-    monkeypatch.setattr(
-        "identifiability.workflows.instruments.add_echoes", lambda robot, log, samples: None
-    )
-    log = measure(exact, 0).rows(0, 2500)
-    found = analyze("two-link", log, preparation=HOW, replicates=0)
-    assert found.to_dict()["estimator"] == "wls"
-    (hint,) = [h for h in found.hints if "not accounted for" in h]
-    assert hint.startswith("run: noise of the measured motion has up to 1")
-    assert "'<joint>.q_ref'" in hint
-    fine = analyze("two-link", replace(log, q=exact.q[:2500]), preparation=HOW, replicates=0)
-    assert not any("not accounted for" in h for h in fine.hints)
-    assert fine.to_dict()["estimator"] == "wls"
 
 
 def test_two_logs_of_one_motion_are_each_other_s_instruments_also_when_measured_anew(exact):

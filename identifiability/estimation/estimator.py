@@ -70,46 +70,19 @@ class Estimator(Protocol):
 
 @frozen
 class Correction:
-    """What an estimate by instrumental variables mends, and where it does not.
+    """What an estimate mends of least squares, which noise biases, and where it does not.
 
     Attributes
     ----------
     least_squares : (k,)
-        Values of least squares, which noise in the motion biases.
-    weak : int
-        Directions that stay with least squares, for want of a strong instrument.
-    touched : tuple of str
-        Parameters that lean on these directions.
+        Values of least squares.
     bias : (weak, k)
-        What the root mean square of the bias that least squares may have in each of these
-        directions moves.
+        What the root mean square of the bias moves that least squares may have in each direction
+        that stays with it, because noise drowns the motion there.
     """
 
     least_squares: Array
-    weak: int
-    touched: tuple[str, ...]
     bias: Array
-
-    @classmethod
-    def of(cls, plain: Estimate, noise: Array, bias: Array, weak: np.ndarray) -> Correction:
-        """Return what is mended of least squares in all but the weak directions.
-
-        Parameters
-        ----------
-        plain : Estimate
-            By least squares, of which k columns are kept.
-        noise, bias : (k, k)
-            What noise of one standard deviation, and the root mean square of the bias that stays,
-            move, a direction a column.
-        weak : (k,) bool
-        """
-        square = noise**2 + bias**2
-        share = square[:, weak].sum(1) / np.maximum(square.sum(1), 1e-300)
-        # A parameter leans on directions that make this share of its variance.
-        touched = tuple(plain.columns[plain.kept[j]] for j in np.flatnonzero(share > 0.1))
-        wide = np.zeros((int(weak.sum()), len(plain.value)))
-        wide[:, list(plain.kept)] = bias[:, weak].T
-        return cls(plain.value, int(weak.sum()), touched, wide)
 
 
 @frozen
@@ -198,7 +171,7 @@ def correct(
     value: Array,
     covariance: Array,
     rss: Array,
-    mended: Correction,
+    bias: Array,
 ) -> Estimate:
     """Return an estimate by least squares with other values of its k kept columns.
 
@@ -209,14 +182,18 @@ def correct(
         What made them.
     value : (k,)
     covariance : (k, k)
+        Without the bias that stays.
     rss : (n,)
         What they leave.
-    mended : Correction
+    bias : (k, weak)
+        What the root mean square of the bias that stays moves, a direction a column.
     """
     kept, values, spread = list(plain.kept), plain.value.copy(), plain.covariance.copy()
-    values[kept], spread[np.ix_(kept, kept)] = value, covariance
+    values[kept], spread[np.ix_(kept, kept)] = value, covariance + bias @ bias.T
     both = np.logical_and.outer(plain.determined, plain.determined)
     samples = (plain.dof + len(kept)) / len(plain.rss)
+    wide = np.zeros((bias.shape[1], len(plain.value)))
+    wide[:, kept] = bias.T
     return replace(
         plain,
         value=values,
@@ -224,7 +201,7 @@ def correct(
         rss=rss,
         variance=plain.variance + np.maximum(rss - plain.rss, 0.0) / samples,
         estimator=estimator,
-        correction=mended,
+        correction=Correction(plain.value, wide),
     )
 
 

@@ -1,47 +1,40 @@
-"""Instrumental variables: estimates that noise in the motion does not bias.
+"""Least squares without the bias of noise in the motion: by instruments, or by new noise.
 
-Instruments are combined so that each stands for one direction of the columns.
+Noise in q, dq and ddq makes the columns of W noisy. Least squares takes that for motion and pulls
+values towards zero, and more data do not help. The difference to least squares is the bias that
+would have been believed [Hausman 1978].
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
-from identifiability.estimation.estimator import Correction, Estimate, correct
+from identifiability.estimation.estimator import Estimate, correct
 from identifiability.estimation.least_squares import (
     OrdinaryLeastSquares,
     WeightedLeastSquares,
     correct_leverage,
     noise_scale,
 )
-from identifiability.estimation.rules import RULES
-from identifiability.foundation.linalg import ROUNDING, few_at_once, solve_each, triangular_factor
+from identifiability.foundation.linalg import few_at_once, solve_each, triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare.samples import Record
 from identifiability.regression.information import Information
 
-# Instruments combined so that each stands for one direction of the columns.
-#
-# Instruments are worth as much as they are correlated with W. The canonical correlations r say
-# that direction by direction: where they are weak the column itself stays, which is least squares.
-# How much is enough depends on the record. One that was measured again is the motion: what W has
-# beside it is noise, least squares keeps r² of a value, and a first-stage ``F = N r²/(1 - r²)`` of
-# 104.7 is enough for intervals of ± 1.96 σ to hold [Lee, McCrary, Moreira, Porter 2022]. One that
-# shares some noise, or a command, which the robot did not follow to the letter, errs by what 1/r
-# multiplies.
-
-
-#: Instruments are told apart down to this share of their columns' length.
+#: Columns are told apart down to this share of their length.
 APART: Tolerance = 1e-8
 
-#: Share of a direction below which it is noise.
-LEFT: Tolerance = 1e-3
+#: Directions that follow noise-free columns by less than this share stay with least squares: what
+#: is known of the noise is not enough to multiply them by more.
+WEAK: Tolerance = 0.5
+
+# Instrumental variables: instruments V, the same columns along a second record of the motion whose
+# noise is another one, are correlated with the motion and not with the noise: ``(Vᵀ W)⁻¹ Vᵀ τ``
+# converges to what noise-free columns would give [Janot, Vandanjon, Gautier 2014]. They are worth
+# as much as they are correlated with W, which canonical correlations say direction by direction.
 
 
 @frozen
@@ -52,8 +45,8 @@ class Combined:
     ----------
     left : (2k, k)
         Coefficients T of the instruments ``[V W] T``, with ``([V W] T)ᵀ W B = I``.
-    B : (k, k)
-        Directions of the parameters, one a column.
+    B, inverse : (k, k)
+        Directions of the parameters, one a column, and what parameters are in them.
     length : (k,)
         Lengths of the instruments, which are at right angles: 1 over the canonical correlation,
         or 1 where the direction stays with least squares.
@@ -66,14 +59,11 @@ class Combined:
 
     left: Array
     B: Array
+    inverse: Array
     length: Array
     value: Array
     weak: np.ndarray
     lost: Array
-
-    def residual(self) -> Array:
-        """Return z with ``τ - W x = [V W τ] z``, (2k + 1,)."""
-        return np.concatenate([np.zeros(len(self.value)), -self.value, [1.0]])
 
     def bias(self, scale: float) -> Array:
         """Return the mean square bias that least squares may have in each direction, (k,).
@@ -87,85 +77,40 @@ class Combined:
     def root(self, scale: float) -> Array:
         """Return D (k, k), ``scale (DᵀD)⁻¹`` being the covariance of the values with their bias."""
         wider = self.bias(scale) / scale if scale > 0 else 0.0
-        return _undo(self.B * np.sqrt(self.length**2 + wider))
+        root: Array = self.inverse / np.sqrt(self.length**2 + wider)[:, None]
+        return root
 
     def moments(self, information: Information, weights: Array) -> tuple[Array, Array]:
         """Return each block's ``Ẑᵀ W B`` (B, k, k) and ``Ẑᵀ e`` (B, k)."""
-        both = self.equations(information, weights)
-        return both[:, :, :-1], both[:, :, -1]
-
-    def equations(self, information: Information, weights: Array) -> Array:
-        """Return both beside each other, (B, k, k + 1)."""
         k = len(self.value)
         left = np.vstack([self.left, np.zeros((1, k))])
         right = np.zeros((2 * k + 1, k + 1))
-        right[k : 2 * k, :k] = self.B
-        right[:, k] = self.residual()
-        return information.joint.products(weights, left, right)
+        right[k : 2 * k, :k], right[k:, k] = self.B, np.append(-self.value, 1.0)
+        both = information.joint.products(weights, left, right)
+        return both[:, :, :k], both[:, :, k]
 
 
-def combine(
-    information: Information, weights: Array, record: Record, plain: Array | None = None
-) -> Combined:
-    """Return the instruments of independent columns and their values (of `plain`, if given)."""
-    make = partial(_combine, information, weights, record, plain)
-    if plain is not None:
-        return make()
-    found: Combined = information.remember((record, weights.tobytes()), make)
+def combine(information: Information, weights: Array) -> Combined:
+    """Return the instruments of independent columns and their values."""
+
+    def make() -> Combined:
+        k, N = information.size, max(information.samples, 1)
+        R = information.joint.factor(weights)
+        V, (Q, root) = R[:k, :k], np.linalg.qr(R[:, k : 2 * k])
+        to_V, to_W = _inverse(V), _inverse(root)
+        left, strength, Yt = np.linalg.svd(V @ to_V @ Q[:k])
+        weak = strength < WEAK
+        B, share = to_W @ Yt.T, np.where(weak, 1.0, strength)
+        T = np.vstack([np.where(weak, 0.0, to_V @ left / share), np.where(weak, B, 0.0)])
+        x = to_W @ (Q.T @ R[:, 2 * k])
+        moved = left.T @ (R[:k, 2 * k] - R[:k, k : 2 * k] @ x)
+        x = x + B @ np.where(weak, 0.0, moved / share)
+        lean = np.maximum(strength, 1.0 / np.sqrt(N))  # noise alone correlates by that
+        lost = np.where(weak, [moved / lean, 1.0 / lean**2 - 1.0], 0.0)
+        return Combined(T, B, Yt @ root, 1.0 / share, x, weak, lost)
+
+    found: Combined = information.remember(("instruments", weights.tobytes()), make)
     return found
-
-
-def _combine(
-    information: Information, weights: Array, record: Record, plain: Array | None
-) -> Combined:
-    k, N = information.size, max(information.samples, 1)
-    R = information.joint.factor(weights)
-    Q, root = np.linalg.qr(R[:, k : 2 * k])
-    U, to_U = _span(R[:k, :k])
-    left, strength, Yt = np.linalg.svd(U.T @ Q[:k])  # min(rank, k) correlations
-    strength = np.append(strength, np.zeros(k - len(strength)))
-    # A direction follows its instrument from this canonical correlation on.
-    least = np.sqrt(RULES.instrument_f / (N + RULES.instrument_f)) if record == "measured" else 0.9
-    weak = strength < least
-    good = np.flatnonzero(~weak)
-    B = _solve(root, Yt.T)
-    T = np.zeros((2 * k, k))
-    T[:k, good] = to_U @ left[:, good] / strength[good]
-    T[k:, weak] = B[:, weak]
-    x = _solve(root, Q.T @ R[:, 2 * k]) if plain is None else plain
-    e = R[:, 2 * k] - R[:, k : 2 * k] @ x  # what least squares leaves has digits of its own
-    x = x + B[:, good] @ ((U @ left[:, good]).T @ e[:k] / strength[good])
-    length = np.where(weak, 1.0, 1.0 / np.where(weak, 1.0, strength))
-    lost = np.zeros((2, k))
-    if record != "command":  # it is another motion, so what it would change is no bias
-        # Noise alone correlates by 1/√N.
-        lean, seen = np.maximum(strength, 1.0 / np.sqrt(N)), np.zeros(k)
-        seen[: left.shape[1]] = (U @ left).T @ e[:k]
-        lost = np.where(weak, [seen / lean, 1.0 / lean**2 - 1.0], 0.0)
-    return Combined(T, B, length, x, weak, lost)
-
-
-def _span(V: Array) -> tuple[Array, Array]:
-    """Return U, orthonormal, of what a triangular V (k, k) spans, and what makes it ``U = V T``."""
-    size = np.linalg.norm(V, axis=0)
-    unit = V / np.where(size > 0, size, 1.0)
-    if np.diag(unit).all():  # mostly V spans all directions, which costs a tenth to see
-        inverse = solve_triangular(unit, np.eye(len(V)))
-        if APART * np.linalg.norm(unit) * np.linalg.norm(inverse) < 1.0:
-            return np.eye(len(V)), inverse / size[:, None]
-    U, s, Yt = np.linalg.svd(unit)
-    own = s > APART * s.max(initial=0.0)
-    return U[:, own], Yt[own].T / s[own] / np.where(size > 0, size, 1.0)[:, None]
-
-
-# Instrumental variables: estimates that noise in the motion does not bias.
-#
-# Noise in q, dq and ddq makes the columns of W noisy. Least squares takes that for motion and
-# pulls values towards zero, and more data do not help. Instruments V, the same columns along a
-# second record of the motion whose noise is another one, are correlated with the motion and not
-# with the noise: ``(Vᵀ W)⁻¹ Vᵀ τ`` converges to what noise-free columns would give [Janot,
-# Vandanjon, Gautier 2014]. The difference to least squares is the bias that would have been
-# believed [Hausman 1978].
 
 
 @frozen
@@ -178,18 +123,12 @@ class InstrumentalVariables:
     ----------
     base : OrdinaryLeastSquares or WeightedLeastSquares
         Gives the weights of the actuators, and the directions without a strong instrument.
-    record : {"measured", "smoothed", "command"}
-        The second record of the motion: measured again, or the same smoothed, or the command.
+    name, description : str
     """
 
     base: OrdinaryLeastSquares = WeightedLeastSquares()
-    record: Record = "measured"
     name: str = "iv"
-
-    @property
-    def description(self) -> str:
-        """What it is, in the words of a report."""
-        return f"instrumental variables ({self.base.name} weights)"
+    description: str = "instrumental variables"
 
     def fit(self, information: Information) -> Estimate:
         """Return the estimate; it says what least squares gives."""
@@ -198,22 +137,21 @@ class InstrumentalVariables:
         if not information.instrumented or not kept:
             return plain
         part = information.select(kept)
-        found = combine(part, plain.weights, self.record, plain.value[kept])
+        found = combine(part, plain.weights)
         rss = part.squares(np.append(-found.value, 1.0))
         scale = noise_scale(part, plain.weights, plain.times, rss)
-        covariance = _white_covariance(part, found, plain, scale)
-        noise, bias = np.sqrt(scale) * found.B * found.length, found.B * np.sqrt(found.bias(scale))
-        mended = Correction.of(plain, noise, bias, found.weak)
-        return correct(plain, self, found.value, covariance, rss, mended)
+        # Under independent residuals, whatever the weights know.
+        Z = part.joint.factor(plain.weights / plain.times)[:, : 2 * part.size] @ found.left
+        covariance = scale * found.B @ Z.T @ Z @ found.B.T
+        bias = (found.B * np.sqrt(found.bias(scale)))[:, found.weak]
+        return correct(plain, self, found.value, covariance, rss, bias)
 
     def refit(self, information: Information, fit: Estimate, counts: Array) -> Array:
         """Return the values of the same instruments for weighted sums of blocks, (R, k)."""
-        kept = list(fit.kept)
-        if not information.instrumented or not kept:
-            return self.base.refit(information, fit, counts)
+        kept, k = list(fit.kept), len(fit.kept)
         part = information.select(kept)
-        found = self._combine(part, fit)
-        both, k = found.equations(part, fit.weights), len(kept)
+        found = combine(part, fit.weights)
+        both = np.dstack(found.moments(part, fit.weights))
         flat, values = both.reshape(len(both), -1), np.zeros((len(counts), information.size))
         for at in few_at_once(len(counts), both[0].nbytes):
             sums = (counts[at] @ flat).reshape(-1, k, k + 1)
@@ -223,14 +161,11 @@ class InstrumentalVariables:
     def influence(self, information: Information, fit: Estimate) -> Array:
         """Return the leverage-corrected score of each block's instruments, (B, k)."""
         kept = list(fit.kept)
-        if not information.instrumented or not kept:
-            return self.base.influence(information, fit)
         part = information.select(kept)
-        found = self._combine(part, fit)
+        found = combine(part, fit.weights)
         A, c = found.moments(part, fit.weights)
-        scores = correct_leverage(c, A)
-        moved = np.zeros((len(scores), information.size))
-        moved[:, kept] = scores @ found.B.T
+        moved = np.zeros((len(c), information.size))
+        moved[:, kept] = correct_leverage(c, A) @ found.B.T
         return moved
 
     def loss(self, information: Information, fit: Estimate) -> Array:
@@ -239,35 +174,21 @@ class InstrumentalVariables:
         Its square is the estimate's distance in the unit of its own covariance, on top of the
         residual sum of squares.
         """
-        kept = list(fit.kept)
-        if not information.instrumented or not kept:
-            return self.base.loss(information, fit)
+        kept, k = list(fit.kept), information.size
         part = information.select(kept)
-        found = combine(part, fit.weights, self.record)
-        scale, k = noise_scale(part, fit.weights, fit.times, fit.rss), information.size
-        F = np.zeros((len(kept) + 1, k + 1))
-        F[:-1, kept] = found.root(scale)
-        F[:-1, k] = F[:-1, kept] @ fit.value[kept]
-        F[-1, k] = np.sqrt(fit.weights @ fit.rss)
-        return triangular_factor(np.vstack([F, np.zeros((k - len(kept), k + 1))]))
+        scale = noise_scale(part, fit.weights, fit.times, fit.rss)
+        F = np.zeros((k + 1, k + 1))
+        F[: len(kept), kept] = combine(part, fit.weights).root(scale)
+        F[:k, k] = F[:k, :k] @ fit.value
+        F[k, k] = np.sqrt(fit.weights @ fit.rss)
+        return triangular_factor(F)
 
     def project(self, information: Information, fit: Estimate, M: Array) -> Array:
-        """Return what the fit finds of torque without noise, for each of b parameters, (k, b)."""
-        P = self.base.project(information, fit, M)
-        if not information.instrumented:
-            return P
-        b, k = M.shape
-        found = combine(information.reduce(M, [""] * k), fit.weights, self.record)
-        R = information.joint.factor(fit.weights)
-        V, W = R[:, :b], R[:, b : 2 * b]
-        Z = V @ M @ found.left[:k] + W @ M @ found.left[k:]
-        seen: Array = P + found.B @ (Z.T @ (W - W @ M @ P))
-        return seen
+        """Return what least squares finds of torque without noise, (k, b)."""
+        return self.base.project(information, fit, M)
 
-    def moments(
-        self, information: Information, fit: Estimate, R: Array, *, anew: bool = False
-    ) -> Array:
-        """Return the normal equations of each block, for refits without some, (B, k + 1, k + 1).
+    def equations(self, information: Information, fit: Estimate, R: Array) -> Array:
+        """Return the normal equations of each block, (B, k + 1, k + 1).
 
         Parameters
         ----------
@@ -277,51 +198,20 @@ class InstrumentalVariables:
         R : (k + 1, k + 1)
             The loss; equations are in ``R x``, less those of the fit, in units of ``R[k, k]``.
             They are made symmetric, as their sum is.
-        anew : bool
-            Whether the blocks are those of a resampled log, for which instruments are combined
-            anew: those of the log would leave its weak directions less than no information.
         """
         k = information.size
-        own, root = fit.value[list(fit.kept)], R[:k, :k]
-        found = combine(information, fit.weights, self.record)
-        if anew:
-            rss = information.squares(found.residual()[k:])
-            root = found.root(noise_scale(information, fit.weights, fit.times, rss))
-        else:
-            found = replace(found, value=own)
+        found = replace(combine(information, fit.weights), value=fit.value[list(fit.kept)])
         A, c = found.moments(information, fit.weights)
-        to_y = root @ found.B  # of directions into coordinates of the loss
+        to_y = R[:k, :k] @ found.B  # of directions into coordinates of the loss
         turned = to_y @ A @ np.linalg.inv(to_y)
         out = np.zeros((len(A), k + 1, k + 1))
         out[:, :k, :k] = 0.5 * (turned + turned.swapaxes(1, 2))
-        out[:, :k, k] = c @ to_y.T
-        if anew:  # from its own coordinates and values to those of all blocks
-            change = root @ np.linalg.inv(R[:k, :k])
-            out[:, :k] = change.T @ out[:, :k]
-            out[:, :k, :k] = out[:, :k, :k] @ change
-            out[:, :k, k] += out[:, :k, :k] @ (R[:k, :k] @ (found.value - own))
-        out[:, :k, k] /= R[k, k]
-        out[:, k, :k] = out[:, :k, k]
+        out[:, :k, k] = out[:, k, :k] = c @ to_y.T / R[k, k]
         return out
 
-    def _combine(self, information: Information, fit: Estimate) -> Combined:
-        """Return the instruments, with the values of the fit."""
-        found = combine(information, fit.weights, self.record)
-        return replace(found, value=fit.value[list(fit.kept)])
 
-
-def _white_covariance(
-    information: Information, found: Combined, plain: Estimate, scale: float
-) -> Array:
-    """Return the covariance under independent residuals, whatever the weights know, (k, k)."""
-    factor = information.joint.factor(plain.weights / plain.times)
-    Z = factor[:, : 2 * information.size] @ found.left
-    spread = scale * Z.T @ Z
-    white: Array = found.B @ (spread + np.diag(found.bias(scale))) @ found.B.T
-    return white
-
-
-# Least squares corrected by the map that noise in the motion makes of true values.
+# Least squares corrected by the map that noise in the motion makes of true values: simulation
+# extrapolation [Cook 1994].
 #
 # Where positions alone were measured there is no second record: derivatives share the positions'
 # noise. What noise does can be tried instead. Along a smoothed motion, torque is what any values
@@ -339,18 +229,12 @@ class RenoisedLeastSquares:
     Attributes
     ----------
     base : OrdinaryLeastSquares or WeightedLeastSquares
+    name, description : str
     """
 
     base: OrdinaryLeastSquares = WeightedLeastSquares()
     name: str = "renoised"
-
-    @property
-    def description(self) -> str:
-        """What it is, in the words of a report."""
-        return (
-            f"least squares ({self.base.name} weights), corrected by what new noise of the "
-            "motion's own size does to it"
-        )
+    description: str = "least squares, corrected by what new noise of the motion does to it"
 
     def fit(self, information: Information) -> Estimate:
         """Return the estimate; it says what least squares gives."""
@@ -363,10 +247,8 @@ class RenoisedLeastSquares:
         spread = np.where(np.isfinite(spread), spread, 0.0)  # the rest has no variance
         value = found.H @ plain.value[kept]
         rss = part.squares(np.append(-value, 1.0))
-        mended = Correction.of(plain, *found.leave(plain.value[kept], spread), found.weak)
-        bias = mended.bias[:, kept]
-        covariance = found.H @ spread @ found.H.T + bias.T @ bias
-        return correct(plain, self, value, covariance, rss, mended)
+        bias = found.bias(plain.value[kept], spread)
+        return correct(plain, self, value, found.H @ spread @ found.H.T, rss, bias)
 
     def refit(self, information: Information, fit: Estimate, counts: Array) -> Array:
         """Return the corrected values for weighted sums of blocks, (R, k)."""
@@ -375,8 +257,9 @@ class RenoisedLeastSquares:
 
     def influence(self, information: Information, fit: Estimate) -> Array:
         """Return by how much each block moves the corrected values, (B, k)."""
-        moved = self.base.influence(information, _plain(fit))
-        return moved @ self._correction(information, fit).T
+        assert fit.correction is not None
+        plain = replace(fit, value=fit.correction.least_squares)
+        return self.base.influence(information, plain) @ self._correction(information, fit).T
 
     def loss(self, information: Information, fit: Estimate) -> Array:
         """Return the triangular factor of least squares at what noise makes of values."""
@@ -391,120 +274,67 @@ class RenoisedLeastSquares:
         return whole
 
     def project(self, information: Information, fit: Estimate, M: Array) -> Array:
-        """Return what the fit finds of torque without noise, for each of b parameters, (k, b)."""
-        P = self.base.project(information, fit, M)
-        if information.echo is None:
-            return P
-        b = len(M)
-        R = information.echo.joint.factor(fit.weights)
-        V, W = R[:, :b], R[:, b : 2 * b]
-        H = _noise_map(V @ M, W @ M).H
-        # Of its own columns it finds what they are.
-        moved = np.linalg.lstsq(V @ M, W - W @ M @ P, rcond=None)[0]
-        seen: Array = P + H @ moved
-        return seen
+        """Return what least squares finds of torque without noise, (k, b)."""
+        return self.base.project(information, fit, M)
 
     def _correction(self, information: Information, fit: Estimate) -> Array:
         """Return what turns values of least squares into corrected ones, (k, k)."""
-        H = np.eye(information.size)
-        kept = list(fit.kept)
-        if information.echo is not None and kept:
-            H[np.ix_(kept, kept)] = _shrinkage(information.select(kept), fit.weights).H
+        H, kept = np.eye(information.size), list(fit.kept)
+        H[np.ix_(kept, kept)] = _shrinkage(information.select(kept), fit.weights).H
         return H
-
-
-def _plain(fit: Estimate) -> Estimate:
-    """Return the estimate by least squares beneath a corrected one."""
-    return fit if fit.correction is None else replace(fit, value=fit.correction.least_squares)
 
 
 @frozen
 class Shrinkage:
-    """What noise makes of the values of k independent columns, direction by direction.
+    """What noise makes of the values of k independent columns.
 
     Attributes
     ----------
-    left : (k, k)
-        Rows that turn values of least squares into directions.
-    share : (k,)
-        Of each true one that noise leaves.
-    weak : (k,) bool
-        Directions that stay with least squares.
-    right : (k, k)
-        What each direction is of the corrected values, one a column.
-    rest : (k, k)
-        What of the values is in no direction, and stays.
+    H : (k, k)
+        What turns values of least squares into corrected ones.
+    left, right : (weak, k) and (k, weak)
+        What values are in the directions that stay with least squares, and what these move.
+    share : (weak,)
+        What noise leaves of them.
     """
 
+    H: Array
     left: Array
-    share: Array
-    weak: np.ndarray
     right: Array
-    rest: Array
+    share: Array
 
-    @property
-    def H(self) -> Array:
-        """What turns values of least squares into corrected ones, (k, k)."""
-        H: Array = self.rest + self.right @ self.left
-        return H
-
-    def leave(self, value: Array, covariance: Array) -> tuple[Array, Array]:
-        """Return what noise, and the bias that stays, move, a direction a column, (k, k) each.
+    def bias(self, value: Array, covariance: Array) -> Array:
+        """Return what the root mean square of the bias that stays moves, (k, weak).
 
         The bias is what the correction would change, as far as noise lets that be known.
         """
-        variance = np.maximum(np.einsum("ij,jk,ik->i", self.left, covariance, self.left), 0.0)
-        more = 1.0 / np.maximum(self.share, LEFT) - 1.0
-        bias = np.where(self.weak, more * np.sqrt((self.left @ value) ** 2 + variance), 0.0)
-        return self.right * np.sqrt(variance), self.right * bias
+        variance = np.maximum(((self.left @ covariance) * self.left).sum(1), 0.0)
+        more = 1.0 / np.maximum(self.share, 1e-3) - 1.0  # below that share a direction is noise
+        moved: Array = self.right * more * np.sqrt((self.left @ value) ** 2 + variance)
+        return moved
 
 
 def _shrinkage(information: Information, weights: Array) -> Shrinkage:
-    """Return what noise makes of independent columns' values."""
+    """Return what noise makes of independent columns' values.
+
+    In the metric of rows with noise the map is symmetric but for what is odd in the noise: no
+    direction is turned into another.
+    """
     k, echo = information.size, information.echo
     assert echo is not None
 
     def make() -> Shrinkage:
         R = echo.joint.factor(weights)
-        return _noise_map(R[:, :k], R[:, k : 2 * k])
+        root, W = R[:k, :k], R[:k, k : 2 * k]
+        back = _inverse(root)
+        U, share, Yt = np.linalg.svd(root @ back @ W @ back)
+        weak, left = share < WEAK, U.T @ root
+        right = back @ np.where(weak, U, Yt.T / np.where(weak, 1.0, share))
+        H = np.eye(k) - back @ root + right @ left
+        return Shrinkage(H, left[weak], right[:, weak], share[weak])
 
     found: Shrinkage = information.remember(("echo", weights.tobytes()), make)
     return found
-
-
-def _noise_map(V: Array, W: Array) -> Shrinkage:
-    """Return what noise makes of values, from rows with new noise and without, (m, k) each.
-
-    In the metric of rows with noise the map is symmetric but for what is odd in the noise: no
-    direction is turned into another.
-    """
-    k = V.shape[1]
-    R = triangular_factor(np.hstack([V, W]))
-    root = R[:k, :k]
-    back = _inverse(root)
-    U, s, Yt = np.linalg.svd(root @ back @ R[:k, k:] @ back)
-    # Directions of which noise leaves less than this share stay with least squares: what is
-    # known of the noise is not enough to multiply them by more.
-    weak = s < 0.5
-    right = np.where(weak, U, Yt.T / np.where(weak, 1.0, s))
-    return Shrinkage(U.T @ root, s, weak, back @ right, np.eye(k) - back @ root)
-
-
-def _solve(root: Array, right: Array) -> Array:
-    """Return what a triangular factor (k, k) makes a right side of, as far as it determines it."""
-    if (np.abs(np.diag(root)) > ROUNDING * np.linalg.norm(root, axis=0)).all():
-        return np.asarray(solve_triangular(root, right))
-    return np.asarray(_inverse(root) @ right)
-
-
-def _undo(A: Array) -> Array:
-    """Return the inverse of a map (k, k); zero where it leads nowhere."""
-    scale = np.linalg.norm(A, axis=1)[:, None]
-    scale = np.where(scale > 0, scale, 1.0)
-    s = np.linalg.svd(A / scale, compute_uv=False)
-    if len(s) and not s[-1] > ROUNDING * s[0]:
-        return np.asarray(np.linalg.pinv(A / scale, rcond=ROUNDING) / scale.T)
-    return np.asarray(np.linalg.inv(A))
 
 
 def _inverse(root: Array) -> Array:

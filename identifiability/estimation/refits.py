@@ -339,12 +339,12 @@ class Equations:
     information : Information
         About k independent columns.
     full : Estimate
-        By instruments, or by least squares.
     R : (k + 1, k + 1)
         Its loss; equations are in ``R x``.
-    grams : (B, k + 1, k + 1), or without any blocks (0, k + 1, k + 1)
-        Those of each block by least squares (of noisy motion, at what noise makes of values);
-        instruments are combined anew for each resampled log.
+    grams : (B, k + 1, k + 1)
+        Those of each block by least squares (of noisy motion, at what noise makes of values); of
+        none by instruments, which are combined anew for each resampled log: those of the log would
+        leave its weak directions less than no information.
     """
 
     information: Information
@@ -383,15 +383,13 @@ class Equations:
         counts : (B,), optional
             How often each block is drawn, once each without.
         """
-        estimator = self.full.estimator
         member = np.vstack([np.ones(train.shape[1]), train])
-        if isinstance(estimator, InstrumentalVariables):
-            drawn = self.information if counts is None else self.information.weigh(counts)
-            edges = np.flatnonzero((np.diff(member, axis=1, prepend=-1.0) != 0).any(0))
-            moments = estimator.moments(
-                drawn.merge(edges), self.full, self.R, anew=counts is not None
-            )
-            return np.asarray(np.tensordot(member[:, edges], moments, 1))
         weights = np.ones(train.shape[1]) if counts is None else counts
-        sums: Array = np.tensordot(member * weights, self.grams, 1)
+        grams = self.grams
+        if isinstance(self.full.estimator, InstrumentalVariables):
+            edges = np.flatnonzero((np.diff(member, axis=1, prepend=-1.0) != 0).any(0))
+            drawn = self.information if counts is None else self.information.weigh(counts)
+            grams = self.full.estimator.equations(drawn.merge(edges), self.full, self.R)
+            member, weights = member[:, edges], np.ones(len(edges))
+        sums: Array = np.tensordot(member * weights, grams, 1)
         return sums

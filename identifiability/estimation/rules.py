@@ -74,9 +74,6 @@ class Rules(RuleTable):
         float, "what a function explains beside the noise [nat], calibrated"
     ] = 6.0
     unlikely: Annotated[float, "log odds of no alternative to speak of, by hand"] = -6.0
-    instrument_f: Annotated[
-        float, "least first-stage F [Lee 2022] of what was measured again, literature"
-    ] = 104.7
     rollout_contradicted: Annotated[
         float, "error of the best rollout where gains contradict it, calibrated"
     ] = 0.5

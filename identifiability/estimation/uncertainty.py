@@ -468,7 +468,7 @@ def resample(
     motions = compare_motions(information, fit, fit.memory)
     unseen = None if held_out is None else compare_held_out(information, fit, held_out)
     mended = fit.correction
-    bias = mended.bias if mended is not None and mended.weak else None
+    bias = None if mended is None or not len(mended.bias) else mended.bias
     roads = drawn, scores, fit.times, length, note
     return Uncertainty(fit.sigma, *roads, motions, unseen, bias=bias)
 

@@ -82,9 +82,9 @@ class Rules(RuleTable):
     echo_nothing: Annotated[
         float, "share of noise in accelerations that moves no value, by hand"
     ] = 0.01
-    echo_explained: Annotated[
-        float, "what smoothing may leave, over what a low-pass does, by hand"
-    ] = 1.03
+    noise_explained: Annotated[
+        float, "what is left of a motion may be so many times its noise, by hand"
+    ] = 1.1
     loops_open: Annotated[float, "share of samples at which loops may stay open, by hand"] = 0.02
     again_near: Annotated[
         float, "difference of a repeated motion, of how much it varies, by hand"

@@ -42,7 +42,7 @@ from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.echo import noise_share
+from identifiability.logs.prepare.instruments import noise_share
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.repeats import Recording
 from identifiability.logs.rules import RULES as LOG_RULES

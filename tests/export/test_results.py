@@ -9,7 +9,6 @@ import pytest
 
 from identifiability import Robot, analyze, diagnose, simulate
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.logs.prepare.instruments import STANDS
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import random_motion
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
@@ -91,9 +90,6 @@ def test_errors_of_mended_samples_are_said_to_be_that(mended, tmp_path):
         "Where samples were mended, these errors are of the mended",
     )
     assert (said in export(robot, path, tmp_path / "a.xml").statement) == mended
-    content = json.loads(path.read_text()) | {"hints": [], "preparation": {"a": ["b", STANDS]}}
-    path.write_text(json.dumps(content))
-    assert said in export(robot, path, tmp_path / "b.xml").statement
 
 
 def test_friction_of_a_motor_that_mixes_joints_is_named_once(tmp_path):

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation.instrumental import _span
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
@@ -130,14 +129,3 @@ def test_instruments_of_another_length_are_refused(regression):
     )
     with pytest.raises(ValueError, match="as many samples"):
         gather_information(wrong)
-
-
-@pytest.mark.parametrize(("smallest", "rank"), [(1.0, 4), (1e-6, 4), (1e-12, 3), (0.0, 3)])
-def test_directions_that_a_triangle_spans_are_orthonormal_and_made_of_its_columns(smallest, rank):
-    V = np.triu(np.random.default_rng(0).normal(size=(4, 4))) * [1.0, 1e5, 1e-5, 1.0]
-    V[3, 3] *= smallest
-    U, T = _span(V)
-    assert U.shape == (4, rank)
-    np.testing.assert_allclose(U.T @ U, np.eye(rank), atol=1e-12)
-    np.testing.assert_allclose(V @ T, U, atol=1e-8)
-    np.testing.assert_allclose(U @ (U.T @ V), V, atol=1e-10 * np.abs(V).max())

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -209,10 +209,6 @@ def _inside(rows: np.ndarray, own: Rows | None) -> np.ndarray:
 # `Samples`: a log made ready for the regression: motion of every joint, torque, and how.
 
 
-#: A second record of a motion: measured again, or the same smoothed, or what was commanded.
-Record = Literal["measured", "smoothed", "command"]
-
-
 @frozen
 class Piece:
     """Consecutive samples, with what the decimation filter draws on at both ends.
@@ -318,8 +314,6 @@ class Samples:
         Up to where torque and regressor are kept beside them.
     instrument : Motion or None
         A second record of the motion at the same samples, whose errors are not those of `motion`.
-    record : {"measured", "smoothed", "command"}
-        Which one.
     lost : int
         Samples of its own rows that were left out because they lie beside a gap.
     breaks : (b,) int
@@ -344,7 +338,6 @@ class Samples:
     cutoff: float | None = None
     band: float | None = None
     instrument: Motion | None = None
-    record: Record = "measured"
     lost: int = 0
     breaks: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     hints: tuple[str, ...] = ()

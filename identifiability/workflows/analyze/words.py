@@ -10,7 +10,6 @@ import numpy as np
 
 from identifiability.effects.imu import move_mounting
 from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives
-from identifiability.estimation.instrumental import RenoisedLeastSquares
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import Motions
@@ -297,22 +296,20 @@ def state_physics(chosen: ModelResult) -> str:
 
 def state_weak(chosen: ModelResult) -> str:
     """Return one sentence on values without a strong instrument, or nothing."""
-    correction = chosen.estimate.correction
-    if correction is None:
+    estimate = chosen.estimate
+    if estimate.correction is None:
         return ""
+    bias = estimate.correction.bias
+    # What has this share of its variance from these directions leans on them.
+    leans = (bias**2).sum(0) > 0.1 * estimate.sigma**2
     known = {v.name for v in chosen.verdicts if v.verdict is Class.IDENTIFIABLE}
-    touched = [name for name in correction.touched if name in known]
+    touched = [c for c, found in zip(estimate.columns, leans, strict=True) if found and c in known]
     if not touched:
         return ""
-    why = "the second record of the motion says too little"
-    if isinstance(chosen.estimate.estimator, RenoisedLeastSquares):
-        why = "noise of the motion leaves too little to be corrected"
-    counted = " (σ holds it)" if correction.bias.any() else ""
     return (
-        f"In {correction.weak} of {len(chosen.estimate.kept)} directions {why}, and least squares "
-        "stays, with the bias that noise in the motion "
-        f"gives it{counted}; {listing(touched, 4)} lean on them: move faster or longer, or measure "
-        "the motion better."
+        f"In {len(bias)} of {len(estimate.kept)} directions noise drowns the motion, and least "
+        "squares stays, with the bias that this gives it (σ holds it); "
+        f"{listing(touched, 4)} lean on them: move faster or longer, or measure the motion better."
     )
 
 

@@ -26,12 +26,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier
 from identifiability.logs.prepare import Preparation, Samples
-from identifiability.logs.prepare.instruments import (
-    SecondRecord,
-    add_instrument,
-    complete_along,
-    find_record,
-)
+from identifiability.logs.prepare.instruments import add_instrument, complete_along
 from identifiability.logs.prepare.plan import Plan, joint_log, noise_size
 from identifiability.logs.prepare.preparation import make_plan
 from identifiability.physical.pseudo_inertia import BASIS, natural_scale, scale_matrix, to_matrix
@@ -64,8 +59,6 @@ class MotionErrors:
     sd : (3, N, n)
         Of the noise on measured positions, velocities and accelerations of the actuated joints;
         zero for what is not measured [rad or m, and per s, per s²].
-    record : SecondRecord or None
-        How a second record of the motion is made, for instrumental variables.
     exact : bool
         Whether the true motion is a second record, without the errors of the log.
     instrumented : bool
@@ -76,7 +69,6 @@ class MotionErrors:
     log: Log
     plan: Plan
     sd: Array
-    record: SecondRecord | None
     exact: bool
     instrumented: bool
 
@@ -97,9 +89,8 @@ class MotionErrors:
         true = replace(near, motion=motion, instrument=None, echoes=())
         at = _channels(log)
         at[:, motion.kept] = motion.actuated_q, motion.actuated_v, motion.actuated_a
-        record = find_record(log, samples, always=True) if instrumented else None
         exact = beside is not None
-        return MotionErrors(true, _with(log, at), plan, sd, record, exact, instrumented)
+        return MotionErrors(true, _with(log, at), plan, sd, exact, instrumented)
 
     def measure(self, robot: Robot, rng: np.random.Generator) -> tuple[Log, Samples]:
         """Return the log with new errors and its samples, at the same times."""
@@ -133,9 +124,11 @@ def sample_anew(
     out = []
     for m, (log, own) in zip(motion, found, strict=True):
         others = [s for _, s in found if s is not own]
-        out.append(own)
+        has = own
         if m.instrumented:
-            out[-1] = add_instrument(robot, log, own, others, always=True, like=m.record) or own
+            found_one = add_instrument(robot, log, own, others, always=True)
+            has = found_one or replace(own, instrument=own.motion)
+        out.append(has)
     return out
 
 

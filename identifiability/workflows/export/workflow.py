@@ -32,7 +32,6 @@ from identifiability.foundation.output import check_ending, temporary_folder, wr
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs.mend import REPLACED
-from identifiability.logs.prepare.instruments import STANDS
 from identifiability.physical.cad_prior import state_mass
 from identifiability.physical.feasibility import is_another
 from identifiability.physical.pseudo_inertia import check_body
@@ -123,8 +122,7 @@ class Result(Entry):
     @property
     def mended(self) -> bool:
         """Whether samples of the logs were replaced: errors are of the logs as they are then."""
-        notes = [note for said in self.preparation.values() for note in said]
-        return any(STANDS in note for note in notes) or any(REPLACED in h for h in self.hints)
+        return any(REPLACED in h for h in self.hints)
 
 
 def check_result(robot: Robot, path: Path, content: Result, known: set[str]) -> None:

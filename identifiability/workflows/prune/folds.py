@@ -343,7 +343,7 @@ def whiten_regression(
     estimator = full.estimator
     if information.instrumented:  # instruments say nothing of errors and are half of what is held
         if isinstance(estimator, InstrumentalVariables):
-            left = combine(information, full.weights, estimator.record).left
+            left = combine(information, full.weights).left
             left = np.vstack([left, np.zeros((1, k))])
             right = np.vstack([np.zeros((k, k + 1)), change])
             both = np.hstack([left, right])

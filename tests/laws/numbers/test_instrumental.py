@@ -50,7 +50,7 @@ def test_strong_instruments_solve_their_own_equations(rows):
     np.testing.assert_allclose(fit.value, np.linalg.solve(Z.T @ X, Z.T @ y)[:, 0], rtol=1e-9)
     plain = np.linalg.lstsq(X, y, rcond=None)[0][:, 0]
     np.testing.assert_allclose(fit.correction.least_squares, plain, rtol=1e-9)
-    assert (fit.correction.weak, fit.correction.touched) == (0, ())
+    assert not len(fit.correction.bias)
     bread = np.linalg.inv(Z.T @ X)
     sigma2 = float(((y[:, 0] - X @ fit.value) ** 2).sum()) / fit.dof
     np.testing.assert_allclose(fit.covariance, sigma2 * bread @ Z.T @ Z @ bread.T, rtol=1e-8)
@@ -69,13 +69,12 @@ def test_weak_directions_stay_with_least_squares():
     V, W, tau = planted(np.random.default_rng(6), idle=True)
     information = compress(V, W, tau)
     fit = PLAIN.fit(information)
-    assert fit.correction.weak == 1
-    assert "d" in fit.correction.touched
+    assert len(fit.correction.bias) == 1
     # The score of the weak direction is that of least squares, of the others that of instruments.
     Z, X, y = weighted(fit, V, W, tau)
     Qz, Qx = np.linalg.qr(Z)[0], np.linalg.qr(X)[0]
     U, s, Yt = np.linalg.svd(Qz.T @ Qx)
-    assert (s > 0.9).sum() == 3
+    assert (s > 0.5).sum() == 3
     e = y[:, 0] - X @ fit.value
     left = np.column_stack([Qz @ U[:, :3], Qx @ Yt[3]])
     np.testing.assert_allclose(left.T @ e, 0.0, atol=1e-8)
@@ -94,7 +93,7 @@ def test_refits_are_those_of_the_rows(idle, size):
     Z, X, y = weighted(fit, V, W, tau)
     Qz, Qx = np.linalg.qr(Z)[0], np.linalg.qr(X)[0]
     U, s, Yt = np.linalg.svd(Qz.T @ Qx)
-    strong = s > 0.9
+    strong = s > 0.5
     T = np.column_stack([(Qz @ U)[:, strong], (Qx @ Yt.T)[:, ~strong]])
     for row, values in zip(counts, found, strict=True):
         w = np.repeat(np.repeat(row, size), 2)[:, None]
@@ -123,7 +122,7 @@ def test_moments_refit_without_some_blocks(rows):
     information = compress(*rows)
     fit = IV.fit(information)
     R = fit.estimator.loss(information, fit)
-    M = fit.estimator.moments(information, fit, R)
+    M = fit.estimator.equations(information, fit, R)
     np.testing.assert_allclose(M.sum(0)[:4, :4], np.eye(4), atol=1e-9)
     np.testing.assert_allclose(M.sum(0)[:4, 4], 0.0, atol=1e-9)
     counts = np.ones((1, len(M)))
@@ -144,42 +143,20 @@ def faint(rng, samples=400):
     return exact, W, exact @ TRUTH + SIZE * rng.normal(size=(samples, 2))
 
 
-def test_a_motion_measured_again_is_strong_by_its_samples_and_others_by_correlation():
-    V, W, tau = faint(np.random.default_rng(8))
-    found = {
-        record: InstrumentalVariables(record=record).fit(compress(V, W, tau))
-        for record in ("measured", "smoothed", "command")
-    }
-    assert [fit.correction.weak for fit in found.values()] == [0, 1, 1]
-    # A first-stage F of 104.7 asks for a correlation of .65 where it is of 148 samples.
-    few = IV.fit(compress(V[:140], W[:140], tau[:140], 7))
-    more = IV.fit(compress(V[:210], W[:210], tau[:210], 7))
-    assert (few.correction.weak, more.correction.weak) == (1, 0)
-    # Least squares keeps .41 of the value; σ knows unless the record is of another motion.
-    off = {record: abs(fit.value[3] - TRUTH[3]) / fit.sigma[3] for record, fit in found.items()}
-    assert off["measured"] < 2.5
-    assert off["smoothed"] < 2.5
-    assert off["command"] > 10
-
-
 def test_the_bias_that_stays_is_what_instruments_would_change():
     V, W, tau = planted(np.random.default_rng(6), idle=True)
-    fits = [
-        InstrumentalVariables(OrdinaryLeastSquares(), record=record).fit(compress(V, W, tau))
-        for record in ("smoothed", "command")
-    ]
-    np.testing.assert_allclose(fits[0].value, fits[1].value)
-    Z, X, y = weighted(fits[0], V, W, tau)
+    fit = PLAIN.fit(compress(V, W, tau))
+    Z, X, y = weighted(fit, V, W, tau)
     Qz, Qx = np.linalg.qr(Z)[0], np.linalg.qr(X)[0]
     U, s, Yt = np.linalg.svd(Qz.T @ Qx)
-    e = y[:, 0] - X @ fits[0].correction.least_squares
-    independent = len(tau) * float(np.sum(1 / fits[0].times)) - 4
-    scale = float(fits[0].weights @ fits[0].rss) / independent
+    e = y[:, 0] - X @ fit.correction.least_squares
+    independent = len(tau) * float(np.sum(1 / fit.times)) - 4
+    scale = float(fit.weights @ fit.rss) / independent
     lean = max(s[3], 1 / np.sqrt(len(tau)))
     square = ((Qz @ U[:, 3]) @ e / lean) ** 2 + scale * (1 / lean**2 - 1)
     b = np.linalg.solve(np.linalg.qr(X)[1], Yt[3])
-    added = fits[0].covariance - fits[1].covariance
-    np.testing.assert_allclose(added, square * np.outer(b, b), rtol=1e-6, atol=1e-12 * square)
+    bias = fit.correction.bias
+    np.testing.assert_allclose(bias.T @ bias, square * np.outer(b, b), rtol=1e-6)
 
 
 def test_intervals_hold_a_motion_that_is_half_noise():
@@ -190,7 +167,7 @@ def test_intervals_hold_a_motion_that_is_half_noise():
         fit = IV.fit(information)
         drawn = bootstrap(information, fit, rng, replicates=100)
         held.append(np.abs(fit.value - TRUTH) <= 1.96 * np.maximum(fit.sigma, drawn.sd))
-        plain = InstrumentalVariables(record="command").fit(information)
+        plain = estimate(information)
         short.append(np.abs(plain.value - TRUTH) <= 1.96 * plain.sigma)
     share = np.mean(held)
     assert abs(share - 0.95) < 4 * np.sqrt(0.95 * 0.05 / trials)

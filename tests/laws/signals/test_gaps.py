@@ -14,7 +14,7 @@ from identifiability.logs import Log
 from identifiability.logs.gaps import Gaps, fill
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Preparation, longsamples, prepare_samples
-from identifiability.logs.prepare.instruments import find_record
+from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.plan import noise_level
 from identifiability.logs.signals import has_gap
@@ -240,8 +240,8 @@ def test_the_smoothed_motion_is_no_second_record_across_a_gap(two):
         table[["shoulder.q", "elbow.q"]] += 0.3 * np.sqrt(table["t"].to_numpy())[:, None]
         log = Log.from_frame(table)
         samples = prepare_samples(two, log, Preparation(keep_rest=True))
-        record = find_record(log, samples)
-        assert (record is not None and "smoothed" in record.note) == found
+        record = add_instrument(two, log, samples)
+        assert (record is not None and "smoothed" in record.notes[-1]) == found
 
 
 def test_nothing_is_simulated_forward_along_a_bridged_gap(two):
