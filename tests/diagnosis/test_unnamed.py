@@ -17,8 +17,9 @@ KNOWN = ("stribeck_friction", "quadratic_friction", "position_ripple", "joint_st
 def test_friction_without_a_name_is_learned_and_confirmed(logs_of, tmp_path):
     logs = logs_of("five-bar", "rising_friction@left_shoulder=0.1")
     d = diagnose("five-bar", logs[:4], logs[4], effects=[*KNOWN, *FUNCTIONS], forward=False)
-    (effect,) = d.effects
+    effect = d.effects[0]  # names may refine it
     assert (effect.name, effect.joints) == ("function_of_velocity", ("left_shoulder",))
+    assert {e.joints for e in d.effects} == {("left_shoulder",)}
     assert effect.confirmed
     assert effect.alternatives == ()
     named = diagnose("five-bar", logs[:4], logs[4], effects=HELD_BACK, forward=False)
@@ -27,12 +28,12 @@ def test_friction_without_a_name_is_learned_and_confirmed(logs_of, tmp_path):
     assert d.held_before - d.held_after > 0.9 * gap
     assert 1 <= len(effect.nearest) <= 3
     assert "An unnamed function of velocity in left_shoulder (log odds" in d.statement
-    assert "No name explains left_shoulder as well. Nearest to it" in d.statement
-    (row,) = json.loads(d.to_json(tmp_path / "d.json").read_text())["effects"]
+    assert "No name explains this in left_shoulder as well. Nearest to it" in d.statement
+    row, *_ = json.loads(d.to_json(tmp_path / "d.json").read_text())["effects"]
     assert row["unnamed"]
     assert row["nearest"] == list(effect.nearest)
     # What was learned is the curve but for Coulomb and viscous friction, which are in the model.
-    (curve,) = d.curves
+    curve = d.curves[0]
     assert (curve.against, curve.of) == ("velocity", 0)
     v = curve.x
     truth = -np.sign(v) * np.exp(-np.abs(v) / (0.3 * np.sqrt(np.mean(v**2))))
@@ -40,7 +41,7 @@ def test_friction_without_a_name_is_learned_and_confirmed(logs_of, tmp_path):
     left = [y - like @ np.linalg.lstsq(like, y, rcond=None)[0] for y in (curve.learned, truth)]
     assert np.corrcoef(*left)[0, 1] > 0.9
     # The model that is given away has it, and its file is read again.
-    assert d.model.names[-1] == "function_of_velocity"
+    assert "function_of_velocity" in d.model.names
     d.write_model(tmp_path / "model.toml")
     assert (
         f"function_of_velocity@left_shoulder:{effect.placements[0].shape!r}"

@@ -23,6 +23,7 @@ from identifiability.estimation.mixed_model import SIZES, Group, Term, rise_of
 from identifiability.estimation.noise import ARNoise, JointNoise
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.columns import Candidate, is_body, list_candidates, number
@@ -36,6 +37,8 @@ CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
 ROUNDS = 2
 #: Shortest block of time [s], and time constants of drifts in shares of all the time.
 SHORTEST, DECAYS = 0.5, (1 / 3, 1 / 10)
+#: Share of what is explained that makes a block a burst.
+BURST: Tolerance = 0.8
 #: Logs of which one may be another robot's as a whole.
 FEWEST = 3
 #: Kinds of a load that is small and held somewhere: its mass with the first moments.
@@ -56,6 +59,8 @@ class Stay:
     values, errors : (s, k)
     alone : (k,) bool
         Which values the motion of the likeliest determines by themselves.
+    burst : bool
+        Whether most of what that explains is in one block.
     """
 
     candidate: Candidate
@@ -66,6 +71,7 @@ class Stay:
     values: Array
     errors: Array
     alone: np.ndarray
+    burst: bool
 
 
 @frozen
@@ -154,8 +160,17 @@ class Scan:
                 unit = model.scale[at[k]]
                 value = np.einsum("skl,sl->sk", inverse, left) / unit
                 error = np.sqrt(np.maximum(np.einsum("skk->sk", inverse), 0.0)) / unit
-                alone = determined_alone(outside[int(np.argmax(odds - price))])
-                stays.append(Stay(c, log, first, last, odds - price, value, error, alone))
+                best = int(np.argmax(odds - price))
+                alone = determined_alone(outside[best])
+                # What it explains in each block: a burst is in one of them.
+                here = each[some[first[best] : last[best]]][:, k]
+                rest = np.einsum("skc,c->sk", here[:, :, len(at) : -1], s.value)
+                held = value[best] * unit
+                gain = (here[:, :, -1] - rest) @ held
+                gain -= 0.5 * np.einsum("skl,k,l->s", here[:, :, k], held, held)
+                burst = bool(gain.max() > BURST * gain.sum())
+                stay = Stay(c, log, first, last, odds - price, value, error, alone, burst)
+                stays.append(stay)
         return stays, drift
 
     def _drifts(self) -> Array:
@@ -252,9 +267,10 @@ def _edges(t: Array, log: np.ndarray, instants: int) -> tuple[list[int], np.ndar
 def _stays(count: int, logs: int) -> tuple[np.ndarray, np.ndarray]:
     """Return first and last blocks of all stays in a log of so many blocks.
 
-    Of one log alone what ended in it says as much as what began then.
+    Of one log alone what ended in it says as much as what began then; what is shorter than two
+    blocks is a burst.
     """
-    first, last = np.triu_indices(count + 1, 1)
+    first, last = np.triu_indices(count + 1, 2)
     may = (first > 0) | (logs > 1)
     return first[may], last[may]
 
@@ -279,7 +295,7 @@ def _likeliest(scan: Scan, stays: Sequence[Stay], drift: float, *, whole: bool) 
     lasts = best.last[k] - best.first[k] == count[best.log]
     if odds < max(ESTIMATION_RULES.name + ESTIMATION_RULES.keep, lasting):
         return None
-    if lasts and (len(count) < FEWEST or not whole):
+    if best.burst or lasts and (len(count) < FEWEST or not whole):
         return None
     total = [float(logsumexp(x.odds)) for x in stays]
     weights = dict[tuple[str, str], float]()

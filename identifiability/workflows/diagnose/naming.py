@@ -298,9 +298,11 @@ def name_missing(looked: Naming) -> Naming:
     if looked.setting.validation and found:
         others = missing.products(unseen.seen)
         kept = model.confirm(found, others)
-        gains = {t.key: g for t, g in zip(kept, model.news(kept, others), strict=True)}
+        gains = {t.key: float(g.sum()) for t, g in zip(kept, model.news(kept, others), strict=True)}
         news = model.news(found, others)
-        refuted = [(t, g) for t, g in zip(found, news, strict=True) if t.key not in gains]
+        refuted = [
+            (t, float(g.sum())) for t, g in zip(found, news, strict=True) if t.key not in gains
+        ]
     parts = []
     for k, term in enumerate(kept):
         unnamed = _family(missing, term).unnamed
@@ -320,10 +322,9 @@ def name_missing(looked: Naming) -> Naming:
         ]
         nearest = tuple(near[:3]) if unnamed else ()
         gain = gains.get(term.key, np.nan)
-        parts += [
-            Part(c, term, gain, tuple(rivals), weight, nearest)
-            for c in _candidates(missing, model, kept, k, others)
-        ]
+        candidates, gone = _candidates(missing, model, kept, k, others)
+        refuted += gone
+        parts += [Part(c, term, gain, tuple(rivals), weight, nearest) for c in candidates]
     named = replace(
         looked,
         after=tuple(model.gains(kept)),
@@ -343,8 +344,11 @@ def _is_hidden(missing: Missing, key: tuple[str, str], hidden: set[tuple[str, st
 
 def _candidates(
     missing: Missing, model: MixedModel, terms: Terms, k: int, unseen: Products | None
-) -> list[Candidate]:
-    """Return what a term is written as: one candidate a place, where it has a share."""
+) -> tuple[list[Candidate], list[tuple[Term, float]]]:
+    """Return what a term is written as: one candidate a place, where it has a share.
+
+    And where unseen rows refute what is elsewhere, with what it gains there.
+    """
     term, sets = terms[k], missing.sets[terms[k].key]
     if term.member < len(sets):
         chosen = sets[term.member]
@@ -363,21 +367,24 @@ def _candidates(
         for own in places.values()
     ]  # fmt: skip
     if term.group.place != EVERYWHERE:
-        return found
+        return found, []
     each = [
         replace(term, group=Group(*c.group, (np.array(c.columns) + missing.fixed,), 0.0), member=0)
         for c in found
     ]
     every = terms[:k] + terms[k + 1 :] + tuple(each)
     sure = [_has_share(model, every, len(terms) - 1 + n) for n in range(len(each))]
-    if unseen is not None:  # it must be at no place that unseen rows refute
-        news = model.news(every, unseen)[len(terms) - 1 :]
-        held = [x > -model.keep for x in news]
-        found = [c for c, one in zip(found, held, strict=True) if one] or found
-        sure = [x for x, one in zip(sure, held, strict=True) if one] or sure
+    gone: list[tuple[Term, float]] = []
+    if unseen is not None:
+        gains = [float(x.sum()) for x in model.news(every, unseen)[len(terms) - 1 :]]
+        gone = [(t, x) for t, x in zip(each, gains, strict=True) if x < -model.keep]
+        held = [x >= -model.keep for x in gains]
+        if any(held):
+            found = [c for c, one in zip(found, held, strict=True) if one]
+            sure = [x for x, one in zip(sure, held, strict=True) if one]
     if 0 < sum(sure) < MOST * len(sure):
-        return [c for c, one in zip(found, sure, strict=True) if one]
-    return found
+        found = [c for c, one in zip(found, sure, strict=True) if one]
+    return found, gone
 
 
 def _has_share(model: MixedModel, terms: Terms, k: int) -> bool:

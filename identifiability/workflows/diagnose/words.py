@@ -196,9 +196,9 @@ def _state_rivals(e: NamedEffect) -> str:
 def _caveats(e: NamedEffect) -> list[Remark]:
     title, out = _capital(e.title), []
     if e.unnamed:
-        near = join([f"{x}" for x in e.nearest])
+        near = join(list(e.nearest))
         text = f"Nearest to it are {near}." if near else "No effect that has a name can be there."
-        out.append(Remark("Without a name", f"No name explains {_where(e)} as well. {text}"))
+        out.append(Remark("Without a name", f"No name explains this in {_where(e)} as well. {text}"))
     if not e.confirmed:
         text = (
             f"{title} by itself does not surely lower the error of its joints there, each on its "
