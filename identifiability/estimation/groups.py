@@ -90,12 +90,12 @@ class Excerpt:
     seen: np.ndarray
 
     @staticmethod
-    def of(regression: Regression, most: tuple[int, int, int] = EXCERPT) -> Excerpt:
+    def of(regression: Regression, most: tuple[int, int, int] | None = None) -> Excerpt:
         """Return the rows of a regression by least squares, an excerpt of more than so many."""
         plain = replace(regression, instruments=None, echo=None)
         if regression.instruments is None and regression.echo is None:
             plain = regression
-        windows = choose_within(plain.windows, most)
+        windows = choose_within(plain.windows, most or EXCERPT)
         chunks: list[Chunk] = []
         pieces: list[Piece] = []
         seen, outputs = [np.empty(0, int)], 0

@@ -84,7 +84,7 @@ class Rules(RuleTable):
     ] = 0.01
     noise_explained: Annotated[
         float, "what is left of a motion may be so many times its noise, by hand"
-    ] = 1.1
+    ] = 1.15
     loops_open: Annotated[float, "share of samples at which loops may stay open, by hand"] = 0.02
     again_near: Annotated[
         float, "difference of a repeated motion, of how much it varies, by hand"

@@ -77,7 +77,7 @@ def test_a_long_log_gets_the_same_name(few, frame_of, saved):
         torque = frame[f"{joint}.tau"]
         frame[f"{joint}.tau"] = torque + 0.4 * torque.std() * np.sin(3 * frame[f"{joint}.q"])
     path = saved(frame)
-    cheap = {"effects": ["joint_stiffness", "quadratic_friction"], "replicates": 30}
+    cheap = {"effects": ["joint_stiffness", "quadratic_friction"]}
     found = [diagnose("two-link", kind.read(path), **cheap) for kind in (Log, LogFile)]
     names = [[(e.name, e.joints) for e in d.effects] for d in found]
     assert names[0] == names[1]

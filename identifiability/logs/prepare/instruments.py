@@ -337,11 +337,16 @@ def _fit_series(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> 
     """Return the series that explains all channels up to their noise; None if none does."""
     t = log.t - log.t[0]
     step = -(-len(t) // ENOUGH)
+    shares = [
+        float(np.mean(level / np.maximum(x.std(0), 1e-300)))
+        for x, level in zip(channels, noise, strict=True)
+    ]
+    clearest = channels[int(np.argmin(shares))][::step]
     # Harmonics that are tried.
     for harmonics in (5, 10, 20, 40):
         if 2 * RULES.series_samples * harmonics > len(t):
             break
-        period = fourier.find_period(t[::step], log.q[::step], harmonics)
+        period = fourier.find_period(t[::step], clearest, harmonics)
         if RULES.series_samples * harmonics * signals.sampling_step(t) > period:
             continue
         motion = fourier.fit_fourier_jointly(t, channels, noise, period, harmonics).motion(t)
