@@ -73,6 +73,12 @@ class Stay:
     alone: np.ndarray
     burst: bool
 
+    @property
+    def where(self) -> tuple[tuple[int, ...], int, int]:
+        """What the likeliest is, and when."""
+        k = int(np.argmax(self.odds))
+        return self.candidate.columns, int(self.first[k]), int(self.last[k])
+
 
 @frozen
 class Scan:
@@ -216,9 +222,7 @@ class Scan:
         return replace(self.missing, given=ARNoise(tuple(joints)))
 
 
-def find_change(
-    naming: Naming, effects: Collection[str] | None = None, *, whole: bool = False
-) -> Change | None:
+def find_change(naming: Naming, effects: Collection[str] | None = None) -> Change | None:
     """Return the likeliest change in the middle of a log beside what was named, if it is sure.
 
     What it adds is no noise: once it is known roughly, noise is that without it.
@@ -228,8 +232,6 @@ def find_change(
     naming : Naming
     effects : collection of str, optional
         Families that may be named; all by default.
-    whole : bool
-        Whether it may last as long as a log.
     """
     families = [f for f in CHANGING if effects is None or f in effects]
     if not families or not len(naming.fitted):
@@ -239,11 +241,18 @@ def find_change(
         return None
     stays, drift = scan.stays(scan.white())
     for _ in range(ROUNDS):
-        best = max(stays, key=lambda x: float(x.odds.max()), default=None)
+        best = _best(stays)
         if best is None:
             return None
         stays, drift = scan.stays(scan.without(best))
-    return _likeliest(scan, stays, drift, whole=whole)
+        again = _best(stays)
+        if again is not None and again.where == best.where:
+            break
+    return _likeliest(scan, stays, drift)
+
+
+def _best(stays: Sequence[Stay]) -> Stay | None:
+    return max(stays, key=lambda x: float(x.odds.max()), default=None)
 
 
 def _held(c: Candidate) -> Candidate:
@@ -282,20 +291,21 @@ def _log_alike(first: np.ndarray, last: np.ndarray, count: int) -> Array:
     return alike
 
 
-def _likeliest(scan: Scan, stays: Sequence[Stay], drift: float, *, whole: bool) -> Change | None:
+def _likeliest(scan: Scan, stays: Sequence[Stay], drift: float) -> Change | None:
     """Return the likeliest stay as a change, where it is sure.
 
-    No unseen motion can take it out: it needs what both thresholds ask together, and to explain
-    more than any effect that stays for good, and any drift. Of two logs nobody knows which is odd.
+    No unseen motion can take it out: it needs what both thresholds ask together, and nothing that
+    stays for good, and no drift, may be a rival. Of two logs nobody knows which is odd.
     """
     naming, edges, count = scan.naming, scan.edges, scan.count
     best = max(stays, key=lambda x: float(x.odds.max()))
     k, odds = int(np.argmax(best.odds)), float(best.odds.max())
     lasting = max(drift, *(t.odds for t in naming.after)) if naming.after else drift
     lasts = best.last[k] - best.first[k] == count[best.log]
-    if odds < max(ESTIMATION_RULES.name + ESTIMATION_RULES.keep, lasting):
+    needed = max(ESTIMATION_RULES.name + ESTIMATION_RULES.keep, lasting)
+    if odds < needed + ESTIMATION_RULES.rival:
         return None
-    if best.burst or lasts and (len(count) < FEWEST or not whole):
+    if best.burst or (lasts and len(count) < FEWEST):
         return None
     total = [float(logsumexp(x.odds)) for x in stays]
     weights = dict[tuple[str, str], float]()

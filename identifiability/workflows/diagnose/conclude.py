@@ -156,15 +156,13 @@ def _place(naming: Naming, k: int) -> Placement:
 
 
 def _rivals(part: Part) -> list[Rival]:
-    own = part.candidate.place
-    return [
-        Rival(
-            r.group.family,
-            own if r.group.place == EVERYWHERE else r.group.place,
-            part.term.odds - r.odds,
-        )
-        for r in part.rivals
-    ]
+    """Return what the name cannot be told from, each once; what is everywhere is here, too."""
+    found: dict[tuple[str, str], Rival] = {}
+    for r in part.rivals:
+        place = part.candidate.place if r.group.place == EVERYWHERE else r.group.place
+        rival = Rival(r.group.family, place, part.term.odds - r.odds)
+        found.setdefault((rival.family, place), rival)
+    return list(found.values())
 
 
 def _alone(naming: Naming, k: int) -> np.ndarray:

@@ -334,13 +334,18 @@ class Change:
         return [f"{title_of(f)} in {at}" for f, at in ((self.family, self.place), *self.others)]
 
     @property
+    def whole(self) -> bool:
+        """Whether it lasted as long as the log."""
+        return bool(np.isinf(self.start) and np.isinf(self.stop))
+
+    @property
     def when(self) -> str:
         """In words: ``from 41 s (95 %: 40.5 … 41.5 s) of run2 on``."""
         begin, end = (
             f"{at:.3g} s" + (f" (95 %: {low:.3g} … {high:.3g} s)" if low < high else "")
             for at, (low, high) in ((self.start, self.began), (self.stop, self.ended))
         )
-        if np.isinf(self.stop) and np.isinf(self.start):
+        if self.whole:
             return f"in all of {self.log}"
         if np.isinf(self.stop):
             return f"from {begin} of {self.log} on"

@@ -198,7 +198,9 @@ def _caveats(e: NamedEffect) -> list[Remark]:
     if e.unnamed:
         near = join(list(e.nearest))
         text = f"Nearest to it are {near}." if near else "No effect that has a name can be there."
-        out.append(Remark("Without a name", f"No name explains this in {_where(e)} as well. {text}"))
+        out.append(
+            Remark("Without a name", f"No name explains this in {_where(e)} as well. {text}")
+        )
     if not e.confirmed:
         text = (
             f"{title} by itself does not surely lower the error of its joints there, each on its "

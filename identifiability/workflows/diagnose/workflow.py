@@ -341,10 +341,10 @@ class _Asked:
         looked = look(setting, self.effects)
         self.say("naming effects", 0.3)
         change = None if setting.fixed else find_change(looked, self.effects)
-        if change is None:
+        if change is None or change.whole:
             looked = name_missing(looked)
-            if not setting.fixed:
-                change = find_change(looked, self.effects, whole=True)
+            if looked.parts and not setting.fixed:
+                change = find_change(looked, self.effects)
         without = None if change is None else leave_out(setting, change)
         return looked if without is None else self._settle(without)
 
