@@ -15,7 +15,7 @@ import numpy as np
 from identifiability.effects import find_families, title_of
 from identifiability.effects.measurement import TorqueScale
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.groups import Missing
+from identifiability.estimation.groups import Excerpt, Missing
 from identifiability.estimation.mixed_model import EVERYWHERE, MixedModel, Term, Terms
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
@@ -170,9 +170,15 @@ NO_ALTERNATIVES = Alternatives((), (), np.empty((0, 0, 0)), np.empty((0, 0, 0)))
 
 
 def find_alternatives(
-    structure: Structure, regression: Regression, *, commanded: bool = False
+    structure: Structure,
+    regression: Regression,
+    unseen: Regression | None = None,
+    *,
+    commanded: bool = False,
 ) -> Alternatives:
     """Return what may be missing beside all columns of a regression.
+
+    Rows that were held out may only take a name away.
 
     Noise in the motion leaves its own functions: least squares is pulled towards zero by it, and
     they explain the rest. Where the motion has a second record, whose noise is another, a group is
@@ -196,6 +202,8 @@ def find_alternatives(
         second = Missing.of(replace(plain, samples=record), families, structure.present)
         places = {t.group.place for t in second.model().search()}
         terms = model.settle(tuple(t for t in terms if t.group.place in places))
+    if terms and unseen is not None:
+        terms = model.confirm(terms, missing.products(Excerpt.of(unseen)))
     return _conclude(missing, model, terms)
 
 

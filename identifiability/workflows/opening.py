@@ -231,7 +231,8 @@ def find_missing(opening: Opening) -> Alternatives:
     if opening.silence:
         return NO_ALTERNATIVES
     commanded = bool(opening.commands)
-    return find_alternatives(opening.structure, opening.regression, commanded=commanded)
+    rows = opening.regression, opening.unseen
+    return find_alternatives(opening.structure, *rows, commanded=commanded)
 
 
 @contextmanager
