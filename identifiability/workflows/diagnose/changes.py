@@ -167,16 +167,32 @@ class Scan:
                 value = np.einsum("skl,sl->sk", inverse, left) / unit
                 error = np.sqrt(np.maximum(np.einsum("skk->sk", inverse), 0.0)) / unit
                 best = int(np.argmax(odds - price))
-                alone = determined_alone(outside[best])
-                # What it explains in each block: a burst is in one of them.
-                here = each[some[first[best] : last[best]]][:, k]
-                rest = np.einsum("skc,c->sk", here[:, :, len(at) : -1], s.value)
+                here = np.zeros(len(each), bool)
+                here[some[first[best] : last[best]]] = True
                 held = value[best] * unit
-                gain = (here[:, :, -1] - rest) @ held
-                gain -= 0.5 * np.einsum("skl,k,l->s", here[:, :, k], held, held)
-                burst = bool(gain.max() > BURST * gain.sum())
-                stay = Stay(c, log, first, last, odds - price, value, error, alone, burst)
-                stays.append(stay)
+                moved = s.root.T @ (s.root @ (part[best][:, len(at) : -1].T @ held))
+                own_squares = each[:, k][:, :, k]
+                own_scores = each[:, k, -1] - each[:, k, len(at) : -1] @ (s.value - moved)
+                # What it explains in each block: a burst is in one of them; and how much more its
+                # scores scatter elsewhere than noise lets them.
+                gain = own_scores[here] @ held
+                gain -= 0.5 * np.einsum("skl,k,l->s", own_squares[here], held, held)
+                inner = np.linalg.pinv(own_squares[~here], rcond=1e-9, hermitian=True)
+                z = own_scores[~here]
+                excess = np.einsum("sk,skl,sl->s", z, inner, z).mean() / len(k) if len(z) else 1.0
+                stays.append(
+                    Stay(
+                        candidate=c,
+                        log=log,
+                        first=first,
+                        last=last,
+                        odds=odds / max(float(excess), 1.0) - price,
+                        values=value,
+                        errors=error,
+                        alone=determined_alone(outside[best]),
+                        burst=bool(gain.max() > BURST * gain.sum()),
+                    )
+                )
         return stays, drift
 
     def _drifts(self) -> Array:
@@ -277,10 +293,11 @@ def _stays(count: int, logs: int) -> tuple[np.ndarray, np.ndarray]:
     """Return first and last blocks of all stays in a log of so many blocks.
 
     Of one log alone what ended in it says as much as what began then; what is shorter than two
-    blocks is a burst.
+    blocks is a burst. Of most of one or two logs nobody knows which part is odd.
     """
     first, last = np.triu_indices(count + 1, 2)
     may = (first > 0) | (logs > 1)
+    may &= (last - first <= count // 2) | (logs >= FEWEST)
     return first[may], last[may]
 
 

@@ -32,6 +32,7 @@ from identifiability.foundation.linalg import NEARLY, triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, Entries, Refusal, list_candidates, number
+from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.problem import Alias, Setting, find_aliases
 from identifiability.workflows.diagnose.rows import Rows
 
@@ -39,6 +40,8 @@ from identifiability.workflows.diagnose.rows import Rows
 LOOKS = 8
 #: Quantile of the normal distribution for a power of 80 %.
 POWER = 0.8416
+#: By how much an unseen error must rise with a name that is taken out for it.
+WORSE = 1.01
 #: Level at which a place has a share of what is everywhere.
 LEVEL = 0.05
 #: Share of all places from which on an effect is said to be everywhere.
@@ -173,7 +176,10 @@ class Naming:
         entries = self.unseen_entries if unseen else self.seen_entries
         none = np.zeros(len(rows))
         at = [k for p in parts for k in self.parts[p].candidate.columns]
-        return np.stack([entries.get((joint, k), none) for k in at] or [none[:0]], axis=-1)
+        out: Array = np.zeros((len(rows), len(at)))
+        for place, k in enumerate(at):
+            out[:, place] = entries.get((joint, k), none)
+        return out
 
     def acts(self, part: int) -> list[int]:
         """Return the joints in which a part acts."""
@@ -196,14 +202,12 @@ class Naming:
         but of slow noise they keep no levels, and predict worse.
         """
         rows, b = self.fitted, self.fitted.seen.X.shape[2]
-        width = b + sum(len(self.parts[p].candidate.columns) for p in parts)
-        joints = []
-        for j in range(rows.data.shape[1]):
-            A = np.zeros((len(rows), width + 1))
-            A[:, :b], A[:, -1] = rows.seen.X[:, j], rows.seen.y[:, j]
-            if parts:
-                A[:, b:-1] = self.columns(parts, j)
-            joints.append(triangular_factor(A[rows.data[:, j]]))
+        each = [len(p.candidate.columns) for p in self.parts]
+        ends = b + np.cumsum([0, *each])
+        own = [np.arange(ends[p], ends[p + 1]) for p in parts]
+        at = np.concatenate([np.arange(b), *own, [ends[-1]]]).astype(int)
+        width = len(at) - 1
+        joints = [triangular_factor(R[:, at]) for R in self._factors]
         known = np.concatenate([_pad(rows.seen.X, rows.root, width), *self._priors(parts, width)])
         squares = np.array([A[-1, -1] ** 2 if len(A) > width else 0.0 for A in joints])
         value, memory = np.zeros(width), 1.0
@@ -219,6 +223,24 @@ class Naming:
             if k == 1:
                 memory = float(autocorrelation_time(self.left(parts, value)).mean())
         return value
+
+    @cached_property
+    def _factors(self) -> list[Array]:
+        """Triangular factors of model, all parts and torque in each joint."""
+        rows, every = self.fitted, range(len(self.parts))
+        return [
+            triangular_factor(
+                np.column_stack([rows.seen.X[:, j], self.columns(every, j), rows.seen.y[:, j]])[
+                    rows.data[:, j]
+                ]
+            )
+            for j in range(rows.data.shape[1])
+        ]
+
+    def error(self, parts: Sequence[int]) -> float:
+        """Return the error of model and some parts on unseen rows over each joint's own scale."""
+        left = self.left(parts, self.fit(parts), unseen=True)
+        return float(Gap(self.unseen, left[:, :, None]).error_over_joints()[0])
 
     def _priors(self, parts: Sequence[int], width: int) -> Iterable[Array]:
         """Return that functions are as large as they were found."""
@@ -330,7 +352,27 @@ def name_missing(looked: Naming) -> Naming:
         after=tuple(model.gains(kept)),
         refuted=tuple(refuted),
     )
-    return _refined(_with_parts(named, _in_order(looked.setting, parts)))
+    naming = _refined(_with_parts(named, _in_order(looked.setting, parts)))
+    return _without_worse(naming) if others is not None else naming
+
+
+def _without_worse(naming: Naming) -> Naming:
+    """Return a naming without parts beside which unseen torque is predicted worse.
+
+    However likely a name is: what it is worth is the error of the model that has it.
+    """
+    while naming.parts:
+        every = range(len(naming.parts))
+        whole = naming.error(every)
+        each = [naming.error([k for k in every if k != gone]) for gone in every]
+        worst = int(np.argmin(each))
+        if not each[worst] < whole / WORSE:
+            break
+        part = naming.parts[worst]
+        term = replace(part.term, group=replace(part.term.group, place=part.candidate.place))
+        naming = replace(naming, refuted=(*naming.refuted, (term, part.unseen)))
+        naming = _with_parts(naming, [p for k, p in enumerate(naming.parts) if k != worst])
+    return naming
 
 
 def _family(missing: Missing, term: Term) -> Family:

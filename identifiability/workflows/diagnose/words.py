@@ -185,7 +185,8 @@ def _state_refuted(x: Refuted, d: Findings) -> str:
     gain = f"{x.unseen:.2g}".replace("-", "−")
     return (
         f"{what} stood out from the fitted motion (log odds {x.odds:.3g}) and is left out: on "
-        f"{d.verified_on} the torque is not surely likelier with it (log likelihood ratio {gain})."
+        f"{d.verified_on} the torque is not surely likelier with it (log likelihood ratio {gain}), "
+        "or its error is larger."
     )
 
 
