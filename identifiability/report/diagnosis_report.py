@@ -7,18 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.effects import find_effect, title_of
-from identifiability.estimation.rules import RULES
 from identifiability.foundation.answers import Cell, Column, Note, Table
-from identifiability.foundation.rounding import (
-    digits,
-    format_count,
-    format_number,
-    join,
-    percent,
-    rough_percent,
-)
+from identifiability.foundation.rounding import digits, format_number, join, percent, rough_percent
 from identifiability.report.blocks import (
-    Fold,
     Gallery,
     Picture,
     Prose,
@@ -32,13 +23,10 @@ from identifiability.report.blocks import (
 )
 from identifiability.report.skeleton import Part, moved_pose, sketch_parts
 from identifiability.report.torque import (
-    draw_against,
     draw_curve,
-    draw_evidence,
     draw_forward,
     draw_gap,
     draw_named,
-    draw_shrink,
     velocity_units,
 )
 from identifiability.workflows.answers import level_table, sentence
@@ -109,10 +97,7 @@ def section_effects(d: Diagnosis) -> Section:
     if not rows and not d.refuted and not d.changes:
         nothing = "No effect stands out from the noise and helps on unseen motion."
         return section("diagnosis.effects", nothing)
-    labels = ["model as it was", *(f"+ {_short(e.title)}" for e in d.effects)]
-    errors = np.array([d.held_before, *(e.after for e in d.effects)])
-    shrink = picture("shrink", draw_shrink(labels, errors), motion=d.verified_on)
-    found = (Table.of("Their parameters", EFFECTS, rows), shrink, _curves(d))
+    found = (Table.of("Their parameters", EFFECTS, rows), _curves(d))
     refuted = _table_refuted(d) if d.refuted else None
     return section("diagnosis.effects", *d.tables()[:-1], *(found if rows else ()), refuted)
 
@@ -197,63 +182,32 @@ def _section_gap(d: Diagnosis) -> Section:
     first = rows.log == rows.log.min()
     t = rows.t[first]
     part = np.flatnonzero(first)[(t >= t[0]) & (t <= t[0] + STRETCH)]
-    units, speeds = d.robot.torque_units, velocity_units(d.robot)
-    over_time: dict[int, Picture] = {}
-    against: dict[int, list[Picture]] = {}
     named = {c.joint for c in d.curves}
-    for k in _first_joints(d, named):
-        joint = d.robot.joints[k]
-        pair = residual[:, k, 0], residual[:, k, -1]
-        figure = draw_gap(rows.t[part], pair[0][part], pair[1][part], joint, units[k])
-        over_time[k], against[k] = picture("gap", figure, joint=joint), []
-        for what, x, unit in (
-            ("velocity", rows.states[1][:, k], speeds[k]),
-            ("position", rows.states[0][:, k], speeds[k].removesuffix("/s")),
-            ("load", rows.measured[:, k], units[k]),
-        ):
-            figure = draw_against(x, *pair, joint, (unit, units[k]), what)
-            against[k].append(picture("against", figure, joint=joint, what=what))
-    first = [k for k in over_time if k in named] or list(over_time)
-    shown, others = (
-        (
-            gallery("gap", [over_time[k] for k in own], seconds=f"{STRETCH:g}"),
-            gallery("against", [one for k in own for one in against[k]]),
-        )
-        for own in (first, [k for k in over_time if k not in first])
-    )
-    rest = format_count(len(over_time) - len(first), "joint")
-    fold = Fold(f"The same of {rest} in which nothing was named", others)
-    more = (fold,) if len(first) < len(over_time) else ()
-    return section("diagnosis.gap", *shown, d.tables()[-1], *more)
-
-
-def _first_joints(d: Diagnosis, named: set[int]) -> list[int]:
-    """Return the joints that are drawn: those in which something was named first."""
     order = sorted(range(len(d.robot.joints)), key=lambda k: k not in named)
-    return order[: max(SHOWN, len(named))]
+    pictures = []
+    for k in order[: max(SHOWN, len(named))]:
+        joint, (before, after) = d.robot.joints[k], residual[part, k][:, [0, -1]].T
+        figure = draw_gap(rows.t[part], before, after, joint, d.robot.torque_units[k])
+        pictures.append(picture("gap", figure, joint=joint))
+    return section(
+        "diagnosis.gap", gallery("gap", pictures, seconds=f"{STRETCH:g}"), d.tables()[-1]
+    )
 
 
 def _section_where(d: Diagnosis) -> Section:
     causes = max((x.explained for x in d.discrepancies), key=len)  # none where torque is no data
-    shares = [(x.joint, *(x.explained.get(k, np.nan) for k in causes)) for x in d.discrepancies]
-    caption = "Share of the residual's variance that its averages over each of these explain"
-    blocks = (
-        Table.of("Residual by joint", SIZES, d.discrepancies),
-        Table.of(caption, (Column("joint"), *(Column(k, rough_percent) for k in causes)), shares),
+    rows = [
+        (x.joint, x.rms, x.share, *(x.explained.get(k, np.nan) for k in causes))
+        for x in d.discrepancies
+    ]
+    columns = (
+        Column("joint"),
+        Column("residual, rms", digits(3)),
+        Column("of the torque", percent),
+        *(Column(k, rough_percent) for k in causes),
     )
-    return section("diagnosis.where", *blocks)
-
-
-def _times(ratio: float) -> str:
-    return f"{format_number(ratio, 2)} ×"
-
-
-SIZES = (
-    Column("joint", get="joint"),
-    Column("residual, rms", digits(3), "rms"),
-    Column("of the torque", percent, "share"),
-    Column("near reversals", _times, "reversals", "Mean square there over that elsewhere."),
-)
+    caption = "Residual by joint, and the share of it that its averages over each of these explain"
+    return section("diagnosis.where", Table.of(caption, columns, rows))
 
 
 #: Groups that a table lists.
@@ -263,16 +217,7 @@ LISTED = 12
 def _section_evidence(d: Diagnosis) -> Section:
     order = sorted(d.evidence, key=lambda x: -x.before)
     table = Table.of("The likeliest of all that was asked", EVIDENCE, order[:LISTED])
-    families = list(dict.fromkeys(x.name for x in order))
-    if not families:
-        return section("diagnosis.evidence", table)
-    scores = np.full((len(families), 2), np.nan)
-    for x in d.evidence:
-        at = families.index(x.name)
-        scores[at] = np.fmax(scores[at], [x.before, x.after])
-    critical = np.full(2, RULES.name)
-    figure = draw_evidence([title_of(f) for f in families], scores, critical)
-    return section("diagnosis.evidence", picture("evidence", figure), table)
+    return section("diagnosis.evidence", table)
 
 
 EVIDENCE = (

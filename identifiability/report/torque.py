@@ -36,7 +36,6 @@ from identifiability.report.blocks import (
 from identifiability.report.drawing import (
     BLUE,
     COLOURS,
-    DASHED,
     GREY,
     INK,
     LINE,
@@ -340,66 +339,6 @@ def draw_gap(t: Array, before: Array, after: Array, title: str, unit: str) -> Fi
         axes.plot(*thin(t, y, 800), color=colour, linewidth=1.1, label=label)
     legend_above(axes, handlelength=1.4)
     label_axes(axes, "time [s]", f"residual [{unit}]", title, pad=26)
-    return figure
-
-
-@drawn
-def draw_against(
-    x: Array, before: Array, after: Array, title: str, units: tuple[str, str], what: str
-) -> Figure:
-    """Draw medians of the residual over velocity, position or load, before and after.
-
-    Parameters
-    ----------
-    x, before, after : (N,)
-    title : str
-    units : (str, str)
-        Of x and of the residual.
-    what : str
-        What x is.
-    """
-    figure, (axes,) = canvas(300, 230, (60, 10, 30, 38))
-    axes.axhline(0, color=MUTED, linewidth=0.8)
-    rows = spread_rows(len(x), POINTS)
-    dots(axes, x[rows], before[rows], MUTED, 2.4, 0.4)
-    for y, (colour, _) in zip((before, after), STATES, strict=True):
-        joined: Any = {"color": colour, "marker": "o", "markersize": 3.5, "linewidth": 1.5}
-        axes.plot(*binned_median(x, y, 14), **joined)
-    axes.locator_params(nbins=5)
-    label_axes(axes, f"{what} [{units[0]}]", f"residual [{units[1]}]", title, 36)
-    return figure
-
-
-@drawn
-def draw_evidence(names: Sequence[str], scores: Array, critical: Array) -> Figure:
-    """Draw the log odds of every family at every step, as a multiple of those that a name needs.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Of the F families.
-    scores : (F, S)
-        Log odds of a family at its best place at each step; nan where it was not a candidate.
-    critical : (S,)
-        Log odds from which on a name is stated.
-    """
-    left = label_width(names)
-    height = 70 + 26 * len(names)
-    figure, (axes,) = canvas(max(520.0, left + 320), height, (left, 16, 30, 42))
-    palette = ("vermilion", "blue", "green", "amber", "purple", "sky")
-    for s in range(scores.shape[1]):
-        ratio = scores[:, s] / critical[s]
-        at = np.arange(len(names)) + 0.12 * (s - 0.5 * (scores.shape[1] - 1))
-        colour = COLOURS[palette[s % len(palette)]]
-        axes.plot(
-            np.maximum(ratio, 0.02), at, "o", markersize=6, color=colour, label=f"step {s + 1}"
-        )
-    axes.axvline(1.0, color=INK, **DASHED)
-    axes.set_xscale("log")
-    axes.set_yticks(range(len(names)), [plain(n) for n in names])
-    axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.set_xlabel("log odds / those that a name needs [–]")
-    legend_above(axes, ncols=min(scores.shape[1], 6), handlelength=1)
     return figure
 
 

@@ -48,7 +48,7 @@ def test_the_statement_says_effect_joints_odds_and_how_far_the_gap_shrinks(diagn
 
 def test_the_headline_of_many_effects_has_three_sentences_and_a_list_beneath(diagnosis):
     (e,) = diagnosis.effects
-    rivals = (Rival("quadratic_friction", "slider1", 2.0),)
+    rivals = (Rival("quadratic_friction", "slider1"),)
     unsure = replace(e, placements=tuple(replace(p, rivals=rivals) for p in e.placements))
     d = replace(diagnosis, effects=(e, unsure, unsure, e))
     first, *rest = d.statement.split("\n- ")
@@ -152,15 +152,12 @@ def test_the_model_with_the_effect_is_a_model_like_any_other(diagnosis):
     assert gather_information(regression).size == len(names)
 
 
-def test_evidence_and_discrepancies_come_as_frames(diagnosis):
-    evidence = diagnosis.evidence_frame().set_index(["name", "place"])
-    assert evidence.loc[("stribeck_friction", "slider1"), "before"] > 1
-    assert np.isnan(evidence.loc[("stribeck_friction", "slider1"), "after"])
-    where = diagnosis.discrepancy_frame()
-    assert list(where.joint) == list(diagnosis.robot.joints)
-    # Stribeck friction shows near reversals, where it is largest.
-    ratio = where.set_index("joint")["near reversals"]
-    assert ratio["slider1"] > ratio["slider2"]
+def test_what_was_named_has_odds_beside_the_model_alone(diagnosis):
+    odds = {(x.name, x.place): x for x in diagnosis.evidence}
+    own = odds["stribeck_friction", "slider1"]
+    assert own.before > 1
+    assert np.isnan(own.after)
+    assert [x.joint for x in diagnosis.discrepancies] == list(diagnosis.robot.joints)
 
 
 def test_the_same_seed_gives_the_same_answer(logs_of):

@@ -1,7 +1,5 @@
 """A diagnosis looks at the same stretches of a long log, read or in memory."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,7 @@ from identifiability import diagnose
 from identifiability.foundation.engines.local import Serial
 from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import prepare_samples
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose import motion as motion_of
@@ -45,17 +43,6 @@ def test_a_file_that_is_not_long_after_decimation_is_looked_at_as_a_whole(frame_
     whole, parts = (prepare_rows(robot, kind.read(path), None) for kind in (Log, LogFile))
     assert parts.notes == whole.notes
     np.testing.assert_allclose(parts.tau, whole.tau)
-
-
-def test_samples_may_be_changed_before_they_are_prepared(few, frame_of, saved):
-    path = saved(frame_of("two-link", periods=6, samples=2000, derivatives=False))
-    robot, file = Robot.load("two-link"), LogFile.read(path)
-    plain, changed = (
-        motion_of.prepare_thin(robot, file, Preparation(), change, most=MOST)
-        for change in (lambda log: log, lambda log: replace(log, tau=2 * log.tau))
-    )
-    assert plain.outputs <= MOST
-    np.testing.assert_array_equal(changed.tau, 2 * plain.tau)
 
 
 def test_a_part_of_a_file_is_that_part_of_the_log(frame_of, saved, sizes):

@@ -67,33 +67,28 @@ def keep_completed(d: Findings) -> Fit:
 
 def _smooth_values(d: Findings, information: Information, free: Estimate) -> Array:
     """Return the base parameters of the data, functions with the prior of the diagnosis, (b,)."""
-    prior = {
-        name: sd
-        for e in d.effects
-        for p in e.placements
-        for name, sd in zip(p.parameters, p.prior.tolist(), strict=False)
-    }
-    if not prior:
+    placed = [p for e in d.effects for p in e.placements]
+    if not any(len(p.prior) for p in placed):
         return free.value
-    last = {name: k for k, name in enumerate(d.completed.columns)}
     # In the parameters of the diagnosis: its base parameters, and those of what it named.
-    added = [last[name] for e in d.effects for p in e.placements for name in p.parameters]
+    columns = d.completed.columns
+    last = {name: k for k, name in enumerate(columns)}
+    added = [last[name] for p in placed for name in p.parameters]
     standard = _standard(d)
     first = standard.shape[1]
-    phi = np.zeros((len(d.completed.columns), first + len(added)))
+    phi = np.zeros((len(columns), first + len(added)))
     phi[_first(d), :first] = standard
     phi[added, range(first, phi.shape[1])] = 1.0
     base: Array = d.completed.G @ phi
+    spread = [p.prior if len(p.prior) else np.zeros(len(p.parameters)) for p in placed]
+    sd = np.concatenate([np.zeros(first), *spread])
+    ridge = np.diag(np.where(sd > 0, 1.0 / np.where(sd > 0, sd, 1.0), 0.0))[sd > 0]
     unit = float(np.sqrt(np.mean(free.variance * free.times * free.weights))) or 1.0
     F = free.estimator.loss(information, free) / unit
-    at = {name: first + added.index(last[name]) for name in prior}
-    ridge = np.zeros((len(prior), base.shape[1] + 1))
-    for row, (name, sd) in enumerate(prior.items()):
-        ridge[row, at[name]] = 1.0 / sd if sd > 0 else 0.0
-    A = np.concatenate([np.column_stack([F[:, :-1] @ base, F[:, -1]]), ridge])
-    length = np.linalg.norm(A[:, :-1], axis=0)
+    A, y = np.concatenate([F[:, :-1] @ base, ridge]), np.append(F[:, -1], np.zeros(len(ridge)))
+    length = np.linalg.norm(A, axis=0)
     length = np.where(length > 0, length, 1.0)
-    values: Array = base @ (np.linalg.lstsq(A[:, :-1] / length, A[:, -1], rcond=1e-9)[0] / length)
+    values: Array = base @ (np.linalg.lstsq(A / length, y, rcond=1e-9)[0] / length)
     return values
 
 

@@ -54,13 +54,12 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     effects = [
         _effect(naming, gap, some, [placed[k] for k in some], n, rng) for n, some in enumerate(own)
     ]
-    left = [fitted[:, :, n] for n in (0, -1)]
-    rms = np.sqrt(np.sum(left[1] ** 2, axis=0) / naming.fitted.counts)
+    left = fitted[:, :, -1]
+    rms = np.sqrt(np.sum(left**2, axis=0) / naming.fitted.counts)
     added = [
         Placed(placing, [_write_part(robot, part) for part in placing])
         for placing in ([parts[k].candidate.part for k in some] for some in own)
     ]
-    where = [find_discrepancies(naming.fitted, x, robot.joints) for x in left]
     return Diagnosis(
         **vars(setting),
         effects=tuple(effects),
@@ -72,8 +71,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         held_after=float(errors[-1]),
         refuted=tuple(Refuted(t.group.family, place_of(t), t.odds, x) for t, x in naming.refuted),
         interval=gap.interval(0, -1, rng),
-        discrepancies=tuple(where[0]),
-        discrepancies_after=tuple(where[1]),
+        discrepancies=find_discrepancies(naming.fitted, left, robot.joints),
         aliases=naming.aliases,
         refusals=naming.refusals,
         evidence=_evidence(naming),
@@ -157,12 +155,9 @@ def _place(naming: Naming, k: int) -> Placement:
 
 def _rivals(part: Part) -> list[Rival]:
     """Return what the name cannot be told from, each once; what is everywhere is here, too."""
-    found: dict[tuple[str, str], Rival] = {}
-    for r in part.rivals:
-        place = part.candidate.place if r.group.place == EVERYWHERE else r.group.place
-        rival = Rival(r.group.family, place, part.term.odds - r.odds)
-        found.setdefault((rival.family, place), rival)
-    return list(found.values())
+    own, every = part.candidate.place, (r.group for r in part.rivals)
+    at = (Rival(g.family, own if g.place == EVERYWHERE else g.place) for g in every)
+    return list(dict.fromkeys(at))
 
 
 def _alone(naming: Naming, k: int) -> np.ndarray:

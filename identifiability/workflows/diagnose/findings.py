@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from identifiability.effects import Effect, title_of
+from identifiability.effects import title_of
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import state_mass
@@ -20,20 +21,11 @@ from identifiability.workflows.diagnose.problem import Alias, Setting
 from identifiability.workflows.gravity import Leaning
 
 
-@frozen
-class Rival:
-    """Another name for the same rows: "A or B".
-
-    Attributes
-    ----------
-    family, place : str
-    behind : float [nat]
-        By how much its log odds are less than those of what was named.
-    """
+class Rival(NamedTuple):
+    """Another name for the same rows: "A or B"."""
 
     family: str
     place: str
-    behind: float
 
 
 @frozen
@@ -218,9 +210,9 @@ class Odds:
     after: float
 
 
-@frozen
-class Verified:
-    """What was named, and the errors before and after all of it.
+@frozen(kw_only=True)
+class Findings(Setting):
+    """Where model and data disagree, what is missing, and what adding it does.
 
     Attributes
     ----------
@@ -234,27 +226,11 @@ class Verified:
         ε_RA on the fitted logs.
     held_before, held_after : float
         ε_RA on unseen motion.
-    """
-
-    effects: tuple[NamedEffect, ...]
-    curves: tuple[Curve, ...]
-    gap: Gap
-    error_before: float
-    error_after: float
-    held_before: float
-    held_after: float
-
-
-@frozen(kw_only=True)
-class Findings(Setting, Verified):
-    """Where model and data disagree, what is missing, and what adding it does.
-
-    Attributes
-    ----------
     refuted : tuple of Refuted
     interval : (float, float)
         95 % of the change on unseen motion.
-    discrepancies, discrepancies_after : tuple of Discrepancy
+    discrepancies : tuple of Discrepancy
+        Where what is left of the fitted motion sits.
     aliases : tuple of Alias
     refusals : tuple of Refusal
     evidence : tuple of Odds
@@ -273,10 +249,16 @@ class Findings(Setting, Verified):
         and `structure` is about that.
     """
 
+    effects: tuple[NamedEffect, ...]
+    curves: tuple[Curve, ...]
+    gap: Gap
+    error_before: float
+    error_after: float
+    held_before: float
+    held_after: float
     refuted: tuple[Refuted, ...]
     interval: tuple[float, float]
     discrepancies: tuple[Discrepancy, ...]
-    discrepancies_after: tuple[Discrepancy, ...]
     aliases: tuple[Alias, ...]
     refusals: tuple[Refusal, ...]
     evidence: tuple[Odds, ...]
@@ -314,8 +296,3 @@ class Findings(Setting, Verified):
         """What is wrong with the total mass of the nearest real robot; empty if nothing is."""
         known = None if self.forward is None else self.forward.nearest
         return "" if known is None else state_mass(self.robot, known.values, known.cad_weight)
-
-    @property
-    def base_effects(self) -> tuple[Effect, ...]:
-        """Effects of the model that was diagnosed."""
-        return self.structure.model.effects

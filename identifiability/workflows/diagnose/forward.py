@@ -350,15 +350,11 @@ def keep_turns(robot: Robot, way: Motion) -> Motion:
 
 def _ways_to(robot: Robot, starts: Sequence[tuple[Motion, int]]) -> list[Motion]:
     """Return what can be remembered of the log at each start, as far as no sample is missing."""
-    ways: list[Motion] = []
-    before: tuple[Motion | None, int] = None, 0
+    ways = []
     for motion, row in starts:
         gaps = np.flatnonzero(np.diff(motion.kept[: row + 1]) != 1)
         first = int(gaps[-1]) + 1 if len(gaps) else 0
-        goes_on = before[0] is motion and first <= before[1]
-        way = _join([ways[-1], motion[before[1] : row]]) if goes_on else motion[first:row]
-        ways.append(keep_turns(robot, way))
-        before = motion, row
+        ways.append(keep_turns(robot, motion[first:row]))
     return ways
 
 

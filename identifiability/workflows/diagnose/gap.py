@@ -1,7 +1,7 @@
 """`Gap`: prediction errors of several models on the same unseen rows; and where a residual sits.
 
-Of a residual it is told at which joint, reversals, position, load, time and log it sits; of the
-last one also the smallest effect that could have been named.
+Of what is left it is told at which joint, velocity, position, load, time and log it sits, and the
+smallest effect that could have been named.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.estimation.noise import autocorrelation_time
 from identifiability.estimation.torque_errors import (
     change_interval,
     change_interval_over_joints,
@@ -20,13 +19,10 @@ from identifiability.estimation.torque_errors import (
     relative_error,
 )
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.signals import is_constant
 from identifiability.workflows.diagnose.rows import Rows
 
-#: Share of the rms speed that is near a reversal.
-NEAR: Tolerance = 0.15
 #: Bins in which the residual is averaged.
 BINS = 12
 
@@ -67,13 +63,9 @@ class Gap:
         rows = replace(self.rows, measured=measured, data=data)
         return Gap(rows, self.residual[:, some])
 
-    def joint_error(self, *, raw: bool = False) -> Array:
-        """Return the error of each joint over its own scale (n, m), `raw` of measured torque."""
-        left, own = self.residual, self.variation
-        if raw:
-            left = left + (self.rows.raw - self.rows.measured)[:, :, None]
-            own = self._own(self.rows.raw)
-        return joint_errors(left**2, own)
+    def joint_error(self) -> Array:
+        """Return the error of each joint over its own scale, (n, m)."""
+        return joint_errors(self.residual**2, self.variation)
 
     def joint_rms(self) -> Array:
         """Return the root mean square of each joint's error, (n, m) [N·m or N]."""
@@ -90,12 +82,8 @@ class Gap:
     @property
     def variation(self) -> Array:
         """Squared distances of torque from each joint's mean, zero where no data, (N, n)."""
-        return self._own(self.rows.measured)
-
-    def _own(self, tau: Array) -> Array:
-        """Return squared distances of torque (N, n) from each joint's mean, zero where no data."""
-        data, low, high = self.rows.data, np.inf, -np.inf
-        some = tau.min(0, initial=low, where=data), tau.max(0, initial=high, where=data)
+        tau, data = self.rows.measured, self.rows.data
+        some = tau.min(0, initial=np.inf, where=data), tau.max(0, initial=-np.inf, where=data)
         own: Array = (tau - tau.sum(0) / self.rows.counts) ** 2 * data * ~is_constant(*some)
         return own
 
@@ -116,44 +104,32 @@ class Discrepancy:
     rms : float [N·m or N]
     share : float
         Of the measured torque's rms.
-    reversals : float
-        Mean square near reversals over that elsewhere.
     explained : mapping
         Share of the residual's variance that its averages over bins of velocity, position,
         acceleration, load, time, log and session explain, beyond what white noise would.
-    memory : float [samples]
-        Integrated autocorrelation time.
     """
 
     joint: str
     rms: float
     share: float
-    reversals: float
     explained: dict[str, float]
-    memory: float
 
 
 def find_discrepancies(
-    rows: Rows, residual: Array, joints: Sequence[str], near: float = NEAR
-) -> list[Discrepancy]:
-    """Return where the residual (N, n) of each joint sits, near reversals or not."""
-    memory = autocorrelation_time(residual)
+    rows: Rows, residual: Array, joints: Sequence[str]
+) -> tuple[Discrepancy, ...]:
+    """Return where the residual (N, n) of each joint sits."""
     out = []
     for j, joint in enumerate(joints):
         data = rows.data[:, j]
-        r, v = residual[data, j], rows.states[1][data, j]
+        r = residual[data, j]
         if not len(r):
-            out.append(Discrepancy(joint, 0.0, 0.0, float("nan"), {}, float(memory[j])))
+            out.append(Discrepancy(joint, 0.0, 0.0, {}))
             continue
-        square = r**2
-        turns = np.abs(v) < near * (float(np.sqrt(np.mean(v**2))) or 1.0)
-        far = float(square[~turns].mean()) if (~turns).any() else 0.0
-        ratio = float(square[turns].mean()) / far if turns.any() and far > 0 else float("nan")
         explained = {name: explained_share(x[data], r) for name, x in rows.along(j).items()}
-        size = float(np.sqrt(square.mean()))
-        whole = float(np.sqrt(np.mean(rows.measured[data, j] ** 2))) or 1.0
-        out.append(Discrepancy(joint, size, size / whole, ratio, explained, float(memory[j])))
-    return out
+        size, whole = (float(np.sqrt(np.mean(x**2))) for x in (r, rows.measured[data, j]))
+        out.append(Discrepancy(joint, size, size / (whole or 1.0), explained))
+    return tuple(out)
 
 
 def explained_share(x: Array, r: Array) -> float:

@@ -8,7 +8,7 @@ A diagnosis asks few rows many questions, so long logs are looked at in evenly s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -21,12 +21,12 @@ from identifiability.foundation.rounding import format_count
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
+from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.logs.prepare.longsamples import Prepared, prepare_samples
+from identifiability.logs.prepare.longsamples import Prepared, Stretch, prepare_samples
 from identifiability.logs.prepare.preparation import make_plan
 from identifiability.logs.prepare.samples import check_left, join_motions
-from identifiability.logs.prepare.samples import prepare_rows as prepare_stretch
 from identifiability.logs.repeats import Recording
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import bandwidth_of_windows
@@ -160,7 +160,10 @@ def prepare_rows(
         while factor > 1 and signals.Decimation(factor).outputs(len(log)) < LOG_RULES.fewest:
             factor -= 1
         how = Preparation(decimate=max(factor, 1))
-    return prepare_thin(robot, log, how or Preparation(), most=most)
+    how = how or Preparation()
+    if isinstance(log, Log):
+        return thin(prepare_samples(robot, log, how), most)
+    return _read_thin(robot, log, how, most)
 
 
 def along_rollouts(
@@ -227,32 +230,8 @@ def _note(count: int) -> str:
     return f"{count} stretches of {STRETCH} samples, evenly spaced in time, were looked at"
 
 
-def prepare_thin(
-    robot: Robot,
-    log: Recording,
-    how: Preparation,
-    change: Callable[[Log], Log] = lambda log: log,
-    *,
-    most: int = MOST_SAMPLES,
-) -> Samples:
-    """Return a log ready for a diagnosis; of a long one only the stretches looked at are read.
-
-    Parameters
-    ----------
-    robot : Robot
-    log : Log or LogFile
-    how : Preparation
-    change : callable(Log) -> Log, optional
-        Done to the samples first; it may take some away at the end.
-    most : int
-        Samples after decimation that are looked at.
-
-    Raises
-    ------
-    LogError, ClosureError
-    """
-    if isinstance(log, Log):
-        return thin(prepare_samples(robot, change(log), how), most)
+def _read_thin(robot: Robot, log: LogFile, how: Preparation, most: int) -> Samples:
+    """Return a log of a file; of a long one only the stretches that are looked at are read."""
     plan = make_plan(robot, log, how)
     d = plan.decimation
     # Samples of a long log that are read for each of these: of one that is logged far faster
@@ -261,14 +240,12 @@ def prepare_thin(
     most = max(STRETCH, int(most * min(1.0, 40 / plan.factor)))
     every = (len(log) if d is None else d.outputs(len(log))) <= most
     windows = [(0, len(log))] if every else _stretches(d, len(log), most)
-    edge = plan.filter_reach
-    reach = plan.reach - edge
-    parts = []
-    for first, last in windows:
-        origin = max(0, first - edge)
-        raw = change(log.rows(origin, min(len(log), last + edge)))
-        own = (first + reach, last - reach)
-        parts.append(prepare_stretch(robot, raw, origin, plan, own))
+    own = plan.reach - plan.filter_reach
+    parts = [
+        part
+        for first, last in windows
+        for part in Stretch(robot, log, plan, first + own, last - own, len(log)).parts()
+    ]
     motion = join_motions([p.motion for p in parts])
     tau = np.concatenate([p.tau for p in parts])
     notes = (*plan.notes, *plan.band_notes)
@@ -276,9 +253,13 @@ def prepare_thin(
     check_left(log.name, len(motion), sum(b - a for a, b in windows), notes)
     samples = Samples(log.name, motion, tau, plan.decimation, notes, log.sha256)
     dwells = [p.dwells for p in parts if p.dwells is not None]
-    samples = replace(samples, dwells=np.concatenate(dwells) if dwells else None)
     return replace(
-        samples, cutoff=plan.cutoff, breaks=parts[0].breaks, hints=plan.hints, path=log.path
+        samples,
+        dwells=np.concatenate(dwells) if dwells else None,
+        cutoff=plan.cutoff,
+        breaks=parts[0].breaks,
+        hints=plan.hints,
+        path=log.path,
     )
 
 

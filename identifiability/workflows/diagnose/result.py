@@ -109,8 +109,7 @@ class Diagnosis(Result, Findings, Predicts):
         """Return what changed in mid-log, the effects that were named, and the errors of joints."""
         named = Table.of("Effects that were missing", NAMED, self.effects)
         caption = "Each joint by itself on unseen motion, over its own scale"
-        rows = self.error_frame()[[*ERRORS]].itertuples(index=False, name=None)
-        errors = Table.of(caption, tuple(ERRORS.values()), rows)
+        errors = Table.of(caption, ERRORS, self.error_frame().itertuples())
         changed = (_table_changes(self),) if self.changes else ()
         return (*changed, *((named,) if self.effects else ()), errors)
 
@@ -141,14 +140,9 @@ class Diagnosis(Result, Findings, Predicts):
         """Return the errors of each joint on unseen motion before and after.
 
         Over the joint's own scale (`torque_errors.joint_errors`), and in N or N·m (`rms`), of the
-        torque that was fitted, low-passed with the columns where these were; `raw` is the same
-        prediction against the torque as it was measured.
+        torque that was fitted, low-passed with the columns where these were.
         """
-        error, rms, raw = (
-            self.gap.joint_error(),
-            self.gap.joint_rms(),
-            self.gap.joint_error(raw=True),
-        )
+        error, rms = self.gap.joint_error(), self.gap.joint_rms()
         columns = {
             "joint": self.robot.joints,
             "unit": self.robot.torque_units,
@@ -156,23 +150,8 @@ class Diagnosis(Result, Findings, Predicts):
             "after": error[:, -1],
             "rms_before": rms[:, 0],
             "rms_after": rms[:, -1],
-            "raw_before": raw[:, 0],
-            "raw_after": raw[:, -1],
         }
         return pd.DataFrame(columns)
-
-    def evidence_frame(self) -> pd.DataFrame:
-        """Return the log odds of every family and place, before and after what was named."""
-        return pd.DataFrame([vars(x) for x in self.evidence])
-
-    def discrepancy_frame(self) -> pd.DataFrame:
-        """Return where the residual of the base model sits, one row a joint."""
-        rows = [
-            {**vars(d), **{f"by {k}": x for k, x in d.explained.items()}}
-            for d in self.discrepancies
-        ]
-        frame = pd.DataFrame(rows).drop(columns="explained")
-        return frame.rename(columns={"reversals": "near reversals"})
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
@@ -395,23 +374,14 @@ NAMED = (
     Column("after", error_text, "after"),
 )
 
-#: Columns of errors by joint, by what `error_frame` calls them.
-ERRORS = dict(
-    zip(
-        ("joint", "before", "after", "rms_before", "rms_after", "raw_before", "raw_after", "unit"),
-        with_hints(
-            "gap-joints",
-            Column("joint"),
-            Column("before", error_text),
-            Column("after", error_text),
-            Column("rms before", digits(3), detail=True),
-            Column("rms after", digits(3)),
-            Column("raw before", error_text, detail=True),
-            Column("raw after", error_text),
-            Column("unit"),
-        ),
-        strict=True,
-    )
+ERRORS = with_hints(
+    "gap-joints",
+    Column("joint", get="joint"),
+    Column("before", error_text, "before"),
+    Column("after", error_text, "after"),
+    Column("rms before", digits(3), "rms_before", detail=True),
+    Column("rms after", digits(3), "rms_after"),
+    Column("unit", get="unit"),
 )
 
 

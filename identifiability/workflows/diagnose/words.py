@@ -251,7 +251,7 @@ def state_remainder(d: Findings) -> str:
 
 def _looks(d: Findings) -> str:
     """Return what the residual depends on most, in words."""
-    most = max(d.discrepancies_after, key=lambda x: max(x.explained.values(), default=0.0))
+    most = max(d.discrepancies, key=lambda x: max(x.explained.values(), default=0.0))
     where, best = max(most.explained.items(), key=lambda x: x[1])
     if best < d.rules.visible:
         return "noise: it depends on none of velocity, position, acceleration, load or time"
