@@ -66,29 +66,25 @@ def keep_completed(d: Findings) -> Fit:
 
 
 def _smooth_values(d: Findings, information: Information, free: Estimate) -> Array:
-    """Return the base parameters of the data, functions with the prior of the diagnosis, (b,)."""
-    placed = [p for e in d.effects for p in e.placements]
-    if not any(len(p.prior) for p in placed):
-        return free.value
-    # In the parameters of the diagnosis: its base parameters, and those of what it named.
+    """Return the base parameters of the data, functions as smooth as the diagnosis has them, (b,).
+
+    The others are refitted beside these.
+    """
     columns = d.completed.columns
     last = {name: k for k, name in enumerate(columns)}
-    added = [last[name] for p in placed for name in p.parameters]
-    standard = _standard(d)
-    first = standard.shape[1]
-    phi = np.zeros((len(columns), first + len(added)))
-    phi[_first(d), :first] = standard
-    phi[added, range(first, phi.shape[1])] = 1.0
-    base: Array = d.completed.G @ phi
-    spread = [p.prior if len(p.prior) else np.zeros(len(p.parameters)) for p in placed]
-    sd = np.concatenate([np.zeros(first), *spread])
-    ridge = np.diag(np.where(sd > 0, 1.0 / np.where(sd > 0, sd, 1.0), 0.0))[sd > 0]
-    unit = float(np.sqrt(np.mean(free.variance * free.times * free.weights))) or 1.0
-    F = free.estimator.loss(information, free) / unit
-    A, y = np.concatenate([F[:, :-1] @ base, ridge]), np.append(F[:, -1], np.zeros(len(ridge)))
+    placed = [p for e in d.effects for p in e.placements if len(p.smooth)]
+    if not placed:
+        return free.value
+    phi, G = np.zeros(len(columns)), d.completed.G
+    at = [last[name] for p in placed for name in p.parameters]
+    phi[at] = np.concatenate([p.smooth for p in placed])
+    held, rest = G @ phi, np.delete(G, at, axis=1)
+    F = free.estimator.loss(information, free)
+    A = F[:, :-1] @ rest
     length = np.linalg.norm(A, axis=0)
     length = np.where(length > 0, length, 1.0)
-    values: Array = base @ (np.linalg.lstsq(A / length, y, rcond=1e-9)[0] / length)
+    found = np.linalg.lstsq(A / length, F[:, -1] - F[:, :-1] @ held, rcond=1e-9)[0]
+    values: Array = held + rest @ (found / length)
     return values
 
 
@@ -159,10 +155,11 @@ def fit_physical(
     information = weigh_rows(joints, samples, information, wls)[0]
     submodel, fit = full_model(structure.base), estimate(information)
     model = FittedModel(structure, submodel, information, information, fit)
-    found = find_nearest(model, WEAK if cad_weight is None else cad_weight)
     if unseen and cad_weight is None:
         held_out, short = hold_folds(information, wls)
         found = settle_robot(model, held_out, None, choose=not short).robot
+    else:
+        found = find_nearest(model, WEAK if cad_weight is None else cad_weight)
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())
     return Physical(structure, found.parameters(), found.cad_weight)

@@ -50,7 +50,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     )
     gap = Gap(naming.unseen, unseen)
     errors, before = gap.relative_error(), Gap(naming.fitted, fitted).relative_error()
-    placed = [_place(naming, k) for k in range(len(parts))]
+    placed = [_place(naming, k, fits[-1]) for k in range(len(parts))]
     effects = [
         _effect(naming, gap, some, [placed[k] for k in some], n, rng) for n, some in enumerate(own)
     ]
@@ -129,11 +129,13 @@ def _effect(
     )
 
 
-def _place(naming: Naming, k: int) -> Placement:
+def _place(naming: Naming, k: int, fitted: Array) -> Placement:
     """Return what is known of a part."""
     part, robot = naming.parts[k], naming.setting.structure.robot
     c = part.candidate
     value, covariance = naming.values(k)
+    first = len(fitted) - sum(len(p.candidate.columns) for p in naming.parts[k:])
+    own = fitted[first : first + len(value)]
     parameters = Placed.part_parameters(robot, c.part)
     added = [naming.columns([k], j) @ value for j in naming.acts(k)]
     return Placement(
@@ -149,7 +151,7 @@ def _place(naming: Naming, k: int) -> Placement:
         weight=part.weight,
         odds=part.term.odds,
         unseen=part.unseen,
-        prior=naming.spread(k) if c.family.flexible else np.empty(0),
+        smooth=own if c.family.flexible else np.empty(0),
     )
 
 

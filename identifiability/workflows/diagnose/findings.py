@@ -50,8 +50,8 @@ class Placement:
         Its posterior probability among all that may be in its place.
     odds, unseen : float [nat]
         Log odds for it on the fitted motion, and what it gains on unseen motion.
-    prior : (k,)
-        Standard deviation that its parameters have beforehand, of functions alone.
+    smooth : (k,)
+        Values as an analysis weighs rows, as smooth as what was found; of functions alone.
     """
 
     place: str
@@ -66,7 +66,7 @@ class Placement:
     weight: float = 1.0
     odds: float = float("nan")
     unseen: float = float("nan")
-    prior: Array = field(default_factory=lambda: np.empty(0))
+    smooth: Array = field(default_factory=lambda: np.empty(0))
 
     @property
     def rows(self) -> list[tuple[str, float, float, str]]:
