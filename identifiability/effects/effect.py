@@ -337,8 +337,6 @@ class Family:
         Whether all columns of a place are the same, so that one stands for them.
     fixed_only : bool
         Whether it can differ from the model only while that is not refitted.
-    basic : bool
-        Whether every joint has it, so that it goes before what only some joints have.
     needs : str
         Family that must be in the model at the same place: what this one refines.
     refuse : callable(Robot, place) -> str
@@ -381,7 +379,6 @@ class Family:
     separate: bool = False
     alike: bool = False
     fixed_only: bool = False
-    basic: bool = False
     needs: str = ""
     refuse: Callable[[Robot, str], str] = _nowhere_refused
     stated: Callable[[Robot], bool] = _not_stated

@@ -29,7 +29,7 @@ from identifiability.robot import Axis, Robot
 # Viscous friction at every actuated joint and coupled motor.
 
 
-@declare("viscous friction", basic=True, native=True, told_by=SPEEDS, rank=1)
+@declare("viscous friction", native=True, told_by=SPEEDS, rank=1)
 class ViscousFriction(AlongAxes):
     """``τ = Fv q̇``."""
 
@@ -48,7 +48,7 @@ class ViscousFriction(AlongAxes):
 # Coulomb friction with the same level for both directions.
 
 
-@declare("Coulomb friction", basic=True, native=True, rank=2)
+@declare("Coulomb friction", native=True, rank=2)
 class CoulombFriction(AlongAxes):
     """``τ = Fc sign(q̇)`` at every actuated joint and coupled motor."""
 

@@ -83,7 +83,7 @@ def _unseen(robot: Robot, place: str) -> str:
     return in_motor(robot, place)
 
 
-@declare("actuator inertia", alike=True, basic=True, refuse=_unseen, native=True, rank=4)
+@declare("actuator inertia", alike=True, refuse=_unseen, native=True, rank=4)
 class ActuatorInertia(AlongAxes):
     """``τ = Ia q̈``: rotor and drive inertia referred to the joint.
 

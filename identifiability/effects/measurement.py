@@ -44,7 +44,6 @@ from identifiability.robot.along import project
 @declare(
     "torque offset",
     actuated_joints,
-    basic=True,
     refuse=in_motor,
     native=True,
     told_by=RESTS,

@@ -6,12 +6,10 @@ that resembles a residual.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from copy import copy
-from functools import cached_property
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import scipy
@@ -195,20 +193,6 @@ def colour(e: Array, pacf: Array) -> Array:
     return x
 
 
-def colour_many(e: Array, pacf: Array) -> Array:
-    """Return series (N, B) with innovations e (N, B), each with partials of its own, (p, B)."""
-    predictors, variances = levinson(pacf)
-    p = len(pacf)
-    x = np.array(e, float)
-    for k in range(len(e)):
-        m = min(k, p)
-        if k < p:
-            x[k] *= np.sqrt(variances[k])
-        if m:
-            x[k] += np.einsum("kb,kb->b", predictors[m], x[k - m : k][::-1])
-    return x
-
-
 def autocovariance(pacf: Array, most: int) -> Array:
     """Return autocovariances at lags 0 … most for unit innovations, (most + 1,)."""
     predictors, variances = levinson(pacf)
@@ -221,19 +205,6 @@ def autocovariance(pacf: Array, most: int) -> Array:
         else:  # the last partial autocorrelation of an order gives the next lag [Levinson 1947]
             out[k] = pacf[k - 1] * variances[k - 1] + predictors[k - 1] @ out[1:k][::-1]
     return out
-
-
-def durbin(covariance: Array) -> tuple[Array, float]:
-    """Return partial autocorrelations and innovation sd of autocovariances [Durbin 1960]."""
-    a = np.empty(0)
-    variance = float(covariance[0])
-    pacf = []
-    for k in range(1, len(covariance)):
-        r = float(covariance[k] - a @ covariance[1:k][::-1]) / variance
-        pacf.append(r)
-        a = np.append(a - r * a[::-1], r)
-        variance *= 1 - r * r
-    return np.array(pacf), float(np.sqrt(variance))
 
 
 def whiten(x: Array, runs: Runs, pacf: Array) -> Array:
@@ -606,10 +577,6 @@ class RestrictedLikelihood:
 # model stationary [Monahan 1984].
 
 
-#: Order of the whitening filter when misfit is added to the noise.
-MISFIT_ORDER = 8
-
-
 @frozen
 class JointNoise:
     """Noise of one joint.
@@ -634,39 +601,11 @@ class JointNoise:
     dof: float
     left: float
 
-    @cached_property
-    def _root(self) -> Array:
-        """A root of the covariance, (p, p)."""
-        vectors, squares, _ = np.linalg.svd(self.covariance)
-        root: Array = vectors * np.sqrt(squares)
-        return root
-
     @property
     def pacf(self) -> Array:
         """Partial autocorrelations, (p,)."""
         partial: Array = np.tanh(self.theta)
         return partial
-
-    def beside(self, misfit: float) -> tuple[Array, float]:
-        """Return partial autocorrelations and innovation sd of the noise plus a white misfit.
-
-        Parameters
-        ----------
-        misfit : float [(N·m)² or N²]
-            Variance of what the model does not explain yet.
-        """
-        if misfit <= 0:
-            return self.pacf, self.sigma
-        covariance = self.sigma**2 * autocovariance(self.pacf, MISFIT_ORDER)
-        covariance[0] += misfit
-        return durbin(covariance)
-
-    def draw(self, rng: np.random.Generator) -> tuple[Array, float]:
-        """Return partial autocorrelations and sigma as uncertain as the data leave them."""
-        theta = self.theta
-        if len(theta):
-            theta = np.clip(theta + self._root @ rng.standard_normal(len(theta)), -BOUND, BOUND)
-        return np.tanh(theta), self.sigma * float(np.sqrt(self.dof / rng.chisquare(self.dof)))
 
 
 @frozen
@@ -674,69 +613,6 @@ class ARNoise:
     """Noise of all joints; joints are independent."""
 
     joints: tuple[JointNoise, ...]
-
-    def whiten(self, values: Array, runs: Runs | JointRuns, misfit: Array | None = None) -> Array:
-        """Return values (N, n) or (N, n, k) whose noise would be white with unit variance.
-
-        `misfit` (n,) is the variance of what the model does not explain yet, taken as white: while
-        it is large the rows weigh as in ordinary least squares.
-        """
-        out = np.empty_like(values)
-        for j, noise in enumerate(self.joints):
-            pacf, sigma = noise.beside(0.0 if misfit is None else float(misfit[j]))
-            out[:, j] = whiten(values[:, j], runs_of(runs, j), pacf) / sigma
-        return out
-
-    def misfit(self, residual: Array, rows: Array | None = None) -> Array:
-        """Return the variance of a residual (N, n) that noise does not explain, (n,).
-
-        `rows` (n,) are those of each joint that are data; the residual is zero in the others.
-        """
-        left = np.array([j.left for j in self.joints])
-        square = np.sum(residual**2, axis=0) / (len(residual) if rows is None else rows)
-        excess: Array = np.maximum(square - 2 * left, 0.0)
-        return excess
-
-    def simulate(
-        self,
-        count: int,
-        draws: int,
-        rng: np.random.Generator,
-        runs: Runs | JointRuns,
-        precision: type[np.floating[Any]] = np.float64,
-    ) -> Array:
-        """Return noise (count, n, draws) with coefficients as uncertain as the data leave them.
-
-        It is zero between the stretches.
-        """
-        out = np.zeros((count, len(self.joints), draws), precision)
-        if not draws:
-            return out
-        for j, noise in enumerate(self.joints):
-            drawn = [noise.draw(rng) for _ in range(draws)]
-            pacf = np.array([p for p, _ in drawn]).T
-            e = rng.standard_normal((count, draws))
-            size = np.array([sigma for _, sigma in drawn])
-            for start, stop in runs_of(runs, j):
-                out[start:stop, j] = colour_many(e[start:stop], pacf) * size
-        return out
-
-
-def fit_noise(
-    tau: Array, blocks: Callable[[int], Sequence[Array]], runs: Runs | JointRuns
-) -> ARNoise:
-    """Return the noise of every joint beside columns that may explain its torque.
-
-    Parameters
-    ----------
-    tau : (N, n)
-    blocks : callable(joint) -> sequence of (N, k)
-        What acts in a joint: base model, then the families of the dictionary, the ones that must
-        not be left out first.
-    runs : sequence of (start, stop)
-        Stretches without gaps.
-    """
-    return ARNoise(tuple(fit_joint(y, blocks(j), runs_of(runs, j)) for j, y in enumerate(tau.T)))
 
 
 def fit_joint(y: Array, blocks: Sequence[Array], runs: Runs) -> JointNoise:

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from functools import cached_property
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -18,7 +16,6 @@ from identifiability.effects.effect import measure_spans
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.samples import Piece
 from identifiability.robot import Motion, Robot
 
@@ -26,16 +23,11 @@ from identifiability.robot import Motion, Robot
 Present = Collection[tuple[str, str]]
 #: Why a family is not tried where it is.
 HAS = "the model has it already"
-#: What a candidate's columns depend on along some logs: family, place, kinds and shape.
-Key = tuple[str, str, tuple[str, ...], float | None]
 #: Samples that columns are computed of at a time, at least; and in units of what a decimation
 #: filter draws on beside them, so that it costs little more than the samples themselves.
 PIECE, REACHES = 4096, 12
 #: Columns that are filtered together.
 TOGETHER = 64
-
-#: Pieces of each log, as long as it is there.
-_KNOWN: WeakKeyDictionary[Samples, tuple[Piece, ...]] = WeakKeyDictionary()
 
 #: Torque (N,) by joint and column, where it is not zero everywhere.
 Entries = dict[tuple[int, int], Array]
@@ -73,16 +65,6 @@ class Candidate:
     def group(self) -> tuple[str, str]:
         """Family and place: what is named."""
         return self.family.name, self.place
-
-    @cached_property
-    def slot(self) -> tuple[str, str, tuple[str, ...]]:
-        """Family, place and kinds: what a model has once, whatever its shape."""
-        return self.family.name, self.place, () if self.family.flexible else self.kinds
-
-    @cached_property
-    def key(self) -> Key:
-        """What its columns depend on along some logs, whatever numbers they have."""
-        return (*self.group, self.kinds, None if np.isnan(self.shape) else self.shape)
 
     @property
     def part(self) -> Part:
@@ -197,7 +179,7 @@ def compute_entries(
     parts : sequence of (Part, columns)
         With the column that each of its parameters has.
     pieces : sequence of Piece
-        Of the logs (`pieces_of`).
+        Of the logs.
     """
     layout = _lay_out(robot, parts)
     rows = sum(len(piece.motion.t[piece.at]) for piece in pieces)
@@ -227,18 +209,6 @@ def compute_entries(
         _write(entries, piece, found, start, rows)
         start += outputs
     return entries
-
-
-def pieces_of(samples: Samples) -> tuple[Piece, ...]:
-    """Return the pieces of a log that columns are computed of, the same ones whenever it is asked.
-
-    So what is known of a motion as long as it is there (`nominal.once`) is known then, too.
-    """
-    if samples not in _KNOWN:
-        d = samples.decimation
-        size = PIECE if d is None else max(PIECE, REACHES * d.coarse.reach)
-        _KNOWN[samples] = tuple(samples.pieces(size))
-    return _KNOWN[samples]
 
 
 def _write(entries: Entries, piece: Piece, found: Entries, start: int, rows: int) -> None:

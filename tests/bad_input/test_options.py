@@ -69,14 +69,13 @@ PRUNE = {
     "forbid": ({"forbid": "link1.mx"}, "forbid must be a list of names, not 'link1.mx'"),
 }
 DIAGNOSE = {
-    "replicates": ({"replicates": 0}, "replicates must be a whole number of at least 19 or None"),
     "model": (
         {"model": 3},
         "model must be a Model, a list of effects, the path of a model file or",
     ),
     "effects": ({"effects": "payload"}, "effects must be a list of names or None, not 'payload'"),
     "fixed": ({"fixed": 2}, "may be off by a share above 0 and up to 1, 2 was given"),
-    "rules": ({"rules": {"level": 0.1}}, "rules must be a Rules or None, not a dict"),
+    "rules": ({"rules": {"alias": 0.1}}, "rules must be a Rules or None, not a dict"),
 }
 OF_LOGS = {
     name: case
@@ -149,7 +148,7 @@ OTHERS = {
         {"recurrence": 9},
         "recurrence must be a number between 0 and 1, not",
     ),
-    "rule": (Rules, {"most": 0}, "most must be a whole number of at least 1, not 0"),
+    "rule": (Rules, {"shortest": 0}, "shortest must be a whole number of at least 1, not 0"),
     "engine": (
         choose_engine,
         {"engine": "procesess"},

@@ -7,13 +7,9 @@ from scipy.signal import lfilter
 
 from identifiability.estimation.noise import (
     BOUND,
-    ARNoise,
-    JointNoise,
     RestrictedLikelihood,
     autocovariance,
-    durbin,
     fit_joint,
-    fit_noise,
     levinson,
     span_columns,
     whiten,
@@ -38,9 +34,6 @@ def test_autocovariances_are_those_of_the_recursion_written_out():
     for _ in range(4):
         gamma.append(phi[0] * gamma[-1] + phi[1] * gamma[-2])
     np.testing.assert_allclose(autocovariance(PACF, 5), gamma)
-    pacf, sigma = durbin(4.0 * np.array(gamma))
-    np.testing.assert_allclose(pacf, [r1, r2, 0, 0, 0], atol=1e-12)
-    assert sigma == pytest.approx(2.0)
 
 
 def test_whitened_rows_have_unit_covariance():
@@ -109,80 +102,20 @@ def test_slow_drifts_are_held_to_the_slowest_noise_that_there_is():
     y = np.linspace(-1, 1, 400) ** 3
     noise = fit_joint(y, [np.ones((400, 1))], [(0, 400)])
     assert np.abs(noise.theta).max() <= BOUND
-    rng = np.random.default_rng(0)
-    wild = JointNoise(theta=np.array([3.4]), covariance=np.array([[4.0]]), sigma=1.0, dof=50.0,
-                      left=1.0)  # fmt: skip
-    drawn = np.array([wild.draw(rng)[0][0] for _ in range(50)])
-    assert np.abs(drawn).max() <= np.tanh(BOUND)
-
-
-def test_noise_is_drawn_as_uncertain_as_it_is_known():
-    """θ normal about its estimate; σ² like dof / χ²."""
-    rng = np.random.default_rng(1)
-    noise = JointNoise(theta=np.array([0.5]), covariance=np.array([[0.04]]), sigma=3.0, dof=8.0,
-                       left=9.0)  # fmt: skip
-    drawn = [noise.draw(rng) for _ in range(4000)]
-    theta, sigma = np.arctanh([p[0] for p, _ in drawn]), np.array([s for _, s in drawn])
-    assert np.mean(theta) == pytest.approx(0.5, abs=0.02)
-    assert np.std(theta) == pytest.approx(0.2, rel=0.05)
-    assert np.mean(9.0 / sigma**2) == pytest.approx(1.0, abs=0.04)  # mean of χ²/dof
-    assert np.var(9.0 / sigma**2) == pytest.approx(2 / 8, rel=0.15)
-
-
-@pytest.mark.parametrize("misfit", [0.0, 5.0])
-def test_a_misfit_is_white_noise_on_top(misfit):
-    noise = JointNoise(theta=np.arctanh(PACF), covariance=np.eye(2), sigma=2.0, dof=9.0, left=1.0)
-    pacf, sigma = noise.beside(misfit)
-    total = sigma**2 * autocovariance(pacf, 8)
-    expected = 4.0 * autocovariance(PACF, 8)
-    expected[0] += misfit
-    np.testing.assert_allclose(total, expected, atol=1e-10)
-    alone = ARNoise((noise,)).whiten(np.eye(70)[:, None], RUNS, np.array([misfit]))[:, 0]
-    V = 4.0 * covariance(PACF, RUNS) + misfit * np.eye(70)
-    # The filter has eight coefficients: all but what it cuts off is white.
-    np.testing.assert_allclose(alone @ V @ alone.T, np.eye(70), atol=1e-2)
-
-
-def test_what_is_no_more_than_twice_what_noise_leaves_is_no_misfit():
-    noise = JointNoise(theta=np.zeros(1), covariance=np.eye(1), sigma=2.0, dof=9.0, left=4.0)
-    residual = np.full((50, 2), [np.sqrt(7.9), 5.0])
-    np.testing.assert_allclose(ARNoise((noise, noise)).misfit(residual), [0.0, 25.0 - 8.0])
-    half = np.array([25, 50])  # rows that are data
-    np.testing.assert_allclose(ARNoise((noise, noise)).misfit(residual, half), [7.8, 17.0])
-
-
-def test_simulated_noise_starts_anew_at_every_gap_and_in_every_joint():
-    joints = tuple(
-        JointNoise(theta=np.arctanh([0.95]), covariance=np.array([[1e-6]]), sigma=s, dof=1e6,
-                   left=s**2)
-        for s in (1.0, 10.0)
-    )  # fmt: skip
-    x = ARNoise(joints).simulate(40, 3000, np.random.default_rng(0), [(0, 20), (20, 40)])
-    assert x.shape == (40, 2, 3000)
-    correlation = np.corrcoef(x[[18, 19, 20, 21], 0])
-    assert correlation[0, 1] == pytest.approx(0.95, abs=0.02)
-    assert correlation[2, 3] == pytest.approx(0.95, abs=0.02)
-    assert abs(correlation[1, 2]) < 0.08  # across the gap
-    assert abs(np.corrcoef(x[5, 0], x[5, 1])[0, 1]) < 0.08  # across joints
-    stationary = 1 / np.sqrt(1 - 0.95**2)
-    for j, s in enumerate((1.0, 10.0)):
-        for row in (0, 20, 39):
-            assert np.std(x[row, j]) == pytest.approx(s * stationary, rel=0.06)
 
 
 def test_a_dictionary_may_take_at_most_45_per_cent_of_a_joints_rows():
     rng = np.random.default_rng(0)
-    y, n = rng.standard_normal((60, 1)), 60
-    first, second = rng.standard_normal((n, 1, 20)), rng.standard_normal((n, 1, 30))
-    found = fit_noise(y, lambda j: [first[:, j], second[:, j]], [(0, n)]).joints[0]
-    assert found.dof == n - 27
-    assert fit_noise(y, lambda j: [first[:, j]], [(0, n)]).joints[0].dof == n - 20
+    y, n = rng.standard_normal(60), 60
+    first, second = rng.standard_normal((n, 20)), rng.standard_normal((n, 30))
+    assert fit_joint(y, [first, second], [(0, n)]).dof == n - 27
+    alone = fit_joint(y, [first], [(0, n)])
+    assert alone.dof == n - 20
     # What is in the columns is not noise: a large effect of the dictionary is not taken for it.
-    big = y[:, 0] + 100 * first[:, 0, 0]
-    left = fit_noise(big[:, None], lambda j: [first[:, j]], [(0, n)]).joints[0].left
-    assert left == pytest.approx(fit_noise(y, lambda j: [first[:, j]], [(0, n)]).joints[0].left)
-    twice = np.concatenate([first, first], axis=2)  # the same columns again take nothing more
-    assert fit_noise(y, lambda j: [first[:, j], twice[:, j]], [(0, n)]).joints[0].dof == n - 20
+    left = fit_joint(y + 100 * first[:, 0], [first], [(0, n)]).left
+    assert left == pytest.approx(alone.left)
+    # The same columns again take nothing more.
+    assert fit_joint(y, [first, np.hstack([first, first])], [(0, n)]).dof == n - 20
 
 
 @pytest.mark.parametrize("samples", [50, 426])

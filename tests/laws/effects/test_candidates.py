@@ -132,9 +132,6 @@ def test_what_dissipates_or_stores_has_a_sign_and_what_biases_has_none(polar, ge
         "friction_drift": "viscous_friction", "velocity_leak": "viscous_friction",
         "torque_leak": "coulomb_friction",
     }  # fmt: skip
-    assert {n for n, f in FAMILIES.items() if f.basic} == {
-        "viscous_friction", "coulomb_friction", "actuator_inertia", "torque_offset",
-    }  # fmt: skip
     assert {n for n, f in FAMILIES.items() if f.fixed_only} == {"payload", "rigid_body"}
 
 
