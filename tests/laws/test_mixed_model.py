@@ -8,7 +8,8 @@ from scipy.stats import multivariate_normal, norm
 
 from identifiability import Log, Robot, simulate
 from identifiability.effects import find_families
-from identifiability.estimation.groups import Missing
+from identifiability.effects.friction import REVERSALS
+from identifiability.estimation.groups import Missing, with_reversals
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
     SIZES,
@@ -117,7 +118,7 @@ def test_solving_is_generalised_least_squares_under_the_marginal_covariance(rows
 
 
 def test_gains_are_marginal_likelihoods_averaged_over_shapes_sizes_and_signs(rows):
-    """By brute force, beside a term that is there; a sign by the posterior of the levels' sum."""
+    """By brute force, beside a term; the sign of a curve is that of the likeliest of its shapes."""
     model, (A, y, V) = model_of(products_of(*rows)), dense(*rows)
     beside = Term(GROUPS[2], 0, 0.2, 0.0)
     Z = A[:, beside.columns] / model.scale[beside.columns]
@@ -125,27 +126,22 @@ def test_gains_are_marginal_likelihoods_averaged_over_shapes_sizes_and_signs(row
     X = A[:, :FIXED]
     without = restricted(X, y, V)
     for found in model.gains((beside,)):
-        group, total = found.group, 0.0
-        signs, rises = [], []
-        for at, weight in zip(group.members, member_weights(group), strict=True):
+        group = found.group
+        odds, signs = np.zeros((2, len(group.members), len(SIZES)))
+        for i, at in enumerate(group.members):
             Z = A[:, at] / model.scale[at]
-            # Of several shapes together the sign is that of the likeliest one.
-            nearest = None if len(at) == 1 or not group.positive else int(np.argmax(rises))
-            own, each = [], []
-            for place, size in enumerate(SIZES):
+            for k, size in enumerate(SIZES):
                 whole = V + size**2 * Z @ Z.T
-                odds = np.exp(restricted(X, y, whole) - without)
-                if group.positive:
-                    W = np.linalg.inv(whole)
-                    P = W - W @ X @ np.linalg.solve(X.T @ W @ X, X.T @ W)
-                    u = size**2 * Z.T @ P @ y
-                    C = size**2 * np.eye(len(at)) - size**4 * Z.T @ P @ Z
-                    each.append(odds)
-                    own.append(2 * norm.cdf(u.sum() / np.sqrt(C.sum())))
-                    odds *= own[-1] if nearest is None else signs[nearest][place]
-                total += weight * odds / len(SIZES)
-            signs.append(own)
-            rises.append(max(each, default=0.0))
+                odds[i, k] = np.exp(restricted(X, y, whole) - without)
+                W = np.linalg.inv(whole)
+                P = W - W @ X @ np.linalg.solve(X.T @ W @ X, X.T @ W)
+                u = size**2 * Z.T @ P @ y
+                C = size**2 * np.eye(len(at)) - size**4 * Z.T @ P @ Z
+                signs[i, k] = 2 * norm.cdf(u.sum() / np.sqrt(C.sum()))
+        if group.positive:
+            signs[2] = signs[np.argmax(odds[:2].max(1))]
+            odds *= signs
+        total = member_weights(group) @ odds.mean(1)
         assert found.odds == pytest.approx(np.log(total) - group.price, abs=1e-4)
 
 
@@ -194,6 +190,15 @@ def test_evidence_is_the_density_of_unseen_rows_given_fitted_ones(rows):
     assert gain == pytest.approx(logs[1] - logs[0], rel=1e-5)
 
 
+def test_what_is_everywhere_comes_once(rows):
+    """A family is at some places, or everywhere: no model has both."""
+    groups = (*GROUPS, Group("a", EVERYWHERE, (np.array([3, 5]),), 2.0))
+    model = replace(model_of(products_of(*rows)), groups=groups)
+    whole, place = Term(groups[-1], 0, 0.1, 0.0), Term(GROUPS[0], 0, 0.1, 0.0)
+    assert model.beside((whole,)) == [GROUPS[2]]
+    assert model.beside((place,)) == [GROUPS[1], GROUPS[2]]
+
+
 def test_one_group_more_is_as_likely_as_its_odds_beside_none(rows):
     found = model_of(products_of(*rows)).alternatives()
     assert found
@@ -240,6 +245,29 @@ def missing_in(arm, seed, rho, effect=None, gone=0.0):
         )  # fmt: skip
         found = replace(found, seen=seen)
     return found
+
+
+def test_groups_share_one_prior_and_columns_are_as_large_as_torque(arm):
+    found = missing_in(arm, 3, 0.6, gone=0.3)
+    assert sum(np.exp(-g.price) for g in found.groups) == pytest.approx(1.0)
+    reversals = {g.key for g in found.groups} - {g.key for g in found.model().groups}
+    assert {name for name, _ in reversals} == {REVERSALS.name}
+    assert with_reversals(arm[0], (), ()) == ()
+    torque, acts = np.linalg.norm(found.seen.raw * found.seen.data, axis=0), found.entries
+    for (j, _), x in acts.items():
+        assert not x[~found.seen.data[:, j]].any()
+    for c in found.candidates:
+        own = [(j, k) for j, k in acts if k in c.columns]
+        if c.family.flexible:
+            assert np.ptp(found.scale[list(c.columns)]) == 0.0
+        elif len(own) == len(c.columns) == 1:
+            [(j, k)] = own
+            assert np.linalg.norm(acts[j, k]) / found.scale[k] == pytest.approx(torque[j])
+    curves = [g for g in found.groups if found.sets[g.key][0][0].family.continuous]
+    assert any(len(found.sets[g.key]) > 1 for g in curves)
+    for g in curves:
+        shapes = len(found.sets[g.key])
+        assert len(g.members) == shapes + (shapes > 1)
 
 
 @pytest.mark.parametrize(("rho", "gone"), [(0.6, 0.3), (0.9, 0.0), (0.98, 0.0), (0.98, 0.3)])
