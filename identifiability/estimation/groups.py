@@ -206,7 +206,7 @@ class Missing:
         if self.given is not None:
             return self.given
         runs = self.seen.runs.each
-        return ARNoise(tuple(self.joint_noise(j, own) for j, own in enumerate(runs)))
+        return tuple(self.joint_noise(j, own) for j, own in enumerate(runs))
 
     @cached_property
     def _smooth(self) -> list[Candidate]:

@@ -97,7 +97,7 @@ class Products:
             Rows at which blocks begin and end.
         """
         values = []
-        each = zip(rows, noise.joints, runs.each, strict=True)
+        each = zip(rows, noise, runs.each, strict=True)
         for own, of_joint, stretches in each:
             white = whiten(own, stretches, of_joint.pacf) / of_joint.sigma
             values.append(np.array([white[a:b].T @ white[a:b] for a, b in pairwise(edges)]))
@@ -169,7 +169,7 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
     runs : Runs
     """
     runs, (y, X, *random) = take_data(runs, y, *blocks)
-    silent = JointNoise(np.empty(0), np.empty((0, 0)), np.inf, 1.0, 0.0)
+    silent = JointNoise(np.empty(0), np.inf)
     if not len(y):
         return silent
     basis = span_columns([X], int(RULES.columns_most * len(y)))
@@ -186,8 +186,8 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
     owner = np.repeat(np.arange(-1, len(parts)), [basis.shape[1], *(p.shape[1] for p in parts)])
     found = [_settle(every, owner, np.full(len(parts), start)) for start in (PRECISIONS[-1], 1.0)]
     _, best, prior = min(found, key=lambda x: x[0])
-    final, unknown = every.with_prior(prior), np.zeros((len(best), len(best)))
-    return JointNoise(best, unknown, final.sigma(best), float(final.dof), final.left)
+    final = every.with_prior(prior)
+    return JointNoise(np.tanh(best), final.sigma(best))
 
 
 def _settle(

@@ -499,24 +499,6 @@ class RestrictedLikelihood:
         L = self._factor(weights[:, 0], white)
         return max(float(L[-1, -1]) * self.scale / float(np.sqrt(self.dof)), 1e-12 * self.scale)
 
-    def spread(self, theta: Array) -> Array:
-        """Return the covariance of theta from the curvature of the deviance."""
-        p = len(theta)
-        h = 0.05
-        H = np.zeros((p, p))
-        unit = h * np.eye(p)
-        for i in range(p):
-            for j in range(i + 1):
-                signs = ((1, 1), (1, -1), (-1, 1), (-1, -1))
-                total = sum(
-                    a * b * self.deviance(theta + a * unit[i] + b * unit[j]) for a, b in signs
-                )
-                H[i, j] = H[j, i] = total / (8 * h * h)
-        values, vectors = np.linalg.eigh(H)
-        limited = np.maximum(values, self.dof / 6)  # sd of Fisher's z is about 1/√dof
-        covariance: Array = (vectors / limited) @ vectors.T
-        return covariance
-
     def maximise(self) -> Array:
         """Return the transformed partial autocorrelations (p,) of the order with the least BIC.
 
@@ -583,49 +565,30 @@ class JointNoise:
 
     Attributes
     ----------
-    theta : (p,)
-        Inverse hyperbolic tangents of the partial autocorrelations.
-    covariance : (p, p)
-        Of theta, from the curvature of the likelihood.
+    pacf : (p,)
+        Partial autocorrelations.
     sigma : float [N·m or N]
         Standard deviation of the innovations.
-    dof : float
-        Degrees of freedom that sigma was estimated with.
-    left : float [(N·m)² or N²]
-        Variance of the residual beside base model and dictionary.
     """
 
-    theta: Array
-    covariance: Array
+    pacf: Array
     sigma: float
-    dof: float
-    left: float
-
-    @property
-    def pacf(self) -> Array:
-        """Partial autocorrelations, (p,)."""
-        partial: Array = np.tanh(self.theta)
-        return partial
 
 
-@frozen
-class ARNoise:
-    """Noise of all joints; joints are independent."""
-
-    joints: tuple[JointNoise, ...]
+#: Noise of all joints, which are independent.
+ARNoise = tuple[JointNoise, ...]
 
 
 def fit_joint(y: Array, blocks: Sequence[Array], runs: Runs) -> JointNoise:
     """Return the noise of one joint; the order is the one with the least BIC."""
     runs, (y, *blocks) = take_data(runs, y, *blocks)
     if not len(y):
-        return JointNoise(np.empty(0), np.empty((0, 0)), 1.0, 1.0, 0.0)
+        return JointNoise(np.empty(0), 1.0)
     problem = RestrictedLikelihood.of(
         y, span_columns(blocks, int(RULES.columns_most * len(y))), runs
     )
     best = problem.maximise()
-    sigma = problem.sigma(best)
-    return JointNoise(best, problem.spread(best), sigma, float(problem.dof), problem.left)
+    return JointNoise(np.tanh(best), problem.sigma(best))
 
 
 def span_columns(blocks: Sequence[Array], most: int) -> Array:

@@ -19,7 +19,7 @@ from identifiability.estimation.mixed_model import (
     Term,
     member_weights,
 )
-from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, autocovariance
+from identifiability.estimation.noise import JointNoise, JointRuns, autocovariance
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure
@@ -34,9 +34,7 @@ RUNS = JointRuns((((0, 20), (23, 41), (41, 60)), ((2, 30), (31, 58))))
 
 def noise_of(pacf, sigma):
     each = zip(pacf, sigma, strict=True)
-    return ARNoise(
-        tuple(JointNoise(np.arctanh(p), np.zeros((len(p),) * 2), s, 1.0, s**2) for p, s in each)
-    )
+    return tuple(JointNoise(p, s) for p, s in each)
 
 
 NOISE = noise_of(PACF, SIGMA)

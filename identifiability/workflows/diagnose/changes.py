@@ -20,7 +20,7 @@ from identifiability.effects.effect import Placed
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import Missing
 from identifiability.estimation.mixed_model import SIZES, Group, Term, rise_of
-from identifiability.estimation.noise import ARNoise, JointNoise
+from identifiability.estimation.noise import JointNoise
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
@@ -218,15 +218,14 @@ class Scan:
         naming = self.naming
         left = naming.left(range(len(naming.parts)), naming.fit(range(len(naming.parts))))
         size = np.sqrt(np.sum(left**2, axis=0) / naming.fitted.counts)
-        none = np.empty(0), np.empty((0, 0))
-        joints = [JointNoise(*none, max(float(s), 1e-300), 1.0, float(s) ** 2) for s in size]
-        return replace(self.missing, given=ARNoise(tuple(joints)))
+        noise = tuple(JointNoise(np.empty(0), max(float(s), 1e-300)) for s in size)
+        return replace(self.missing, given=noise)
 
     def without(self, stay: Stay) -> Missing:
         """Return all beside the noise that there is where the likeliest of a stay does not act."""
         k, first = int(np.argmax(stay.odds)), int(self.count[: stay.log].sum())
         a, b = (self.edges[first + int(x[k])] for x in (stay.first, stay.last))
-        asked, joints = self.naming.asked, list(self.naming.missing.noise.joints)
+        asked, joints = self.naming.asked, list(self.naming.missing.noise)
         acts = {j for j, column in self.missing.entries if column in stay.candidate.columns}
         for j in acts:
             cuts = (
@@ -235,7 +234,7 @@ class Scan:
                 for c, d in ((s, min(e, a)), (max(s, b), e))
             )
             joints[j] = asked.joint_noise(j, tuple(cut for cut in cuts if cut[0] < cut[1]))
-        return replace(self.missing, given=ARNoise(tuple(joints)))
+        return replace(self.missing, given=tuple(joints))
 
 
 def find_change(naming: Naming, effects: Collection[str] | None = None) -> Change | None:
