@@ -44,10 +44,9 @@ from identifiability.robot import Robot
 
 #: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
 EXCERPT = (6_000, 6, 1_000)
-#: What a compact load of 1 kg has of each inertial parameter, of radius .1 m.
-LOAD = (
-    {"m": 1.0} | dict.fromkeys(INERTIAL_KINDS[1:4], 0.1) | dict.fromkeys(INERTIAL_KINDS[4:], 0.01)
-)
+#: What a compact load of 1 kg has of each inertial parameter, by its radius [m].
+RADIUS: Tolerance = 0.1
+LOAD = {kind: RADIUS ** min(k, 1 + (k > 3)) for k, kind in enumerate(INERTIAL_KINDS)}
 #: Families of bodies, with typical values of their kinds.
 BODIES = {"rigid_body": LOAD, "payload": {f"payload_{kind}": x for kind, x in LOAD.items()}}
 #: Blocks of rows over which gains on unseen motion are summed.

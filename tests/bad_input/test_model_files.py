@@ -192,7 +192,6 @@ def test_other_verbs_say_that_a_ladder_beside_the_robot_was_not_used(beside, log
         assert any(h.startswith(unused) for h in content["hints"])
         assert content["provenance"]["sidecar"] == beside.sidecar.name
         assert "clarabel" in content["provenance"]
-    assert found.provenance["replicates"] == "99"
     result = analyze(beside, log, replicates=0).to_json(tmp_path / "r.json")
     out = str(tmp_path / "fitted.xml")
     done = CliRunner().invoke(app, ["export", str(beside.path), str(result), "--out", out])

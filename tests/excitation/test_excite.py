@@ -182,7 +182,7 @@ def test_effects_are_separated_from_a_log_at_one_joint(two_link, find):
 def test_effects_that_nothing_separates_are_said_to_stay_alike(two_link, find):
     result = find(two_link, separate=["torque_offset", "coulomb_asymmetry"], iterations=2)
     assert result.after.figure > 0.99
-    assert "may still give both names" in result.statement
+    assert "would still give both names" in result.statement
 
 
 def test_effects_that_the_model_contains_cannot_be_seen(two_link, find):

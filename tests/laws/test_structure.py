@@ -15,7 +15,7 @@ from identifiability.robot import Robot
 
 #: What makes a structure, and the columns that it makes.
 MAKERS = {
-    "Structure", "Structure.of", "find_base_parameters", "Regression", "LogPart",
+    "Structure", "Structure.of", "find_base_parameters", "Regression", "LogPart", "add_beside",
 }  # fmt: skip
 
 

@@ -244,6 +244,7 @@ def _free(
     # it this many robust standard deviations from zero: less is noise, which must not be
     # planted as truth.
     away = left @ (full.submodel.expand(fit.value) - submodel.fixed)[rows]
+    # So many of its standard deviations.
     sure = (np.abs(away) > 3.0 * sd) & (sd > 0) & ~open_
     span = np.zeros((len(rows), own.shape[1] + sure.sum()))
     span[rows] = np.hstack([own, left[:, sure]])

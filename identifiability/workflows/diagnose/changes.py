@@ -36,7 +36,8 @@ CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
 #: Rounds in which noise is that without what is likeliest.
 ROUNDS = 2
 #: Shortest block of time [s], and time constants of drifts in shares of all the time.
-SHORTEST, DECAYS = 0.5, (1 / 3, 1 / 10)
+SHORTEST: Tolerance = 0.5
+DECAYS: tuple[Tolerance, ...] = (1 / 3, 1 / 10)
 #: Share of what is explained that makes a block a burst.
 BURST: Tolerance = 0.8
 #: Logs of which one may be another robot's as a whole.

@@ -30,6 +30,7 @@ from identifiability.estimation.mixed_model import (
 from identifiability.estimation.noise import autocorrelation_time
 from identifiability.foundation.linalg import NEARLY, triangular_factor
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, Entries, Refusal, list_candidates, number
 from identifiability.workflows.diagnose.gap import Gap
@@ -39,13 +40,13 @@ from identifiability.workflows.diagnose.rows import Rows
 #: Looks for the shape between two of a grid.
 LOOKS = 8
 #: Quantile of the normal distribution for a power of 80 %.
-POWER = 0.8416
+POWER: Tolerance = 0.8416
 #: By how much an unseen error must rise with a name that is taken out for it.
-WORSE = 1.01
+WORSE: Tolerance = 1.01
 #: Level at which a place has a share of what is everywhere.
-LEVEL = 0.05
+LEVEL: Tolerance = 0.05
 #: Share of all places from which on an effect is said to be everywhere.
-MOST = 0.75
+MOST: Tolerance = 0.75
 
 
 @frozen

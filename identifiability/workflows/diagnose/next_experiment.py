@@ -118,6 +118,7 @@ class NextMotion:
             then = "what is as large as the residual stands out"
         period, k = self.excitation.trajectory.period, self.periods
         more = f", {k} times ({format_time(k * period)} in all)" if k > 1 else ""
+        # From here on a percentage is not said.
         chance, before = (
             "more than 99 %" if share > 0.99 else f"{100 * share:.0f} %"
             for share in (self.chance, self.before)

@@ -148,4 +148,5 @@ def _hiding(weights: Array, names: Sequence[str]) -> tuple[str, ...]:
     size = np.linalg.norm(weights, axis=1)
     size = np.round(size / (size.max(initial=0.0) or 1.0), DECIMALS)
     order = np.argsort(-size, kind="stable")[:3]
+    # Of this share of the largest at least.
     return tuple(names[k] for k in order if size[k] > 0.1)
