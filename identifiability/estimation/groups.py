@@ -27,6 +27,7 @@ from identifiability.estimation.mixed_model import (
 )
 from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, Runs
 from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare.samples import Piece
