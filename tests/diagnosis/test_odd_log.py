@@ -39,6 +39,7 @@ def test_a_log_of_another_robot_is_left_out_and_effects_are_named_from_the_other
     assert np.isinf(change.stop)
     assert f"In all of {logs[1].name} another robot was logged" in d.statement
     assert [s.name for s in d.samples] == [log.name for log in (logs[0], *logs[2:4])]
+    assert d.to_dict()["roles"]["left_out"] == [logs[1].name]
     alone = diagnose("two-link", [logs[0], *logs[2:4]], logs[4:], **few)
     assert d.error_after == alone.error_after  # nothing of that log is in it
     assert not diagnose("two-link", logs[:2], logs[2], **few).changes
@@ -76,7 +77,6 @@ def test_a_mass_gripped_in_the_middle_of_a_log_is_told_with_its_instant_and_left
     assert np.isinf(change.stop)
     assert abs(change.values[0] - 0.5) < 4 * change.errors[0] + 0.02
     assert not d.effects
-    assert not d.left_out
     assert d.samples[1].motion.t.max() < logs[1].t[0] + since + 0.3
     said = state_change(change)
     assert said in d.statement

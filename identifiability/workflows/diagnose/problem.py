@@ -45,8 +45,6 @@ class Setting:
         Unseen motion, in words: it was not fitted.
     preparation : Preparation
         How logs were turned into motion, with one cut-off.
-    left_out : tuple of str
-        Logs that disagree with the fitted ones and were left out.
     changes : tuple of Change
         What changed in the middle of fitted logs: what was logged meanwhile was left out.
     commanded : bool
@@ -64,7 +62,6 @@ class Setting:
     chosen_by: str = ""
     verified_on: str = ""
     preparation: Preparation = Preparation()
-    left_out: tuple[str, ...] = ()
     changes: tuple[Change, ...] = ()
     commanded: bool = False
 

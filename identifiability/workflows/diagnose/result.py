@@ -175,7 +175,7 @@ class Diagnosis(Result, Findings, Predicts):
                 **pick(self, chosen="chosen_by", verified="verified_on"),
                 "fitted": list(given_paths(self.samples)),
                 "verified_logs": list(given_paths(self.validation)),
-                "left_out": list(self.left_out),
+                "left_out": [c.log for c in self.changes if c.whole],
             },
             "real_robot": None,  # for one release
             "forward": None if self.forward is None else _forward_row(self.forward),

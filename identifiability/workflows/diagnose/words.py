@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.effects import find_family, title_of
+from identifiability.foundation.names import BASE
 from identifiability.foundation.numbers import REACH, percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -89,6 +90,11 @@ def _state_missing(d: Findings) -> str:
         return _capital("; ".join(_state_effect(e) for e in d.effects))
     named = [e.title if e.joints == ("base",) else f"{e.title} ({_where(e)})" for e in d.effects]
     return f"{len(d.effects)} effects are missing: {join(named)}"
+
+
+def _at(name: str, place: str) -> str:
+    """Return an effect and where it is; of the base its title says it."""
+    return title_of(name) if place == BASE else f"{title_of(name)} in {place}"
 
 
 def _where(e: NamedEffect) -> str:
@@ -181,7 +187,7 @@ def _state_mass(e: NamedEffect) -> str:
 
 def _state_refuted(x: Refuted, d: Findings) -> str:
     """Return that the motion that verifies did not confirm an effect."""
-    what = _capital(f"{title_of(x.name)} in {x.place}")
+    what = _capital(_at(x.name, x.place))
     gain = f"{x.unseen:.2g}".replace("-", "−")
     return (
         f"{what} stood out from the fitted motion (log odds {x.odds:.3g}) and is left out: on "
@@ -243,7 +249,7 @@ def state_remainder(d: Findings) -> str:
         odds = f"{most.after:.2g}".replace("-", "−")
         parts.append(
             "Nothing that is known explains the rest; the likeliest is "
-            f"{title_of(most.name)} in {most.place} (log odds {odds})"
+            f"{_at(most.name, most.place)} (log odds {odds})"
         )
     parts.append(f"The residual looks like {_looks(d)}")
     return " ".join(f"{part}." for part in parts)
