@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import logsumexp, softmax
 
-from identifiability.effects import find_families
+from identifiability.effects import find_families, title_of
 from identifiability.effects.effect import Placed
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import Missing
@@ -27,7 +27,6 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.columns import Candidate, is_body, list_candidates, number
-from identifiability.workflows.diagnose.motion import Change
 from identifiability.workflows.diagnose.naming import Naming, determined_alone
 from identifiability.workflows.diagnose.problem import Setting
 
@@ -44,6 +43,78 @@ BURST: Tolerance = 0.8
 FEWEST = 3
 #: Kinds of a load that is small and held somewhere: its mass with the first moments.
 LOAD = 4
+
+
+@frozen
+class Change:
+    """What changed in the middle of a log.
+
+    Attributes
+    ----------
+    log : str
+    number : int
+        Which of the fitted logs.
+    start, stop : float [s]
+        When it began and ended; infinite where that was not logged.
+    began, ended : (float, float) [s]
+        Where these instants are in 95 % of what is likely.
+    family, title, place : str
+        What it was.
+    parameters, units : tuple of str
+    values, errors : (k,)
+        Generalised least squares beside the model, with standard errors.
+    open : tuple of str
+        Parameters that the motion determines together with others only.
+    odds : float [nat]
+        Log odds for it, all instants, logs and places where it might have been counted.
+    weight : float
+        Its posterior probability among all that may change then.
+    others : tuple of (family, place)
+        What it cannot be told from.
+    """
+
+    log: str
+    number: int
+    start: float
+    stop: float
+    began: tuple[float, float]
+    ended: tuple[float, float]
+    family: str
+    title: str
+    place: str
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    errors: Array
+    open: tuple[str, ...]
+    odds: float
+    weight: float
+    others: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def names(self) -> list[str]:
+        """What it was, and what it cannot be told from, in words."""
+        return [f"{title_of(f)} in {at}" for f, at in ((self.family, self.place), *self.others)]
+
+    @property
+    def whole(self) -> bool:
+        """Whether it lasted as long as the log."""
+        return bool(np.isinf(self.start) and np.isinf(self.stop))
+
+    @property
+    def when(self) -> str:
+        """In words: ``from 41 s (95 %: 40.5 … 41.5 s) of run2 on``."""
+        begin, end = (
+            f"{at:.3g} s" + (f" (95 %: {low:.3g} … {high:.3g} s)" if low < high else "")
+            for at, (low, high) in ((self.start, self.began), (self.stop, self.ended))
+        )
+        if self.whole:
+            return f"in all of {self.log}"
+        if np.isinf(self.stop):
+            return f"from {begin} of {self.log} on"
+        if np.isinf(self.start):
+            return f"until {end} of {self.log}"
+        return f"from {begin} to {end} of {self.log}"
 
 
 @frozen
@@ -111,7 +182,7 @@ class Scan:
         listed, _ = list_candidates(robot, find_families(families), (), motions, fixed=True)
         known = naming.missing.candidates
         numbered = number([*known, *map(_held, listed)])
-        root, noise = naming.fitted.root, naming.missing.noise
+        root, noise = setting.known.root, naming.missing.noise
         missing = Missing(tuple(numbered), seen, root, noise)
         acts = {k for _, k in missing.entries}
         own = tuple(c for c in numbered[len(known) :] if acts.intersection(c.columns))

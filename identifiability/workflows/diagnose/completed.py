@@ -10,10 +10,10 @@ import numpy as np
 
 from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.estimate import estimate, find_estimator
-from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.prediction import TorqueUncertainty, measure_spread, predict
+from identifiability.estimation.prediction import measure_spread, predict
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.logs.prepare import Samples
 from identifiability.physical.cad_prior import WEAK, real_robot_dict, share_weight
@@ -21,7 +21,6 @@ from identifiability.physical.feasibility import find_nearest
 from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
 from identifiability.physical.project import Projection
 from identifiability.regression.gather import gather_information
-from identifiability.regression.information import Information
 from identifiability.regression.reduction import full_model
 from identifiability.regression.structure import Structure
 from identifiability.workflows.analyze.fit import hold_folds, settle_robot
@@ -32,10 +31,10 @@ from identifiability.workflows.session import weigh_rows
 
 
 def keep_completed(d: Findings) -> Fit:
-    """Return the model with the named effects, fitted as it is completed.
+    """Return the model with the named effects, with the values that its error is stated of.
 
     With values kept (``fixed``) what is not known is that of the named effects, and the errors of
-    these values where they were given.
+    these values where they have any.
     """
     structure = d.completed
     submodel = full_model(structure.base, "the diagnosed model")
@@ -43,7 +42,7 @@ def keep_completed(d: Findings) -> Fit:
     regression = replace(regression, echo=None, instruments=None)
     information = gather_information(regression)
     fit = estimate(information)
-    values = _kept_values(d) if d.fixed else _smooth_values(d, information, fit)
+    values: Array = structure.G @ _standard_values(d)
     found = predict(regression, values[:, None])
     low, raw = found.joint_rms()[:, 0], found.joint_rms(raw=True)[:, 0]
     unseen = d.gap.joint_rms()[:, -1]
@@ -53,7 +52,7 @@ def keep_completed(d: Findings) -> Fit:
     )
     spread = measure_spread(information, fit, uncertainty, (low, raw), (unseen, unseen_raw))
     if d.fixed:
-        spread = _of_named(d, spread)
+        spread = replace(spread, covariance=_covariance(d), unknown=np.empty((len(values), 0)))
     return Fit(
         structure=structure,
         submodel=submodel,
@@ -65,58 +64,24 @@ def keep_completed(d: Findings) -> Fit:
     )
 
 
-def _smooth_values(d: Findings, information: Information, free: Estimate) -> Array:
-    """Return the base parameters of the data, functions as smooth as the diagnosis has them, (b,).
-
-    The others are refitted beside these.
-    """
-    columns = d.completed.columns
-    last = {name: k for k, name in enumerate(columns)}
-    placed = [p for e in d.effects for p in e.placements if len(p.smooth)]
-    if not placed:
-        return free.value
-    phi, G = np.zeros(len(columns)), d.completed.G
-    at = [last[name] for p in placed for name in p.parameters]
-    phi[at] = np.concatenate([p.smooth for p in placed])
-    held, rest = G @ phi, np.delete(G, at, axis=1)
-    F = free.estimator.loss(information, free)
-    A = F[:, :-1] @ rest
-    length = np.linalg.norm(A, axis=0)
-    length = np.where(length > 0, length, 1.0)
-    found = np.linalg.lstsq(A / length, F[:, -1] - F[:, :-1] @ held, rcond=1e-9)[0]
-    values: Array = held + rest @ (found / length)
-    return values
-
-
-def _named(d: Findings) -> list[tuple[int, float, float]]:
-    """Return the column, value and standard error of each named parameter."""
-    last = {name: k for k, name in enumerate(d.completed.columns)}
-    rows = [row for e in d.effects for p in e.placements for row in p.rows]
-    return [(last[name], value, error) for name, value, error, _ in rows]
-
-
-def _kept_values(d: Findings) -> Array:
-    """Return the base parameters of the values that were kept and the named effects, (b,)."""
+def _standard_values(d: Findings) -> Array:
+    """Return values of the completed model's columns, the smallest of those that fit, (p,)."""
     phi = np.where(_first(d), d.completed.nominal, 0.0)
-    if d.known is not None:
-        off = d.known.values - d.structure.nominal_base
-        phi[_first(d)] += _standard(d) @ off
-    for k, value, _ in _named(d):
-        phi[k] += value
-    base: Array = d.completed.G @ phi
-    return base
+    phi[_first(d)] += _standard(d) @ (d.values - d.structure.nominal_base)
+    last = {name: k for k, name in enumerate(d.completed.columns)}
+    for p in (p for e in d.effects for p in e.placements):
+        phi[[last[name] for name in p.parameters]] += p.fitted
+    return phi
 
 
-def _of_named(d: Findings, spread: TorqueUncertainty) -> TorqueUncertainty:
-    variance = np.zeros(len(d.completed.columns))
-    for k, _, error in _named(d):
-        variance[k] += error**2
-    G = d.completed.G
-    covariance = G * variance @ G.T
-    if d.known is not None:
-        kept = G[:, _first(d)] @ _standard(d)
-        covariance = covariance + kept @ d.known.covariance @ kept.T
-    return replace(spread, covariance=covariance, unknown=np.empty((len(G), 0)))
+def _covariance(d: Findings) -> Array:
+    """Return the covariance of named effects and of values that are kept, (b, b)."""
+    G, last = d.completed.G, {name: k for k, name in enumerate(d.completed.columns)}
+    at = {last[name]: se for e in d.effects for p in e.placements for name, _, se, _ in p.rows}
+    named = G[:, list(at)] * np.array(list(at.values()))
+    kept = G[:, _first(d)] @ _standard(d)[:, d.known.free] @ np.linalg.pinv(d.known.root)
+    covariance: Array = named @ named.T + kept @ kept.T
+    return covariance
 
 
 def _first(d: Findings) -> np.ndarray:
@@ -177,34 +142,34 @@ def real_robot(d: Findings, structure: Structure) -> Physical:
         If the solver finds none.
     """
     if not d.fixed:
-        weight = None if d.near is None else share_weight(d.near.share)
+        weight = share_weight(d.known.share) if d.known.share else None
         return fit_physical(structure, d.samples, d.validation, weight)
     values = dict.fromkeys(structure.columns, 0.0) | _kept(d)
     named = d.effects if structure is d.completed else ()
-    for placement in (p for e in named for p in e.placements):
-        for name, value, *_ in placement.rows:
+    for p in (p for e in named for p in e.placements):
+        for name, value in zip(p.parameters, p.fitted.tolist(), strict=True):
             values[name] += value
     return Physical(structure, values)
 
 
 def _kept(d: Findings) -> dict[str, float]:
     """Return the values that a diagnosis keeps, those of a result at the nearest real robot."""
-    columns, own = d.structure.columns, d.structure
-    if d.known is None or np.array_equal(d.known.values, own.nominal_base):
-        return {name: d.robot.nominal.get(name, 0.0) for name in columns}
-    if "rigid_body" not in own.model.names:
-        standard = own.nominal + np.linalg.pinv(own.G) @ (d.known.values - own.nominal_base)
-        return dict(zip(columns, standard.tolist(), strict=True))
-    sd = np.sqrt(np.maximum(np.diag(d.known.covariance), 0.0))
-    weight = 1.0 / np.maximum(sd, 1e-9 * (np.abs(d.known.values) + sd.max(initial=0.0)) + 1e-12)
-    data = LeastSquares(weight[:, None] * own.G, weight * d.known.values, 0.0, 1.0)
-    try:
-        found = Projection(physical_set(own), reference=own.nominal).solve(data).phi
-    except ValueError as error:
-        raise IdentifiabilityError(
-            f"No real robot has {d.known.words} or any near them: {error}"
-        ) from None
-    return dict(zip(columns, found.tolist(), strict=True))
+    own, known, values = d.structure, d.known, d.values
+    if not len(known.free):
+        return {name: d.robot.nominal.get(name, 0.0) for name in own.columns}
+    phi = own.nominal + np.linalg.pinv(own.G) @ (values - own.nominal_base)
+    if "rigid_body" in own.model.names:
+        exact = np.setdiff1d(np.arange(len(values)), known.free)
+        tight = 1e9 / (np.abs(values[exact]) + ROUNDOFF)
+        rows = np.concatenate([known.root @ own.G[known.free], tight[:, None] * own.G[exact]])
+        try:
+            data = LeastSquares(rows, rows @ phi, 0.0, 1.0)
+            phi = Projection(physical_set(own), reference=own.nominal).solve(data).phi
+        except ValueError as error:
+            raise IdentifiabilityError(
+                f"No real robot has {known.words} or any near them: {error}"
+            ) from None
+    return dict(zip(own.columns, phi.tolist(), strict=True))
 
 
 def nearest_dict(d: Findings) -> dict[str, Any]:

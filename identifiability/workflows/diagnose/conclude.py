@@ -76,6 +76,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         refusals=naming.refusals,
         evidence=_evidence(naming),
         remainder=Remainder(rms, _detectable(naming, rms)),
+        values=setting.known.moved(fits[-1][: len(setting.known.free)]),
         model=Model((*structure.model.effects, *added)),
     )
 
@@ -110,8 +111,6 @@ def _effect(
     """Return an effect with what unseen motion shows of it where it is."""
     parts = [naming.parts[k] for k in own]
     family, errors = parts[0].candidate.family, gap.relative_error().tolist()
-    here = gap.at(sorted({j for k in own for j in naming.acts(k)}))
-    shown = here.error_over_joints().tolist()
     places = family.places(naming.setting.structure.robot)
     return NamedEffect(
         name=family.name,
@@ -120,9 +119,6 @@ def _effect(
         before=errors[n],
         after=errors[n + 1],
         interval=gap.interval(n, n + 1, rng),
-        shown_before=shown[n],
-        shown_after=shown[n + 1],
-        shown_interval=here.interval_over_joints(n, n + 1, rng),
         everywhere=1 < len(places) == len(placements),
         unnamed=family.unnamed,
         nearest=tuple(dict.fromkeys(title_of(t.group.family) for p in parts for t in p.nearest)),
@@ -145,13 +141,13 @@ def _place(naming: Naming, k: int, fitted: Array) -> Placement:
         units=tuple(x.unit for x in parameters),
         values=value,
         errors=np.sqrt(np.maximum(np.diag(covariance), 0.0)),
+        fitted=own,
         rms=max((float(np.sqrt(np.mean(x**2))) for x in added), default=0.0),
         rivals=tuple(_rivals(part)),
         open=tuple(x.name for x, one in zip(parameters, _alone(naming, k), strict=True) if not one),
         weight=part.weight,
         odds=part.term.odds,
         unseen=part.unseen,
-        smooth=own if c.family.flexible else np.empty(0),
     )
 
 

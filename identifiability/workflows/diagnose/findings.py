@@ -5,9 +5,8 @@ from dataclasses import field
 from functools import cached_property
 from typing import NamedTuple
 
-import numpy as np
-
 from identifiability.effects import title_of
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import state_mass
@@ -40,6 +39,8 @@ class Placement:
     parameters, units : tuple of str
     values, errors : (k,)
         Of the mixed model, with standard errors.
+    fitted : (k,)
+        As an analysis weighs rows: those of the model that is written.
     rms : float [N·m or N]
         Of the torque that it adds at the joint where it is largest.
     rivals : tuple of Rival
@@ -50,8 +51,6 @@ class Placement:
         Its posterior probability among all that may be in its place.
     odds, unseen : float [nat]
         Log odds for it on the fitted motion, and what it gains on unseen motion.
-    smooth : (k,)
-        Values as an analysis weighs rows, as smooth as what was found; of functions alone.
     """
 
     place: str
@@ -60,13 +59,13 @@ class Placement:
     units: tuple[str, ...]
     values: Array
     errors: Array
+    fitted: Array
     rms: float
     rivals: tuple[Rival, ...] = ()
     open: tuple[str, ...] = ()
     weight: float = 1.0
     odds: float = float("nan")
     unseen: float = float("nan")
-    smooth: Array = field(default_factory=lambda: np.empty(0))
 
     @property
     def rows(self) -> list[tuple[str, float, float, str]]:
@@ -112,9 +111,6 @@ class NamedEffect:
         Held-out ε_RA of the model without and with it.
     interval : (float, float)
         95 % of the change.
-    shown_before, shown_after, shown_interval
-        The same at the joints where it is, over each joint's own scale: elsewhere other errors may
-        hide it.
     everywhere : bool
         Whether it is at all places where it can be.
     unnamed : bool
@@ -131,9 +127,6 @@ class NamedEffect:
     before: float
     after: float
     interval: tuple[float, float]
-    shown_before: float
-    shown_after: float
-    shown_interval: tuple[float, float]
     everywhere: bool = False
     unnamed: bool = False
     nearest: tuple[str, ...] = ()
@@ -141,8 +134,8 @@ class NamedEffect:
 
     @property
     def confirmed(self) -> bool:
-        """Whether the error of its joints surely falls on unseen motion."""
-        return self.shown_interval[1] < 0
+        """Whether unseen motion says so by itself."""
+        return self.unseen >= ESTIMATION_RULES.keep
 
     @property
     def weight(self) -> float:
@@ -236,6 +229,8 @@ class Findings(Setting):
     evidence : tuple of Odds
         Of all that was asked, the likeliest first.
     remainder : Remainder
+    values : (b,)
+        Base parameters of the diagnosed model, beside the named effects.
     model : Model
         The base model with the named effects.
     forward : ForwardGap or None
@@ -263,6 +258,7 @@ class Findings(Setting):
     refusals: tuple[Refusal, ...]
     evidence: tuple[Odds, ...]
     remainder: Remainder
+    values: Array
     model: Model
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()

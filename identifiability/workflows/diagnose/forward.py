@@ -30,6 +30,8 @@ from identifiability.simulation.forward import ForwardRobot
 
 #: Length of a simulated stretch [s].
 HORIZON: Tolerance = 0.25
+#: Samples before a stretch that friction with memory begins from.
+REMEMBERED = 400
 #: Simulated stretches, at most: each is drawn by itself for intervals.
 STRETCHES = DRAWN_STRETCHES
 
@@ -288,7 +290,7 @@ class OtherEffects:
         self._begun = np.array([motion.t[row] for motion, row in starts])
         self._sessions = [motion.start for motion, _ in starts]
         remembered = any(family.remembers for _, family, _ in effects)
-        self._ways = _ways_to(robot, starts) if remembered else []
+        self._ways = _ways_to(starts) if remembered else []
 
     def __call__(
         self, which: np.ndarray, later: float, q: Array, dq: Array, ddq: Array
@@ -320,7 +322,7 @@ class OtherEffects:
     def _go_on(self, which: np.ndarray, now: Motion) -> tuple[Motion, np.ndarray]:
         """Return the ways of stretches as runs of one motion, and where they are now, (K,)."""
         for at, k in enumerate(which):
-            self._ways[k] = keep_turns(self._robot, _join([self._ways[k], now[at : at + 1]]))
+            self._ways[k] = _join([self._ways[k], now[at : at + 1]])
         parts = [self._ways[k] for k in which]
         ends = np.cumsum([len(part) for part in parts])
         motion = _join(parts)
@@ -328,33 +330,13 @@ class OtherEffects:
         return replace(motion, kept=motion.kept + apart), ends - 1
 
 
-def keep_turns(robot: Robot, way: Motion) -> Motion:
-    """Return of a way what can be remembered of it: its ends, and turns that nothing later reaches.
-
-    Play and stop, and all that is made of them, forget the others [Brokate & Sprekels 1996]. What
-    led to the first sample they take from where an axis begins to move.
-    """
-    if len(way) < 3:
-        return way
-    axes = (*robot.axes, *robot.passive_axes)
-    x = np.column_stack([robot.travel(axis, way.q) for axis in axes])
-    v = np.column_stack([robot.along(axis, way.v) for axis in axes])
-    turns = np.diff(np.sign(np.diff(x, axis=0)), axis=0) != 0
-    extreme = np.zeros(turns.shape, bool)
-    for most, exceeds in ((np.maximum, np.greater), (np.minimum, np.less)):
-        extreme |= exceeds(x[1:-1], most.accumulate(x[:1:-1])[::-1])
-    kept = np.concatenate([[True], (turns & extreme).any(1), [True]])
-    kept[np.argmax(v != 0, axis=0)] = True
-    return way[np.flatnonzero(kept)]
-
-
-def _ways_to(robot: Robot, starts: Sequence[tuple[Motion, int]]) -> list[Motion]:
-    """Return what can be remembered of the log at each start, as far as no sample is missing."""
+def _ways_to(starts: Sequence[tuple[Motion, int]]) -> list[Motion]:
+    """Return the log before each start, as far as it is remembered and no sample is missing."""
     ways = []
     for motion, row in starts:
         gaps = np.flatnonzero(np.diff(motion.kept[: row + 1]) != 1)
         first = int(gaps[-1]) + 1 if len(gaps) else 0
-        ways.append(keep_turns(robot, motion[first:row]))
+        ways.append(motion[max(first, row - REMEMBERED) : row])
     return ways
 
 

@@ -7,13 +7,11 @@ smallest effect that could have been named.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from identifiability.estimation.torque_errors import (
     change_interval,
-    change_interval_over_joints,
     error_over_joints,
     joint_errors,
     relative_error,
@@ -56,13 +54,6 @@ class Gap:
         """Return the error of each model over each joint's own scale, (m,)."""
         return error_over_joints(self.residual**2, self.variation)
 
-    def at(self, joints: Sequence[int]) -> Gap:
-        """Return the same at some joints only."""
-        some = list(joints)
-        measured, data = self.rows.measured[:, some], self.rows.data[:, some]
-        rows = replace(self.rows, measured=measured, data=data)
-        return Gap(rows, self.residual[:, some])
-
     def joint_error(self) -> Array:
         """Return the error of each joint over its own scale, (n, m)."""
         return joint_errors(self.residual**2, self.variation)
@@ -71,13 +62,6 @@ class Gap:
         """Return the root mean square of each joint's error, (n, m) [N·m or N]."""
         rms: Array = np.sqrt(np.sum(self.residual**2, axis=0) / self.rows.counts[:, None])
         return rms
-
-    def interval_over_joints(
-        self, first: int, second: int, rng: np.random.Generator, draws: int = 2000
-    ) -> tuple[float, float]:
-        """Return the 95 % interval of the change of the error over each joint's own scale."""
-        squares = self.residual[:, :, [first, second]] ** 2
-        return change_interval_over_joints(squares, self.variation, rng, draws)
 
     @property
     def variation(self) -> Array:

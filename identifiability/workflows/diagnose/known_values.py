@@ -1,8 +1,8 @@
 """`KnownValues`: values that a diagnosis keeps, and how far they may be wrong.
 
-Values that nobody refits have errors all the same: those of the logs they were fitted to, or of a
-drawing. What is within these errors is no effect. They enter as observations beside the rows of
-the logs: of every direction of the base parameters one, with the standard deviation that it has.
+Values of an earlier fit or a drawing have errors. What is within these is no effect: they are a
+prior, which enters as observations beside the rows of the logs, one for every direction of the
+base parameters, with the standard deviation that it has.
 """
 
 from __future__ import annotations
@@ -33,69 +33,66 @@ VECTORS = (("m",), ("mx", "my", "mz"), INERTIAL_KINDS[4:])
 
 @frozen
 class KnownValues:
-    """Base parameters that are kept, with their covariance.
+    """Base parameters of which something is known beside the logs: a prior on them.
 
     Attributes
     ----------
     values : (b,)
-    covariance : (b, b)
-        Zero where they are exact.
+        Likeliest without logs.
+    free : (f,) int
+        Which of them are not exact.
+    root : (d, f)
+        Rows about the differences of these from `values`, each of variance 1.
     words : str
         What they are, as the beginning of a sentence: "the values of fit.json, with their errors,".
-    """
-
-    values: Array
-    covariance: Array
-    words: str
-
-    @property
-    def root(self) -> Array:
-        """Observations of the values' errors in units of their spread, (d, b).
-
-        Directions without any spread are left out, so that `uncertain` has what these act on.
-        """
-        sd = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        safe = np.where(sd > 0, sd, 1.0)
-        size, directions = np.linalg.eigh(self.covariance / np.outer(safe, safe))
-        size = np.maximum(size, LEAST * size.max(initial=0.0))
-        there = size > 0
-        root: Array = (directions[:, there] / np.sqrt(size[there])).T / safe
-        return root[:, self.uncertain][np.any(root[:, self.uncertain] != 0, axis=1)]
-
-    @property
-    def uncertain(self) -> np.ndarray:
-        """Which of the values have errors, (·,) int."""
-        return np.flatnonzero(np.diag(self.covariance) > 0)
-
-
-@frozen
-class NearFile:
-    """Bodies that are the file's within a share, beside logs that are refitted otherwise freely.
-
-    Attributes
-    ----------
     share : float
-    values : (b,)
-        Base parameters that are likeliest without logs.
-    root : (d, b)
-        Rows about their differences from these, each of variance 1; none about what joints alone
-        decide, of which files of commanded robots say nothing.
+        Within which bodies are the file's, where all else is refitted; 0 where values are kept.
     """
 
-    share: float
     values: Array
+    free: np.ndarray
     root: Array
+    words: str
+    share: float = 0.0
+
+    @staticmethod
+    def within(values: Array, covariance: Array, words: str) -> KnownValues:
+        """Return values with their covariance, (b, b); zero where they are exact."""
+        free = np.flatnonzero(np.diag(covariance) > 0)
+        own = covariance[np.ix_(free, free)]
+        sd = np.sqrt(np.diag(own))
+        size, directions = np.linalg.eigh(own / np.outer(sd, sd))
+        size = np.maximum(size, LEAST * size.max(initial=0.0))
+        return KnownValues(values, free, (directions / np.sqrt(size)).T / sd, words)
+
+    def moved(self, off: Array) -> Array:
+        """Return the values where those that are not exact differ by so much (f,)."""
+        values = self.values.copy()
+        values[self.free] += off
+        return values
 
     @property
     def hint(self) -> str:
-        """What is kept, in one sentence."""
+        """What is kept near the file, in one sentence."""
         return (
             f"Bodies are the robot file's within {percent(self.share)} (--prior): without "
             "measured torque what they weigh cannot be told from the servos' gains."
         )
 
 
-def near_file(share: float, structure: Structure) -> NearFile:
+def know_nothing(structure: Structure) -> KnownValues:
+    """Return that nothing is known: values are those of the logs."""
+    b = len(structure.base.names)
+    return KnownValues(np.zeros(b), np.arange(b), np.empty((0, b)), "the refitted model")
+
+
+def know_file(structure: Structure) -> KnownValues:
+    """Return the values of the robot file as exact."""
+    none, words = np.empty((0, 0)), "the robot file's own values"
+    return KnownValues(structure.nominal_base, np.empty(0, int), none, words)
+
+
+def near_file(share: float, structure: Structure) -> KnownValues:
     """Return what robot file and sidecar say of base parameters where torque is not measured.
 
     Parameters
@@ -119,7 +116,8 @@ def near_file(share: float, structure: Structure) -> NearFile:
     values, axes = np.linalg.eigh(across @ spread @ spread.T @ across.T)
     values = np.maximum(values, LEAST * values.max(initial=0.0))
     root = (axes / np.sqrt(np.maximum(values, 1e-300))).T @ across
-    return NearFile(share, structure.G @ standard, root)
+    every = np.arange(len(root.T))
+    return KnownValues(structure.G @ standard, every, root, "the refitted model", share)
 
 
 def read_given(given: Given, robot: Robot) -> tuple[Fit | None, str]:
@@ -149,7 +147,7 @@ def know_share(share: float, structure: Structure) -> KnownValues:
         )
     spread = structure.G * share_spread(share, structure)
     words = f"the robot file's values, each within {percent(share)},"
-    return KnownValues(structure.nominal_base, spread @ spread.T, words)
+    return KnownValues.within(structure.nominal_base, spread @ spread.T, words)
 
 
 def share_spread(share: float, structure: Structure) -> Array:
@@ -199,4 +197,4 @@ def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:
         # there is.
         reach = 100.0 * max(float(np.abs(fit.base).max()), 1e-12) / float(np.abs(free).max())
         covariance = covariance + reach**2 * free @ free.T
-    return KnownValues(fit.base, covariance, f"the values of {name}, with their errors,")
+    return KnownValues.within(fit.base, covariance, f"the values of {name}, with their errors,")

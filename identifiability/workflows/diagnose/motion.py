@@ -1,4 +1,4 @@
-"""The motion of a diagnosis: what is fitted, what verifies, how much of it; what changed in it.
+"""The motion of a diagnosis: what is fitted, what verifies, how much of it.
 
 An error that was minimised is no evidence: the motion on which the gap is quoted is not fitted.
 Whole logs are kept apart where there are enough; else a log is divided into stretches of time, with
@@ -14,9 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from identifiability.effects import title_of
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_count
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -261,75 +259,3 @@ def _read_thin(robot: Robot, log: LogFile, how: Preparation, most: int) -> Sampl
         hints=plan.hints,
         path=log.path,
     )
-
-
-@frozen
-class Change:
-    """What changed in the middle of a log.
-
-    Attributes
-    ----------
-    log : str
-    number : int
-        Which of the fitted logs.
-    start, stop : float [s]
-        When it began and ended; infinite where that was not logged.
-    began, ended : (float, float) [s]
-        Where these instants are in 95 % of what is likely.
-    family, title, place : str
-        What it was.
-    parameters, units : tuple of str
-    values, errors : (k,)
-        Generalised least squares beside the model, with standard errors.
-    open : tuple of str
-        Parameters that the motion determines together with others only.
-    odds : float [nat]
-        Log odds for it, all instants, logs and places where it might have been counted.
-    weight : float
-        Its posterior probability among all that may change then.
-    others : tuple of (family, place)
-        What it cannot be told from.
-    """
-
-    log: str
-    number: int
-    start: float
-    stop: float
-    began: tuple[float, float]
-    ended: tuple[float, float]
-    family: str
-    title: str
-    place: str
-    parameters: tuple[str, ...]
-    units: tuple[str, ...]
-    values: Array
-    errors: Array
-    open: tuple[str, ...]
-    odds: float
-    weight: float
-    others: tuple[tuple[str, str], ...] = ()
-
-    @property
-    def names(self) -> list[str]:
-        """What it was, and what it cannot be told from, in words."""
-        return [f"{title_of(f)} in {at}" for f, at in ((self.family, self.place), *self.others)]
-
-    @property
-    def whole(self) -> bool:
-        """Whether it lasted as long as the log."""
-        return bool(np.isinf(self.start) and np.isinf(self.stop))
-
-    @property
-    def when(self) -> str:
-        """In words: ``from 41 s (95 %: 40.5 … 41.5 s) of run2 on``."""
-        begin, end = (
-            f"{at:.3g} s" + (f" (95 %: {low:.3g} … {high:.3g} s)" if low < high else "")
-            for at, (low, high) in ((self.start, self.began), (self.stop, self.ended))
-        )
-        if self.whole:
-            return f"in all of {self.log}"
-        if np.isinf(self.stop):
-            return f"from {begin} of {self.log} on"
-        if np.isinf(self.start):
-            return f"until {end} of {self.log}"
-        return f"from {begin} to {end} of {self.log}"

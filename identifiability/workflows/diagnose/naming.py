@@ -209,7 +209,9 @@ class Naming:
         at = np.concatenate([np.arange(b), *own, [ends[-1]]]).astype(int)
         width = len(at) - 1
         joints = [triangular_factor(R[:, at]) for R in self._factors]
-        known = np.concatenate([_pad(rows.seen.X, rows.root, width), *self._priors(parts, width)])
+        known = np.concatenate(
+            [_pad(rows.seen.X, self.setting.known.root, width), *self._priors(parts, width)]
+        )
         squares = np.array([A[-1, -1] ** 2 if len(A) > width else 0.0 for A in joints])
         value, memory = np.zeros(width), 1.0
         # Rounds in which joints are weighed by what is left of them, and that by its memory.
@@ -269,11 +271,9 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
         Families that may be named; all by default.
     """
     s, fixed = setting.structure, setting.fixed
-    known = setting.known or setting.near
-    fitted = Rows.of(s, setting.samples, known, fixed=fixed)
-    unseen = fitted
-    if setting.validation:
-        unseen = Rows.of(s, setting.validation, known, fixed=fixed)
+    root = setting.known.root
+    fitted = Rows.of(s, setting.samples, setting.known)
+    unseen = Rows.of(s, setting.validation, setting.known) if setting.validation else fitted
     families = find_families(effects, commanded=setting.commanded)
     motions = [x.motion for x in setting.samples]
     listed, refused = list_candidates(s.robot, families, s.present, motions, fixed=fixed)
@@ -282,9 +282,9 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
         functions = [f for f in FAMILIES.values() if f.flexible]
         smooth, _ = list_candidates(s.robot, functions, s.present, motions, fixed=fixed)
         every = with_reversals(s.robot, smooth, s.present)
-        noise = Missing(every, fitted.seen, fitted.root).noise
+        noise = Missing(every, fitted.seen, root).noise
     every = with_reversals(s.robot, listed, s.present)
-    missing = Missing(every, fitted.seen, fitted.root, noise)
+    missing = Missing(every, fitted.seen, root, noise)
     aliases = [
         a
         for a in find_aliases(missing, s.base.names, setting.rules.alias)
@@ -460,7 +460,9 @@ def _with_parts(naming: Naming, parts: Sequence[Part]) -> Naming:
     """Return a naming of some parts, numbered after friction at reversals."""
     always = [c for c in naming.missing.candidates if c.family is REVERSALS]
     numbered = number([*always, *(p.candidate for p in parts)])
-    missing = Missing(tuple(numbered), naming.fitted.seen, naming.fitted.root, naming.missing.noise)
+    missing = Missing(
+        tuple(numbered), naming.fitted.seen, naming.setting.known.root, naming.missing.noise
+    )
     own = zip(parts, numbered[len(always) :], strict=True)
     return replace(naming, missing=missing, parts=tuple(replace(p, candidate=c) for p, c in own))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,9 +13,11 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.regression.structure import Structure
-from identifiability.workflows.diagnose.known_values import KnownValues, NearFile
-from identifiability.workflows.diagnose.motion import Change
+from identifiability.workflows.diagnose.known_values import KnownValues
 from identifiability.workflows.diagnose.rules import Rules
+
+if TYPE_CHECKING:
+    from identifiability.workflows.diagnose.changes import Change
 
 #: Decimals that count where shares and sizes are compared: those beyond are another processor's
 #: rounding, and of what ties the first comes first, in the order of candidates and parameters.
@@ -31,12 +34,10 @@ class Setting:
         The robot under the model that is diagnosed.
     samples, validation : tuple of Samples
         Fitted, and unseen.
+    known : KnownValues
+        What is known of the model's values beside the logs.
     fixed : bool
-        Whether the model keeps the values of the robot file.
-    known : KnownValues or None
-        The values that it keeps, where these have errors.
-    near : NearFile or None
-        What is believed of values that are refitted.
+        Whether the model keeps these.
     rules : Rules
     seed : int
     chosen_by : str
@@ -53,10 +54,9 @@ class Setting:
 
     structure: Structure
     samples: tuple[Samples, ...]
+    known: KnownValues
     validation: tuple[Samples, ...] = ()
     fixed: bool = False
-    known: KnownValues | None = None
-    near: NearFile | None = None
     rules: Rules = Rules()
     seed: int = 0
     chosen_by: str = ""

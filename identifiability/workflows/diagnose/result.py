@@ -36,10 +36,10 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
+from identifiability.workflows.diagnose.changes import Change
 from identifiability.workflows.diagnose.completed import keep_completed, nearest_dict, real_robot
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect, Odds
 from identifiability.workflows.diagnose.forward import ForwardGap, compare_forward
-from identifiability.workflows.diagnose.motion import Change
 from identifiability.workflows.diagnose.words import headline, state, state_remainder, weight_text
 from identifiability.workflows.predict import Fit, Predicts
 from identifiability.workflows.rules import RULES as WORKFLOW_RULES
@@ -239,9 +239,6 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
         "error_ra_validation_before": "before",
         "error_ra_validation_after": "after",
         "change_interval95": "interval",
-        "error_joints_validation_before": "shown_before",
-        "error_joints_validation_after": "shown_after",
-        "joints_change_interval95": "shown_interval",
         "log_odds": "odds",
         "log_odds_unseen": "unseen",
     }

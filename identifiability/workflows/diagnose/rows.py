@@ -14,7 +14,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.regression.structure import Structure
-from identifiability.workflows.diagnose.known_values import KnownValues, NearFile
+from identifiability.workflows.diagnose.known_values import KnownValues
 
 
 @frozen
@@ -24,15 +24,13 @@ class Rows:
     Attributes
     ----------
     seen : Excerpt
-        Torque that the columns should explain, and those of the model: of one whose values are
-        kept only those that have errors.
+        Torque that the columns should explain, beside what is known, and those of the model whose
+        values are not exact.
     samples : tuple of Samples
     measured, raw : (N, n) [N·m or N]
         Measured torque: low-passed like the columns, and as it was measured.
     data : (N, n) bool
         Where torque of each joint is data.
-    root : (d, b)
-        What is known beforehand of the values of the model, in units of its standard deviation.
     """
 
     seen: Excerpt
@@ -40,40 +38,24 @@ class Rows:
     measured: Array
     raw: Array
     data: np.ndarray
-    root: Array
 
     @staticmethod
-    def of(
-        structure: Structure,
-        samples: Sequence[Samples],
-        kept: KnownValues | NearFile | None = None,
-        *,
-        fixed: bool = False,
-    ) -> Rows:
+    def of(structure: Structure, samples: Sequence[Samples], known: KnownValues) -> Rows:
         """Return the rows of some logs.
 
         Parameters
         ----------
         structure : Structure
         samples : sequence of Samples
-        kept : KnownValues or NearFile, optional
-            What is known of the values.
-        fixed : bool
-            Whether the model keeps them; without anything known those of the robot file.
+        known : KnownValues
+            What is known of the values beforehand.
         """
         regression = structure.regression(samples, keep=True)
         every = sum(s.outputs for s in samples)
         seen = Excerpt.of(regression, (every, 1, every))
-        torque, X, root = seen.y, seen.X, np.empty((0, seen.X.shape[2]))
-        if isinstance(kept, NearFile):
-            seen, root = replace(seen, y=torque - X @ kept.values), kept.root
-        elif kept is not None:
-            own = X[:, :, kept.uncertain]
-            seen, root = replace(seen, X=own, y=torque - X @ kept.values), kept.root
-        elif fixed:
-            seen = replace(seen, X=X[:, :, :0], y=torque - X @ structure.nominal_base)
-            root = root[:, :0]
-        return Rows(seen, tuple(samples), torque, seen.raw, seen.data, root)
+        torque, X = seen.y, seen.X
+        seen = replace(seen, X=X[:, :, known.free], y=torque - X @ known.values)
+        return Rows(seen, tuple(samples), torque, seen.raw, seen.data)
 
     def __len__(self) -> int:
         """Return the number of samples."""

@@ -10,11 +10,12 @@ from identifiability.foundation.numbers import REACH, percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.workflows.answers import state_joints
+from identifiability.workflows.diagnose.changes import Change
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect, Refuted
-from identifiability.workflows.diagnose.motion import Change, join
+from identifiability.workflows.diagnose.motion import join
 
-#: Effects that the headline states in full, and names and places that it lists of each.
-FULL, LISTED = 2, 3
+#: Effects that the headline states, and names and places that it lists of each.
+FULL, LISTED = 4, 3
 #: An error below this share of the torque is rounding.
 ROUNDING: Tolerance = 1e-9
 #: What a residual looks like that depends on one of these; a function of any other.
@@ -46,7 +47,7 @@ def state(d: Findings) -> str:
 
 
 def headline(d: Findings) -> str:
-    """Return what changed, what is missing, how far the gap shrinks and what is open."""
+    """Return what changed, what is missing and how far the gap shrinks."""
     return " ".join([*map(state_change, d.changes), _state_named(d)])
 
 
@@ -67,29 +68,20 @@ def state_change(c: Change) -> str:
 
 
 def _state_named(d: Findings) -> str:
-    """Return what is missing, how far the gap shrinks and what is open, in three sentences."""
-    start = "the robot file's own values" if d.fixed else "the refitted model"
-    start = start if d.known is None else d.known.words
+    """Return what is missing and how far the gap shrinks."""
     if not d.effects:
         why = "No effect can be named" if d.evidence else _state_untried(d)
         return (
-            f"{why}: {start} predict{'' if d.fixed else 's'} unseen motion "
+            f"{why}: {d.known.words} predict{'' if d.fixed else 's'} unseen motion "
             f"({d.verified_on}) with an error of {percent(d.held_before)}."
         )
-    verb = "falls" if d.held_after < d.held_before else "goes"
     change = (
-        f"On {d.verified_on}, which was not fitted, the error {verb} "
+        f"On {d.verified_on}, which was not fitted, the error goes "
         f"{_change(d.held_before, d.held_after, d.interval)}."
     )
-    return " ".join([f"{_state_missing(d)}.", change, *_state_undecided(d)])
-
-
-def _state_missing(d: Findings) -> str:
-    """Return what is missing in one sentence; of many effects the names and where they are."""
-    if len(d.effects) <= FULL:
-        return _capital("; ".join(_state_effect(e) for e in d.effects))
-    named = [e.title if e.joints == ("base",) else f"{e.title} ({_where(e)})" for e in d.effects]
-    return f"{len(d.effects)} effects are missing: {join(named)}"
+    told, more = [_state_effect(e) for e in d.effects[:FULL]], len(d.effects) - FULL
+    told += [f"and {more} more, which are listed"] * (more > 0)
+    return f"{_capital('; '.join(told))}. {change}"
 
 
 def _at(name: str, place: str) -> str:
@@ -102,19 +94,6 @@ def _where(e: NamedEffect) -> str:
     if e.everywhere:
         return "all joints"
     return join(e.joints) if len(e.joints) <= LISTED else f"{len(e.joints)} joints"
-
-
-def _state_undecided(d: Findings) -> list[str]:
-    """Return a sentence on names that cannot be told apart, if there are any."""
-    open_names = [e for e in d.effects if e.alternatives]
-    if len(d.effects) <= FULL and len(open_names) == 1:
-        return [_state_rivals(open_names[0])]
-    if not open_names:
-        return []
-    return [
-        f"This motion cannot tell {join([e.title for e in open_names])} from other names, which "
-        "are listed with what would."
-    ]
 
 
 def _state_untried(d: Findings) -> str:
@@ -133,19 +112,15 @@ def _state_untried(d: Findings) -> str:
 
 def remarks(d: Findings) -> list[Remark]:
     """Return what else should be known of the named effects, and what was refuted."""
-    always = [Remark("Refuted", _state_refuted(x, d)) for x in d.refuted]
-    always += [Remark("Please note", hint) for hint in d.hints]
-    if not d.effects:
-        return always
     out = []
     if d.forward is not None and d.forward.measured:
         better = d.forward.interval[1] < 0
         out.append(Remark("In simulated motion", d.forward.statement, better))
-    named = [Remark("Named", f"{_capital(_state_effect(e))}.") for e in d.effects]
-    rivals = [Remark("A or B", _state_rivals(e)) for e in d.effects if e.alternatives]
-    if len(d.effects) <= FULL:  # the headline has them
-        named, rivals = [], rivals if len(rivals) > 1 else []
-    return [*named, *rivals, *out, *(r for e in d.effects for r in _caveats(e)), *always]
+    for e in d.effects:
+        out += [Remark("A or B", _state_rivals(e))] if e.alternatives else []
+        out += _caveats(e)
+    out += [Remark("Refuted", _state_refuted(x, d)) for x in d.refuted]
+    return out + [Remark("Please note", hint) for hint in d.hints]
 
 
 def _state_effect(e: NamedEffect) -> str:
@@ -201,7 +176,7 @@ def _state_rivals(e: NamedEffect) -> str:
 
 
 def _caveats(e: NamedEffect) -> list[Remark]:
-    title, out = _capital(e.title), []
+    out = []
     if e.unnamed:
         near = join(list(e.nearest))
         text = f"Nearest to it are {near}." if near else "No effect that has a name can be there."
@@ -209,10 +184,7 @@ def _caveats(e: NamedEffect) -> list[Remark]:
             Remark("Without a name", f"No name explains this in {_where(e)} as well. {text}")
         )
     if not e.confirmed:
-        text = (
-            f"{title} by itself does not surely lower the error of its joints there, each on its "
-            "own scale: treat it with caution."
-        )
+        text = f"Unseen motion alone does not say so of {e.title}: treat it with caution."
         out.append(Remark("Not confirmed", text))
     return out
 

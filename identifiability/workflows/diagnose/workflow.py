@@ -48,7 +48,9 @@ from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.known_values import (
     Given,
     KnownValues,
+    know_file,
     know_fit,
+    know_nothing,
     know_share,
     near_file,
     read_given,
@@ -192,7 +194,7 @@ def diagnose(
         )
         options = {
             "effects": "all" if effects is None else list(effects),
-            "fixed": fixed is True if known is None else known.words,
+            "fixed": known.words if known.free.size and fixed is not False else fixed,
             **({"prior": near} if near else {}),
             "rules": setting.rules,
             "quick": quick,
@@ -200,7 +202,7 @@ def diagnose(
         }
         used = [*setting.samples, *setting.validation]
         kept = (EXACT,) if fixed is True else ()
-        believed = () if setting.near is None else (setting.near.hint,)
+        believed = (setting.known.hint,) if setting.known.share else ()
         band = () if commanded else say_band(setting.preparation)  # it is calibrated in this one
         hints = (*kept, *believed, *doubts, *opening.hints, *band)
         found = replace(
@@ -239,7 +241,7 @@ def _open(
     rules: Rules,
     *,
     fixed: bool,
-    known: KnownValues | None,
+    known: KnownValues,
     near: float,
     commanded: bool,
     seed: int,
@@ -275,8 +277,7 @@ def _open(
         verified_on=roles.verified_on,
         rules=rules,
         preparation=how or Preparation(),
-        known=known,
-        near=near_file(near, opening.structure) if near else None,
+        known=near_file(near, opening.structure) if near else known,
         commanded=commanded,
         seed=seed,
     )
@@ -363,7 +364,7 @@ def _still_outlying(found: Diagnosis, outliers: Outliers) -> bool:
 
 def _settle_values(
     robot: Robot, model: ModelLike | None, fixed: Given, *, commanded: bool
-) -> tuple[Structure, KnownValues | None]:
+) -> tuple[Structure, KnownValues]:
     """Return what is diagnosed, and what is known of the values that it keeps."""
     fit, name = read_given(fixed, robot)
     if fit is not None and model is None:
@@ -374,9 +375,11 @@ def _settle_values(
         )
     if fit is not None:
         return structure, know_fit(fit, structure, name)
-    if isinstance(fixed, int | float) and not isinstance(fixed, bool):
+    if fixed is True:
+        return structure, know_file(structure)
+    if isinstance(fixed, int | float) and fixed is not False:
         return structure, know_share(float(fixed), structure)
-    return structure, None
+    return structure, know_nothing(structure)
 
 
 def usual_effects(robot: Robot, *, commanded: bool = False) -> tuple[str, ...]:
@@ -441,7 +444,7 @@ def lead_with_tilt(
     """
     fitted, unseen = _predict_both(upright, found.samples, found.validation)
     gap = Gap(found.gap.rows, np.concatenate([unseen.residual, found.gap.residual], axis=2))
-    errors, joints = gap.relative_error().tolist(), gap.error_over_joints().tolist()
+    errors = gap.relative_error().tolist()
     first = NamedEffect(
         name=GravityTilt.name,
         title=title_of(GravityTilt.name),
@@ -449,9 +452,6 @@ def lead_with_tilt(
         before=errors[0],
         after=errors[1],
         interval=gap.interval(0, 1, rng),
-        shown_before=joints[0],
-        shown_after=joints[1],
-        shown_interval=gap.interval_over_joints(0, 1, rng),
         leaning=leaning,
     )
     return replace(
@@ -481,12 +481,14 @@ def _place_tilt(found: Diagnosis, upright: Structure, leaning: Leaning) -> Place
     motion = found.samples[0].motion
     added = gravity_torque(turned, motion, turned.gravity)
     added = added - gravity_torque(stated, motion, stated.gravity)
+    values = np.array([axis @ step for axis in horizontal_axes(stated.gravity)])
     return Placement(
         place=BASE,
         shape=float("nan"),
         parameters=tuple(f"{BASE}.{kind}" for kind in TILTS),
         units=("rad", "rad"),
-        values=np.array([axis @ step for axis in horizontal_axes(stated.gravity)]),
+        values=values,
+        fitted=values,
         errors=np.full(2, np.radians(leaning.sd)),
         rms=float(np.sqrt(np.mean(added**2, axis=0)).max()),
     )

@@ -34,7 +34,7 @@ def make_rows(tau, **motion):
     tau = np.asarray(tau, float)
     n = len(tau)
     seen = SimpleNamespace(t=0.01 * np.arange(n), log=np.zeros(n, int))
-    rows = Rows(seen, (), tau, tau, np.ones(tau.shape, bool), np.empty((0, 0)))
+    rows = Rows(seen, (), tau, tau, np.ones(tau.shape, bool))
     zero = np.zeros_like(tau)
     vars(rows)["states"] = tuple(motion.get(k, zero) for k in ("q", "dq", "ddq"))
     return rows
