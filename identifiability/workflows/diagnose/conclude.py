@@ -21,7 +21,7 @@ from identifiability.workflows.diagnose.findings import (
     Refuted,
     Rival,
 )
-from identifiability.workflows.diagnose.gap import Gap, Remainder, find_discrepancies
+from identifiability.workflows.diagnose.gap import Gap, find_discrepancies
 from identifiability.workflows.diagnose.naming import Naming, Part, determined_alone
 from identifiability.workflows.diagnose.result import Diagnosis
 
@@ -55,7 +55,6 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         _effect(naming, gap, some, [placed[k] for k in some], n, rng) for n, some in enumerate(own)
     ]
     left = fitted[:, :, -1]
-    rms = np.sqrt(np.sum(left**2, axis=0) / naming.fitted.counts)
     added = [
         Placed(placing, [_write_part(robot, part) for part in placing])
         for placing in ([parts[k].candidate.part for k in some] for some in own)
@@ -75,7 +74,6 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         aliases=naming.aliases,
         refusals=naming.refusals,
         evidence=_evidence(naming),
-        remainder=Remainder(rms, _detectable(naming, rms)),
         values=setting.known.moved(fits[-1][: len(setting.known.free)]),
         model=Model((*structure.model.effects, *added)),
     )
@@ -88,16 +86,6 @@ def _evidence(naming: Naming) -> tuple[Odds, ...]:
         Odds(t.group.family, place_of(t), t.odds, after.get(t.key, float("nan")))
         for t in naming.before
     )
-
-
-def _detectable(naming: Naming, rms: Array) -> dict[str, float]:
-    """Return the smallest effect of each family that is named, as a share of the residual (n,)."""
-    rows, out = naming.fitted, dict[str, float]()
-    torque = np.sqrt(np.sum(rows.seen.y**2, axis=0) / rows.counts)
-    for (family, j), size in naming.smallest().items():
-        if rms[j] > 0:
-            out[family] = min(out.get(family, np.inf), float(size * torque[j] / rms[j]))
-    return out
 
 
 def _effect(

@@ -15,9 +15,18 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose.forward import ForwardGap
-from identifiability.workflows.diagnose.gap import Discrepancy, Gap, Remainder
+from identifiability.workflows.diagnose.gap import Discrepancy, Gap
 from identifiability.workflows.diagnose.problem import Alias, Setting
 from identifiability.workflows.gravity import Leaning
+
+#: Names that are said of what cannot be told apart.
+LISTED = 2
+
+
+def call(names: list[str]) -> str:
+    """Return a name with those that it cannot be told from, or how many these are."""
+    some = f"{names[0]} or one of {len(names) - 1} that look like it"
+    return some if len(names) > LISTED else " or ".join(names)
 
 
 class Rival(NamedTuple):
@@ -164,9 +173,14 @@ class NamedEffect:
         return tuple(dict.fromkeys(r.family for r in rivals))
 
     @property
-    def names(self) -> str:
-        """The name, with its alternatives, in words."""
-        return " or ".join([self.title, *map(title_of, self.alternatives)])
+    def names(self) -> list[str]:
+        """The name and its alternatives, in words."""
+        return [self.title, *map(title_of, self.alternatives)]
+
+    @property
+    def called(self) -> str:
+        """The same in few words: what is said first may not be surer."""
+        return call(self.names)
 
 
 @frozen
@@ -228,7 +242,6 @@ class Findings(Setting):
     refusals : tuple of Refusal
     evidence : tuple of Odds
         Of all that was asked, the likeliest first.
-    remainder : Remainder
     values : (b,)
         Base parameters of the diagnosed model, beside the named effects.
     model : Model
@@ -257,7 +270,6 @@ class Findings(Setting):
     aliases: tuple[Alias, ...]
     refusals: tuple[Refusal, ...]
     evidence: tuple[Odds, ...]
-    remainder: Remainder
     values: Array
     model: Model
     forward: ForwardGap | None = None

@@ -18,6 +18,7 @@ from identifiability.effects.effect import Effect, Family
 from identifiability.estimation.torque_errors import DRAWN_STRETCHES, change_interval
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
@@ -45,10 +46,9 @@ class ForwardGap:
     horizon : float [s]
     t : (S,) [s]
         Time since the start of a stretch.
-    moved : (n,) [rad or m]
-        Mean distance that each joint moved in a stretch.
-    before, after : (K, S, n) [rad or m]
-        Simulated less measured position; nan once a stretch has diverged.
+    before, after : (K, S, n)
+        Simulated less measured position, as a share of the distance that the joint moved in a
+        stretch on average; a stretch that has diverged is wrong by all of it.
     interval : (float, float)
         95 % of the change of the error, stretches drawn again and again.
     note : str
@@ -59,7 +59,6 @@ class ForwardGap:
 
     horizon: float
     t: Array
-    moved: Array
     before: Array
     after: Array
     interval: tuple[float, float] = (np.nan, np.nan)
@@ -70,56 +69,34 @@ class ForwardGap:
     def none(note: str) -> ForwardGap:
         """Return the gap that was not measured, and why."""
         empty = np.empty((0, 0, 0))
-        return ForwardGap(HORIZON, np.empty(0), np.empty(0), empty, empty, note=note)
+        return ForwardGap(HORIZON, np.empty(0), empty, empty, note=note)
 
     @property
     def measured(self) -> bool:
         """Whether there is a gap at all."""
         return len(self.before) > 0
 
-    def shares(self) -> tuple[Array, Array]:
-        """Return errors as a share of the distance moved, mean over joints, each (K, S).
-
-        A stretch that has diverged counts as wrong by all of the distance.
-        """
-        return self._share(self.before).mean(2), self._share(self.after).mean(2)
-
-    def joint_shares(self) -> tuple[Array, Array]:
-        """Return mean errors of each joint at the end of a stretch, each (n,)."""
-        return self._share(self.before)[:, -1].mean(0), self._share(self.after)[:, -1].mean(0)
-
-    def _share(self, error: Array) -> Array:
-        share: Array = np.nan_to_num(np.minimum(np.abs(error) / self.moved, 1.0), nan=1.0)
-        return share
-
     @property
     def error_before(self) -> float:
         """Mean share at the end of a stretch, base model."""
-        return float(self.shares()[0][:, -1].mean()) if self.measured else float("nan")
+        return float(self.before[:, -1].mean()) if self.measured else float("nan")
 
     @property
     def error_after(self) -> float:
         """The same with the named effects."""
-        return float(self.shares()[1][:, -1].mean()) if self.measured else float("nan")
+        return float(self.after[:, -1].mean()) if self.measured else float("nan")
 
     @property
     def statement(self) -> str:
         """The gap in words."""
         if not self.measured:
             return ""
-        before, after = 100 * self.error_before, 100 * self.error_after
-        low, high = (100 * x for x in self.interval)
+        low, high = (f"{100 * x:+.0f}".replace("-", "−") for x in self.interval)
         return (
             f"Simulated forward for {self.horizon:.2g} s from measured states, positions are wrong "
-            f"by {_points(before)} % of the distance moved before and {_points(after)} % after "
-            f"(95 %: {_points(low, '+')} … {_points(high, '+')} points)."
-        ).replace("-", "−")
-
-
-def _points(x: float, sign: str = "") -> str:
-    """Return percent with two digits, never in powers of ten: 100 is no ``1e+02``."""
-    text = f"{x:{sign}.2g}"
-    return f"{x:{sign}.0f}" if "e+" in text else text
+            f"by {percent(self.error_before, 2)} of the distance moved before and "
+            f"{percent(self.error_after, 2)} after (95 %: {low} … {high} points)."
+        )
 
 
 @frozen
@@ -192,12 +169,13 @@ def compare_forward(
             tau = np.stack([_mean_torque(fit, s, rows) for s, rows in at])
             simulator = ForwardRobot(fit.robot, joint_values(fit))
             positions = simulator.run(q[:, 0], first, tau, dt, extra_effects(fit, at))
-            errors.append(positions - q[:, 1:])
+            share = np.minimum(np.abs(positions - q[:, 1:]) / moved, 1.0)
+            errors.append(np.nan_to_num(share, nan=1.0))
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
-    gap = ForwardGap(steps * dt, dt * np.arange(1, steps + 1), moved, *errors)
-    ends = np.stack([share[:, -1:] for share in gap.shares()], axis=2)
-    return replace(gap, interval=change_interval(ends, np.ones((len(at), 1)), rng))
+    ends = np.stack([share[:, -1:].mean(2) for share in errors], axis=2)
+    interval = change_interval(ends, np.ones((len(at), 1)), rng)
+    return ForwardGap(steps * dt, dt * np.arange(1, steps + 1), errors[0], errors[1], interval)
 
 
 def _starts(

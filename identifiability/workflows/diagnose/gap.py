@@ -1,7 +1,6 @@
 """`Gap`: prediction errors of several models on the same unseen rows; and where a residual sits.
 
-Of what is left it is told at which joint, velocity, position, load, time and log it sits, and the
-smallest effect that could have been named.
+Of what is left it is told at which joint, velocity, position, load, time and log it sits.
 """
 
 from __future__ import annotations
@@ -133,20 +132,3 @@ def explained_share(x: Array, r: Array) -> float:
         return 0.0
     adjusted = 1 - (1 - between / total) * (len(r) - 1) / (len(r) - k)
     return float(np.clip(adjusted, 0.0, 1.0))
-
-
-@frozen
-class Remainder:
-    """What no effect explains.
-
-    Attributes
-    ----------
-    rms : (n,) [N·m or N]
-        Residual of each joint.
-    detectable : mapping of family to float
-        Smallest effect that is named in four of five logs, its rms as a share of the residual's,
-        at the place where it is seen best.
-    """
-
-    rms: Array
-    detectable: dict[str, float]

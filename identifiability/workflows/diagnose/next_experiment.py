@@ -32,7 +32,7 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.simulation import Trajectory
 from identifiability.workflows.diagnose.findings import Findings
-from identifiability.workflows.diagnose.motion import prepare_rows, samples_each
+from identifiability.workflows.diagnose.motion import prepare_rows
 from identifiability.workflows.excite import Excitation, find_limits
 from identifiability.workflows.excite.criteria import (
     IDLE,
@@ -57,8 +57,6 @@ LIKELY: Tolerance = 0.95
 EVALUATIONS, FINAL = 4000, 750
 #: Periods of a motion that are prepared to know what one of many says.
 PREPARED = 3
-#: Samples of a log that is longer than its share of those that are looked at.
-MANY = 10**9
 
 
 @frozen
@@ -169,12 +167,12 @@ def find_next(
             name="next",
             say=progress or (lambda what, share: None),
         )
-        new, seen = bench.along(d, motion.trajectory)
+        new = bench.along(d, motion.trajectory)
         told = bench.told(known.G + new)
         periods, chance = 1, bench.chance(known.G + new, told)
-        while periods < min(PERIODS, seen) and chance < LIKELY and told.any():
+        while periods < PERIODS and chance < LIKELY and told.any():
             periods *= 2
-            chance = bench.chance(known.G + min(periods, seen) * new, told)
+            chance = bench.chance(known.G + periods * new, told)
     before = bench.chance(known.G, told)
     return NextMotion(bench.question.chosen, motion, periods, chance, before, not told.any())
 
@@ -266,8 +264,8 @@ class Bench:
         some = told.any(1) | ~told.any()
         return float(np.where(told[:, 0], each[:, 0], each[:, 1])[some].min())
 
-    def along(self, d: Findings, path: Trajectory) -> tuple[Array, float]:
-        """Return what a period of a motion would say (k, k), and how many a diagnosis looks at.
+    def along(self, d: Findings, path: Trajectory) -> Array:
+        """Return what a period of a motion would say, (k, k).
 
         It is prepared like a log: what low-passes torque takes from the columns what is fast, such
         as where laws of friction differ at a reversal.
@@ -279,9 +277,9 @@ class Bench:
         samples, columns = prepare_rows(d.robot, log, how), self.question.columns
         regression = Regression(d.robot, self.question.model, (samples,), columns)
         R = gather_information(regression).factor(self.known.weights)[:, : len(columns)]
-        step = find_step(d.samples[0])  # what a sample says is known of those of the logs
-        each = samples_each([*(len(s.tau) for s in d.samples), MANY])
-        return R.T @ R / PREPARED * find_step(samples) / step, each * step / path.period
+        # What a sample says is known of those of the logs.
+        said: Array = R.T @ R / PREPARED * find_step(samples) / find_step(d.samples[0])
+        return said
 
 
 def find_step(samples: Samples) -> float:

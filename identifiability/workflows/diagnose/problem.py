@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from identifiability.estimation.groups import Missing
+from identifiability.estimation.mixed_model import Products
 from identifiability.foundation.linalg import RANK_TOLERANCE, ROUNDOFF
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.known_values import KnownValues
-from identifiability.workflows.diagnose.rules import Rules
 
 if TYPE_CHECKING:
     from identifiability.workflows.diagnose.changes import Change
@@ -38,10 +39,7 @@ class Setting:
         What is known of the model's values beside the logs.
     fixed : bool
         Whether the model keeps these.
-    rules : Rules
     seed : int
-    chosen_by : str
-        What chose the names, in words.
     verified_on : str
         Unseen motion, in words: it was not fitted.
     preparation : Preparation
@@ -57,13 +55,15 @@ class Setting:
     known: KnownValues
     validation: tuple[Samples, ...] = ()
     fixed: bool = False
-    rules: Rules = Rules()
     seed: int = 0
-    chosen_by: str = ""
     verified_on: str = ""
     preparation: Preparation = Preparation()
     changes: tuple[Change, ...] = ()
     commanded: bool = False
+
+
+#: Share of a candidate's own torque below which it is hidden by the model.
+HIDDEN: Tolerance = 0.03
 
 
 @frozen
@@ -78,18 +78,20 @@ class Alias:
         the largest share of all that they can be.
     behind : tuple of str
         Parameters that make up what is not left, the largest first.
-    structural : bool
-        Whether it can never be named from this motion.
     """
 
     family: str
     place: str
     remaining: float
     behind: tuple[str, ...]
-    structural: bool
+
+    @property
+    def structural(self) -> bool:
+        """Whether it can never be named from this motion."""
+        return self.remaining < HIDDEN
 
 
-def find_aliases(missing: Missing, names: Sequence[str], share: float) -> list[Alias]:
+def find_aliases(missing: Missing, products: Products, names: Sequence[str]) -> list[Alias]:
     """Return one entry for every family and place, that of its most visible shape.
 
     Of several columns together it is the most visible of all torques that they can make: how much
@@ -98,31 +100,22 @@ def find_aliases(missing: Missing, names: Sequence[str], share: float) -> list[A
     Parameters
     ----------
     missing : Missing
+    products : Products
+        Of its rows.
     names : sequence of str
         Of the base columns.
-    share : float
-        Remaining share below which a candidate is structurally aliased.
     """
     # Values with known errors hide nothing for ever: a larger effect shows.
-    b = 0 if len(missing.root) else missing.fixed
-    rows = missing.seen
-    acts = [{k for i, k in missing.entries if i == j} for j in range(rows.y.shape[1])]
-    size = np.linalg.norm(rows.y, axis=0)
-    scale = np.where(size > 0, size, 1.0)
-    base = [rows.X[:, j, :b] / s for j, s in enumerate(scale)]
-    length = np.sqrt(np.maximum(sum(np.sum(A**2, axis=0) for A in base), 1e-300))
-    square, vectors = np.linalg.eigh(sum((A / length).T @ (A / length) for A in base))
+    base = np.arange(0 if len(missing.root) else missing.fixed)
+    P = products.between(base, base)
+    length = np.sqrt(np.maximum(np.diag(P), 1e-300))
+    square, vectors = np.linalg.eigh(P / np.outer(length, length))
     known = square > ROUNDOFF * max(float(square.max(initial=0.0)), 1e-300)
     F = (vectors[:, known] / np.sqrt(square[known])).T / length
     out: dict[tuple[str, str], Alias] = {}
     for c in missing.candidates:
-        at = list(c.columns)
-        XZ, ZZ = np.zeros((b, len(at))), np.zeros((len(at), len(at)))
-        for j in [j for j, own in enumerate(acts) if own.intersection(at)]:
-            none = np.zeros(len(rows.y))
-            Z = np.stack([missing.entries.get((j, k), none) for k in at], axis=1) / scale[j]
-            XZ += base[j].T @ Z
-            ZZ += Z.T @ Z
+        at = np.array(c.columns) + missing.fixed
+        XZ, ZZ = products.between(base, at), products.between(at, at)
         unit = np.sqrt(np.maximum(np.diag(ZZ), 1e-300))
         values, axes = np.linalg.eigh(ZZ / np.outer(unit, unit))
         seen = values > RANK_TOLERANCE * max(float(values[-1]), 1e-300)
@@ -134,7 +127,7 @@ def find_aliases(missing: Missing, names: Sequence[str], share: float) -> list[A
             rest = round(1.0 - float(np.linalg.eigvalsh(inside.T @ inside)[0]), DECIMALS)
             left = float(np.sqrt(max(0.0, rest)))
             behind = _hiding(F.T @ inside * length[:, None], names)
-        alias = Alias(*c.group, left, behind, left < share)
+        alias = Alias(*c.group, left, behind)
         if c.group not in out or out[c.group].remaining < left:
             out[c.group] = alias
     return list(out.values())

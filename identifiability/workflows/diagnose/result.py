@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from identifiability.effects.registry import title_of
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.foundation.answers import Answer, Cell, Column, Table
+from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import digits, error_text, format_number, join, percent
+from identifiability.foundation.rounding import digits, error_text, join, percent
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import LadderEntry, ModelEntry, ladder_text
@@ -36,11 +35,11 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
-from identifiability.workflows.diagnose.changes import Change
+from identifiability.workflows.diagnose.changes import table_changes
 from identifiability.workflows.diagnose.completed import keep_completed, nearest_dict, real_robot
-from identifiability.workflows.diagnose.findings import Findings, NamedEffect, Odds
+from identifiability.workflows.diagnose.findings import Findings, NamedEffect, Odds, call
 from identifiability.workflows.diagnose.forward import ForwardGap, compare_forward
-from identifiability.workflows.diagnose.words import headline, state, state_remainder, weight_text
+from identifiability.workflows.diagnose.words import headline, state, state_remainder
 from identifiability.workflows.predict import Fit, Predicts
 from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 
@@ -102,15 +101,15 @@ class Diagnosis(Result, Findings, Predicts):
         return what, _gap(self), _left(self), answer_next(next_commands(self))
 
     def decided_by(self) -> tuple[RuleTable, ...]:
-        """Return the numbers by which it was decided, the verb's own first."""
-        return (self.rules, WORKFLOW_RULES, ESTIMATION_RULES)
+        """Return the numbers by which it was decided, ."""
+        return (WORKFLOW_RULES, ESTIMATION_RULES)
 
     def tables(self) -> tuple[Table, ...]:
         """Return what changed in mid-log, the effects that were named, and the errors of joints."""
         named = Table.of("Effects that were missing", NAMED, self.effects)
         caption = "Each joint by itself on unseen motion, over its own scale"
         errors = Table.of(caption, ERRORS, self.error_frame().itertuples())
-        changed = (_table_changes(self),) if self.changes else ()
+        changed = (table_changes(self.changes),) if self.changes else ()
         return (*changed, *((named,) if self.effects else ()), errors)
 
     @property
@@ -155,7 +154,6 @@ class Diagnosis(Result, Findings, Predicts):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
-        left, joints = self.remainder, self.robot.joints
         hidden = {"effect": "family", "joint": "place", "hidden_behind": "behind"}
         return {
             "schema": self.schema,
@@ -166,13 +164,14 @@ class Diagnosis(Result, Findings, Predicts):
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
             "effects": [_effect_row(e) for e in self.effects],
             "refuted": [vars(x) for x in self.refuted],
-            "changes": [_change_row(c) for c in self.changes],
+            "changes": [c.to_dict() for c in self.changes],
             "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
             "errors": {"joints": self.error_frame().to_dict("records")},
             "earlier": {"source": "", "error_ra_validation": None, "turns": []},  # for one release
             "change": {"interval95": list(self.interval), "measured": f"on {self.verified_on}"},
             "roles": {
-                **pick(self, chosen="chosen_by", verified="verified_on"),
+                "chosen": "by the evidence of the fitted logs",
+                "verified": self.verified_on,
                 "fitted": list(given_paths(self.samples)),
                 "verified_logs": list(given_paths(self.validation)),
                 "left_out": [c.log for c in self.changes if c.whole],
@@ -183,8 +182,7 @@ class Diagnosis(Result, Findings, Predicts):
             **({} if self.moved is None else {"rollout": self.moved.to_dict()}),
             "unexplained": {
                 "statement": self.unexplained,
-                "rms": dict(zip(joints, left.rms.tolist(), strict=True)),
-                **pick(left, "detectable"),
+                "rms": {x.joint: x.rms for x in self.discrepancies},
             },
             "aliases": [pick(a, "remaining", **hidden) for a in self.aliases if a.structural],
             "not_applicable": [vars(r) for r in self.refusals],
@@ -206,26 +204,6 @@ def pick(value: Any, *names: str, **renamed: str) -> dict[str, Any]:
 def _forward_row(gap: ForwardGap) -> dict[str, Any]:
     errors = pick(gap, "error_before", "error_after", change_interval95="interval")
     return {**pick(gap, "horizon", "note"), "stretches": len(gap.before), **errors}
-
-
-def _change_row(c: Change) -> dict[str, Any]:
-    """Return what changed in the middle of a log; no instant where it was not logged."""
-
-    def known(x: float) -> float | None:
-        return x if np.isfinite(x) else None
-
-    values = zip(c.parameters, c.values.tolist(), strict=True)
-    return {
-        **pick(c, "log", "weight", effect="family", joint="place", log_odds="odds"),
-        "from": known(c.start),
-        "to": known(c.stop),
-        "from95": [known(x) for x in c.began],
-        "to95": [known(x) for x in c.ended],
-        "or": [{"effect": family, "joint": place} for family, place in c.others],
-        "parameters": dict(values),
-        "errors": dict(zip(c.parameters, c.errors.tolist(), strict=True)),
-        "open": list(c.open),
-    }
 
 
 def _odds_row(x: Odds) -> dict[str, Any]:
@@ -279,13 +257,10 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     robot = source_name(d.robot)
     logs = name_logs(d.robot, given_paths(d.samples), how=d.preparation)
     logs += held_back(d.validation, d.samples)
-    ask = f"identifiability diagnose {robot} {logs} --next motion.json"
     if not d.effects:
-        what = "See which parameters these logs determine:"
-        hidden = any(a.structural for a in d.aliases)
-        shows = [("Find the motion that shows what these logs cannot tell from the model:", ask)]
         analyze = f"identifiability analyze {robot} {logs} --report report.html"
-        return [(what, analyze), *(shows if hidden else ())]
+        return [("See which parameters these logs determine:", analyze)]
+    ask = f"identifiability diagnose {robot} {logs} --next motion.json"
     apart = [("Find the motion that tells one name from the other:", ask)]
     again = f"identifiability diagnose {robot} {logs}"
     judge = f"identifiability analyze {robot} {logs} --ladder {{file}} --report report.html"
@@ -314,22 +289,10 @@ def _what(d: Diagnosis) -> Answer:
     question = "What is missing?"
     if not d.effects and not d.changes:
         return Answer(question, "Nothing that can be named.", headline(d), "grey")
-    named = [f"{_call_change(c)} in a part of {c.log}" for c in d.changes]
-    named += [f"{_call(e)} in {join(e.joints, PLACES)}" for e in d.effects]
+    named = [f"{call(c.names)} in a part of {c.log}" for c in d.changes]
+    named += [f"{e.called} in {join(e.joints, PLACES)}" for e in d.effects]
     short = join(named)
     return Answer(question, f"{short[0].upper()}{short[1:]}.", headline(d), "vermilion")
-
-
-def _call(e: NamedEffect) -> str:
-    """Return a name with what the motion cannot tell from it: the first line may not be surer."""
-    others = len(e.alternatives)
-    return e.names if others < 2 else f"{e.title} or one of {others} that look like it"
-
-
-def _call_change(c: Change) -> str:
-    """Return a change with what the log cannot tell from it, as `_call`."""
-    names, others = c.names, len(c.others)
-    return " or ".join(names) if others < 2 else f"{names[0]} or one of {others} that look like it"
 
 
 def _gap(d: Diagnosis) -> Answer:
@@ -337,17 +300,9 @@ def _gap(d: Diagnosis) -> Answer:
     if not d.effects:
         short = f"The error on unseen motion stays at {percent(d.held_before)}."
         return Answer(question, short, f"Measured on {d.verified_on}.")
-    low, high = (format_number(100 * x, 2) for x in d.interval)
-    falls = d.interval[1] < 0
-    before, after = percent(d.held_before), percent(d.held_after)
-    short = f"The error goes from {before} to {after}."
-    if before == after:
-        short = f"Hardly any: the error over all joints stays at {after}."
-    text = (
-        f"All joints together on {d.verified_on}, which was not fitted (95 % "
-        f"of the change: {low} … {high} points)."
-    )
-    return Answer(question, short, text, "green" if falls else "amber")
+    short = f"The error goes from {percent(d.held_before)} to {percent(d.held_after)}."
+    text = f"All joints together on {d.verified_on}, which was not fitted."
+    return Answer(question, short, text, "green" if d.interval[1] < 0 else "amber")
 
 
 def _left(d: Diagnosis) -> Answer:
@@ -380,26 +335,3 @@ ERRORS = with_hints(
     Column("rms after", digits(3), "rms_after"),
     Column("unit", get="unit"),
 )
-
-
-CHANGES = (
-    Column("when"),
-    Column("effect"),
-    Column("where"),
-    Column("parameter", "code"),
-    Column("value", digits(3)),
-    Column("± se", digits(2)),
-    Column("unit"),
-    Column("weight", hint="Posterior probability among all that may change at any instant."),
-    Column("or", hint="What this motion cannot tell it from."),
-)
-
-
-def _table_changes(d: Diagnosis) -> Table:
-    rows = []
-    for c in d.changes:
-        weight = Cell(weight_text(c.weight), c.weight)
-        others = join(c.names[1:]) or "nothing"
-        values = zip(c.parameters, c.values, c.errors, c.units, strict=True)
-        rows += [(c.when, title_of(c.family), c.place, *row, weight, others) for row in values]
-    return Table.of("What changed in the middle of a log, and was left out", CHANGES, rows)

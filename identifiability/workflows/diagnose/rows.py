@@ -27,17 +27,13 @@ class Rows:
         Torque that the columns should explain, beside what is known, and those of the model whose
         values are not exact.
     samples : tuple of Samples
-    measured, raw : (N, n) [N·m or N]
-        Measured torque: low-passed like the columns, and as it was measured.
-    data : (N, n) bool
-        Where torque of each joint is data.
+    measured : (N, n) [N·m or N]
+        Measured torque, low-passed like the columns.
     """
 
     seen: Excerpt
     samples: tuple[Samples, ...]
     measured: Array
-    raw: Array
-    data: np.ndarray
 
     @staticmethod
     def of(structure: Structure, samples: Sequence[Samples], known: KnownValues) -> Rows:
@@ -55,7 +51,12 @@ class Rows:
         seen = Excerpt.of(regression, (every, 1, every))
         torque, X = seen.y, seen.X
         seen = replace(seen, X=X[:, :, known.free], y=torque - X @ known.values)
-        return Rows(seen, tuple(samples), torque, seen.raw, seen.data)
+        return Rows(seen, tuple(samples), torque)
+
+    @property
+    def data(self) -> np.ndarray:
+        """Where torque of each joint is data, (N, n) bool."""
+        return self.seen.data
 
     def __len__(self) -> int:
         """Return the number of samples."""

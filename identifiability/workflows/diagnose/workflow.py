@@ -19,7 +19,7 @@ from identifiability.effects.gravity import TILTS, GravityTilt, horizontal_axes
 from identifiability.effects.measurement import CommandDelay
 from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.registry import title_of
-from identifiability.estimation.estimate import Outliers, estimate, find_estimator
+from identifiability.estimation.estimate import estimate, find_estimator
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.foundation.engines.mapping import Engine, Serial, one_thread
 from identifiability.foundation.names import BASE
@@ -64,7 +64,6 @@ from identifiability.workflows.diagnose.motion import (
 from identifiability.workflows.diagnose.naming import Naming, look, name_missing
 from identifiability.workflows.diagnose.problem import Setting
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
-from identifiability.workflows.diagnose.rules import RULES, Rules
 from identifiability.workflows.gravity import Leaning, find_leaning, settle_tilt
 from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.opening import (
@@ -107,7 +106,6 @@ def diagnose(
     model: ModelLike | None = None,
     fixed: Given = False,
     preparation: Preparation | None = None,
-    rules: Rules | None = None,
     seed: Seed = 0,
     quick: bool = False,
     forward: bool = True,
@@ -137,8 +135,6 @@ def diagnose(
         the model that is diagnosed. What these errors explain is no effect.
     preparation : Preparation, optional
         How derivatives are made.
-    rules : Rules, optional
-        Thresholds.
     seed : int
     quick : bool
         Leave out the simulation of `forward`.
@@ -154,7 +150,6 @@ def diagnose(
     """
     say = progress or quiet
     streams = tuple(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
-    rules = rules or RULES
     find_families(effects)  # what is misspelt is told before logs are read
     with one_thread():
         robot = Robot.of(robot)
@@ -173,7 +168,6 @@ def diagnose(
         opened = partial(
             _open,
             session,
-            rules=rules,
             fixed=fixed is not False,
             known=known,
             near=near,
@@ -194,9 +188,8 @@ def diagnose(
         )
         options = {
             "effects": "all" if effects is None else list(effects),
-            "fixed": known.words if known.free.size and fixed is not False else fixed,
+            "fixed": fixed if isinstance(fixed, bool) else known.words,
             **({"prior": near} if near else {}),
-            "rules": setting.rules,
             "quick": quick,
             "preparation": preparation or Preparation(),
         }
@@ -238,7 +231,6 @@ class _Looked(NamedTuple):
 def _open(
     session: Session,
     given: Recordings,
-    rules: Rules,
     *,
     fixed: bool,
     known: KnownValues,
@@ -250,7 +242,7 @@ def _open(
 
     Values that are fixed are those of the file, and its direction of gravity is one of them.
     """
-    roles, robot = assign_roles(given.fitted, given.held_out, rules), session.structure.robot
+    roles, robot = assign_roles(given.fitted, given.held_out), session.structure.robot
     parts = Recordings(roles.fit, roles.verify, given.hints)
     session = replace(session, recordings=parts)
     how = session.preparation if session.how.cutoff is None else session.how
@@ -273,9 +265,7 @@ def _open(
         samples=tuple(fit),
         validation=tuple(verify),
         fixed=fixed,
-        chosen_by="by the evidence of the fitted logs",
         verified_on=roles.verified_on,
-        rules=rules,
         preparation=how or Preparation(),
         known=near_file(near, opening.structure) if near else known,
         commanded=commanded,
@@ -306,23 +296,23 @@ class _Asked:
         setting, opening, leaning = opened
         # Values that are kept are those of the file, and a wrong scale or sign is an effect.
         asked = self if setting.fixed or not opening.misread else replace(self, effects=())
-        return _Looked(*asked.name(setting, opening), setting, opening, leaning)
+        return _Looked(*asked.name(setting), setting, opening, leaning)
 
-    def name(self, setting: Setting, opening: Opening) -> tuple[Diagnosis, list[str]]:
+    def name(self, setting: Setting) -> tuple[Diagnosis, list[str]]:
         """Name what is missing, and say which stretches of logs are doubted.
 
-        Rows that hardly count are no data for names, unless a change or a name explains them.
+        Rows that hardly count even beside what was named are no data for names.
         """
         found = self.run(setting)
-        if setting.fixed:
+        if setting.fixed or found.changes:
             return found, []
-        joints, wls = opening.robot.joints, find_estimator("wls")
-        information = gather_information(opening.structure.regression(opening.samples, keep=True))
-        _, decided, outliers = weigh_rows(joints, opening.samples, information, wls)
+        joints, wls = found.robot.joints, find_estimator("wls")
+        information = gather_information(found.completed.regression(found.samples, keep=True))
+        _, decided, outliers = weigh_rows(joints, found.samples, information, wls)
         # Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
         outliers = None if outliers is None else outliers.below(0.1)
-        if outliers is not None and not found.changes and _still_outlying(found, outliers):
-            where = where_outlying(joints, opening.samples, outliers)
+        if outliers is not None:
+            where = where_outlying(joints, found.samples, outliers)
             decided = decided or f"{where} was left out. Look at what happened there."
             found = self.run(without_outliers(setting, outliers))
         return found, [decided] * bool(decided)
@@ -348,18 +338,6 @@ class _Asked:
                 change = find_change(looked, self.effects)
         without = None if change is None else leave_out(setting, change)
         return looked if without is None else self._settle(without)
-
-
-def _still_outlying(found: Diagnosis, outliers: Outliers) -> bool:
-    """Whether stretches lie out under the model with what was named, too."""
-    joints, wls = found.robot.joints, find_estimator("wls")
-    information = gather_information(found.completed.regression(found.samples, keep=True))
-    again = weigh_rows(joints, found.samples, information, wls)[2]
-    if again is None:
-        return False
-    same = again.log[:, None] == outliers.log
-    begun = again.first[:, None] < outliers.last
-    return bool((same & begun & (outliers.first < again.last[:, None])).any())
 
 
 def _settle_values(
