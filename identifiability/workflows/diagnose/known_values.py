@@ -13,7 +13,7 @@ import numpy as np
 
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
+from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -27,8 +27,6 @@ Given = bool | float | str | Path | Fit | Predicts
 
 #: Shares of the largest variance below which a direction counts as known that well.
 LEAST: Tolerance = 1e-10
-#: What the ten inertial parameters are numbers of.
-VECTORS = (("m",), ("mx", "my", "mz"), INERTIAL_KINDS[4:])
 
 
 @frozen
@@ -92,48 +90,18 @@ def know_file(structure: Structure) -> KnownValues:
     return KnownValues(structure.nominal_base, np.empty(0, int), none, words)
 
 
-def near_file(share: float, structure: Structure) -> KnownValues:
-    """Return what robot file and sidecar say of base parameters where torque is not measured.
+def know_share(share: float, structure: Structure, *, refitted: bool = False) -> KnownValues:
+    """Return that values are the robot file's within a share, or as its sidecar states.
 
     Parameters
     ----------
     share : float
-        Within which bodies are the file's.
+        As a standard deviation: of a body in mass, centre and inertia alike (`state_rows`), of any
+        other parameter of its value.
     structure : Structure
-    """
-    rows, aim, _ = state_rows(structure, share)
-    size = np.linalg.norm(rows, axis=0)
-    said = size > 0
-    size = np.where(said, size, 1.0)
-    _, s, Vt = np.linalg.svd(rows / size)
-    rank = int(np.sum(s > LEAST * s.max(initial=0.0)))
-    standard = structure.nominal + np.linalg.pinv(rows / size) @ (aim - rows @ structure.nominal)
-    spread = (structure.G / size) @ (Vt[:rank].T / s[:rank])
-    free = (structure.G / size) @ Vt[rank:].T
-    unit = np.maximum(np.linalg.norm(np.hstack([spread, free]), axis=1), 1e-300)
-    U, own, _ = np.linalg.svd(free / unit[:, None])
-    across = U[:, int(np.sum(own > ROUNDOFF * own.max(initial=0.0))) :].T / unit
-    values, axes = np.linalg.eigh(across @ spread @ spread.T @ across.T)
-    values = np.maximum(values, LEAST * values.max(initial=0.0))
-    root = (axes / np.sqrt(np.maximum(values, 1e-300))).T @ across
-    every = np.arange(len(root.T))
-    return KnownValues(structure.G @ standard, every, root, "the refitted model", share)
-
-
-def read_given(given: Given, robot: Robot) -> tuple[Fit | None, str]:
-    """Return the fit whose values are kept, if it is one's, and what to call it."""
-    if isinstance(given, str | Path):
-        return read_fit(given, robot), Path(given).name
-    if isinstance(given, Predicts):
-        return given.fit, "the result given"
-    return (given, "the result given") if isinstance(given, Fit) else (None, "")
-
-
-def know_share(share: float, structure: Structure) -> KnownValues:
-    """Return the values of the robot file, each with a share of it as its standard deviation.
-
-    Of a body the share is of its mass, of its first moments and of its inertia as they are long;
-    of any other parameter of its value.
+    refitted : bool
+        Whether nothing is known of what joints alone decide, of which files of commanded robots say
+        nothing.
 
     Raises
     ------
@@ -145,27 +113,40 @@ def know_share(share: float, structure: Structure) -> KnownValues:
             f"The values may be off by a share above 0 and up to 1, {share:g} was given; 0.1 is a "
             "tenth of each."
         )
-    spread = structure.G * share_spread(share, structure)
+    rows, aim, _ = state_rows(structure, share)
+    if not refitted:
+        own, nominal = np.flatnonzero(~rows.any(0)), structure.nominal
+        sd = np.maximum(share * np.abs(nominal[own]), ROUNDOFF * np.abs(nominal).max(initial=0.0))
+        rows = np.vstack([rows, np.eye(len(nominal))[own] / sd[:, None]])
+        aim = np.append(aim, nominal[own] / sd)
+    size = np.linalg.norm(rows, axis=0)
+    said = size > 0
+    size = np.where(said, size, 1.0)
+    _, s, Vt = np.linalg.svd(rows / size)
+    rank = int(np.sum(s > LEAST * s.max(initial=0.0)))
+    standard = structure.nominal + np.linalg.pinv(rows / size) @ (aim - rows @ structure.nominal)
+    spread = (structure.G / size) @ (Vt[:rank].T / s[:rank])
+    free = (structure.G / size) @ Vt[rank:].T
+    unit = np.maximum(np.linalg.norm(np.hstack([spread, free]), axis=1), 1e-300)
+    U, found, _ = np.linalg.svd(free / unit[:, None])
+    across = U[:, int(np.sum(found > ROUNDOFF * found.max(initial=0.0))) :].T / unit
+    values, axes = np.linalg.eigh(across @ spread @ spread.T @ across.T)
+    values = np.maximum(values, LEAST * values.max(initial=0.0))
+    root = (axes / np.sqrt(np.maximum(values, 1e-300))).T @ across
+    every = np.arange(len(unit))
+    if refitted:
+        return KnownValues(structure.G @ standard, every, root, "the refitted model", share)
     words = f"the robot file's values, each within {percent(share)},"
-    return KnownValues.within(structure.nominal_base, spread @ spread.T, words)
+    return KnownValues(structure.G @ standard, every, root, words)
 
 
-def share_spread(share: float, structure: Structure) -> Array:
-    """Return the standard deviation of each standard parameter for a share, (p,)."""
-    robot, spread = structure.robot, share * np.abs(structure.nominal)
-    for body in robot.bodies:
-        for kinds in VECTORS:
-            at = [k for k, p in enumerate(structure.parameters) if _is_of(p, body, kinds)]
-            size = float(np.linalg.norm(structure.nominal[at]))
-            spread[at] = robot.prior_share.get(body, share) * size
-    for name, (_, sd) in robot.prior.items():
-        if name in structure.columns:
-            spread[structure.columns.index(name)] = sd
-    return spread
-
-
-def _is_of(p: Parameter, body: str, kinds: tuple[str, ...]) -> bool:
-    return p.owner == body and p.group == "rigid_body" and p.kind in kinds
+def read_given(given: Given, robot: Robot) -> tuple[Fit | None, str]:
+    """Return the fit whose values are kept, if it is one's, and what to call it."""
+    if isinstance(given, str | Path):
+        return read_fit(given, robot), Path(given).name
+    if isinstance(given, Predicts):
+        return given.fit, "the result given"
+    return (given, "the result given") if isinstance(given, Fit) else (None, "")
 
 
 def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:

@@ -52,7 +52,6 @@ from identifiability.workflows.diagnose.known_values import (
     know_fit,
     know_nothing,
     know_share,
-    near_file,
     read_given,
 )
 from identifiability.workflows.diagnose.motion import (
@@ -267,7 +266,7 @@ def _open(
         fixed=fixed,
         verified_on=roles.verified_on,
         preparation=how or Preparation(),
-        known=near_file(near, opening.structure) if near else known,
+        known=know_share(near, opening.structure, refitted=True) if near else known,
         commanded=commanded,
         seed=seed,
     )
