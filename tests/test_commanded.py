@@ -41,7 +41,7 @@ from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot
 from identifiability.workflows import servo_gains
 from identifiability.workflows.commanded import check_found, state_drift
-from identifiability.workflows.diagnose.known_values import know_share
+from identifiability.workflows.diagnose.problem import know_share
 from identifiability.workflows.opening import read_recordings
 from identifiability.workflows.rollout import rollout
 from identifiability.workflows.servo_gains import Bodies, learn_gains, state_gains

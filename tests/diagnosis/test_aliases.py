@@ -5,7 +5,7 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose import Setting, look
-from identifiability.workflows.diagnose.known_values import know_nothing
+from identifiability.workflows.diagnose.problem import know_nothing
 
 HIDDEN = ("coulomb_asymmetry", "torque_offset")
 

@@ -12,8 +12,8 @@ from identifiability.cli import app
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.workflows.diagnose.completed import real_robot
-from identifiability.workflows.diagnose.known_values import know_share
+from identifiability.workflows.diagnose.problem import know_share
+from identifiability.workflows.diagnose.result import real_robot
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 

@@ -21,9 +21,9 @@ from identifiability.workflows.diagnose.findings import (
     Refuted,
     Rival,
 )
-from identifiability.workflows.diagnose.gap import Gap, find_discrepancies
 from identifiability.workflows.diagnose.naming import Naming, Part, determined_alone
 from identifiability.workflows.diagnose.result import Diagnosis
+from identifiability.workflows.diagnose.rows import Gap, find_discrepancies
 
 
 def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:

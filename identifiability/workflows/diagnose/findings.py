@@ -15,8 +15,8 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose.forward import ForwardGap
-from identifiability.workflows.diagnose.gap import Discrepancy, Gap
 from identifiability.workflows.diagnose.problem import Alias, Setting
+from identifiability.workflows.diagnose.rows import Discrepancy, Gap
 from identifiability.workflows.gravity import Leaning
 
 #: Names that are said of what cannot be told apart.

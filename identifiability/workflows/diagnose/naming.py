@@ -34,9 +34,8 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, Entries, Refusal, list_candidates, number
-from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.problem import Alias, Setting, find_aliases
-from identifiability.workflows.diagnose.rows import Rows
+from identifiability.workflows.diagnose.rows import Gap, Rows
 
 #: Looks for the shape between two of a grid.
 LOOKS = 8

@@ -44,16 +44,6 @@ from identifiability.workflows.analyze.fit import say_band
 from identifiability.workflows.diagnose.changes import find_change, leave_out, without_outliers
 from identifiability.workflows.diagnose.conclude import conclude
 from identifiability.workflows.diagnose.findings import NamedEffect, Placement
-from identifiability.workflows.diagnose.gap import Gap
-from identifiability.workflows.diagnose.known_values import (
-    Given,
-    KnownValues,
-    know_file,
-    know_fit,
-    know_nothing,
-    know_share,
-    read_given,
-)
 from identifiability.workflows.diagnose.motion import (
     along_rollouts,
     assign_roles,
@@ -61,8 +51,18 @@ from identifiability.workflows.diagnose.motion import (
     samples_each,
 )
 from identifiability.workflows.diagnose.naming import Naming, look, name_missing
-from identifiability.workflows.diagnose.problem import Setting
+from identifiability.workflows.diagnose.problem import (
+    Given,
+    KnownValues,
+    Setting,
+    know_file,
+    know_fit,
+    know_nothing,
+    know_share,
+    read_given,
+)
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
+from identifiability.workflows.diagnose.rows import Gap
 from identifiability.workflows.gravity import Leaning, find_leaning, settle_tilt
 from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.opening import (

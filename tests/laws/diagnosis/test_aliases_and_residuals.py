@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.workflows.diagnose.gap import explained_share, find_discrepancies
 from identifiability.workflows.diagnose.naming import determined_alone
 from identifiability.workflows.diagnose.problem import find_aliases
+from identifiability.workflows.diagnose.rows import explained_share, find_discrepancies
 
 
 @pytest.fixture
