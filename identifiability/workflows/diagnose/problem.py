@@ -111,16 +111,20 @@ def find_aliases(missing: Missing, products: Products, names: Sequence[str]) -> 
         Of the base columns.
     """
     # Values with known errors hide nothing for ever: a larger effect shows.
-    base = np.arange(0 if len(missing.root) else missing.fixed)
-    P = products.between(base, base)
-    length = np.sqrt(np.maximum(np.diag(P), 1e-300))
-    square, vectors = np.linalg.eigh(P / np.outer(length, length))
+    b, p, every = (
+        0 if len(missing.root) else missing.fixed,
+        missing.fixed,
+        np.arange(products.width),
+    )
+    P = products.between(every, every)
+    length = np.sqrt(np.maximum(np.diag(P)[:b], 1e-300))
+    square, vectors = np.linalg.eigh(P[:b, :b] / np.outer(length, length))
     known = square > ROUNDOFF * max(float(square.max(initial=0.0)), 1e-300)
     F = (vectors[:, known] / np.sqrt(square[known])).T / length
     out: dict[tuple[str, str], Alias] = {}
     for c in missing.candidates:
-        at = np.array(c.columns) + missing.fixed
-        XZ, ZZ = products.between(base, at), products.between(at, at)
+        at = np.array(c.columns) + p
+        XZ, ZZ = P[:b, at], P[np.ix_(at, at)]
         unit = np.sqrt(np.maximum(np.diag(ZZ), 1e-300))
         values, axes = np.linalg.eigh(ZZ / np.outer(unit, unit))
         seen = values > RANK_TOLERANCE * max(float(values[-1]), 1e-300)
