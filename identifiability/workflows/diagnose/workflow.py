@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -164,22 +163,12 @@ def diagnose(
         session = Session(structure, given, preparation, say, engine or Serial())
         weight = share_weight(near) if near else None
         given = session.follow_fitted(np.random.default_rng(seed), cad_weight=weight).recordings
-        opened = partial(
-            _open,
-            session,
-            fixed=fixed is not False,
-            known=known,
-            near=near,
-            commanded=commanded,
-            seed=seed,
-        )
-        asked = _Asked(effects, say, streams[0])
-        looked = asked.look(opened(given))
-        later = common_delay(looked.found)
+        asked = _Asked(session, effects, known, streams[0], near, fixed is not False, seed)
+        found, opening, leaning = asked.look(given)
+        later = common_delay(found)
         if later and robot.servo is not None:
             given = given.acting_later(robot.servo, later)
-            looked = asked.look(opened(given))
-        found, doubts, setting, opening, leaning = looked
+            found, opening, leaning = asked.look(given)
         found = (
             settle_named(found)
             if leaning is None
@@ -192,14 +181,14 @@ def diagnose(
             "quick": quick,
             "preparation": preparation or Preparation(),
         }
-        used = [*setting.samples, *setting.validation]
+        used = [*found.samples, *found.validation]
         kept = (EXACT,) if fixed is True else ()
-        believed = (setting.known.hint,) if setting.known.share else ()
-        band = () if commanded else say_band(setting.preparation)  # it is calibrated in this one
-        hints = (*kept, *believed, *doubts, *opening.hints, *band)
+        believed = (found.known.hint,) if found.known.share else ()
+        band = () if commanded else say_band(found.preparation)  # it is calibrated in this one
+        hints = (*kept, *believed, *found.hints, *opening.hints, *band)
         found = replace(
             found,
-            nothing="" if setting.fixed else opening.misread,
+            nothing="" if found.fixed else opening.misread,
             hints=(*hints, *free_again(model), *unused_ladder(robot, model)),
             provenance=state_provenance(robot, used, seed, None, options),
         ).moved_by(given)
@@ -209,102 +198,76 @@ def diagnose(
         return replace(found, forward=simulate_forward(found, streams[1]))
 
 
-class _Opened(NamedTuple):
-    """What is diagnosed, from what, and where gravity points if not where the file says."""
-
-    setting: Setting
-    opening: Opening
-    leaning: Leaning | None
-
-
-class _Looked(NamedTuple):
-    """A diagnosis, which logs and stretches of them are doubted, and of what it is."""
-
-    found: Diagnosis
-    doubts: list[str]
-    setting: Setting
-    opening: Opening
-    leaning: Leaning | None
-
-
-def _open(
-    session: Session,
-    given: Recordings,
-    *,
-    fixed: bool,
-    known: KnownValues,
-    near: float,
-    commanded: bool,
-    seed: int,
-) -> _Opened:
-    """Return what is diagnosed.
-
-    Values that are fixed are those of the file, and its direction of gravity is one of them.
-    """
-    roles, robot = assign_roles(given.fitted, given.held_out), session.structure.robot
-    parts = Recordings(roles.fit, roles.verify, given.hints)
-    session = replace(session, recordings=parts)
-    how = session.preparation if session.how.cutoff is None else session.how
-    most = samples_each(map(len, roles.fit))
-    opening = session.open("diagnosed", partial(prepare_rows, robot, how=how, most=most))
-    if given.rolled is not None:
-        both = ((opening.samples, roles.fit), (opening.validation, roles.verify))
-        along = [along_rollouts(opening.structure, s, logs, given.values) for s, logs in both]
-        opening = replace(opening, samples=along[0], validation=along[1])
-    fit, verify = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
-    require_signal(verify, "verified")
-    leaning = None
-    if not fixed:
-        leaning = find_leaning(MeasuredLogs(opening.structure, roles.fit, opening.samples))
-    if leaning is not None:
-        opening = opening.under(leaning.structure, roles.fit)
-    session.say("building columns", 0.1)
-    setting = Setting(
-        structure=opening.structure,
-        samples=tuple(fit),
-        validation=tuple(verify),
-        fixed=fixed,
-        verified_on=roles.verified_on,
-        preparation=how or Preparation(),
-        known=know_share(near, opening.structure, refitted=True) if near else known,
-        commanded=commanded,
-        seed=seed,
-    )
-    return _Opened(setting, opening, leaning)
-
-
 @frozen
 class _Asked:
-    """How effects are looked for in some samples.
+    """How effects are looked for.
 
     Attributes
     ----------
+    session : Session
     effects : iterable of str or None
         Families that may be named.
-    say : callable(str, float)
+    known : KnownValues
     stream : numpy.random.Generator
         For intervals.
+    near : float
+        Share within which bodies are the file's, of logs of commands.
+    fixed : bool
+        Whether values are those that are known, and the file's direction of gravity one of them.
+    seed : int
     """
 
+    session: Session
     effects: Effects | None
-    say: Progress
+    known: KnownValues
     stream: np.random.Generator
+    near: float
+    fixed: bool
+    seed: int
 
-    def look(self, opened: _Opened) -> _Looked:
-        """Name what is missing in opened logs."""
-        setting, opening, leaning = opened
+    def look(self, given: Recordings) -> tuple[Diagnosis, Opening, Leaning | None]:
+        """Name what is missing in recordings, under the gravity that they have."""
+        roles, robot = assign_roles(given.fitted, given.held_out), self.session.structure.robot
+        session = replace(self.session, recordings=Recordings(roles.fit, roles.verify, given.hints))
+        how = session.preparation if session.how.cutoff is None else session.how
+        most = samples_each(map(len, roles.fit))
+        opening = session.open("diagnosed", partial(prepare_rows, robot, how=how, most=most))
+        if given.rolled is not None:
+            both = ((opening.samples, roles.fit), (opening.validation, roles.verify))
+            along = [along_rollouts(opening.structure, s, logs, given.values) for s, logs in both]
+            opening = replace(opening, samples=along[0], validation=along[1])
+        fit, verify = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
+        require_signal(verify, "verified")
+        leaning = None
+        if not self.fixed:
+            leaning = find_leaning(MeasuredLogs(opening.structure, roles.fit, opening.samples))
+        if leaning is not None:
+            opening = opening.under(leaning.structure, roles.fit)
+        session.say("building columns", 0.1)
+        near = know_share(self.near, opening.structure, refitted=True) if self.near else None
+        setting = Setting(
+            structure=opening.structure,
+            samples=tuple(fit),
+            known=near or self.known,
+            validation=tuple(verify),
+            fixed=self.fixed,
+            verified_on=roles.verified_on,
+            preparation=how or Preparation(),
+            commanded=given.commanded,
+            seed=self.seed,
+        )
         # Values that are kept are those of the file, and a wrong scale or sign is an effect.
-        asked = self if setting.fixed or not opening.misread else replace(self, effects=())
-        return _Looked(*asked.name(setting), setting, opening, leaning)
+        asked = self if self.fixed or not opening.misread else replace(self, effects=())
+        return asked.name(setting), opening, leaning
 
-    def name(self, setting: Setting) -> tuple[Diagnosis, list[str]]:
-        """Name what is missing, and say which stretches of logs are doubted.
+    def name(self, setting: Setting) -> Diagnosis:
+        """Name what is missing.
 
         Rows that hardly count even beside what was named are no data for names.
         """
         found = self.run(setting)
         if setting.fixed or found.changes:
-            return found, []
+            return found
         joints, wls = found.robot.joints, find_estimator("wls")
         information = gather_information(found.completed.regression(found.samples, keep=True))
         _, decided, outliers = weigh_rows(joints, found.samples, information, wls)
@@ -314,12 +277,12 @@ class _Asked:
             where = where_outlying(joints, found.samples, outliers)
             decided = decided or f"{where} was left out. Look at what happened there."
             found = self.run(without_outliers(setting, outliers))
-        return found, [decided] * bool(decided)
+        return replace(found, hints=(decided,) if decided else ())
 
     def run(self, setting: Setting) -> Diagnosis:
         """Name what is missing, add it, verify."""
         naming = self._settle(setting)
-        self.say("verifying", 0.9)
+        self.session.say("verifying", 0.9)
         return conclude(naming, self.stream)
 
     def _settle(self, setting: Setting) -> Naming:
@@ -329,7 +292,7 @@ class _Asked:
         it would be named piece by piece.
         """
         looked = look(setting, self.effects)
-        self.say("naming effects", 0.3)
+        self.session.say("naming effects", 0.3)
         change = None if setting.fixed else find_change(looked, self.effects)
         if change is None or change.whole:
             looked = name_missing(looked)
