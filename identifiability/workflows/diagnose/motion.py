@@ -8,7 +8,7 @@ A diagnosis asks few rows many questions, so long logs are looked at in evenly s
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -116,20 +116,6 @@ def divide(log: Recording, edges: Sequence[float] | np.ndarray) -> list[Recordin
         last = int(high - (pause if high < n else 0))
         out.append(log.cut(first, last, f"{log.name}{PART}{k + 1}"))
     return out
-
-
-def samples_each(lengths: Iterable[int]) -> int:
-    """Return the samples after decimation that are looked at in each fitted log, of such lengths.
-
-    All have an equal share; what short ones leave of it the longer ones have.
-    """
-    left, logs = MOST_IN_ALL, sorted(lengths)
-    for k, length in enumerate(logs):
-        share = left // (len(logs) - k)
-        if length >= share:
-            break
-        left -= length
-    return max(STRETCH, min(MOST_SAMPLES, share))
 
 
 def prepare_rows(

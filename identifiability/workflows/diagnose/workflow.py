@@ -44,10 +44,11 @@ from identifiability.workflows.diagnose.changes import find_change, leave_out, w
 from identifiability.workflows.diagnose.conclude import conclude
 from identifiability.workflows.diagnose.findings import NamedEffect, Placement
 from identifiability.workflows.diagnose.motion import (
+    MOST_IN_ALL,
+    MOST_SAMPLES,
     along_rollouts,
     assign_roles,
     prepare_rows,
-    samples_each,
 )
 from identifiability.workflows.diagnose.naming import Naming, look, name_missing
 from identifiability.workflows.diagnose.problem import (
@@ -230,7 +231,7 @@ class _Asked:
         roles, robot = assign_roles(given.fitted, given.held_out), self.session.structure.robot
         session = replace(self.session, recordings=Recordings(roles.fit, roles.verify, given.hints))
         how = session.preparation if session.how.cutoff is None else session.how
-        most = samples_each(map(len, roles.fit))
+        most = min(MOST_SAMPLES, MOST_IN_ALL // len(roles.fit))
         opening = session.open("diagnosed", partial(prepare_rows, robot, how=how, most=most))
         if given.rolled is not None:
             both = ((opening.samples, roles.fit), (opening.validation, roles.verify))
