@@ -156,6 +156,7 @@ class FunctionOfPosition(SmoothFunction):
 @declare(
     "an unnamed function of velocity",
     shapes=fastest,
+    separate=True,
     unnamed=True,
     flexible=True,
     told_by=SPEEDS,
@@ -164,22 +165,35 @@ class FunctionOfPosition(SmoothFunction):
 class FunctionOfVelocity(SmoothFunction):
     """``τ = f(q̇)``, smooth in the root of the speed but for a step at rest.
 
-    Viscous and Coulomb friction and an offset are among its curves. Its shape is the largest speed,
-    beyond which it returns to a constant.
+    Viscous and Coulomb friction and an offset are among its curves, which are odd functions, against
+    the motion, or even ones, or both. Its shape is the largest speed, beyond which it returns to a
+    constant.
     """
 
     name = "function_of_velocity"
-    equation = "τ = f(q̇), f = Σ cₖ Bₖ(√|q̇/v| sign q̇) + c sign q̇"
-    units = (("fv", "N·m", "N"),)
+    equation = "τ = f(q̇), f = Σ cₖ (Bₖ(u) ∓ Bₖ(−u)) + c sign q̇, u = √|q̇/v| sign q̇"
+    units = (("fo", "N·m", "N"), ("fe", "N·m", "N"))
     count = PIECES + DEGREE + 1
+
+    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
+        """Return one for every odd column, then for every even one."""
+        del robot, axis
+        even = self.count // 2
+        return tuple(
+            f"{letter}{k + 1}"
+            for (letter, _, _), count in zip(self.units, (self.count - even, even), strict=True)
+            for k in range(count)
+        )
 
     def coordinate(self, at: Along) -> Array:
         """Return the root of the speed."""
         return fine_at_rest(at.speed, self.shape(at.robot, at.axis))
 
     def curves(self, at: Along) -> list[Array]:
-        """Return the splines and the step."""
-        return [*splines(self.coordinate(at)).T, np.sign(at.speed)]
+        """Return the step with differences of opposite splines, then their sums."""
+        pieces = splines(self.coordinate(at)).T
+        low, high = pieces[: len(pieces) // 2], pieces[: len(pieces) // 2 - 1 : -1]
+        return [np.sign(at.speed), *(high - low), *(high + low)]
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return the limit of the speed [rad/s or m/s]."""

@@ -211,11 +211,15 @@ class Missing:
     @cached_property
     def _smooth(self) -> list[Candidate]:
         """One candidate of each smooth function, what must not be left out first."""
-        order = sorted(
-            (c for c in self.candidates if c.family.flexible),
-            key=lambda c: (not c.family.unnamed, c.family.rank, -len(c.columns)),
-        )
-        return list({c.group: c for c in reversed(order)}.values())[::-1]
+        found = dict[tuple[str, str], Candidate]()
+        for c in self.candidates:
+            if c.family.flexible:
+                other = found.get(c.group)
+                if other is not None and c.family.separate:
+                    c = replace(c, columns=other.columns + c.columns)
+                if other is None or len(c.columns) > len(other.columns):
+                    found[c.group] = c
+        return sorted(found.values(), key=lambda c: (not c.family.unnamed, c.family.rank))
 
     def joint_noise(self, joint: int, runs: Runs) -> JointNoise:
         """Return the noise of a joint in some stretches.

@@ -52,6 +52,14 @@ def spanned(columns, target):
     return np.abs(columns @ np.linalg.lstsq(columns, target, rcond=None)[0] - target).max()
 
 
+def test_a_function_of_velocity_is_odd_or_even(polar, move):
+    """What turns with the motion, and what does not, are columns apart."""
+    m = move(polar, T)
+    effect, back = FunctionOfVelocity(0.8, "lift"), replace(m, v=-m.v)
+    W, again = (Model((Placed([Part(effect, "lift")]),)).regressor(polar, x) for x in (m, back))
+    np.testing.assert_allclose(again[:, 0], W[:, 0] * np.repeat([-1.0, 1.0], [4, 3]), atol=1e-12)
+
+
 def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
     """A parabola of the coordinate is among its columns; nothing is at the other joint."""
     m = move(polar, T)
@@ -72,7 +80,8 @@ def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
         W = Model((Placed([Part(effect, "lift")]),)).regressor(polar, m)
         assert W.shape[2] == count
         assert not W[:, 1].any()
-        whole = W[:, 0, : 5 if count == 15 else 6]
+        even = isinstance(effect, FunctionOfVelocity)
+        whole = W[:, 0, 4:] if even else W[:, 0, : 5 if count == 15 else 6]
         np.testing.assert_allclose(whole.sum(1), 1.0)
         assert spanned(W[:, 0], target) < 1e-9 * np.abs(target).max(), effect.name
         assert spanned(W[:, 0], np.sin(40 * T)) > 0.5
