@@ -207,16 +207,15 @@ def _settle(
     def prior_of(values: Array) -> Array:
         if not values.size:  # no function acts here
             return np.zeros(len(owner))
-        return np.where(owner < 0, 0.0, values[..., np.maximum(owner, 0)])
+        return np.where(owner < 0, 0.0, values[np.maximum(owner, 0)])
 
     values, none = precisions.copy(), PRECISIONS[-1]
     best = problem.with_prior(prior_of(values)).maximise()
     for _ in range(ROUNDS):
         before = values.copy()
         for k in range(len(values)):
-            tried = np.repeat(values[None], len(PRECISIONS), axis=0)
-            tried[:, k] = PRECISIONS
-            each = problem.deviances(best, prior_of(tried))
+            under = problem.with_prior(prior_of(values))
+            each = under.deviances(best, np.flatnonzero(owner == k), PRECISIONS)
             pays = each[-1] - each.min() > 2.0 * RULES.smooth_price
             values[k] = PRECISIONS[int(np.argmin(each))] if pays else none
         if np.array_equal(values, before):
