@@ -15,6 +15,7 @@ from identifiability.effects.functions import (
     FunctionOfTime,
     FunctionOfVelocity,
     FunctionOfVelocityAndLoad,
+    FunctionOfVelocityAndSessionTime,
     splines,
     straight_beyond,
 )
@@ -90,7 +91,7 @@ def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
 def test_shapes_of_functions_are_from_the_motion(polar, pair, move):
     m = move(polar, T)
     unnamed = [f for f in FAMILIES.values() if f.unnamed]
-    assert len(unnamed) == 9
+    assert len(unnamed) == 10
     found, refused = list_candidates(polar, unnamed, (), [m[:200], m[200:]], fixed=False)
     assert not refused
     shapes = {c.group: c.shape for c in found}
@@ -104,8 +105,9 @@ def test_shapes_of_functions_are_from_the_motion(polar, pair, move):
     # At the axis of a motor that mixes joints too, but for what belongs to a joint.
     found, _ = list_candidates(pair, unnamed, (), [move(pair, T)], fixed=False)
     at_motor = {c.family.name for c in found if c.place == "m2"}
-    no_clock = {"function_of_other_velocity", "function_of_session_time"}
-    assert at_motor == {f.name for f in unnamed} - no_clock
+    assert at_motor == {f.name for f in unnamed if f.against != "session"} - {
+        "function_of_other_velocity"
+    }
 
 
 def test_the_time_of_the_session_is_asked_for_where_logs_share_a_clock(polar, move):
@@ -134,6 +136,22 @@ def test_a_function_of_the_session_goes_on_from_log_to_log(polar, move):
     c, left, *_ = np.linalg.lstsq(np.concatenate([first, last]), 3 - time, rcond=None)
     assert left < 1e-20
     np.testing.assert_allclose(later @ c, 3 - (20.0 + m.t))
+
+
+def test_friction_that_changes_over_the_session_is_such_a_function_of_its_time(polar, move):
+    m, effect = move(polar, T), FunctionOfVelocityAndSessionTime(12.5, "lift")
+    model = Model((Placed([Part(effect, "lift")]),))
+    first, last, later = (replace(m, start=start) for start in (0.0, 10.0, 20.0))
+
+    def friction(motion):
+        v = motion.actuated_v[:, 0]
+        return (3 - 0.1 * (motion.start + motion.t)) * (0.5 * np.sign(v) + v)
+
+    W = np.concatenate([model.regressor(polar, x)[:, 0] for x in (first, last)])
+    assert W.shape[1] == 8
+    c, left, *_ = np.linalg.lstsq(W, np.concatenate([friction(first), friction(last)]), rcond=None)
+    assert left < 1e-20
+    np.testing.assert_allclose(model.regressor(polar, later)[:, 0] @ c, friction(later))
 
 
 def test_a_model_with_a_function_has_its_constant_once():
