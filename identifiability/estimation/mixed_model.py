@@ -621,9 +621,9 @@ def _without(terms: Terms, k: int) -> Terms:
 
 def member_weights(group: Group) -> Array:
     """Return the prior probability of each member of a group: half of it for all at once."""
-    sizes = np.array([len(at) for at in group.members])
-    whole = sizes > sizes.min()
-    if len(sizes) == 1 or not whole.any():
-        return np.full(len(sizes), 1.0 / len(sizes))
+    every = len(set(np.concatenate(group.members).tolist()))
+    whole = np.array([len(at) == every for at in group.members])
+    if whole.all() or not whole.any():
+        return np.full(len(whole), 1.0 / len(whole))
     share: Array = np.where(whole, 0.5 / whole.sum(), 0.5 / (~whole).sum())
     return share

@@ -291,9 +291,14 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
         if a.family != REVERSALS.name
     ]
     hidden = {(a.family, a.place) for a in aliases if a.structural}
-    model = missing.model()
-    groups = tuple(g for g in model.groups if not _is_hidden(missing, g.key, hidden))
-    model = replace(model, groups=groups)
+
+    def model_of(missing: Missing) -> MixedModel:
+        model = missing.model()
+        groups = (g for g in model.groups if not _is_hidden(missing, g.key, hidden))
+        return replace(model, groups=tuple(groups))
+
+    missing = missing.beside(model_of(missing).gains())
+    model = model_of(missing)
     before = tuple(model.gains())
     found = Naming(
         setting=setting,
