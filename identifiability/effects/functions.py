@@ -13,8 +13,14 @@ import numpy as np
 import scipy
 
 from identifiability.effects.effect import POSTURES, SPEEDS, Along, Shaped, Span, actuated_joints
-from identifiability.effects.measurement import FromJoint, first_origin, is_alone, other_joints
-from identifiability.effects.nominal import needs_masses, rigid_torque
+from identifiability.effects.measurement import (
+    FromJoint,
+    first_origin,
+    is_alone,
+    nominal_torque,
+    other_joints,
+)
+from identifiability.effects.nominal import needs_masses
 from identifiability.effects.registry import declare
 from identifiability.effects.transmission import carried_load
 from identifiability.foundation.names import Array
@@ -209,7 +215,7 @@ def largest_load(span: Span) -> tuple[float, ...]:
         return ()
     axis = next(a for a in span.robot.axes if a.name == span.joint)
     loads = [
-        carried_load(rigid_torque(span.robot, m), Along(span.robot, m, axis)) for m in span.motions
+        carried_load(nominal_torque(span.robot, m), Along(span.robot, m, axis)) for m in span.motions
     ]
     return (max(float(np.abs(x).max(initial=0.0)) for x in loads) or 1.0,)
 
@@ -221,7 +227,7 @@ class OfLoad(SmoothFunction):
 
     def coordinate(self, at: Along) -> Array:
         """Return the load over the largest one."""
-        load = carried_load(rigid_torque(at.robot, at.motion), at)
+        load = carried_load(nominal_torque(at.robot, at.motion), at)
         return load / self.shape(at.robot, at.axis)
 
 

@@ -18,6 +18,7 @@ from scipy.special import chdtrc, softmax
 from identifiability.effects import FAMILIES, Family, find_families
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.groups import Missing, with_reversals
+from identifiability.estimation.loads import fit_loads
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
     SIZES,
@@ -271,6 +272,9 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
     s, fixed = setting.structure, setting.fixed
     known = setting.known or setting.near
     fitted = Rows.of(s, setting.samples, known, fixed=fixed)
+    if not (fixed or known):
+        s = replace(s, robot=fit_loads(s, fitted.seen.X, fitted.seen.y, fitted.data))
+        setting, fitted = replace(setting, structure=s), fitted.of_robot(s.robot)
     unseen = fitted
     if setting.validation:
         unseen = Rows.of(s, setting.validation, known, fixed=fixed)

@@ -14,6 +14,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
 from identifiability.workflows.diagnose.known_values import KnownValues, NearFile
 
 
@@ -74,6 +75,10 @@ class Rows:
             seen = replace(seen, X=X[:, :, :0], y=torque - X @ structure.nominal_base)
             root = root[:, :0]
         return Rows(seen, tuple(samples), torque, seen.raw, seen.data, root)
+
+    def of_robot(self, robot: Robot) -> Rows:
+        """Return the same of a robot whose loads are known by other values."""
+        return replace(self, seen=replace(self.seen, robot=robot))
 
     def __len__(self) -> int:
         """Return the number of samples."""

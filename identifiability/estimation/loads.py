@@ -1,0 +1,63 @@
+"""The load of a robot by what its logs say, not by the masses of its file alone.
+
+Friction and gains depend on the torque of the model. File masses are off by a tenth or more, and
+files seldom state rotors and friction; a fit of the model has them all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from identifiability.effects import FAMILIES
+from identifiability.effects.nominal import has_masses, reference_values
+from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
+
+#: Share of the torque's square below which a fit leaves rounding.
+EXACT: Tolerance = 1e-12
+
+
+def fit_loads(structure: Structure, X: Array, y: Array, data: np.ndarray) -> Robot:
+    """Return a robot whose loads are known by its values as they are fitted.
+
+    It is the same one where its file states no masses or by which values loads are known, and where
+    loads are a part of the model.
+
+    Parameters
+    ----------
+    structure : Structure
+    X : (N, n, b)
+        Columns of the base parameters.
+    y : (N, n) [N·m or N]
+    data : (N, n) bool
+        Where torque is data.
+    """
+    robot, base = structure.robot, structure.base
+    loaded = any(e.name in FAMILIES and FAMILIES[e.name].loaded for e in structure.model.effects)
+    if robot.reference or loaded or not has_masses(robot):
+        return robot
+    stated = structure.nominal_base
+    squares, target, total = np.zeros((len(stated), len(stated))), np.zeros(len(stated)), 0.0
+    for j, own in enumerate(data.T):
+        A, torque = X[own, j], y[own, j]
+        left = torque - A @ stated
+        rest = left - A @ np.linalg.lstsq(A, left, rcond=None)[0]
+        size = float(torque @ torque)
+        if size > 0:
+            weight = len(torque) / max(float(rest @ rest), EXACT * size)
+            squares += weight * A.T @ A
+            target += weight * A.T @ left
+            total += weight * size
+    # Where logs say nothing the file's value stays: what is added is no more than all there is.
+    length = np.diag(squares)
+    known = squares + np.diag(np.where(length > 0, length / max(total, EXACT), 1.0))
+    change = np.linalg.solve(known, target)
+    values = dict(reference_values(robot))
+    for k, x in zip(base.kept, change.tolist(), strict=True):
+        name = base.parameters[k].name
+        values[name] = values.get(name, 0.0) + x
+    return replace(robot, reference=values)
