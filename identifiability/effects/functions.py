@@ -20,7 +20,7 @@ from identifiability.effects.measurement import (
     nominal_torque,
     other_joints,
 )
-from identifiability.effects.nominal import needs_masses
+from identifiability.effects.nominal import needs_masses, rigid_torque
 from identifiability.effects.registry import declare
 from identifiability.effects.transmission import carried_load
 from identifiability.foundation.names import Array
@@ -91,7 +91,7 @@ class SmoothFunction(Shaped):
     equation = "τ = f(u), f = Σ cₖ Bₖ"
     source = "[de Boor 1978; Eilers & Marx 1996]"
     supersedes = CONTAINED
-    units = (("f", "N·m", "N"),)
+    units: tuple[tuple[str, str, str], ...] = (("f", "N·m", "N"),)
     #: Columns at each axis.
     count = PIECES + DEGREE
 
@@ -171,9 +171,9 @@ class FunctionOfPosition(SmoothFunction):
 class FunctionOfVelocity(SmoothFunction):
     """``τ = f(q̇)``, smooth in the root of the speed but for a step at rest.
 
-    Viscous and Coulomb friction and an offset are among its curves, which are odd functions, against
-    the motion, or even ones, or both. Its shape is the largest speed, beyond which it returns to a
-    constant.
+    Viscous and Coulomb friction and an offset are among its curves, which are odd functions,
+    against the motion, or even ones, or both. Its shape is the largest speed, beyond which it
+    returns to a constant.
     """
 
     name = "function_of_velocity"
@@ -209,14 +209,20 @@ class FunctionOfVelocity(SmoothFunction):
 # Torque that depends on the load in a way that has no name here.
 
 
+def load_of(robot: Robot, motion: Motion) -> Array:
+    """Return the load of the joints, (N, n): all torque of the model where its values are known.
+
+    Of the file it is that of the masses: files seldom state friction and rotors.
+    """
+    return (nominal_torque if robot.reference else rigid_torque)(robot, motion)
+
+
 def largest_load(span: Span) -> tuple[float, ...]:
-    """Return the largest load of the motions at an axis, by the file's masses [N·m or N]."""
+    """Return the largest load of the motions at an axis [N·m or N]."""
     if span.robot is None:
         return ()
     axis = next(a for a in span.robot.axes if a.name == span.joint)
-    loads = [
-        carried_load(nominal_torque(span.robot, m), Along(span.robot, m, axis)) for m in span.motions
-    ]
+    loads = [carried_load(load_of(span.robot, m), Along(span.robot, m, axis)) for m in span.motions]
     return (max(float(np.abs(x).max(initial=0.0)) for x in loads) or 1.0,)
 
 
@@ -227,7 +233,7 @@ class OfLoad(SmoothFunction):
 
     def coordinate(self, at: Along) -> Array:
         """Return the load over the largest one."""
-        load = carried_load(nominal_torque(at.robot, at.motion), at)
+        load = carried_load(load_of(at.robot, at.motion), at)
         return load / self.shape(at.robot, at.axis)
 
 
@@ -243,7 +249,7 @@ class OfLoad(SmoothFunction):
     rank=31,
 )
 class FunctionOfLoad(OfLoad):
-    """``τ = f(τ_load)`` of the load by the file's masses. Its shape is the largest load."""
+    """``τ = f(τ_load)`` of the load by `load_of`. Its shape is the largest one."""
 
     name = "function_of_load"
     equation = "τ = f(τ_load), f = Σ cₖ Bₖ(τ_load)"
@@ -429,7 +435,7 @@ class FunctionOfPositionAndVelocity(WithVelocity, FunctionOfPosition):
     rank=36,
 )
 class FunctionOfVelocityAndLoad(WithVelocity, OfLoad):
-    """``τ = f(q̇, τ_load)``. Its shape is the largest load by the file's masses [N·m or N]."""
+    """``τ = f(q̇, τ_load)``. Its shape is the largest load [N·m or N]."""
 
     name = "function_of_velocity_and_load"
     equation = "τ = f₀(τ_load) + f₁(τ_load) sign(q̇) + f₂(τ_load) q̇, f = Σ cₖ Bₖ"

@@ -19,6 +19,7 @@ from scipy.linalg import block_diag
 from identifiability.effects import Family
 from identifiability.effects.friction import REVERSALS, ReversalFriction
 from identifiability.effects.functions import FunctionOfSessionTime
+from identifiability.estimation.loads import LOAD
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
     Group,
@@ -29,8 +30,7 @@ from identifiability.estimation.mixed_model import (
 )
 from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, Runs
 from identifiability.estimation.rules import RULES
-from identifiability.foundation.names import INERTIAL_KINDS, Array
-from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare.samples import Piece
@@ -48,9 +48,6 @@ from identifiability.robot import Robot
 
 #: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
 EXCERPT = (6_000, 6, 1_000)
-#: What a compact load of 1 kg has of each inertial parameter, by its radius [m].
-RADIUS: Tolerance = 0.1
-LOAD = {kind: RADIUS ** min(k, 1 + (k > 3)) for k, kind in enumerate(INERTIAL_KINDS)}
 #: Families of bodies, with typical values of their kinds.
 BODIES = {"rigid_body": LOAD, "payload": {f"payload_{kind}": x for kind, x in LOAD.items()}}
 #: Names at most beside which the noise of a joint is measured.
@@ -216,15 +213,17 @@ class Missing:
     @cached_property
     def _smooth(self) -> list[Candidate]:
         """One candidate of each smooth function, what must not be left out first."""
-        found = dict[tuple[str, str], Candidate]()
+        found: dict[tuple[str, str], list[Candidate]] = defaultdict(list)
         for c in self.candidates:
             if c.family.flexible:
-                other = found.get(c.group)
-                if other is not None and c.family.separate:
-                    c = replace(c, columns=other.columns + c.columns)
-                if other is None or len(c.columns) > len(other.columns):
-                    found[c.group] = c
-        return sorted(found.values(), key=lambda c: (not c.family.unnamed, c.family.rank))
+                found[c.group].append(c)
+        whole = [
+            replace(own[0], columns=sum((c.columns for c in own), ()))
+            if own[0].family.separate
+            else max(own, key=lambda c: len(c.columns))
+            for own in found.values()
+        ]
+        return sorted(whole, key=lambda c: (not c.family.unnamed, c.family.rank))
 
     def joint_noise(
         self, joint: int, runs: Runs, named: Sequence[Sequence[int]] = ()

@@ -12,13 +12,20 @@ import numpy as np
 
 from identifiability.effects import FAMILIES
 from identifiability.effects.nominal import has_masses, reference_values
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
 #: Share of the torque's square below which a fit leaves rounding.
 EXACT: Tolerance = 1e-12
+#: Share by which a body is taken to differ from its file, and of the usual mass that it has at
+#: least.
+SHARE: Tolerance = 0.5
+LEAST: Tolerance = 0.1
+#: What a compact load of 1 kg has of each inertial parameter, by its radius [m].
+RADIUS: Tolerance = 0.1
+LOAD = {kind: RADIUS ** min(k, 1 + (k > 3)) for k, kind in enumerate(INERTIAL_KINDS)}
 
 
 def fit_loads(structure: Structure, X: Array, y: Array, data: np.ndarray) -> Robot:
@@ -52,12 +59,17 @@ def fit_loads(structure: Structure, X: Array, y: Array, data: np.ndarray) -> Rob
             squares += weight * A.T @ A
             target += weight * A.T @ left
             total += weight * size
-    # Where logs say nothing the file's value stays: what is added is no more than all there is.
-    length = np.diag(squares)
-    known = squares + np.diag(np.where(length > 0, length / max(total, EXACT), 1.0))
-    change = np.linalg.solve(known, target)
     values = dict(reference_values(robot))
-    for k, x in zip(base.kept, change.tolist(), strict=True):
-        name = base.parameters[k].name
-        values[name] = values.get(name, 0.0) + x
+    masses = {body: abs(values.get(f"{body}.m", 0.0)) for body in robot.bodies}
+    usual = sum(masses.values()) / len(masses)
+    # Rotors and friction are as logs say, bodies as near to the file as they let them.
+    whole = base.G.T @ squares @ base.G
+    sd = np.sqrt(total / np.maximum(np.diag(whole), 1e-300))
+    for k, p in enumerate(base.parameters):
+        if p.owner in masses and p.kind in LOAD:
+            sd[k] = SHARE * max(masses[p.owner], LEAST * usual) * LOAD[p.kind]
+    unit = whole * np.outer(sd, sd) + np.eye(len(sd))
+    change = sd * np.linalg.solve(unit, sd * (base.G.T @ target))
+    for p, x in zip(base.parameters, change.tolist(), strict=True):
+        values[p.name] = values.get(p.name, 0.0) + x
     return replace(robot, reference=values)
