@@ -249,19 +249,22 @@ class Missing:
         return [self.entries[joint, k] for k in columns if (joint, k) in self.entries]
 
     def beside(self, likely: Sequence[Term]) -> Missing:
-        """Return the same with the noise beside the likeliest names, too, the best first.
+        """Return the same with the noise beside what is nearly named, too, the likeliest first.
 
         No function has what passive joints, or the way that led to a state, add to the torque:
         noise that was measured without that would have it for its own, and hide it.
         """
+        near = RULES.name - RULES.rival
         named: dict[int, list[list[int]]] = defaultdict(list)
         for t in likely:
             family = self.sets[t.key][0][0].family
-            if family.unnamed or t.group.place == EVERYWHERE or t.odds < RULES.unlikely:
+            if family.unnamed or t.group.place == EVERYWHERE or t.odds < near:
                 continue
             columns = (t.columns - self.fixed).tolist()
             for j in {j for j, k in self.entries if k in columns}:
                 named[j] += [columns] * (len(named[j]) < NAMED)
+        if not named:
+            return self
         noise = [
             self.joint_noise(j, self.seen.runs.each[j], named[j]) if named[j] else own
             for j, own in enumerate(self.noise)

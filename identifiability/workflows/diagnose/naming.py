@@ -301,9 +301,12 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
         groups = (g for g in model.groups if not _is_hidden(missing, g.key, hidden))
         return replace(model, groups=tuple(groups))
 
-    missing = missing.beside(model_of(missing).gains())
     model = model_of(missing)
     before = tuple(model.gains())
+    again = missing.beside(before)
+    if again is not missing:
+        missing, model = again, model_of(again)
+        before = tuple(model.gains())
     found = Naming(
         setting=setting,
         fitted=fitted,
