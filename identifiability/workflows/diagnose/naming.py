@@ -20,6 +20,7 @@ from scipy.special import chdtrc, softmax
 from identifiability.effects import FAMILIES, Family, find_families
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.groups import Missing, with_reversals
+from identifiability.estimation.loads import fit_loads
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
     Group,
@@ -260,6 +261,9 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
     s, fixed = setting.structure, setting.fixed
     root = setting.known.root
     fitted = Rows.of(s, setting.samples, setting.known)
+    if not (fixed or len(root)):
+        s = replace(s, robot=fit_loads(s, fitted.seen.X, fitted.seen.y, fitted.data))
+        setting, fitted = replace(setting, structure=s), fitted.of_robot(s.robot)
     unseen = Rows.of(s, setting.validation, setting.known) if setting.validation else fitted
     families = find_families(effects, commanded=setting.commanded)
     motions = [x.motion for x in setting.samples]
@@ -272,14 +276,22 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
         noise = Missing(every, fitted.seen, root).noise
     every = with_reversals(s.robot, listed, s.present)
     missing = Missing(every, fitted.seen, root, noise)
-    model = missing.model()
+    whole = missing.model()
     aliases = [
-        a for a in find_aliases(missing, model.products, s.base.names) if a.family != REVERSALS.name
+        a for a in find_aliases(missing, whole.products, s.base.names) if a.family != REVERSALS.name
     ]
     hidden = {(a.family, a.place) for a in aliases if a.structural}
-    groups = tuple(g for g in model.groups if not _is_hidden(missing, g.key, hidden))
-    model = replace(model, groups=groups)
+
+    def visible(model: MixedModel) -> MixedModel:
+        groups = (g for g in model.groups if not _is_hidden(missing, g.key, hidden))
+        return replace(model, groups=tuple(groups))
+
+    model = visible(whole)
     before = tuple(model.gains())
+    again = missing.beside(before)
+    if again is not missing:
+        missing, model = again, visible(again.model())
+        before = tuple(model.gains())
     found = Naming(
         setting=setting,
         fitted=fitted,

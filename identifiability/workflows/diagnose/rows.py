@@ -21,6 +21,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.logs.signals import is_constant
 from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
 from identifiability.workflows.diagnose.problem import KnownValues
 
 
@@ -64,6 +65,10 @@ class Rows:
     def data(self) -> np.ndarray:
         """Where torque of each joint is data, (N, n) bool."""
         return self.seen.data
+
+    def of_robot(self, robot: Robot) -> Rows:
+        """Return the same of a robot whose loads are known by other values."""
+        return replace(self, seen=replace(self.seen, robot=robot))
 
     def __len__(self) -> int:
         """Return the number of samples."""
