@@ -19,9 +19,9 @@ from identifiability.robot import Robot
 
 #: Share of the torque's square below which a fit leaves rounding.
 EXACT: Tolerance = 1e-12
-#: Share by which a body is taken to differ from its file, and of the usual mass that it has at
-#: least.
+#: Share by which a body is taken to differ from its file.
 SHARE: Tolerance = 0.5
+#: Share of the usual mass that a body is taken to have at least.
 LEAST: Tolerance = 0.1
 #: What a compact load of 1 kg has of each inertial parameter, by its radius [m].
 RADIUS: Tolerance = 0.1
