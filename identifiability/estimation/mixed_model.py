@@ -172,8 +172,14 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
     silent = JointNoise(np.empty(0), np.inf)
     if not len(y):
         return silent
-    basis = span_columns([X], int(RULES.columns_most * len(y)))
-    parts = [part for part in map(_principal, random) if part.shape[1]]
+    most = int(RULES.columns_most * len(y))
+    basis = span_columns([X], most)
+    # As many columns as rows would leave nothing, and no noise.
+    parts, room = list[Array](), 2 * most - basis.shape[1]
+    for part in map(_principal, random):
+        if 0 < part.shape[1] <= room:
+            parts.append(part)
+            room -= part.shape[1]
     scale = float(np.linalg.norm(y)) or 1.0
     left = y / scale
     left = left - basis @ (basis.T @ left)

@@ -129,7 +129,7 @@ def test_a_file_that_is_another_robot_needs_force(learned, tmp_path):
         if times > 3:
             said = " ".join(run.output.split())
             assert "more than 3 times" in said
-            assert "elbow.fv" in said
+            assert "elbow.fo" in said
             assert not out.with_suffix(".toml").exists()
             assert CliRunner().invoke(app, [*words, "--force"]).exit_code == 0
             assert out.exists()

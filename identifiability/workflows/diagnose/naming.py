@@ -233,6 +233,11 @@ class Naming:
         left = self.left(parts, self.fit(parts), unseen=True)
         return float(Gap(self.unseen, left[:, :, None]).error_over_joints()[0])
 
+    def worse_than(self, other: Naming) -> bool:
+        """Whether unseen rows are predicted worse than by another one."""
+        own, others = (x.error(range(len(x.parts))) for x in (self, other))
+        return own > WORSE * others
+
 
 def _least_squares(G: Array, known: Array | float = 0.0) -> Array:
     """Return values (k,) of products of columns and torque (k + 1, k + 1), and what is known."""
