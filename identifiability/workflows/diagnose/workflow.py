@@ -50,7 +50,7 @@ from identifiability.workflows.diagnose.motion import (
     assign_roles,
     prepare_rows,
 )
-from identifiability.workflows.diagnose.naming import Naming, look, name_missing
+from identifiability.workflows.diagnose.naming import WORSE, Naming, look, name_missing
 from identifiability.workflows.diagnose.problem import (
     Given,
     KnownValues,
@@ -275,9 +275,11 @@ class _Asked:
         # Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
         outliers = None if outliers is None else outliers.below(0.1)
         if outliers is not None:
-            where = where_outlying(joints, found.samples, outliers)
-            decided = decided or f"{where} was left out. Look at what happened there."
-            found = self.run(without_outliers(setting, outliers))
+            again = self.run(without_outliers(setting, outliers))
+            if again.held_after <= WORSE * found.held_after:
+                where = where_outlying(joints, found.samples, outliers)
+                decided = decided or f"{where} was left out. Look at what happened there."
+                found = again
         return replace(found, hints=(decided,) if decided else ())
 
     def run(self, setting: Setting) -> Diagnosis:
