@@ -140,11 +140,8 @@ def about_gravity(structure: Structure, samples: Sequence[Prepared]) -> Structur
     return structure if found is None else found.structure
 
 
-def find_leaning(logs: MeasuredLogs) -> Leaning | None:
-    """Return gravity far from the file's, if motion that was not fitted is surely better so.
-
-    Either half of every log is predicted by the other one, with gravity as the file states it and
-    as it was found; both must agree.
+def propose_leaning(logs: MeasuredLogs) -> Leaning | None:
+    """Return gravity far from the file's, if that is where fits lead to; whether it is the judge's.
 
     Parameters
     ----------
@@ -152,28 +149,13 @@ def find_leaning(logs: MeasuredLogs) -> Leaning | None:
         Of logs under a model with bodies, and without `gravity_tilt`.
     """
     structure, robot = logs.structure, logs.robot
-    names = structure.model.names
-    if "rigid_body" not in names or GravityTilt.name in names:
-        return None
-    if not (logs.weighs and robot.gravity.any()):
+    if GravityTilt.name in structure.model.names or not (logs.weighs and robot.gravity.any()):
         return None
     start = _gravity_by_file(logs)
-    # A base that leans has all of gravity: of less than this share of it torque that was
-    # compensated for gravity, which has none, is the likelier cause.
-    if np.linalg.norm(start) < 0.5 * np.linalg.norm(robot.gravity):
-        return None
     if Tilt.of(robot.gravity, start).degrees < RULES.tilt_large:
         return None
     found = settle_direction(structure, logs.samples, start)
-    if found.tilt.degrees - REACH * found.sd < RULES.tilt_large:
-        return None
-    upright = gather_information(structure.regression(logs.samples))
-    weights = found.fit.weights
-    better = [
-        _error_on(found.information, weights, half) < _error_on(upright, weights, half)
-        for half in (0, 1)
-    ]
-    return found if all(better) else None
+    return found if found.tilt.degrees - REACH * found.sd >= RULES.tilt_large else None
 
 
 def _gravity_by_file(logs: MeasuredLogs) -> Array:
@@ -190,14 +172,3 @@ def _gravity_by_file(logs: MeasuredLogs) -> Array:
         aims.append(without(left[:, k], drive) / size[k])
     found: Array = np.linalg.lstsq(np.concatenate(rows), np.concatenate(aims), rcond=1e-6)[0]
     return found if found.any() else robot.gravity
-
-
-def _error_on(information: Information, weights: Array, half: int) -> float:
-    """Return the squares of one half of every log that the other half leaves."""
-    blocks = np.arange(len(information.log))
-    place = blocks - np.searchsorted(information.log, information.log)
-    count = np.bincount(information.log)[information.log]
-    own = (2 * place >= count) == bool(half)
-    value = estimate(information.take(~own)).value
-    R = information.take(own).factor(weights)
-    return float(np.sum((R[:, :-1] @ value - R[:, -1]) ** 2))

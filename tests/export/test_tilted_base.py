@@ -18,9 +18,10 @@ from identifiability.robot.description import Tilt
 from identifiability.robot.kinematics import turn
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.simulation.mujoco_robot import MujocoRobot
+from identifiability.workflows.alternatives import find_alternative
 from identifiability.workflows.export import export
 from identifiability.workflows.export.workflow import write_parameters
-from identifiability.workflows.gravity import find_leaning, settle_direction
+from identifiability.workflows.gravity import settle_direction
 from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.rules import RULES as WORKFLOWS_RULES
 
@@ -163,9 +164,10 @@ def test_only_a_large_tilt_is_taken_before_all_else(degrees):
     gravity = leaning(robot, degrees)
     move = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
     log = simulate(robot.turned(gravity), move, noise=Noise(additive=0.02))
-    found = find_leaning(logs(robot, log))
-    assert (found is not None) == (degrees > WORKFLOWS_RULES.tilt_large)
-    if found is not None:
+    other = find_alternative(logs(robot, log))
+    assert (other is not None) == (degrees > WORKFLOWS_RULES.tilt_large)
+    if other is not None:
+        found = other.leaning
         off = Tilt.of(gravity, found.tilt.direction).degrees
         assert off < 4 * found.sd < 2.0
 
@@ -176,7 +178,9 @@ def test_torque_without_gravity_is_no_tilt():
     log = simulate(robot, move, noise=Noise(additive=0.02))
     motion = complete_motion(robot, log.t, log.q, log.dq, log.ddq)
     bare = replace(log, tau=log.tau - gravity_torque(robot, motion, robot.gravity))
-    assert find_leaning(logs(robot, bare)) is None
+    other = find_alternative(logs(robot, bare))
+    assert not other.gravity
+    assert other.leaning is None
 
 
 def logs(robot, log):

@@ -244,6 +244,8 @@ class Findings(Setting):
         What seems to be wrong with robot file and logs, for the user to check.
     nothing : str
         Why nothing was looked for, for after "because"; empty where it was.
+    alternative : str
+        Under which other reading of the logs it was diagnosed, in one sentence; empty for none.
     upright : Structure or None
         What was diagnosed, with gravity as the file states it, where it was found elsewhere first
         and `structure` is about that.
@@ -267,6 +269,7 @@ class Findings(Setting):
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()
     nothing: str = ""
+    alternative: str = ""
     upright: Structure | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
 

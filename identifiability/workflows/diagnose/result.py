@@ -176,6 +176,7 @@ class Diagnosis(Result, Findings, Predicts):
                 "fitted": list(given_paths(self.samples)),
                 "verified_logs": list(given_paths(self.validation)),
                 "left_out": [c.log for c in self.changes if c.whole],
+                "alternative": self.alternative,
             },
             "real_robot": None,  # for one release
             "forward": None if self.forward is None else _forward_row(self.forward),

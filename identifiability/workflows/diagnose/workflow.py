@@ -25,6 +25,7 @@ from identifiability.foundation.engines.mapping import Engine, Serial, one_threa
 from identifiability.foundation.names import BASE
 from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.values import frozen
+from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.physical.cad_prior import share_weight
@@ -63,8 +64,7 @@ from identifiability.workflows.diagnose.naming import Naming, look, name_missing
 from identifiability.workflows.diagnose.problem import Setting
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
 from identifiability.workflows.diagnose.rules import RULES, Rules
-from identifiability.workflows.gravity import Leaning, find_leaning, settle_tilt
-from identifiability.workflows.oddities import MeasuredLogs
+from identifiability.workflows.gravity import Leaning, settle_tilt
 from identifiability.workflows.opening import (
     Logs,
     Opening,
@@ -90,6 +90,9 @@ EXACT = (
     "give the result that they come from (--fixed-from RESULT.json) or how far they may be off "
     "(--fixed-share 0.1)."
 )
+
+#: What follows the statement of an alternative.
+SO = "What is missing was looked for under that reading."
 
 #: The model that is diagnosed when none is given.
 BASE_EFFECTS = USUAL_EFFECTS
@@ -184,7 +187,9 @@ def diagnose(
         if later and robot.servo is not None:
             given = given.acting_later(robot.servo, later)
             looked = asked.look(opened(given))
-        found, doubts, setting, opening, leaning = looked
+        found, doubts, setting, opening = looked
+        other = None if setting.fixed else opening.alternative
+        leaning = None if other is None else other.leaning
         found = (
             settle_named(found)
             if leaning is None
@@ -206,6 +211,7 @@ def diagnose(
         found = replace(
             found,
             nothing="" if setting.fixed else opening.misread,
+            alternative="" if other is None else f"{other.statement} {SO}",
             hints=(*hints, *free_again(model), *unused_ladder(robot, model)),
             provenance=state_provenance(robot, used, seed, None, options),
         ).moved_by(given)
@@ -216,11 +222,10 @@ def diagnose(
 
 
 class _Opened(NamedTuple):
-    """What is diagnosed, from what, and where gravity points if not where the file says."""
+    """What is diagnosed, and from what; its alternative is that under which it is."""
 
     setting: Setting
     opening: Opening
-    leaning: Leaning | None
 
 
 class _Looked(NamedTuple):
@@ -230,7 +235,6 @@ class _Looked(NamedTuple):
     doubts: list[str]
     setting: Setting
     opening: Opening
-    leaning: Leaning | None
 
 
 def _open(
@@ -244,7 +248,7 @@ def _open(
     commanded: bool,
     seed: int,
 ) -> _Opened:
-    """Return what is diagnosed.
+    """Return what is diagnosed: under the alternative of the model that the fitted logs prefer.
 
     Values that are fixed are those of the file, and its direction of gravity is one of them.
     """
@@ -253,23 +257,30 @@ def _open(
     session = replace(session, recordings=parts)
     how = session.preparation if session.how.cutoff is None else session.how
     most = samples_each(map(len, roles.fit))
-    opening = session.open("diagnosed", partial(prepare_rows, robot, how=how, most=most))
+    prepare = partial(prepare_rows, robot, how=how, most=most)
+    opening = session.open("diagnosed", prepare)
+    other = None if fixed else opening.alternative
+    if other is not None:
+        structure = other.structure(session.structure)
+        if structure is session.structure:  # other columns, of which long files are read as a whole
+            logs = (in_memory(x, Log) for x in (roles.fit, roles.verify))
+            fit, verify = (tuple(map(other.read, x)) for x in logs)
+            parts = Recordings(fit, verify, given.hints)
+        read = replace(session, structure=structure, recordings=parts)
+        opening = read.open("diagnosed", prepare)
+        hints = (f"{other.statement} {SO}", *opening.hints)
+        opening = replace(opening, alternative=other, hints=hints)
     if given.rolled is not None:
         both = ((opening.samples, roles.fit), (opening.validation, roles.verify))
         along = [along_rollouts(opening.structure, s, logs, given.values) for s, logs in both]
         opening = replace(opening, samples=along[0], validation=along[1])
-    fit, verify = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
-    require_signal(verify, "verified")
-    leaning = None
-    if not fixed:
-        leaning = find_leaning(MeasuredLogs(opening.structure, roles.fit, opening.samples))
-    if leaning is not None:
-        opening = opening.under(leaning.structure, roles.fit)
+    samples, unseen = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
+    require_signal(unseen, "verified")
     session.say("building columns", 0.1)
     setting = Setting(
         structure=opening.structure,
-        samples=tuple(fit),
-        validation=tuple(verify),
+        samples=tuple(samples),
+        validation=tuple(unseen),
         fixed=fixed,
         chosen_by="by the evidence of the fitted logs",
         verified_on=roles.verified_on,
@@ -280,7 +291,7 @@ def _open(
         commanded=commanded,
         seed=seed,
     )
-    return _Opened(setting, opening, leaning)
+    return _Opened(setting, opening)
 
 
 @frozen
@@ -302,10 +313,10 @@ class _Asked:
 
     def look(self, opened: _Opened) -> _Looked:
         """Name what is missing in opened logs."""
-        setting, opening, leaning = opened
+        setting, opening = opened
         # Values that are kept are those of the file, and a wrong scale or sign is an effect.
         asked = self if setting.fixed or not opening.misread else replace(self, effects=())
-        return _Looked(*asked.name(setting, opening), setting, opening, leaning)
+        return _Looked(*asked.name(setting, opening), setting, opening)
 
     def name(self, setting: Setting, opening: Opening) -> tuple[Diagnosis, list[str]]:
         """Name what is missing, and say which stretches of logs are doubted.

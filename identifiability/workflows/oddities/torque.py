@@ -18,7 +18,6 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.commands import of_commands
 from identifiability.logs.gaps import smallest_change
-from identifiability.regression.mix_up import find_mix_up
 from identifiability.robot import Motion, complete_motion
 from identifiability.workflows.oddities.check import Does, MeasuredLogs, check, unexplained, without
 from identifiability.workflows.oddities.rules import RULES
@@ -184,7 +183,7 @@ def regress(X: Array, y: Array) -> tuple[Array, Array]:
 
 @check(
     "another share of the weight",
-    Does.MISREADS,
+    Does.EXPLAINS,
     5,
     says="By the masses of the robot file, …",
     means="The effort does not carry the robot's weight as it should: it lacks gravity, has the "
@@ -298,7 +297,7 @@ UNITS = {"mN·m (or mN)": 1e3, "N·cm": 1e2, "N·mm": 1e3, "kN·m (or kN)": 1e-3
 
 @check(
     "torque in another unit",
-    Does.MISREADS,
+    Does.EXPLAINS,
     6,
     says="The measured torque … what the masses of the robot file ask for, …",
     means="The torque column is a current, a percentage, before the gear, or in another unit; "
@@ -527,7 +526,7 @@ def flat_share(x: Array) -> float:
 #
 # Where the unpruned model explains a log badly, it is fitted to the same samples as if two joints
 # had exchanged their positions, or positions and torque, or one were given with the other sign or
-# in degrees. What `regression.mix_up` finds in the torque columns alone is left to it.
+# in degrees. What `workflows.alternatives` finds in the torque columns alone is left to it.
 
 
 #: Samples that are looked at, and joints beyond which only neighbours are tried.
@@ -643,24 +642,3 @@ def _error(regressor: Callable[..., Array | None], tau: Array, change: _Change) 
         return 0.0
     W = regressor(change.order, change.factor)
     return np.inf if W is None else unexplained(W / spread[:, None], tau / spread)
-
-
-# Torque columns that are exchanged or have the wrong sign (`regression.mix_up`).
-
-
-@check(
-    "exchanged or turned torque",
-    Does.MISREADS,
-    3,
-    says="The torque columns seem to be exchanged: …",
-    means="Two torque columns are exchanged, or one has the other sign: friction or rotor "
-    "inertia would come out negative.",
-    do="`--map OLD=NEW` for columns, `[torque] sign = -1` in the sidecar for a sign.",
-)
-def find_turned_torque(logs: MeasuredLogs) -> tuple[str, ...]:
-    """Return one sentence on torque columns that are mixed up, or none."""
-    structure = logs.structure
-    if logs.robot.base is not None:  # whose rows are no columns, but combinations of them
-        return ()
-    regression = structure.regression(logs.samples)
-    return tuple(filter(None, [find_mix_up(regression, structure.base.nonnegative)]))
