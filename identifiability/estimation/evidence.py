@@ -169,11 +169,7 @@ class Folds:
         LogError
             If the logs are too short.
         """
-        return Folds.over(information.log, information.counts, memory, levels)
-
-    @staticmethod
-    def over(log: np.ndarray, counts: np.ndarray, memory: float, levels: Levels = LEVELS) -> Folds:
-        """Return the same of blocks of so many samples, (B,), in order of time, log by log."""
+        log, counts = information.log, information.counts
         names, lengths = np.unique(log), np.bincount(log, counts).astype(int)
         lengths = lengths[names]
         wanted = _divide(lengths, memory, levels)
@@ -249,20 +245,9 @@ class Score:
     ratio: float
 
     @staticmethod
-    def of_errors(
-        squares: Array, variation: Array, ratio: float, rows: Array | None = None
-    ) -> Score:
-        """Return the score of squared errors alone.
-
-        Of so many independent `rows` (F, n) in each, the density is that of errors whose variance
-        is their own mean square.
-        """
-        if rows is None:
-            return Score(np.full(len(squares), np.nan), squares, variation, ratio)
-        total = np.maximum(squares.sum(0), ROUNDING * variation + 1e-300)
-        scaled = squares / total * rows.sum(0)
-        density = -0.5 * (rows * np.log(total) + scaled).sum(1)
-        return Score(density, squares, variation, ratio)
+    def of_errors(squares: Array, variation: Array, ratio: float) -> Score:
+        """Return the score of squared errors alone."""
+        return Score(np.full(len(squares), np.nan), squares, variation, ratio)
 
     @cached_property
     def shares(self) -> Array:

@@ -189,7 +189,7 @@ class Opening(OfStructure):
     misread : str
         Why no verdict stands, if columns are not what they are read as, by what the data say.
     alternative : Alternative or None
-        The model in whose stead the data prefer this one by far.
+        The model that fitted rows prefer by far to the one that was given.
     commands : str
         Of the hints, that which says how torque was made of commands (`Recordings.commands`).
     """
@@ -425,6 +425,8 @@ def open_logs(
     prepare: Callable[[Recording], Prepared],
     done: str = "",
     engine: Engine | None = None,
+    *,
+    seek: bool = True,
 ) -> Opening:
     """Prepare the logs and look for something to explain in them.
 
@@ -438,6 +440,8 @@ def open_logs(
         empty where that is an answer too: then nothing is held out either.
     engine : Engine, optional
         Where whole logs are prepared, each by itself; by default here, one after the other.
+    seek : bool
+        Whether alternatives of the model are looked for.
 
     Raises
     ------
@@ -463,14 +467,13 @@ def open_logs(
         return replace(opening, validation=())
     structure = about_gravity(structure, train)
     looked = MeasuredLogs(structure, recordings.fitted, train)
-    other = find_alternative(looked)
+    other = find_alternative(looked) if seek else None
     odd = find_oddities(looked, explained=other is not None)
-    # Gravity elsewhere spoils no column: a model may have a tilt.
-    wrong = odd.misread or (other is not None and other.leaning is None)
+    other = None if odd.misread else other  # of positions that are misread the torque is none
     explained = odd.explains or other is not None
-    why = MISREAD if wrong else ""
-    known = replace(opening, structure=structure, explained=explained, misread=why)
+    why = MISREAD if odd.misread else ""
     said = () if other is None else (other.statement,)
+    known = replace(opening, structure=structure, explained=explained, misread=why)
     return replace(known, alternative=other, hints=(*said, *odd.hints, *hints))
 
 

@@ -18,7 +18,6 @@ from identifiability.robot import Robot
 from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.gap import Discrepancy, Gap, Remainder
 from identifiability.workflows.diagnose.problem import Alias, Setting
-from identifiability.workflows.gravity import Leaning
 
 
 class Rival(NamedTuple):
@@ -121,8 +120,6 @@ class NamedEffect:
         Whether it is a function without a name.
     nearest : tuple of str
         Of such a function: the likeliest names in its stead.
-    leaning : Leaning or None
-        Where gravity points, if it is a tilted base.
     """
 
     name: str
@@ -137,7 +134,6 @@ class NamedEffect:
     everywhere: bool = False
     unnamed: bool = False
     nearest: tuple[str, ...] = ()
-    leaning: Leaning | None = None
 
     @property
     def confirmed(self) -> bool:
@@ -246,9 +242,6 @@ class Findings(Setting):
         Why nothing was looked for, for after "because"; empty where it was.
     alternative : str
         Under which other reading of the logs it was diagnosed, in one sentence; empty for none.
-    upright : Structure or None
-        What was diagnosed, with gravity as the file states it, where it was found elsewhere first
-        and `structure` is about that.
     """
 
     effects: tuple[NamedEffect, ...]
@@ -270,7 +263,6 @@ class Findings(Setting):
     hints: tuple[str, ...] = ()
     nothing: str = ""
     alternative: str = ""
-    upright: Structure | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -279,14 +271,9 @@ class Findings(Setting):
         return self.structure.robot
 
     @property
-    def diagnosed(self) -> Structure:
-        """The robot as its file has it, under the model that was diagnosed."""
-        return self.structure if self.upright is None else self.upright
-
-    @property
     def base(self) -> tuple[str, ...]:
         """Names of the effects of the model that was diagnosed."""
-        return self.diagnosed.model.names
+        return self.structure.model.names
 
     @cached_property
     def completed(self) -> Structure:

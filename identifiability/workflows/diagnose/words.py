@@ -46,8 +46,10 @@ def state(d: Findings) -> str:
 
 
 def headline(d: Findings) -> str:
-    """Return what changed, what is missing, how far the gap shrinks and what is open."""
-    return " ".join([*map(state_change, d.changes), _state_named(d)])
+    """Return the model, what changed, what is missing, how far the gap shrinks, what is open."""
+    model = d.alternative.partition(":")[0]
+    first = [f"{model}."] if model else []
+    return " ".join([*first, *map(state_change, d.changes), _state_named(d)])
 
 
 def state_change(c: Change) -> str:
@@ -150,9 +152,8 @@ def remarks(d: Findings) -> list[Remark]:
 
 def _state_effect(e: NamedEffect) -> str:
     where = "" if e.joints == ("base",) else f" in {_where(e)}"
-    at = "" if e.leaning is None else f": gravity {e.leaning.text}"
     sure = f" (log odds {e.odds:.3g})" if np.isfinite(e.odds) else ""
-    return f"{_either(e)}{where}{_state_mass(e)}{at}{sure}"
+    return f"{_either(e)}{where}{_state_mass(e)}{sure}"
 
 
 def weight_text(weight: float) -> str:

@@ -1,9 +1,8 @@
 """`diagnose`: find, name, add, verify; each stage can be called by itself.
 
-A large tilt of the base is found before all else, since about the file's direction of gravity it
-looks like much that it is not: the diagnosis is then of the model under the gravity that was found,
-and the tilt is the first of its names. A small one is a name like others; its direction is settled
-at the end.
+Another reading of the torque columns, or gravity far from the file's, is found before all else
+(`alternatives`), since under a wrong model much seems to be missing that is not: what is diagnosed
+is then the model that the fitted logs prefer.
 """
 
 from __future__ import annotations
@@ -15,17 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from identifiability.effects import default_effects, find_families
-from identifiability.effects.gravity import TILTS, GravityTilt, horizontal_axes
 from identifiability.effects.measurement import CommandDelay
-from identifiability.effects.nominal import gravity_torque
-from identifiability.effects.registry import title_of
-from identifiability.estimation.estimate import Outliers, estimate, find_estimator
-from identifiability.estimation.prediction import Prediction, predict
+from identifiability.estimation.estimate import Outliers, find_estimator
 from identifiability.foundation.engines.mapping import Engine, Serial, one_thread
-from identifiability.foundation.names import BASE
 from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.physical.cad_prior import share_weight
@@ -37,15 +30,11 @@ from identifiability.regression.reduction import (
     free_again,
     unused_ladder,
 )
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.kinematics import shortest_turn
 from identifiability.workflows.analyze.fit import say_band
 from identifiability.workflows.diagnose.changes import find_change, leave_out, without_outliers
 from identifiability.workflows.diagnose.conclude import conclude
-from identifiability.workflows.diagnose.findings import NamedEffect, Placement
-from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.known_values import (
     Given,
     KnownValues,
@@ -64,7 +53,6 @@ from identifiability.workflows.diagnose.naming import Naming, look, name_missing
 from identifiability.workflows.diagnose.problem import Setting
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
 from identifiability.workflows.diagnose.rules import RULES, Rules
-from identifiability.workflows.gravity import Leaning, settle_tilt
 from identifiability.workflows.opening import (
     Logs,
     Opening,
@@ -90,9 +78,6 @@ EXACT = (
     "give the result that they come from (--fixed-from RESULT.json) or how far they may be off "
     "(--fixed-share 0.1)."
 )
-
-#: What follows the statement of an alternative.
-SO = "What is missing was looked for under that reading."
 
 #: The model that is diagnosed when none is given.
 BASE_EFFECTS = USUAL_EFFECTS
@@ -188,13 +173,7 @@ def diagnose(
             given = given.acting_later(robot.servo, later)
             looked = asked.look(opened(given))
         found, doubts, setting, opening = looked
-        other = None if setting.fixed else opening.alternative
-        leaning = None if other is None else other.leaning
-        found = (
-            settle_named(found)
-            if leaning is None
-            else lead_with_tilt(found, session.structure, leaning, streams[0])
-        )
+        other = opening.alternative
         options = {
             "effects": "all" if effects is None else list(effects),
             "fixed": fixed is True if known is None else known.words,
@@ -211,7 +190,7 @@ def diagnose(
         found = replace(
             found,
             nothing="" if setting.fixed else opening.misread,
-            alternative="" if other is None else f"{other.statement} {SO}",
+            alternative="" if other is None else opening.hints[0],
             hints=(*hints, *free_again(model), *unused_ladder(robot, model)),
             provenance=state_provenance(robot, used, seed, None, options),
         ).moved_by(given)
@@ -258,18 +237,11 @@ def _open(
     how = session.preparation if session.how.cutoff is None else session.how
     most = samples_each(map(len, roles.fit))
     prepare = partial(prepare_rows, robot, how=how, most=most)
-    opening = session.open("diagnosed", prepare)
-    other = None if fixed else opening.alternative
-    if other is not None:
-        structure = other.structure(session.structure)
-        if structure is session.structure:  # other columns, of which long files are read as a whole
-            logs = (in_memory(x, Log) for x in (roles.fit, roles.verify))
-            fit, verify = (tuple(map(other.read, x)) for x in logs)
-            parts = Recordings(fit, verify, given.hints)
-        read = replace(session, structure=structure, recordings=parts)
-        opening = read.open("diagnosed", prepare)
-        hints = (f"{other.statement} {SO}", *opening.hints)
-        opening = replace(opening, alternative=other, hints=hints)
+    if fixed:
+        opening = session.open("diagnosed", prepare, seek=False)
+    else:
+        session, opening = session.settle("diagnosed", prepare)
+        roles = replace(roles, fit=session.recordings.fitted, verify=session.recordings.held_out)
     if given.rolled is not None:
         both = ((opening.samples, roles.fit), (opening.validation, roles.verify))
         along = [along_rollouts(opening.structure, s, logs, given.values) for s, logs in both]
@@ -414,90 +386,3 @@ def common_delay(found: Diagnosis) -> float:
     }
     every = sorted(named.get(j, 0.0) for j in found.robot.motor_joints)
     return every[(len(every) - 1) // 2]
-
-
-def settle_named(found: Diagnosis) -> Diagnosis:
-    """Return a diagnosis that names a small tilt with gravity's direction in its model."""
-    if found.fixed or not any(e.name == GravityTilt.name for e in found.effects):
-        return found
-    model = found.model
-    others = Model(tuple(e for e in model.effects if e.name != GravityTilt.name))
-    known = Structure.of(found.structure.robot, others)
-    leaning = settle_tilt(known, found.samples)
-    if leaning is None:
-        return found
-    effects = tuple(
-        replace(e, leaning=leaning) if e.name == GravityTilt.name else e for e in found.effects
-    )
-    last = next(e for e in leaning.structure.model.effects if e.name == GravityTilt.name)
-    return replace(found, effects=effects, model=Model((*others.effects, last)))
-
-
-def lead_with_tilt(
-    found: Diagnosis,
-    upright: Structure,
-    leaning: Leaning,
-    rng: np.random.Generator,
-) -> Diagnosis:
-    """Return a diagnosis under the gravity that was found as one of the robot file's.
-
-    Parameters
-    ----------
-    found : Diagnosis
-        Of the model about that gravity.
-    upright : Structure
-        What was diagnosed, with gravity as the file states it.
-    leaning : Leaning
-    rng : numpy.random.Generator
-    """
-    fitted, unseen = _predict_both(upright, found.samples, found.validation)
-    gap = Gap(found.gap.rows, np.concatenate([unseen.residual, found.gap.residual], axis=2))
-    errors, joints = gap.relative_error().tolist(), gap.error_over_joints().tolist()
-    first = NamedEffect(
-        name=GravityTilt.name,
-        title=title_of(GravityTilt.name),
-        placements=(_place_tilt(found, upright, leaning),),
-        before=errors[0],
-        after=errors[1],
-        interval=gap.interval(0, 1, rng),
-        shown_before=joints[0],
-        shown_after=joints[1],
-        shown_interval=gap.interval_over_joints(0, 1, rng),
-        leaning=leaning,
-    )
-    return replace(
-        found,
-        upright=upright,
-        effects=(first, *found.effects),
-        gap=gap,
-        interval=gap.interval(0, -1, rng),
-        held_before=errors[0],
-        error_before=float(fitted.relative_error()[0]),
-    )
-
-
-def _predict_both(
-    structure: Structure, samples: tuple[Samples, ...], validation: tuple[Samples, ...]
-) -> tuple[Prediction, Prediction]:
-    """Return what a model predicts on the logs that it was fitted to, and on unseen ones."""
-    fitted = structure.regression(samples)
-    values = estimate(gather_information(fitted)).value[:, None]
-    return predict(fitted, values), predict(structure.regression(validation), values)
-
-
-def _place_tilt(found: Diagnosis, upright: Structure, leaning: Leaning) -> Placement:
-    """Return a tilt as two rotations of gravity about horizontal axes of the file."""
-    stated, turned = upright.robot, leaning.structure.robot
-    step = shortest_turn(stated.gravity, turned.gravity)
-    motion = found.samples[0].motion
-    added = gravity_torque(turned, motion, turned.gravity)
-    added = added - gravity_torque(stated, motion, stated.gravity)
-    return Placement(
-        place=BASE,
-        shape=float("nan"),
-        parameters=tuple(f"{BASE}.{kind}" for kind in TILTS),
-        units=("rad", "rad"),
-        values=np.array([axis @ step for axis in horizontal_axes(stated.gravity)]),
-        errors=np.full(2, np.radians(leaning.sd)),
-        rms=float(np.sqrt(np.mean(added**2, axis=0)).max()),
-    )
