@@ -119,7 +119,7 @@ def predict(regression: Regression, result: Analysis) -> np.ndarray:
 def compare(case: Case, result: Analysis) -> float:
     """Return the largest difference of a joint's predicted torque from the good log's."""
     regression, good = good_torque(case.robot, case.lock)
-    there = predict(regression, result)
+    there = predict(result.structure.regression(regression.samples), result)
     spread = good.std(0)
     kept = [j not in case.unmeasured for j in regression.robot.joints]
     return float((np.sqrt(np.mean((there - good) ** 2, 0)) / spread)[kept].max())

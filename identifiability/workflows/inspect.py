@@ -52,6 +52,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.robot.description import stated_speeds
 from identifiability.robot.parts import Coupling
 from identifiability.robot.sidecar import read_sidecar
+from identifiability.workflows.alternatives import find_alternative
 from identifiability.workflows.answers import answer_next, with_hints
 from identifiability.workflows.commands import name_logs, source_name
 from identifiability.workflows.oddities import MeasuredLogs, find_oddities
@@ -904,7 +905,9 @@ def _odd_alone(logs: MeasuredLogs, said: tuple[str, ...]) -> list[str]:
     """Return what is odd about one log of several, which good ones may hide."""
     if explain_silence([logs.samples[0].survey]):
         return []
-    own = find_oddities(logs).hints
+    other = find_alternative(logs)
+    odd = find_oddities(logs, explained=other is not None)
+    own = (*((other.statement,) if other and not odd.misread else ()), *odd.hints)
     return [f"{logs.samples[0].name}: {text}" for text in own if text not in said]
 
 

@@ -45,6 +45,7 @@ from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
+from identifiability.workflows.alternatives import Alternative, find_alternative
 from identifiability.workflows.gravity import about_gravity
 from identifiability.workflows.oddities import (
     MeasuredLogs,
@@ -186,7 +187,9 @@ class Opening(OfStructure):
     explained : bool
         Whether the first of them explains whatever else contradicts.
     misread : str
-        Why no verdict stands, if it says that columns are not what they are read as.
+        Why no verdict stands, if columns are not what they are read as, by what the data say.
+    alternative : Alternative or None
+        The model that fitted rows prefer by far to the one that was given.
     commands : str
         Of the hints, that which says how torque was made of commands (`Recordings.commands`).
     """
@@ -197,18 +200,8 @@ class Opening(OfStructure):
     hints: tuple[str, ...]
     explained: bool = False
     misread: str = ""
+    alternative: Alternative | None = None
     commands: str = ""
-
-    def under(self, structure: Structure, recordings: Sequence[Recording]) -> Opening:
-        """Return the opening under another structure, with what is odd about logs then."""
-        before, now = (
-            find_oddities(MeasuredLogs(s, tuple(recordings), self.samples))
-            for s in (self.structure, structure)
-        )
-        hints = (*now.hints, *(h for h in self.hints if h not in before.hints))
-        why = MISREAD if now.misread else ""
-        known = replace(self, structure=structure, explained=now.explains, misread=why)
-        return replace(known, hints=hints)
 
     @cached_property
     def regression(self) -> Regression:
@@ -432,6 +425,8 @@ def open_logs(
     prepare: Callable[[Recording], Prepared],
     done: str = "",
     engine: Engine | None = None,
+    *,
+    seek: bool = True,
 ) -> Opening:
     """Prepare the logs and look for something to explain in them.
 
@@ -445,6 +440,8 @@ def open_logs(
         empty where that is an answer too: then nothing is held out either.
     engine : Engine, optional
         Where whole logs are prepared, each by itself; by default here, one after the other.
+    seek : bool
+        Whether alternatives of the model are looked for.
 
     Raises
     ------
@@ -469,10 +466,15 @@ def open_logs(
     if opening.silence:
         return replace(opening, validation=())
     structure = about_gravity(structure, train)
-    odd = find_oddities(MeasuredLogs(structure, recordings.fitted, train))
+    looked = MeasuredLogs(structure, recordings.fitted, train)
+    other = find_alternative(looked) if seek else None
+    odd = find_oddities(looked, explained=other is not None)
+    other = None if odd.misread else other  # of positions that are misread the torque is none
+    explained = odd.explains or other is not None
     why = MISREAD if odd.misread else ""
-    known = replace(opening, structure=structure, explained=odd.explains, misread=why)
-    return replace(known, hints=(*odd.hints, *hints))
+    said = () if other is None else (other.statement,)
+    known = replace(opening, structure=structure, explained=explained, misread=why)
+    return replace(known, alternative=other, hints=(*said, *odd.hints, *hints))
 
 
 def require_signal(samples: Sequence[Prepared], done: str) -> None:

@@ -22,6 +22,12 @@ class Rules(RuleTable):
     tilt_large: Annotated[
         float, "a larger tilt is sought first: 1 − cos 15° = 3 % of weight [°], derived"
     ] = 15.0
+    alternative_nats: Annotated[
+        float, "log odds by which an alternative of the model is used, reasoned"
+    ] = 5.0
+    alternative_error: Annotated[
+        float, "its error falls to this share of the given model's, by hand"
+    ] = 0.9
     grows: Annotated[float, "an error is said that is so many times the usual, by hand"] = 1.5
 
 

@@ -68,6 +68,9 @@ from identifiability.workflows.opening import (
 #: Stretches that are listed.
 LISTED = 3
 
+#: What follows the statement of an alternative of the model that is used.
+SO = "All that follows is said under that reading."
+
 
 @frozen
 class Session:
@@ -250,8 +253,39 @@ class Session:
         moved = np.abs(before.delays - start.delays) > start.delay_errors
         return session if moved.any() else first
 
-    def open(
+    def settle(
         self, done: str = "", prepare: Callable[[Recording], Prepared] | None = None
+    ) -> tuple[Session, Opening]:
+        """Return the session under the model that its fitted logs prefer, and its opening.
+
+        Other columns are read only where logs are in memory; else it is said what they seem to be.
+
+        Parameters
+        ----------
+        done, prepare
+            As of `open`.
+        """
+        opening = self.open(done, prepare)
+        other, given = opening.alternative, self.recordings
+        whole = all(isinstance(log, Log) for log in (*given.fitted, *given.held_out))
+        if other is None or not (whole or other.keeps_columns):
+            return self, opening
+        fitted, held_out = (
+            tuple(other.read(x, self.structure.robot) if isinstance(x, Log) else x for x in logs)
+            for logs in (given.fitted, given.held_out)
+        )
+        read = replace(given, fitted=fitted, held_out=held_out)
+        session = replace(self, structure=other.structure(self.structure), recordings=read)
+        opening = session.open(done, prepare, seek=False)
+        hints = (other.statement, SO, *opening.hints)
+        return session, replace(opening, alternative=other, hints=hints)
+
+    def open(
+        self,
+        done: str = "",
+        prepare: Callable[[Recording], Prepared] | None = None,
+        *,
+        seek: bool = True,
     ) -> Opening:
         """Return the prepared logs, and what is odd about them (`open_logs`).
 
@@ -262,10 +296,12 @@ class Session:
         prepare : callable(Log or LogFile) -> Samples, optional
             Of a whole log, each where the engine puts it; by default `prepare_log`, which puts
             stretches of one there.
+        seek : bool
+            Whether alternatives of the model are looked for.
         """
-        if prepare is not None:
-            return open_logs(self.structure, self.recordings, prepare, done, self.engine)
-        return open_logs(self.structure, self.recordings, self._preparing(), done)
+        own = prepare or self._preparing()
+        engine = None if prepare is None else self.engine
+        return open_logs(self.structure, self.recordings, own, done, engine, seek=seek)
 
     def prepare(self, recordings: Sequence[Recording], done: str = "") -> list[Prepared]:
         """Return some of the logs prepared, for verbs to which what is odd about them is no sign.

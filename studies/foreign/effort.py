@@ -13,7 +13,7 @@ from identifiability.effects.nominal import gravity_torque
 from identifiability.robot import Robot, complete_motion
 
 LIGHT, WRONG = ("compensated for gravity",), ("wrong sign", "wrong way")
-HALF, ROBOTS = ("before a gear",), ("six-dof-arm", "two-link", "3-rps")
+ROBOTS = ("six-dof-arm", "two-link", "3-rps")
 
 
 def plot_juggler(column: str) -> str:
@@ -61,7 +61,6 @@ def kinds(robot: str) -> list[Case]:
         case(f"compensated, {robot}", write=lifted(robot), words=LIGHT),
         case(f"compensated and said, {robot}", write=lifted(robot),
              sidecar="[torque]\ncompensated = true"),
-        case(f"effort before a gear of 2, {robot}", write=effort(0.5), words=HALF),
         case(f"before a gear and said, {robot}", write=effort(0.5),
              sidecar='[torque]\nside = "motor"\nratio = 2'),
         case(f"effort of the other sign, {robot}", write=effort(-1.0), words=WRONG),

@@ -185,16 +185,6 @@ TORQUE = [
         ("exchanged",),
     ),
     Case(
-        "all columns moved on",
-        "torque",
-        csv(
-            lambda f, _: f.assign(
-                **{f"joint_{k}.tau": f[f"joint_{k % 6 + 1}.tau"] for k in range(1, 7)}
-            )
-        ),
-        ("exchanged",),
-    ),
-    Case(
         "positions for torque",
         "torque",
         csv(lambda f, _: f.assign(**{f"{j}.tau": f[f"{j}.q"] for j in joints(f)})),

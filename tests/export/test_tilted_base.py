@@ -1,15 +1,12 @@
 """A base that stands otherwise than its file says: found, stated, written, and moved alike."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from identifiability import Robot, analyze, diagnose, simulate
 from identifiability.effects.gravity import GravityTilt, horizontal_axes, tilt_text
-from identifiability.effects.nominal import gravity_torque, rigid_torque
+from identifiability.effects.nominal import rigid_torque
 from identifiability.logs.prepare import prepare_samples
-from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.report.results import answer_first
@@ -20,9 +17,7 @@ from identifiability.simulation import Noise, PrescribedMotion, shipped_trajecto
 from identifiability.simulation.mujoco_robot import MujocoRobot
 from identifiability.workflows.export import export
 from identifiability.workflows.export.workflow import write_parameters
-from identifiability.workflows.gravity import find_leaning, settle_direction
-from identifiability.workflows.oddities import MeasuredLogs
-from identifiability.workflows.rules import RULES as WORKFLOWS_RULES
+from identifiability.workflows.gravity import about_gravity
 
 ANGLES = (1.0, 30.0, 90.0, 180.0)
 
@@ -118,18 +113,14 @@ def on_a_wall():
 def test_a_wall_is_found_stated_written_and_drawn(on_a_wall, tmp_path):
     robot, (log, unseen) = on_a_wall
     found = diagnose(robot, log, unseen, quick=True)
-    (tilt,) = (e for e in found.effects if e.name == "gravity_tilt")
-    assert found.effects[0] is tilt
-    assert tilt.leaning.tilt.degrees == pytest.approx(90.0, abs=4 * tilt.leaning.sd)
-    assert tilt.leaning.sd < 1.0
-    assert np.linalg.norm(tilt.leaning.tilt.direction - [0, 1, 0]) < 0.02
-    assert "gravity points along (" in found.statement.splitlines()[0]
+    assert not any(e.name == "gravity_tilt" for e in found.effects)
+    assert np.linalg.norm(found.robot.tilt.direction - [0, 1, 0]) < 0.02
+    assert found.statement.startswith("Gravity points along (")
     assert "from the direction that the file states" in found.statement.splitlines()[0]
-    assert found.held_after < 0.03 < 0.3 < found.held_before
+    assert found.held_after < 0.03
     told = found.to_dict()
     assert told["robot"]["gravity"]["degrees"] == pytest.approx(90.0, abs=1.0)
-    assert told["effects"][0]["gravity"]["degrees_sd"] == pytest.approx(tilt.leaning.sd, rel=1e-5)
-    assert told["model"] == list(found.base)
+    assert told["model"] == list(found.structure.model.texts)
     drawing = str(answer_first(found).sketch.markup)
     assert "rotate(" in drawing
     assert "from the file&#39;s" in drawing
@@ -141,46 +132,12 @@ def test_a_wall_is_found_stated_written_and_drawn(on_a_wall, tmp_path):
     assert again.chosen.error_ra_validation < 0.03
 
 
-def test_an_arm_in_a_plane_says_that_it_shows_one_axis_alone(on_a_wall):
-    robot = Robot.load("two-link")
-    turned = robot.turned(np.array([-0.6, 0.0, -0.8]))
-    log = simulate(turned, PrescribedMotion.of(shipped_trajectory(robot, "a"), 300))
-    model = Model.of("rigid_body", "viscous_friction", "coulomb_friction")
-    samples = [prepare_samples(robot, log)]
-    found = settle_direction(Structure.of(robot, model), samples, robot.gravity)
-    assert found.axes == 1
-    assert found.text.endswith("from the direction that the file states, seen about one axis alone")
+def test_gravity_far_from_the_file_s_is_what_the_fit_leads_to_whatever_masses_it_states(on_a_wall):
     robot, (log, _) = on_a_wall
-    samples = [prepare_samples(robot, log)]
-    whole = settle_direction(Structure.of(robot, model), samples, np.array([0.0, 1.0, 0.0]))
-    assert whole.axes == 2
-    assert "one axis" not in whole.text
-
-
-@pytest.mark.parametrize("degrees", [0.0, 5.0, 40.0, 180.0])
-def test_only_a_large_tilt_is_taken_before_all_else(degrees):
-    robot = Robot.load("six-dof-arm")
-    gravity = leaning(robot, degrees)
-    move = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
-    log = simulate(robot.turned(gravity), move, noise=Noise(additive=0.02))
-    found = find_leaning(logs(robot, log))
-    assert (found is not None) == (degrees > WORKFLOWS_RULES.tilt_large)
-    if found is not None:
-        off = Tilt.of(gravity, found.tilt.direction).degrees
-        assert off < 4 * found.sd < 2.0
-
-
-def test_torque_without_gravity_is_no_tilt():
-    robot = Robot.load("six-dof-arm")
-    move = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
-    log = simulate(robot, move, noise=Noise(additive=0.02))
-    motion = complete_motion(robot, log.t, log.q, log.dq, log.ddq)
-    bare = replace(log, tau=log.tau - gravity_torque(robot, motion, robot.gravity))
-    assert find_leaning(logs(robot, bare)) is None
-
-
-def logs(robot, log):
-    """What a log and the file's masses say under the usual model."""
-    model = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
-    samples = prepare_samples(robot, log, settle_cutoff(robot, [log], None))
-    return MeasuredLogs(Structure.of(robot, model), (log,), (samples,))
+    heavy = robot.with_values({n: 1.5 * x for n, x in robot.nominal.items()})
+    model = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "gravity_tilt")
+    samples = [prepare_samples(heavy, log)]
+    start = GravityTilt((0.3, 1.0, -0.3))
+    others = [e for e in model.effects if e.name != "gravity_tilt"]
+    found = about_gravity(Structure.of(heavy, Model((*others, start))), samples)
+    assert Tilt.of(np.array([0.0, 1.0, 0.0]), found.robot.gravity).degrees < 1.0

@@ -17,7 +17,6 @@ from identifiability.simulation import Noise, random_trajectory, simulate
 from identifiability.workflows.oddities import MeasuredLogs, find_oddities
 from identifiability.workflows.oddities.check import CHECKS, Does, check
 from identifiability.workflows.oddities.timing import Shift, measure_position, measure_shift
-from identifiability.workflows.oddities.torque import measure_carried
 
 from .conftest import MODEL, record
 
@@ -45,35 +44,14 @@ def test_torque_before_the_gears(say, six_axis):
     assert "currents" in hint
 
 
-def test_the_gain_of_one_joint(say, six_axis):
-    structure, log = six_axis
-    gain = np.where(np.arange(6) == 1, 20.0, 1.0)
-    (hint,) = say(structure, replace(log, tau=gain * log.tau))
-    assert f"The measured torque of {log.joints[1]} is" in hint
-    assert "not so at the other joints" in hint
-
-
-def test_a_tool_that_the_file_does_not_state_is_no_gain(six_axis):
-    structure, _ = six_axis
-    robot, rng = structure.robot, np.random.default_rng(3)
-    hand = robot.bodies[-1]
-    kinds = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
-    heavy = robot.with_values({f"{hand}.{k}": 12.0 * robot.nominal[f"{hand}.{k}"] for k in kinds})
-    motion = random_trajectory(heavy, rng, samples=600)
-    log = simulate(heavy, motion, noise=Noise(torque=0.02, encoder=1e-5), rng=rng)
-    log = replace(log, dq=None, ddq=None)
-    found = find_oddities(MeasuredLogs(structure, (log,), (prepare_samples(robot, log),)))
-    assert "state what the robot carries" in found.hints[0]
-    assert not found.misread
-
-
 def test_a_check_of_ones_own_is_one_function(six_axis):
     """What it says goes before what it explains; of columns that are misread it withholds more."""
     structure, log = six_axis
-    turned = replace(log, tau=-log.tau)
+    turned = replace(log, tau=1000.0 * log.tau)
     logs = MeasuredLogs(structure, (turned,), (prepare_samples(structure.robot, turned),))
     before = find_oddities(logs)
-    assert before.misread
+    assert before.explains
+    assert not before.misread
     for does, rank, hints in (
         (Does.EXPLAINS, 0, ("Mine.",)),
         (Does.MISREADS, 0, ("Mine.",)),
@@ -87,25 +65,16 @@ def test_a_check_of_ones_own_is_one_function(six_axis):
         finally:
             CHECKS.remove(own)
         assert found.hints == hints
-        assert found.misread == (does is not Does.EXPLAINS or rank > 0)
+        assert found.misread == (does is Does.MISREADS)
         assert found.explains
     assert len({c.title for c in CHECKS}) == len({c.rank for c in CHECKS}) == len(CHECKS)
-
-
-def test_weight_is_not_told_by_masses_that_are_not_what_is_moved(six_axis):
-    structure, log = six_axis
-    samples = prepare_samples(structure.robot, log)
-    logs = MeasuredLogs(structure, (log,), (samples,))
-    (held, *_) = [c for c in measure_carried(logs) if c.joint == 1]
-    assert held.nearest == 1.0
-    assert np.isnan(replace(held, factor=-0.2, half=0.1, moving=9.6, moving_half=2.4).nearest)
 
 
 def test_time_in_milliseconds_read_as_seconds(say, six_axis):
     structure, log = six_axis
     (hint,) = say(structure, replace(log, t=1000 * log.t))
     assert "The time may be in another unit than s" in hint
-    assert "each second of the log lasted 0.001 s" in hint
+    assert "one sample in 12.5 s" in hint
 
 
 def test_torque_that_stops_at_a_limit(say, good):
@@ -128,16 +97,6 @@ def test_a_column_that_hangs(say, good, channel):
     assert f"of {log.joints[0]} in data rows {first + 1}–{first + 60} of {log.name}" in hint
 
 
-@pytest.mark.parametrize("joint", [0, 1])
-def test_a_joint_whose_torque_is_late(say, six_axis, joint):
-    structure, log = six_axis
-    tau = log.tau.copy()
-    tau[:, joint] = np.roll(tau[:, joint], 10)
-    (hint,) = say(structure, replace(log, tau=tau))
-    assert f"the torque of {log.joints[joint]} is 10 samples" in hint
-    assert "late" in hint
-
-
 def test_the_torque_of_one_joint_that_is_late_under_noise():
     """Noise of all joints together hides it from a search by whole samples."""
     structure, log = record("six-dof-arm")
@@ -157,7 +116,7 @@ def test_positions_that_are_half_a_sample_late_or_early(say, name, late):
     structure, log = record(name)
     at = log.t - late * np.median(np.diff(log.t))
     (hint,) = say(structure, replace(log, q=scipy.interpolate.CubicSpline(log.t, log.q)(at)))
-    assert "by a part of a sample" in hint
+    assert "apart in time" in hint
     assert ("early" if late > 0 else "late") + " beside the motion" in hint
 
 
@@ -191,24 +150,6 @@ def test_positions_beside_their_velocities(late):
     found = measure_position(log)
     assert found.certain == (late != 0)
     assert abs(found.samples - late) <= 3 * found.sigma <= 0.5
-
-
-def test_torque_that_is_early_at_all_joints(say, six_axis):
-    structure, log = six_axis
-    (hint,) = say(structure, replace(log, tau=np.roll(log.tau, -8, 0)))
-    assert "the torque of all joints is 8 samples" in hint
-    assert "early" in hint
-
-
-def test_an_effort_that_is_no_force(say, six_axis):
-    structure, log = six_axis
-    heavy = 1
-    rng = np.random.default_rng(0)
-    tau = log.tau.copy()
-    tau[:, heavy] = rng.normal(size=len(log))
-    (hint,) = say(structure, replace(log, tau=tau))
-    assert "does not carry the weight" in hint
-    assert log.joints[heavy] in hint
 
 
 def test_a_short_log_is_no_reason_to_speak(say, six_axis):
@@ -250,39 +191,22 @@ def test_whole_turns_are_no_other_zero(say, six_axis):
     assert "Check the zero" in hint
 
 
-TURNED = "a column seems to have the wrong sign, unit or joint"
-
-
-@pytest.fixture(scope="module")
-def misread():
-    """The two-link arm and a log of it whose second torque has the wrong sign."""
+def test_no_verdict_stands_where_positions_are_misread():
     structure, log = record("two-link", samples=900)
-    return structure.robot, replace(log, tau=log.tau * [1.0, -1.0])
-
-
-def test_no_verdict_stands_where_a_sign_or_a_unit_is_said_to_be_wrong(misread):
-    robot, log = misread
-    analysis = analyze(robot, log, replicates=10)
-    for found in (analysis, prune(robot, log, replicates=2)):
-        assert TURNED in found.nothing
-        assert any("elbow seems to have the wrong sign" in hint for hint in found.hints)
+    misread = structure.robot, replace(log, q=log.q * [1.0, -1.0])
+    analysis = analyze(*misread, replicates=10)
+    for found in (analysis, prune(*misread, replicates=2)):
+        assert "a column seems to have the wrong sign, unit or joint" in found.nothing
+        assert any("elbow seem to have the wrong sign" in hint for hint in found.hints)
         assert found.statement.startswith("Nothing is identifiable, because a column seems")
     rows = [v for m in analysis.models for v in m.verdicts]
     assert {v.verdict for v in rows} == {Class.NOT_IDENTIFIABLE}
-    assert all(TURNED in v.reason.lower() for v in rows)
+    assert diagnose(*misread, quick=True, forward=False).nothing
 
 
-def test_nothing_is_named_where_a_sign_is_said_to_be_wrong(misread):
-    found = diagnose(*misread, quick=True, forward=False)
-    assert found.effects == ()
-    assert found.statement.startswith("Nothing is named, because a column seems")
-    assert "elbow seems to have the wrong sign" in found.statement
-
-
-def test_a_torque_in_another_unit_takes_verdicts_back_and_a_late_one_does_not():
+def test_one_other_unit_of_all_torque_is_said_and_withholds_nothing():
+    """No linear model tells one unit of all columns from other masses than the file's."""
     structure, log = record("two-link", samples=900)
-    late = np.roll(log.tau, 8, 0)
-    for tau, withdrawn in ((1000.0 * log.tau, True), (late, False)):
-        found = analyze(structure.robot, replace(log, tau=tau), replicates=10)
-        assert len(found.hints) >= 1
-        assert bool(found.nothing) == withdrawn
+    found = analyze(structure.robot, replace(log, tau=1000.0 * log.tau), replicates=10)
+    assert "what the masses of the robot file ask for" in found.hints[0]
+    assert not found.nothing

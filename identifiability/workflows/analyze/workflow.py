@@ -136,7 +136,8 @@ def analyze(
             commanded = session.recordings.commanded
             share_, cad_prior = settle_prior(prior, cad_prior, commanded)
             session = session.follow_fitted(streams[0], base, estimator, cad_prior)
-            rows = session.weigh(session.open(), base, estimator)
+            session, opening = session.settle()
+            rows = session.weigh(opening, base, estimator)
             submodels = build_comparison(source.settle(commanded=commanded), rows.opening.structure)
             fitted = _fit(session, rows, submodels, cad_prior)
         settings = {

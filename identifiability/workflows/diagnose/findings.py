@@ -17,7 +17,6 @@ from identifiability.robot import Robot
 from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.problem import Alias, Setting
 from identifiability.workflows.diagnose.rows import Discrepancy, Gap
-from identifiability.workflows.gravity import Leaning
 
 #: Names that are said of what cannot be told apart.
 LISTED = 2
@@ -126,8 +125,6 @@ class NamedEffect:
         Whether it is a function without a name.
     nearest : tuple of str
         Of such a function: the likeliest names in its stead.
-    leaning : Leaning or None
-        Where gravity points, if it is a tilted base.
     """
 
     name: str
@@ -139,7 +136,6 @@ class NamedEffect:
     everywhere: bool = False
     unnamed: bool = False
     nearest: tuple[str, ...] = ()
-    leaning: Leaning | None = None
 
     @property
     def confirmed(self) -> bool:
@@ -252,9 +248,8 @@ class Findings(Setting):
         What seems to be wrong with robot file and logs, for the user to check.
     nothing : str
         Why nothing was looked for, for after "because"; empty where it was.
-    upright : Structure or None
-        What was diagnosed, with gravity as the file states it, where it was found elsewhere first
-        and `structure` is about that.
+    alternative : str
+        Under which other reading of the logs it was diagnosed, in a sentence; empty for none.
     """
 
     effects: tuple[NamedEffect, ...]
@@ -275,7 +270,7 @@ class Findings(Setting):
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()
     nothing: str = ""
-    upright: Structure | None = None
+    alternative: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -284,14 +279,9 @@ class Findings(Setting):
         return self.structure.robot
 
     @property
-    def diagnosed(self) -> Structure:
-        """The robot as its file has it, under the model that was diagnosed."""
-        return self.structure if self.upright is None else self.upright
-
-    @property
     def base(self) -> tuple[str, ...]:
         """Names of the effects of the model that was diagnosed."""
-        return self.diagnosed.model.names
+        return self.structure.model.names
 
     @cached_property
     def completed(self) -> Structure:

@@ -173,7 +173,7 @@ class Diagnosis(Result, Findings, Predicts):
         return {
             "schema": self.schema,
             "robot": self.completed.robot.identity,
-            "model": list(self.diagnosed.model.texts),
+            "model": list(self.structure.model.texts),
             **pick(self, "fixed", "statement", "hints", "seed"),
             "physical": self.fit.state_robot(self.physical),
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
@@ -190,6 +190,7 @@ class Diagnosis(Result, Findings, Predicts):
                 "fitted": list(given_paths(self.samples)),
                 "verified_logs": list(given_paths(self.validation)),
                 "left_out": [c.log for c in self.changes if c.whole],
+                "alternative": self.alternative,
             },
             "real_robot": None,  # for one release
             "forward": None if self.forward is None else _forward_row(self.forward),
@@ -240,7 +241,6 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
         "p_value": None,
         "unnamed": e.unnamed,
         "nearest": list(e.nearest),
-        **({} if e.leaning is None else {"gravity": e.leaning.to_dict()}),
         "or": list(e.alternatives),
         "confusable_with": [
             {"effect": r.family, "joint": r.place, "undecided": True}
@@ -261,7 +261,7 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
 def simulate_forward(d: Findings, rng: np.random.Generator) -> ForwardGap:
     """Return the gap in motion of a diagnosis, on the motion that verified it."""
     try:
-        before, after = (real_robot(d, s) for s in (d.diagnosed, d.completed))
+        before, after = (real_robot(d, s) for s in (d.structure, d.completed))
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
     return replace(compare_forward(before, after, d.validation, rng), nearest=after)

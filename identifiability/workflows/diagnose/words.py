@@ -37,8 +37,10 @@ def state(d: Findings) -> str:
 
 
 def headline(d: Findings) -> str:
-    """Return what changed, what is missing and how far the gap shrinks."""
-    return " ".join([*(c.statement for c in d.changes), _state_named(d)])
+    """Return the model, what changed, what is missing and how far the gap shrinks."""
+    model = d.alternative.partition(":")[0]
+    first = [f"{model}."] if model else []
+    return " ".join([*first, *(c.statement for c in d.changes), _state_named(d)])
 
 
 def _state_named(d: Findings) -> str:
@@ -93,9 +95,8 @@ def remarks(d: Findings) -> list[Note]:
 
 def _state_effect(e: NamedEffect) -> str:
     where = "" if e.joints == ("base",) else f" in {_where(e)}"
-    at = "" if e.leaning is None else f": gravity {e.leaning.text}"
     sure = f" (log odds {e.odds:.3g})" if np.isfinite(e.odds) else ""
-    return f"{e.called}{where}{_state_mass(e)}{at}{sure}"
+    return f"{e.called}{where}{_state_mass(e)}{sure}"
 
 
 def _capital(text: str) -> str:

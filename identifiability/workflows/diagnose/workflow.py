@@ -1,9 +1,8 @@
 """`diagnose`: find, name, add, verify; each stage can be called by itself.
 
-A large tilt of the base is found before all else, since about the file's direction of gravity it
-looks like much that it is not: the diagnosis is then of the model under the gravity that was found,
-and the tilt is the first of its names. A small one is a name like others; its direction is settled
-at the end.
+Another reading of the torque columns, or gravity far from the file's, is found before all else
+(`alternatives`), since under a wrong model much seems to be missing that is not: what is diagnosed
+is then the model that the fitted logs prefer.
 """
 
 from __future__ import annotations
@@ -14,14 +13,9 @@ from functools import partial
 import numpy as np
 
 from identifiability.effects import default_effects, find_families
-from identifiability.effects.gravity import TILTS, GravityTilt, horizontal_axes
 from identifiability.effects.measurement import CommandDelay
-from identifiability.effects.nominal import gravity_torque
-from identifiability.effects.registry import title_of
-from identifiability.estimation.estimate import estimate, find_estimator
-from identifiability.estimation.prediction import Prediction, predict
+from identifiability.estimation.estimate import find_estimator
 from identifiability.foundation.engines.mapping import Engine, Serial, one_thread
-from identifiability.foundation.names import BASE
 from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
@@ -35,14 +29,11 @@ from identifiability.regression.reduction import (
     free_again,
     unused_ladder,
 )
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.kinematics import shortest_turn
 from identifiability.workflows.analyze.fit import say_band
 from identifiability.workflows.diagnose.changes import find_change, leave_out, without_outliers
 from identifiability.workflows.diagnose.conclude import conclude
-from identifiability.workflows.diagnose.findings import NamedEffect, Placement
 from identifiability.workflows.diagnose.motion import (
     MOST_IN_ALL,
     MOST_SAMPLES,
@@ -62,9 +53,6 @@ from identifiability.workflows.diagnose.problem import (
     read_given,
 )
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
-from identifiability.workflows.diagnose.rows import Gap
-from identifiability.workflows.gravity import Leaning, find_leaning, settle_tilt
-from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.opening import (
     Logs,
     Opening,
@@ -165,16 +153,11 @@ def diagnose(
         weight = share_weight(near) if near else None
         given = session.follow_fitted(np.random.default_rng(seed), cad_weight=weight).recordings
         asked = _Asked(session, effects, known, streams[0], near, fixed is not False, seed)
-        found, opening, leaning = asked.look(given)
+        found, opening = asked.look(given)
         later = common_delay(found)
         if later and robot.servo is not None:
             given = given.acting_later(robot.servo, later)
-            found, opening, leaning = asked.look(given)
-        found = (
-            settle_named(found)
-            if leaning is None
-            else lead_with_tilt(found, session.structure, leaning, streams[0])
-        )
+            found, opening = asked.look(given)
         options = {
             "effects": "all" if effects is None else list(effects),
             "fixed": fixed if isinstance(fixed, bool) else known.words,
@@ -190,6 +173,7 @@ def diagnose(
         found = replace(
             found,
             nothing="" if found.fixed else opening.misread,
+            alternative="" if opening.alternative is None else opening.hints[0],
             hints=(*hints, *free_again(model), *unused_ladder(robot, model)),
             provenance=state_provenance(robot, used, seed, None, options),
         ).moved_by(given)
@@ -226,30 +210,31 @@ class _Asked:
     fixed: bool
     seed: int
 
-    def look(self, given: Recordings) -> tuple[Diagnosis, Opening, Leaning | None]:
-        """Name what is missing in recordings, under the gravity that they have."""
+    def look(self, given: Recordings) -> tuple[Diagnosis, Opening]:
+        """Name what is missing in recordings, under the model that the fitted ones prefer."""
         roles, robot = assign_roles(given.fitted, given.held_out), self.session.structure.robot
         session = replace(self.session, recordings=Recordings(roles.fit, roles.verify, given.hints))
         how = session.preparation if session.how.cutoff is None else session.how
         most = min(MOST_SAMPLES, MOST_IN_ALL // len(roles.fit))
-        opening = session.open("diagnosed", partial(prepare_rows, robot, how=how, most=most))
+        prepare = partial(prepare_rows, robot, how=how, most=most)
+        if self.fixed:
+            opening = session.open("diagnosed", prepare, seek=False)
+        else:
+            session, opening = session.settle("diagnosed", prepare)
+            logs = session.recordings
+            roles = replace(roles, fit=logs.fitted, verify=logs.held_out)
         if given.rolled is not None:
             both = ((opening.samples, roles.fit), (opening.validation, roles.verify))
             along = [along_rollouts(opening.structure, s, logs, given.values) for s, logs in both]
             opening = replace(opening, samples=along[0], validation=along[1])
         fit, verify = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
         require_signal(verify, "verified")
-        leaning = None
-        if not self.fixed:
-            leaning = find_leaning(MeasuredLogs(opening.structure, roles.fit, opening.samples))
-        if leaning is not None:
-            opening = opening.under(leaning.structure, roles.fit)
         session.say("building columns", 0.1)
         near = know_share(self.near, opening.structure, refitted=True) if self.near else None
         setting = Setting(
             structure=opening.structure,
             samples=tuple(fit),
-            known=near or self.known,
+            known=near or (self.known if self.fixed else know_nothing(opening.structure)),
             validation=tuple(verify),
             fixed=self.fixed,
             verified_on=roles.verified_on,
@@ -259,7 +244,7 @@ class _Asked:
         )
         # Values that are kept are those of the file, and a wrong scale or sign is an effect.
         asked = self if self.fixed or not opening.misread else replace(self, effects=())
-        return asked.name(setting), opening, leaning
+        return asked.name(setting), opening
 
     def name(self, setting: Setting) -> Diagnosis:
         """Name what is missing.
@@ -355,89 +340,3 @@ def common_delay(found: Diagnosis) -> float:
     }
     every = sorted(named.get(j, 0.0) for j in found.robot.motor_joints)
     return every[(len(every) - 1) // 2]
-
-
-def settle_named(found: Diagnosis) -> Diagnosis:
-    """Return a diagnosis that names a small tilt with gravity's direction in its model."""
-    if found.fixed or not any(e.name == GravityTilt.name for e in found.effects):
-        return found
-    model = found.model
-    others = Model(tuple(e for e in model.effects if e.name != GravityTilt.name))
-    known = Structure.of(found.structure.robot, others)
-    leaning = settle_tilt(known, found.samples)
-    if leaning is None:
-        return found
-    effects = tuple(
-        replace(e, leaning=leaning) if e.name == GravityTilt.name else e for e in found.effects
-    )
-    last = next(e for e in leaning.structure.model.effects if e.name == GravityTilt.name)
-    return replace(found, effects=effects, model=Model((*others.effects, last)))
-
-
-def lead_with_tilt(
-    found: Diagnosis,
-    upright: Structure,
-    leaning: Leaning,
-    rng: np.random.Generator,
-) -> Diagnosis:
-    """Return a diagnosis under the gravity that was found as one of the robot file's.
-
-    Parameters
-    ----------
-    found : Diagnosis
-        Of the model about that gravity.
-    upright : Structure
-        What was diagnosed, with gravity as the file states it.
-    leaning : Leaning
-    rng : numpy.random.Generator
-    """
-    fitted, unseen = _predict_both(upright, found.samples, found.validation)
-    gap = Gap(found.gap.rows, np.concatenate([unseen.residual, found.gap.residual], axis=2))
-    errors = gap.relative_error().tolist()
-    first = NamedEffect(
-        name=GravityTilt.name,
-        title=title_of(GravityTilt.name),
-        placements=(_place_tilt(found, upright, leaning),),
-        before=errors[0],
-        after=errors[1],
-        interval=gap.interval(0, 1, rng),
-        leaning=leaning,
-    )
-    return replace(
-        found,
-        upright=upright,
-        effects=(first, *found.effects),
-        gap=gap,
-        interval=gap.interval(0, -1, rng),
-        held_before=errors[0],
-        error_before=float(fitted.relative_error()[0]),
-    )
-
-
-def _predict_both(
-    structure: Structure, samples: tuple[Samples, ...], validation: tuple[Samples, ...]
-) -> tuple[Prediction, Prediction]:
-    """Return what a model predicts on the logs that it was fitted to, and on unseen ones."""
-    fitted = structure.regression(samples)
-    values = estimate(gather_information(fitted)).value[:, None]
-    return predict(fitted, values), predict(structure.regression(validation), values)
-
-
-def _place_tilt(found: Diagnosis, upright: Structure, leaning: Leaning) -> Placement:
-    """Return a tilt as two rotations of gravity about horizontal axes of the file."""
-    stated, turned = upright.robot, leaning.structure.robot
-    step = shortest_turn(stated.gravity, turned.gravity)
-    motion = found.samples[0].motion
-    added = gravity_torque(turned, motion, turned.gravity)
-    added = added - gravity_torque(stated, motion, stated.gravity)
-    values = np.array([axis @ step for axis in horizontal_axes(stated.gravity)])
-    return Placement(
-        place=BASE,
-        shape=float("nan"),
-        parameters=tuple(f"{BASE}.{kind}" for kind in TILTS),
-        units=("rad", "rad"),
-        values=values,
-        fitted=values,
-        errors=np.full(2, np.radians(leaning.sd)),
-        rms=float(np.sqrt(np.mean(added**2, axis=0)).max()),
-    )

@@ -40,14 +40,18 @@ class Oddities:
     misread: bool = False
 
 
-def find_oddities(logs: MeasuredLogs) -> Oddities:
-    """Return what is odd about logs, a sentence each; one explanation is enough."""
+def find_oddities(logs: MeasuredLogs, *, explained: bool = False) -> Oddities:
+    """Return what is odd about logs, a sentence each; one explanation is enough, if none is known.
+
+    What says that columns are misread is asked for all the same.
+    """
     beside = [
         text for c in CHECKS if c.does is Does.HINTS and not c.always for text in c.find(logs)
     ]
     # Torque that servos made of commands has no column that could be another one.
     commanded = any(map(of_commands, logs.recordings))
-    asked = [] if commanded else [c for c in CHECKS if c.does in (Does.MISREADS, Does.EXPLAINS)]
+    kinds = (Does.MISREADS,) if explained else (Does.MISREADS, Does.EXPLAINS)
+    asked = [] if commanded else [c for c in CHECKS if c.does in kinds]
     found = ((c, c.find(logs)) for c in asked)
     which, first = next((pair for pair in found if pair[1]), (None, ()))
     misread = which is not None and which.does is Does.MISREADS

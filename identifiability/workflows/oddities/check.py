@@ -8,10 +8,8 @@ from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
-import pinocchio as pin
 
-from identifiability.effects.nominal import gravity_torque, has_masses, load_model, rigid_torque
-from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.effects.nominal import gravity_torque, has_masses, rigid_torque
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -22,7 +20,6 @@ from identifiability.logs.repeats import Recording
 from identifiability.logs.signals import spread_windows
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
-from identifiability.robot.along import hold_weight
 
 # `MeasuredLogs`: what the finders of oddities look at: raw columns, and what the file predicts.
 
@@ -113,20 +110,6 @@ class MeasuredLogs:
     def gravity(self) -> Array:
         """The part of it that holds the weight, (N, n)."""
         return gravity_torque(self.robot, self.motion, self.robot.gravity)
-
-    @cached_property
-    def weight_error(self) -> Array:
-        """What it is off by, rms, where each body's weight is off by `body_share`, (n,)."""
-        motion = self.motion[:: max(1, len(self.motion) // FEW)]
-        known, square = load_model(self.robot), np.zeros(len(self.joints))
-        for k in range(1, known.njoints):
-            alone = known.copy()
-            alone.gravity.linear = self.robot.gravity
-            for other in range(1, known.njoints):
-                alone.inertias[other] = known.inertias[k] if other == k else pin.Inertia.Zero()
-            square += np.mean(hold_weight(self.robot, motion, alone) ** 2, 0)
-        error: Array = ESTIMATION_RULES.body_share * np.sqrt(square)
-        return error
 
     @cached_property
     def stated(self) -> Array:

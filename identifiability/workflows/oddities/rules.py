@@ -22,12 +22,6 @@ class Rules(RuleTable):
     speed_beyond: Annotated[
         float, "speeds beyond so many limits, or below the inverse square, by hand"
     ] = 10.0
-    time_ratio: Annotated[
-        float, "ratio of torque's factors of acceleration and weight, by hand"
-    ] = 400.0
-    factor_widest: Annotated[
-        float, "half of the widest interval of a factor of gravity, by hand"
-    ] = 0.25
     unit_factor: Annotated[float, "a file's masses are hardly wrong by so much, by hand"] = 5.0
     mixed_error: Annotated[
         float, "squares must fall to this share of the log's as it is, by hand"

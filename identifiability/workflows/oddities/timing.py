@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import reduce
 from itertools import pairwise
 
 import numpy as np
 import scipy
 
-from identifiability.foundation.linalg import RANK_TOLERANCE, ROUNDOFF
+from identifiability.foundation.linalg import RANK_TOLERANCE
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import format_number
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -24,21 +22,12 @@ from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.regression.structure import Structure
 from identifiability.workflows.oddities.check import Does, MeasuredLogs, check
 from identifiability.workflows.oddities.rules import RULES
-from identifiability.workflows.oddities.torque import measure_carried
 
 # Torque that is late, or early, beside its motion, and positions beside their velocities.
 #
-# The torque column of one joint, or of all, is moved against the unpruned model of the whole
-# robot, whose parameters are common to all joints; where a column is as it should be, it fits best
-# unmoved. A delay of all joints by less than a sample is found by the slope of the model's torque
-# (`measure_shift`), and tested against what is left from one stretch of time to the next.
+# A delay by a few samples is found by the slope of the model's torque, and tested against what is
+# left from one stretch of time to the next. A larger one is another model (`alternatives`).
 
-
-#: Longest delay that is looked for [s], and how many on each side.
-SIDES = 40
-
-#: Samples of a log that are looked at, and of which the regressor is made at a time.
-ENOUGH, CHUNK = 1000, 256
 
 #: Samples of a log by which it is measured, stretches of time between which it scatters, bytes that
 #: the columns may take, and columns beside the model's at each joint.
@@ -52,7 +41,7 @@ BESIDE = 5
     "late",
     Does.EXPLAINS,
     9,
-    says="Torque and motion seem to be apart in time: …",
+    says="Columns seem to be apart in time: …",
     means="Columns were recorded with different delays, or put together from different clocks; "
     "a millisecond at speed looks like friction or inertia.",
     do="Shift the columns by what is said, or log what was measured together. Of a base that "
@@ -60,106 +49,25 @@ BESIDE = 5
 )
 def find_late(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque or positions that are late or early, or none."""
-    said, parts = [], []
+    parts = []
     for recording, samples in zip(logs.recordings, logs.samples, strict=True):
-        found = measure_delay(logs, samples)
-        if found is None or not found.certain:
-            windows = [recording.rows(a, b) for a, b in signals.spread_windows(len(recording))]
-            position = measure_position(joint_log(logs.robot, windows[0]))
-            shift = None if position else measure_shift(logs.structure, samples)
-            for what, verb, other, own in (
-                ("positions", "are", "their velocities", position),
-                ("torque", "is", "the motion", shift),
-            ):
-                if own is None or not own.certain:
-                    continue
-                if own.joint < 0:
-                    parts.append(f"in {samples.name} {what} {verb} {own.text} beside {other}")
-                else:
-                    whose = f"the {what} of {logs.joints[own.joint]}"
-                    said.append(f"in {samples.name} {whose} {verb} {own.text} beside {other}")
-        else:
-            which = "all joints" if found.joint < 0 else logs.joints[found.joint]
-            said.append(
-                f"in {samples.name} the torque of {which} is {abs(found.delay)} samples "
-                f"({abs(found.delay) * found.step:.3g} s) {'late' if found.delay > 0 else 'early'}"
-            )
-    if not said and parts:
-        return (
-            f"Columns seem to be apart in time by a part of a sample: {', '.join(parts[:3])}. "
-            "Rows may hold what was read at different moments, or a velocity the difference to the "
-            "row before: shift the columns, or log what was measured together.",
-        )
-    if not said:
+        windows = [recording.rows(a, b) for a, b in signals.spread_windows(len(recording))]
+        position = measure_position(joint_log(logs.robot, windows[0]))
+        shift = None if position else measure_shift(logs.structure, samples)
+        for what, other, own in (
+            ("positions", "their velocities", position),
+            ("torque", "the motion", shift),
+        ):
+            if own is not None and own.certain:
+                whose = "all joints" if own.joint < 0 else logs.joints[own.joint]
+                parts.append(f"in {samples.name} {what} of {whose}, {own.text} beside {other}")
+    if not parts:
         return ()
     return (
-        f"Torque and motion seem to be apart in time: {', '.join(said[:3])}; moved back, they "
-        "agree far better. Check how the columns were put together, and shift them.",
+        f"Columns seem to be apart in time: {'; '.join(parts[:3])}. Rows may hold what was read at "
+        "different moments, or a velocity the difference to the row before: shift the columns, or "
+        "log what was measured together.",
     )
-
-
-@frozen
-class Delay:
-    """How the torque of a log fits its motion best.
-
-    Attributes
-    ----------
-    joint : int
-        Whose torque is moved; -1 for all.
-    delay : int [samples]
-        By which it is late.
-    step : float [s]
-    error, moved : float
-        Relative errors of the model where the columns are, and moved.
-    """
-
-    joint: int
-    delay: int
-    step: float
-    error: float
-    moved: float
-
-    @property
-    def certain(self) -> bool:
-        """Whether there is no other way to see it."""
-        far = self.moved < min(RULES.delay_left**0.5 * self.error, RULES.delay_left)
-        # No delay is looked for below this error of the log, unmoved.
-        return self.delay != 0 and far and self.error > 0.03
-
-
-def measure_delay(logs: MeasuredLogs, prepared: Prepared) -> Delay | None:
-    """Return the delay that explains most, or None where a log is too short to show any."""
-    samples = _consecutive(prepared)
-    if samples is None:
-        return None
-    kept = samples.motion.kept
-    dt = float(np.median(np.diff(samples.motion.t) / np.diff(kept)))
-    # Longest delay that is looked for [s], and how many on each side.
-    stride = max(1, round(0.3 / dt / SIDES))
-    reach = SIDES * stride
-    whole = np.flatnonzero(_gapless(kept, reach))
-    rows = whole[:: max(1, len(whole) // ENOUGH)]
-    structure = logs.structure
-    n = samples.tau.shape[1]
-    # Fewest rows for each column of the model, with which a delay is looked for.
-    # Fewest rows in all.
-    if len(rows) < max(100, 3.0 * len(structure.base.kept) / n):
-        return None
-    fit = _Fit(structure, samples, rows)
-    now = fit.errors(range(n), np.zeros(1, int))[0]
-    coarse = stride * np.arange(-SIDES, SIDES + 1)
-    best, at, who = now, 0, -1
-    for joint in (-1, *range(n)):
-        moved = range(n) if joint < 0 else (joint,)
-        left = fit.errors(moved, coarse)
-        k = int(coarse[np.argmin(left)])
-        if stride > 1 and left.min() < RULES.delay_left * now:
-            near = np.arange(max(k - stride, -reach), min(k + stride, reach) + 1)
-            left = fit.errors(moved, near)
-            k = int(near[np.argmin(left)])
-        if left.min() < best and abs(k) < reach:
-            best, at, who = float(left.min()), k, joint
-    return Delay(who, at, dt, float(now / fit.size) ** 0.5, float(best / fit.size) ** 0.5)
 
 
 @frozen
@@ -352,82 +260,6 @@ def _test_shift(slopes: Array, y: Array, known: Array, dt: float) -> Shift | Non
     return one if one.certain and not whole.certain else whole
 
 
-class _Fit:
-    """The unpruned model with an offset a joint, fitted to torque columns that are moved.
-
-    Parameters
-    ----------
-    structure : Structure
-    samples : Samples
-    rows : (m,) int
-        Samples that are fitted to.
-    """
-
-    def __init__(self, structure: Structure, samples: Samples, rows: np.ndarray) -> None:
-        tau, n = samples.tau, samples.tau.shape[1]
-        spread = tau.std(0)
-        self._tau = tau / np.where(spread > 0, spread, 1.0)
-        self._rows = rows
-        self._columns, self._A = _own_columns(structure, samples, rows, spread)
-        p = len(structure.base.kept) + n
-        gram = np.zeros((p, p))
-        for columns, A in zip(self._columns, self._A, strict=True):
-            gram[np.ix_(columns, columns)] += A.T @ A
-        length = np.sqrt(np.diag(gram))
-        unit = np.divide(1.0, length, out=np.zeros(p), where=length > 0)
-        square, V = np.linalg.eigh(unit[:, None] * gram * unit)
-        kept = square > ROUNDOFF * square[-1]
-        self._turn = unit[:, None] * V[:, kept] / np.sqrt(square[kept])
-        here = self._tau[rows]
-        self.size = float(((here - here.mean(0)) ** 2).sum())
-        self._parts = np.concatenate([self._fitted(a, here[:, [a]]) for a in range(n)])
-        self._squares = (here**2).sum(0)
-
-    def _fitted(self, a: int, T: Array) -> Array:
-        """Return the parts (s, u) of torques (m, s) at a joint that directions of the fit take."""
-        part: Array = (T.T @ self._A[a]) @ self._turn[self._columns[a]]
-        return part
-
-    def errors(self, moved: Sequence[int], shifts: np.ndarray) -> Array:
-        """Return the sums of squared errors, (k,), with columns taken so many samples later."""
-        others = [b for b in range(self._tau.shape[1]) if b not in moved]
-        fitted = np.repeat(self._parts[others].sum(0)[None], len(shifts), 0)
-        square = np.full(len(shifts), self._squares[others].sum())
-        for a in moved:
-            T = self._tau[self._rows[:, None] + shifts, a]
-            fitted += self._fitted(a, T)
-            square += (T**2).sum(0)
-        left: Array = np.maximum(square - (fitted**2).sum(1), 0.0)
-        return left
-
-
-def _own_columns(
-    structure: Structure, samples: Samples, rows: np.ndarray, spread: Array
-) -> tuple[list[np.ndarray], list[Array]]:
-    """Return the columns that each joint can see, its offset last, and their rows (m, v).
-
-    Of a robot with many joints all columns would fill the memory with zeros.
-    """
-    n, p = samples.tau.shape[1], len(structure.base.kept)
-    parts = []
-    for at in range(0, len(rows), CHUNK):
-        motion = samples.motion[rows[at : at + CHUNK]]
-        W = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
-        seen = [np.flatnonzero(W[:, a].any(0)) for a in range(n)]
-        parts.append([(columns, W[:, a][:, columns]) for a, columns in enumerate(seen)])
-    known = [reduce(np.union1d, (part[a][0] for part in parts)) for a in range(n)]
-    out = []
-    for a, columns in enumerate(known):
-        A = np.zeros((len(rows), len(columns) + 1))
-        for at, part in zip(range(0, len(rows), CHUNK), parts, strict=True):
-            own, W = part[a]
-            A[at : at + len(W), np.searchsorted(columns, own)] = W
-        A[:, :-1] /= spread[a] if spread[a] > 0 else np.inf
-        A[:, -1] = 1.0
-        out.append(A)
-    return [np.append(columns, p + a) for a, columns in enumerate(known)], out
-
-
 def _consecutive(prepared: Prepared) -> Samples | None:
     """Return samples that follow each other, undecimated."""
     if isinstance(prepared, Samples):
@@ -436,16 +268,7 @@ def _consecutive(prepared: Prepared) -> Samples | None:
     return next((replace(p, decimation=None) for p in middle.parts() if len(p.tau)), None)
 
 
-def _gapless(kept: np.ndarray, reach: int) -> np.ndarray:
-    """Return at which samples all within reach follow each other, (N,) bool."""
-    at = np.arange(len(kept))
-    inside = (at >= reach) & (at < len(kept) - reach)
-    low, high = np.clip(at - reach, 0, None), np.clip(at + reach, None, len(kept) - 1)
-    whole: np.ndarray = inside & (kept[high] - kept[low] == high - low)
-    return whole
-
-
-# Time in another unit: speeds and accelerations that contradict the file's limits and masses.
+# Time in another unit: speeds that contradict the file's limits, or too few samples.
 
 
 @check(
@@ -458,7 +281,7 @@ def _gapless(kept: np.ndarray, reach: int) -> np.ndarray:
 )
 def find_time_scale(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on time in another unit, or none."""
-    why = _by_limits(logs) or _by_inertia(logs) or _by_rate(logs)
+    why = _by_limits(logs) or _by_rate(logs)
     if not why:
         return ()
     return (f"The time may be in another unit than s: {why}. Check the column 't'.",)
@@ -478,23 +301,6 @@ def _by_limits(logs: MeasuredLogs) -> str:
             f"({logs.joints[k]} {speed[k]:.3g}, limit {limits[k]:.3g})"
         )
     return ""
-
-
-def _by_inertia(logs: MeasuredLogs) -> str:
-    """Compare the factor of weight with that of inertia, by the file's masses."""
-    carried = measure_carried(logs) if logs.weighs else []
-    sure = [c for c in carried if c.half < RULES.factor_widest * c.factor]
-    ratios = [c.moving / c.factor for c in sure if c.moving_half < RULES.factor_widest * c.moving]
-    if not ratios:
-        return ""
-    ratio = float(np.median(ratios))
-    if 1 / RULES.time_ratio < ratio < RULES.time_ratio:
-        return ""
-    return (
-        "against the masses of the robot file, inertia shows "
-        f"{format_number(ratio, 2)} times as strongly as weight, as if each second of the log "
-        f"lasted {1 / np.sqrt(ratio):.2g} s"
-    )
 
 
 def _by_rate(logs: MeasuredLogs) -> str:

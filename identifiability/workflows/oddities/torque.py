@@ -3,281 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import combinations
 
 import numpy as np
-from scipy.special import stdtrit
 
 from identifiability.foundation.errors import ClosureError, listing
-from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import ENDS, REACH, percent
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.commands import of_commands
 from identifiability.logs.gaps import smallest_change
-from identifiability.regression.mix_up import find_mix_up
 from identifiability.robot import Motion, complete_motion
 from identifiability.workflows.oddities.check import Does, MeasuredLogs, check, unexplained, without
 from identifiability.workflows.oddities.rules import RULES
-
-# At which joints the file's masses say what weight there is.
-
-
-def feel_weight(logs: MeasuredLogs) -> tuple[Array, np.ndarray]:
-    """Return the weight that each joint holds, and at which joints the file knows it, (n,) each.
-
-    There it is no small share of that of like joints, and what it is does not hang on how wrong
-    each mass is: of a gripper whose fingers hold each other up, or of an arm with counterweights,
-    the file knows the difference of two weights as little as its sign.
-    """
-    size, units = np.sqrt(np.mean(logs.gravity**2, 0)), np.array(logs.robot.torque_units)
-    most = np.array([size[units == u].max() for u in units])
-    sure = size > REACH * logs.weight_error
-    # Weight must be this share of the largest one among like joints.
-    felt: np.ndarray = (size > 0.05 * most) & sure & logs.measured
-    return size, felt
-
-
-# An "effort" that is no force: it does not carry the weight that the robot file puts on it.
-
-
-@check(
-    "no force",
-    Does.EXPLAINS,
-    8,
-    says="By the masses of the robot file, the torque does not carry the weight (…)",
-    means="A joint has to hold weight, and its torque column does not show it.",
-    do="Check what the column is. If a counterweight, spring or brake holds the load, say so "
-    "(a spring in the model, `locked` joints); else leave the joint out.",
-)
-def find_weightless(logs: MeasuredLogs) -> tuple[str, ...]:
-    """Return one sentence on joints whose torque does not carry the file's weight, or none."""
-    if not logs.weighs:
-        return ()
-    weight, felt = feel_weight(logs)
-    measured, units = np.sqrt(np.mean(logs.torque**2, 0)), logs.robot.torque_units
-    # Measured torque is too small if its size is this share of the weight that it has to
-    # hold.
-    light = (measured < 0.1 * weight) & felt
-    if not light.any():
-        return ()
-    said = [
-        f"{logs.joints[k]} has to hold {weight[k]:.3g} {units[k]} and shows {measured[k]:.2g}"
-        for k in np.flatnonzero(light)
-    ]
-    return (
-        f"By the masses of the robot file, the torque does not carry the weight ({listing(said, 4)}"
-        "): it may be no force at all (a current, a percentage, a command), in another unit, or a "
-        "counterweight, spring or brake holds the load; check the column, else the masses found "
-        "behind this joint are too small.",
-    )
-
-
-# How much of its weight the torque of each joint carries: none of it, half, all, or the opposite.
-#
-# Drivers that compensate gravity report what they add to it; torque before a gear is a fraction of
-# it. At each joint the measured torque is regressed on the torque that holds the file's masses,
-# beside what else they predict and what any drive adds.
-
-
-#: The factor is the nearest of these, if its interval lies nearer to it than to any other and is
-#: no wider than they lie apart.
-FACTORS: tuple[Tolerance, Tolerance, Tolerance, Tolerance] = (-1.0, 0.0, 0.5, 1.0)
-
-#: Samples on which models are compared.
-ENOUGH = 300
-
-#: Stretches by whose scatter an interval is found, and Student's quantile of as many.
-STRETCHES = 20
-QUANTILE = float(stdtrit(STRETCHES - 1, ENDS[1]))
-
-
-@frozen
-class Carried:
-    """How much of the file's weight the torque of a joint carries.
-
-    Attributes
-    ----------
-    joint : int
-    factor, half : float
-        With the half width of its 95 % interval.
-    moving, moving_half : float
-        The same of what the file's masses need to be moved; NaN where it does not show.
-    """
-
-    joint: int
-    factor: float
-    half: float
-    moving: float = np.nan
-    moving_half: float = np.nan
-
-    @property
-    def nearest(self) -> float:
-        """The one of `FACTORS` that it is, NaN if it may be several, or bodies are not the file's.
-
-        What moves the file's masses says whether they are there at all: a tool that the file does
-        not state, or a spring, carries weight of its own.
-        """
-        others = abs(self.moving) - self.moving_half > RULES.unit_factor
-        return np.nan if others else _nearest(self.factor, self.half)
-
-    @property
-    def moves(self) -> float:
-        """The same of what moves the masses."""
-        return _nearest(self.moving, self.moving_half)
-
-    @property
-    def is_half(self) -> bool:
-        """Whether all of it is half of what the masses ask for, as far as it shows."""
-        # No factor is named whose interval ends farther from it than this.
-        near = abs(self.factor - 0.5) - self.half <= 0.05
-        return near and self.nearest == 0.5 and (np.isnan(self.moves) or self.moves == 0.5)
-
-
-def _nearest(value: float, half: float) -> float:
-    if not half < RULES.factor_widest:
-        return np.nan
-    own = {min(FACTORS, key=lambda f: abs(f - x)) for x in (value - half, value + half)}
-    return own.pop() if len(own) == 1 else np.nan
-
-
-def measure_carried(logs: MeasuredLogs) -> list[Carried]:
-    """Return how much of the file's weight each joint's torque carries, where it has some."""
-    weight, found = logs.gravity, []
-    for k in np.flatnonzero(feel_weight(logs)[1]):
-        moving = logs.predicted[:, k] - weight[:, k]
-        own = np.column_stack([weight[:, k], moving, logs.ordinary(int(k))])
-        own, torque = own[logs.data[:, k]], logs.torque[logs.data[:, k], k]
-        value, half = regress(own, torque)
-        if not half[0] < RULES.factor_widest:  # weight that hardly varies is told from no offset
-            value, half = regress(own[:, [0, 1, 3, 4, 5]], torque)
-        if np.isfinite(half[0]):
-            found.append(Carried(int(k), value[0], half[0], value[1], half[1]))
-    return found
-
-
-def regress(X: Array, y: Array) -> tuple[Array, Array]:
-    """Return coefficients of y (N,) on columns (N, p), and half of their 95 % intervals.
-
-    By the scatter of the scores over stretches, which holds what successive samples share; NaN
-    where a column does not differ from the others.
-    """
-    length = np.linalg.norm(X, axis=0)
-    used = length > 0
-    A = X[:, used] / length[used]
-    square, V = np.linalg.eigh(A.T @ A)
-    good = square > ROUNDOFF * square[-1]
-    inverse = (V[:, good] / square[good]) @ V[:, good].T
-    value = inverse @ (A.T @ y)
-    scores = A * (y - A @ value)[:, None]
-    sums = np.stack([s.sum(0) for s in np.array_split(scores, STRETCHES)])
-    spread = inverse @ (sums.T @ sums) @ inverse * STRETCHES / (STRETCHES - 1)
-    lost = (V[:, ~good] ** 2).sum(1) > NEARLY
-    half = np.where(lost, np.nan, QUANTILE * np.sqrt(np.diag(spread)))
-    out, halves = np.full((2, len(length)), np.nan)
-    out[used], halves[used] = value / length[used], half / length[used]
-    return out, halves
-
-
-@check(
-    "another share of the weight",
-    Does.MISREADS,
-    5,
-    says="By the masses of the robot file, …",
-    means="The effort does not carry the robot's weight as it should: it lacks gravity, has the "
-    "other sign, or is that of the motor before its gear.",
-    do="The sentence has the line to write: `compensated = true`, `sign = -1`, or `side = "
-    '"motor"` with `ratio`, under `[torque]` in the sidecar. Where the column is right, '
-    "`gain = 1` there says so.",
-)
-def find_gravity(logs: MeasuredLogs) -> tuple[str, ...]:
-    """Return one sentence on torque that does not carry the file's weight as it should, or none.
-
-    What the sidecar says of torque goes before: `compensated`, `sign`, `gain` and `ratio`.
-    """
-    torque = logs.robot.torque
-    if not logs.weighs or torque.compensated is not None:
-        return ()
-    carried = measure_carried(logs)
-    none = [c for c in carried if c.nearest == 0.0 and c.moves != 0.0]
-    # What the masses need to be moved shows that they are right; else the whole fit has to.
-    proved = bool(none) and all(c.moves == 1.0 for c in none)
-    if none and (proved or _lacks_weight(logs, [c.joint for c in none])):
-        return (_tell_compensated(logs, none, len(none) == len(carried)),)
-    opposite = [c for c in carried if c.nearest == -1.0]
-    if opposite and not torque.sign:
-        return (
-            f"By the masses of the robot file, {_listed(logs, opposite)}: the torque pulls "
-            "the wrong way. Its sign, the direction or zero of a joint, or gravity (a robot that "
-            "hangs from the ceiling) is another one: correct it ([torque] sign = -1 in the "
-            "sidecar, or gravity in the file; sign = 1 says that the torque is right).",
-        )
-    half = [c for c in carried if c.is_half]
-    told = [c for c in carried if np.isfinite(c.nearest)]
-    sure = len(half) == len(told) > 1 or any(_gear(logs, c.joint) != 1.0 for c in half)
-    if half and sure and not (torque.gain or torque.ratio):
-        return (
-            f"By the masses of the robot file, {_listed(logs, half)}, and the torque that "
-            'moves them no more: it looks like torque before a gear of 2 (side = "motor" under '
-            f"[torque] in the sidecar, with its ratio{_tell_gears(logs, half)}), or the file's "
-            "masses are twice too large (gain = 1 there says so).",
-        )
-    return ()
-
-
-def _lacks_weight(logs: MeasuredLogs, joints: list[int]) -> bool:
-    """Whether the unpruned model fits as well where some joints carry no weight, whatever it is."""
-    stride = max(1, len(logs.torque) // ENOUGH)
-    motion, tau = logs.motion[::stride], logs.torque[::stride]
-    structure, spread = logs.structure, tau.std(0)
-    if not (spread > 0).all():
-        return False
-    model, kept = structure.model, structure.base.kept
-    weightless = structure.robot.model.copy()
-    weightless.gravity.linear = np.zeros(3)
-    light = replace(structure.robot, model=weightless)
-    W = model.regressor(structure.robot, motion)
-    bare = W.copy()
-    # A tilt of the base is no parameter of what has no weight.
-    there = np.isin(structure.columns, [p.name for p in model.parameters(light)])
-    bare[:, joints] = 0.0
-    at = np.ix_(np.arange(len(bare)), np.asarray(joints), np.flatnonzero(there))
-    bare[at] = model.regressor(light, motion)[:, joints]
-    W, bare = W[:, :, kept], bare[:, :, kept]
-    given, lighter = (unexplained(x / spread[:, None], tau / spread) for x in (W, bare))
-    # How much worse one of two models may fit that is as good.
-    return lighter <= 1.1 * given
-
-
-def _tell_compensated(logs: MeasuredLogs, none: list[Carried], every: bool) -> str:
-    names = ", ".join(f'"{logs.joints[c.joint]}"' for c in none)
-    return (
-        f"By the masses of the robot file, {_listed(logs, none)}, although it moves them: the "
-        "effort is compensated for gravity, as some drivers report it, and no mass that is found "
-        f"stands. Say compensated = {'true' if every else f'[{names}]'} under [torque] in the "
-        "sidecar, and what holds the file's weight is added again; false, where a spring or a "
-        "counterweight that the file does not state holds it."
-    )
-
-
-def _listed(logs: MeasuredLogs, those: list[Carried]) -> str:
-    said = [f"{logs.joints[c.joint]} {c.factor:.2f} ± {c.half:.2f}" for c in those]
-    return f"the torque carries another share of the weight than all of it ({listing(said, 6)})"
-
-
-def _gear(logs: MeasuredLogs, joint: int) -> float:
-    """Return the gear that an MJCF states of a joint; 1 for none."""
-    entry = logs.robot.entries.get("actuator_force", {}).get(logs.joints[joint])
-    return abs(entry.factor) if entry else 1.0
-
-
-def _tell_gears(logs: MeasuredLogs, half: list[Carried]) -> str:
-    gears = [g for c in half if (g := _gear(logs, c.joint)) != 1.0]
-    return f"; the file states a gear of {gears[0]:g}" if gears else ""
-
 
 # Torque in another unit, or before a gear: its size beside what the robot file's masses ask for.
 #
@@ -298,7 +38,7 @@ UNITS = {"mN·m (or mN)": 1e3, "N·cm": 1e2, "N·mm": 1e3, "kN·m (or kN)": 1e-3
 
 @check(
     "torque in another unit",
-    Does.MISREADS,
+    Does.EXPLAINS,
     6,
     says="The measured torque … what the masses of the robot file ask for, …",
     means="The torque column is a current, a percentage, before the gear, or in another unit; "
@@ -307,93 +47,32 @@ UNITS = {"mN·m (or mN)": 1e3, "N·cm": 1e2, "N·mm": 1e3, "kN·m (or kN)": 1e-3
     "constant × ratio), or find it from a weighed load (`identifiability gain`).",
 )
 def find_torque_scale(logs: MeasuredLogs) -> tuple[str, ...]:
-    """Return one sentence on torque whose size contradicts the file's masses, or none.
+    """Return one sentence on torque of all joints whose size contradicts the file, or none.
 
-    Where it does at some joints alone, and bodies of other masses explain it as well as another
-    gain there does, these are what the logs say (`find_other_masses`).
+    What one joint alone contradicts is another model (`alternatives`), or bodies of other masses.
     """
     if not logs.weighs:
         return ()
-    factors, known, odd = _odd_factors(logs)
-    if odd.any() and odd.sum() < known.sum() and not _gain_explains(logs, odd, factors):
+    factors = measure_factors(logs)
+    share = factors[np.isfinite(factors)]
+    odd = np.abs(np.log(share)) > np.log(RULES.unit_factor)
+    # Factors of two joints do not differ by more than this.
+    apart = not odd.any() and len(share) > 1 and share.max() >= 8.0 * share.min()
+    if not len(share) or not (odd.all() or apart):
         return ()
-    if not odd.any():
-        some = factors[known]
-        # Factors of two joints do not differ by more than this.
-        if len(some) < 2 or some.max() < 8.0 * some.min():
-            return ()
-        odd = known
-    joints, share = logs.joints, factors[odd]
     middle = float(np.exp(np.median(np.log(share))))
     # Factors of all joints are one unit if they lie within this factor of their middle.
-    alike = bool((np.abs(np.log(share / middle)) < np.log(1.5)).all())
-    sizes = _multiple(share)
-    if odd.sum() == known.sum() and known.sum() > 1:
-        if alike:
-            return (
-                f"The measured torque is {sizes} what the masses of the robot file ask for, at "
-                f"all joints alike{_name_unit(middle)}: check its unit (N·m or N) and the file's "
-                "masses; a factor by joint can be stated in the sidecar ([torque]).",
-            )
+    if (np.abs(np.log(share / middle)) < np.log(1.5)).all():
         return (
-            f"The measured torque is {sizes} what the masses of the robot file ask for, by another "
-            "factor at each joint: it looks like motor currents, percent, or torque before the "
-            f"gears; {REMEDY}",
+            f"The measured torque is {_multiple(share)} what the masses of the robot file ask for, "
+            f"at all joints alike{_name_unit(middle)}: check its unit (N·m or N) and the file's "
+            "masses; a factor by joint can be stated in the sidecar ([torque]).",
         )
-    which = listing([joints[k] for k in np.flatnonzero(odd)], 6)
     return (
-        f"The measured torque of {which} is {sizes} what the masses of the robot file ask for, "
-        f"{'not so at the other joints' if known.sum() > odd.sum() else 'the only one that shows'}"
-        ": check unit and gain of the column (current, percent, before the gear?), or the file's "
-        "masses.",
+        f"The measured torque is {_multiple(share)} what the masses of the robot file ask for, by "
+        "another factor at each joint: it looks like motor currents, percent, or torque before the "
+        f"gears; {REMEDY}",
     )
-
-
-@check(
-    "other masses",
-    Does.EXPLAINS,
-    7,
-    says="The measured torque of … what the masses of the robot file ask for, and bodies of "
-    "other masses explain it better …",
-    means="The robot carries something that its file does not state, and the column is right.",
-    do="Put the tool or load into the robot file. Values are fitted to what moved all the same.",
-)
-def find_other_masses(logs: MeasuredLogs) -> tuple[str, ...]:
-    """Return one sentence on joints that carry bodies of quite other masses than the file's."""
-    if not logs.weighs:
-        return ()
-    factors, known, odd = _odd_factors(logs)
-    if not odd.any() or odd.sum() == known.sum() or _gain_explains(logs, odd, factors):
-        return ()
-    which = listing([logs.joints[k] for k in np.flatnonzero(odd)], 6)
-    return (
-        f"The measured torque of {which} is {_multiple(factors[odd])} what the masses of the robot "
-        "file ask for, and bodies of other masses explain it better than another gain of the "
-        "column: state what the robot carries (a tool, a load) in the file.",
-    )
-
-
-def _odd_factors(logs: MeasuredLogs) -> tuple[Array, np.ndarray, np.ndarray]:
-    """Return the factors of joints, which are known, and which are those of another unit."""
-    factors = measure_factors(logs)
-    known = np.isfinite(factors)
-    return factors, known, known & (np.abs(np.log(factors)) > np.log(RULES.unit_factor))
-
-
-def _gain_explains(logs: MeasuredLogs, odd: np.ndarray, factors: Array) -> bool:
-    """Return whether the unpruned model fits better if torque at odd joints had another gain."""
-    spread = logs.torque.std(0)
-    if not (spread > 0).all():
-        return True
-    structure, data = logs.structure, logs.data
-    W = structure.model.regressor(structure.robot, logs.motion)[:, :, structure.base.kept]
-    W, tau = W * data[:, :, None], logs.torque * data
-    gain = np.where(odd, factors, 1.0)
-    given, other = (
-        unexplained(W * g[:, None] / spread[:, None], tau / spread)
-        for g in (np.ones(len(gain)), gain)
-    )
-    return other < given
 
 
 def measure_factors(logs: MeasuredLogs) -> Array:
@@ -527,7 +206,7 @@ def flat_share(x: Array) -> float:
 #
 # Where the unpruned model explains a log badly, it is fitted to the same samples as if two joints
 # had exchanged their positions, or positions and torque, or one were given with the other sign or
-# in degrees. What `regression.mix_up` finds in the torque columns alone is left to it.
+# in degrees. What `workflows.alternatives` finds in the torque columns alone is left to it.
 
 
 #: Samples that are looked at, and joints beyond which only neighbours are tried.
@@ -643,24 +322,3 @@ def _error(regressor: Callable[..., Array | None], tau: Array, change: _Change) 
         return 0.0
     W = regressor(change.order, change.factor)
     return np.inf if W is None else unexplained(W / spread[:, None], tau / spread)
-
-
-# Torque columns that are exchanged or have the wrong sign (`regression.mix_up`).
-
-
-@check(
-    "exchanged or turned torque",
-    Does.MISREADS,
-    3,
-    says="The torque columns seem to be exchanged: …",
-    means="Two torque columns are exchanged, or one has the other sign: friction or rotor "
-    "inertia would come out negative.",
-    do="`--map OLD=NEW` for columns, `[torque] sign = -1` in the sidecar for a sign.",
-)
-def find_turned_torque(logs: MeasuredLogs) -> tuple[str, ...]:
-    """Return one sentence on torque columns that are mixed up, or none."""
-    structure = logs.structure
-    if logs.robot.base is not None:  # whose rows are no columns, but combinations of them
-        return ()
-    regression = structure.regression(logs.samples)
-    return tuple(filter(None, [find_mix_up(regression, structure.base.nonnegative)]))

@@ -155,7 +155,8 @@ def prune(
             commanded = session.recordings.commanded
             share_, cad_prior = settle_prior(prior, cad_prior, commanded)
             session = session.follow_fitted(streams[0], base, estimator, cad_prior)
-            rows = session.weigh(session.open("pruned"), base, estimator)
+            session, opening = session.settle("pruned")
+            rows = session.weigh(opening, base, estimator)
             question = _ask(session, rows, source.entry)
             search = _walk(session, rows, question, forbid, force)
             selected, physical = _choose(question, search, cad_prior)
@@ -186,7 +187,8 @@ def prune(
         }
         known = {"method": base.name, "seed": seed, "source": source, "settings": settings}
         found = _tell(session, rows, question, search, selected, measured, stability, known)
-        told = filter(None, (contradicted, *found.hints, thinned))
+        first = 2 * (rows.opening.alternative is not None)  # under what all is said
+        told = filter(None, (*found.hints[:first], contradicted, *found.hints[first:], thinned))
         return replace(found, hints=(*told, *unused_ladder(robot, ladder)))
 
 
@@ -264,14 +266,15 @@ def _walk(
 def _hint(session: Session, rows: Weighed, measured: Measured) -> tuple[str, ...]:
     """Return what seems to be wrong with robot file, logs and their cut-off."""
     result, opening = measured.result, rows.opening
-    joints = session.structure.robot.joints
+    joints, first = session.structure.robot.joints, 2 * (opening.alternative is not None)
     said = (
+        *opening.hints[:first],
         *state_foreign(measured),
         *state_disagreement(measured),
         rows.burst,
         state_weak(result),
         state_mounting(session.structure.robot, result.verdicts),
-        *opening.hints,
+        *opening.hints[first:],
         *check_cutoff(opening, session.recordings, session.how),
         compare_logs(joints, opening, rows.information, result).hint,
     )

@@ -1,0 +1,529 @@
+"""Alternatives of the model itself: under a wrong one everything else seems to be missing.
+
+Torque columns may be exchanged, turned, late or in another unit, a driver may have taken gravity
+out of them, a base may stand otherwise than its file says. Each is the model of the same base
+parameters along other rows, or under other gravity. What fits to all rows leave proposes; what
+decides is the evidence of the rows under broad priors, and their prediction in folds, of each of
+them beside the same noise and the same smooth functions, so that what is missing anyway cannot
+vote. Held-out logs choose none, and masses of the file neither: one unit of all columns is none of
+these, since a linear model cannot tell it from other masses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import cached_property
+from itertools import combinations, product
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import minimize
+
+from identifiability.effects import find_families
+from identifiability.effects.gravity import GravityTilt, horizontal_axes
+from identifiability.effects.inertia import ActuatorInertia
+from identifiability.effects.nominal import gravity_torque
+from identifiability.effects.transmission import Hysteresis
+from identifiability.estimation.groups import Excerpt, Missing, with_reversals
+from identifiability.estimation.mixed_model import Products, rich_noise
+from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns
+from identifiability.foundation.linalg import NEARLY
+from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import percent
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
+from identifiability.logs import Log
+from identifiability.logs.commands import of_commands
+from identifiability.logs.prepare import Samples
+from identifiability.regression.columns import list_candidates
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot, complete_motion
+from identifiability.workflows.oddities import MeasuredLogs
+from identifiability.workflows.rules import RULES
+
+#: Rows that are looked at, of more so many windows of so many; numbers that columns may be.
+ROWS, NUMBERS = (2000, 8, 250), 8_000_000
+#: Alternatives that are judged, and folds by which they are.
+JUDGED, FOLDS = 3, 10
+#: Units of one joint's torque beside the others', delays [s], and how many about one are tried.
+UNITS: tuple[Tolerance, ...] = (1e-3, 1e-2, 0.1, 10.0, 1e2, 1e3)
+DELAYS: tuple[Tolerance, ...] = (0.02, 0.05, 0.1, 0.2)
+NEAR = 17
+#: Rounds in which fits weigh joints by what they leave; directions of gravity from which the best
+#: is sought, by so many fits each.
+ROUNDS, STARTS, STEPS = 3, 3, 40
+#: How far about a direction another one is sought [rad], at first and at last.
+WIDTHS: tuple[Tolerance, Tolerance] = (0.3, 0.03)
+#: Directions of gravity that are nearer than this [°] are one.
+SAME: Tolerance = 5.0
+#: Logs of what is left by which one alternative is as good as another.
+EVEN: Tolerance = 0.02
+#: Columns that add less than this share of their squares to others are none.
+RIDGE: Tolerance = 1e-9
+#: Most directions of what may be missing at a joint, and rows for each of them.
+SMOOTH = (60, 6)
+#: Sizes of smooth functions that are tried, relative to the torque of their joint.
+SIZES: tuple[Tolerance, ...] = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
+
+
+@frozen
+class Alternative:
+    """Another reading of the torque columns, or another gravity.
+
+    Attributes
+    ----------
+    says, remedy : str
+        What is otherwise, and what to do.
+    order : (n,) int
+        Column of the log that is the torque of each joint.
+    factor : (n,)
+        By which this is multiplied.
+    late : (n,) [s]
+        By how much it is late.
+    lacks : (n,) bool
+        Whether weight was taken out of it; read otherwise it has that of the file's masses.
+    gravity : (3,) [m/s²]
+        In the file's world.
+    free : int
+        How many numbers of it were fitted.
+    nats, error : float
+        By how much the log evidence of the rows rises, less ½ ln N for each number [Schwarz 1978],
+        and to which share the error in folds falls.
+    """
+
+    says: str
+    remedy: str
+    order: np.ndarray
+    factor: Array
+    late: Array
+    lacks: np.ndarray
+    gravity: Array
+    free: int = 0
+    nats: float = 0.0
+    error: float = 1.0
+
+    @property
+    def statement(self) -> str:
+        """What is otherwise, what speaks for it, and the remedy."""
+        less = percent(1.0 - self.error, 2)
+        return (
+            f"{self.says}: read so, the model errs by {less} less on motion that was not fitted "
+            f"({self.nats:.3g} nats). {self.remedy}."
+        )
+
+    @property
+    def keeps_columns(self) -> bool:
+        """Whether the columns are read as they are given, and gravity alone is another."""
+        same = (self.order == np.arange(len(self.order))) & (self.factor == 1.0)
+        return bool((same & (self.late == 0.0) & ~self.lacks).all())
+
+    @property
+    def apart(self) -> Alternative | None:
+        """Whether a column has another unit, the joint as if it had next to nothing in common.
+
+        What is missing there is explained so, too, and of a unit nothing is known then.
+        """
+        f = np.abs(self.factor)
+        return None if (f == 1.0).all() else replace(self, factor=self.factor * f)
+
+    def structure(self, given: Structure) -> Structure:
+        """Return the model under its gravity: a direction is a tilt about it, which is fitted."""
+        robot, g = given.robot, self.gravity
+        if np.allclose(g, robot.gravity):
+            return given
+        if not g.any():
+            return Structure.of(weightless(robot), given.model)
+        return Structure.of(robot, given.model + GravityTilt(g))
+
+    def read(self, log: Log, robot: Robot) -> Log:
+        """Return a log with torque columns as they are meant."""
+        columns = zip(self.order.tolist(), self.late.tolist(), strict=True)
+        tau = [np.interp(log.t + by, log.t, log.tau[:, k]) for k, by in columns]
+        still = np.zeros(log.q.shape)
+        motion = complete_motion(robot, log.t, log.q, still, still)
+        weight = self.lacks * gravity_torque(robot, motion, robot.gravity)
+        return replace(log, tau=np.column_stack(tau) * self.factor + weight)
+
+
+def weightless(robot: Robot) -> Robot:
+    """Return a robot whose torque holds no weight."""
+    model = robot.model.copy()
+    model.gravity.linear = np.zeros(3)
+    return replace(robot, model=model)
+
+
+def find_alternative(logs: MeasuredLogs) -> Alternative | None:
+    """Return the alternative of the model that fitted rows surely prefer, if there is one."""
+    if logs.robot.base is not None or any(map(of_commands, logs.recordings)):
+        return None
+    rows = _Rows(logs)
+    if not rows.enough:
+        return None
+    given, least = rows.fit(rows.plain), RULES.alternative_error
+    found: list[tuple[float, Alternative]] = []
+    for a in rows.propose():
+        left = rows.fit(a)
+        if (np.exp(2 * left)).sum() <= least**2 * np.exp(2 * given).sum():
+            found.append((round(float((given - left).sum()) / EVEN), a))
+    # Of what is as good the first is taken.
+    first = sorted((x for x in found if x[0] > 0), key=lambda x: -x[0])[:JUDGED]
+    judged = [rows.refine(a) for _, a in first]
+    if not judged:
+        return None
+    rivals = {k: x for k, a in enumerate(judged) if (x := a.apart) is not None}
+    (before, plain), *others = rows.judge([rows.plain, *judged, *rivals.values()])
+    n = len(judged)
+    least_odds = np.full(n, before)
+    least_odds[list(rivals)] = [max(before, nats) for nats, _ in others[n:]]
+    price = 0.5 * np.log(rows.data.sum())
+    odds = np.array([x - price * a.free for a, (x, _) in zip(judged, others, strict=False)])
+    best = int(np.argmax(odds > odds.max() - 1.0))
+    nats, error = float(odds[best] - least_odds[best]), float(np.sqrt(others[best][1] / plain))
+    told = nats >= RULES.alternative_nats and error <= least
+    return replace(judged[best], nats=nats, error=error) if told else None
+
+
+class _Rows:
+    """Rows of the fitted logs, of which columns are known under any gravity.
+
+    Where a joint dwells they are there as well: of a column that is another joint's they are data.
+    """
+
+    def __init__(self, logs: MeasuredLogs) -> None:
+        self.structure, self.robot, self.weighs = logs.structure, logs.robot, logs.weighs
+        n, b = len(logs.joints), len(self.structure.base.kept)
+        most = max(min(ROWS[0], NUMBERS // (4 * n * max(b, 1))), ROWS[1])
+        self._most = most, ROWS[1], most // ROWS[1]
+        some = [s for s in logs.samples if isinstance(s, Samples) and s.dwells is not None]
+        moving = [replace(s, dwells=None) if s in some else s for s in logs.samples]
+        self.samples = tuple(moving)
+        self.seen = self._look(self.robot)
+        self.data = self.seen.data
+        if some:
+            self.data = Excerpt.of(self.structure.regression(logs.samples), self._most).data
+        #: What makes columns (N, n, b) of these parts: 1, and gravity where there is any.
+        self.parts = self.seen.X[..., None]
+        g, size = self.robot.gravity, float(np.linalg.norm(self.robot.gravity))
+        if size and "rigid_body" in self.structure.model.names:
+            away = np.where(g > 0, -size, size)  # with the given one they tell what has no weight
+            X = np.stack([self._look(self.robot.turned(a)).X for a in np.diag(away)], 3)
+            bare = (self.seen.X - X @ (g / away))[..., None] / (1.0 - (g / away).sum())
+            self.parts = np.concatenate([bare, (X - bare) / away], 3)
+        same = np.arange(n), np.ones(n), np.zeros(n), np.zeros(n, bool)
+        self.plain = Alternative("", "", *same, g)
+        self._moved = {0.0: self.seen.y}
+        #: Of the log [s].
+        self.step = float(np.median(np.diff(self.seen.pieces[0].motion.t)))
+
+    def _look(self, robot: Robot) -> Excerpt:
+        structure = replace(self.structure, robot=robot)
+        return Excerpt.of(structure.regression(self.samples), self._most)
+
+    @cached_property
+    def variation(self) -> Array:
+        """Mean square of each column of torque about its mean, (n,)."""
+        own = [y[data] for y, data in zip(self.seen.y.T, self.data.T, strict=True)]
+        return np.array([y.var() if len(y) else 0.0 for y in own])
+
+    @property
+    def enough(self) -> bool:
+        """Whether they can tell anything."""
+        return bool(self.data.sum() >= 2 * self.parts.shape[2] and (self.variation > 0).all())
+
+    def propose(self) -> Iterator[Alternative]:
+        """Yield all alternatives but for what the sidecar says of torque."""
+        names, n, said = self.robot.joints, len(self.robot.joints), self.robot.torque
+        one, plain = np.eye(n, dtype=bool), self.plain
+        if self.parts.shape[3] > 1 and said.compensated is None:
+            what = "The effort{} seems to be compensated for gravity"
+            do = "Say compensated = {} under [torque] in the sidecar"
+            bare = replace(plain, says=what.format(""), remedy=do.format("true"))
+            yield replace(bare, gravity=np.zeros(3))
+            for name, own in zip(names, one, strict=True) if self.weighs else ():
+                says, remedy = what.format(f" of {name}"), do.format(f'["{name}"]')
+                yield replace(plain, says=says, remedy=remedy, lacks=own)
+        do = "Correct the log or the map of its columns"
+        for i, j in combinations(range(n), 2):
+            order = plain.order.copy()
+            order[[i, j]] = j, i
+            what = f"The torque columns of {names[i]} and {names[j]} seem to be exchanged"
+            yield replace(plain, says=what, remedy=do, order=order)
+        some = [(f"The torque of {name}", own) for name, own in zip(names, one, strict=True)]
+        every = [*some, ("The torque of all joints", np.ones(n, bool))]
+        for who, own in () if said.sign else every:
+            do = "Correct its sign in the log, or say sign = -1 under [torque] in the sidecar"
+            what, factor = f"{who} seems to have the wrong sign", np.where(own, -1.0, 1.0)
+            yield replace(plain, says=what, remedy=do, factor=factor)
+        for unit, (who, own) in product(() if said.gain or n < 2 else UNITS, some):
+            do, factor = "Correct its unit in the log", np.where(own, 1.0 / unit, 1.0)
+            yield replace(plain, says=who, remedy=do, factor=factor)
+        steps = {round(way * by / self.step) for by in DELAYS for way in (-1, 1)} - {0}
+        delays = [self.step * k for k in sorted(steps)]
+        for by, (who, own) in product(delays, every):
+            do, late = "Shift the column in the log", np.where(own, by, 0.0)
+            yield replace(plain, says=who, remedy=do, late=late)
+        if self.parts.shape[3] > 1:
+            yield from self._directions()
+
+    def refine(self, a: Alternative) -> Alternative:
+        """Return an alternative with the delay, the unit or the direction that fits best."""
+        late = float(a.late[np.argmax(np.abs(a.late))])
+        scale = float(a.factor[np.argmax(np.abs(np.log(np.abs(a.factor))))])
+        tried = [a]
+        if late:
+            near = np.unique(np.round(np.linspace(0.5, 1.5, NEAR) * late / self.step)) * self.step
+            tried += [replace(a, late=np.where(a.late, by, 0.0)) for by in near]
+            tried = [replace(x, free=1) for x in tried]
+        elif a.gravity is not self.plain.gravity and a.gravity.any():
+            unit = a.gravity / np.linalg.norm(a.gravity)
+            near = self._turn(unit, WIDTHS[1], lambda left: float(left.sum()))
+            tried = [replace(a, gravity=self._along(near).gravity, free=2)]
+        elif abs(scale) != 1.0:
+            near = np.geomspace(0.3, 3.0, NEAR) * scale
+            tried += [replace(a, factor=np.where(a.factor == 1.0, 1.0, f)) for f in near]
+        left = [float(self.fit(x).sum()) for x in tried]
+        best = tried[int(np.argmin(left)) if min(left) < left[0] - EVEN else 0]
+        return replace(best, says=self._state(best))
+
+    def _state(self, a: Alternative) -> str:
+        """Return how late or large a column is, or where gravity points, if that is otherwise."""
+        tilt = self.robot.turned(a.gravity).tilt
+        if a.gravity is not self.plain.gravity and a.gravity.any() and tilt is not None:
+            return f"Gravity {tilt.text}"
+        late, scale = a.late[np.argmax(np.abs(a.late))], a.factor[a.factor != 1.0]
+        if late:
+            way = "late" if late > 0 else "early"
+            return f"{a.says} seems to be {1e3 * abs(late):.3g} ms {way}"
+        if scale.size and scale[0] != -1.0:
+            return f"{a.says} is {1.0 / scale[0]:.2g} times as large as its model's"
+        return a.says
+
+    def _along(self, direction: Array) -> Alternative:
+        size = float(np.linalg.norm(self.robot.gravity))
+        return replace(self.plain, gravity=size * direction / np.linalg.norm(direction))
+
+    def _turn(self, start: Array, width: float, aim: Callable[[Array], float]) -> Array:
+        """Return the direction of gravity about another whose fit leaves least."""
+        axes = np.column_stack(horizontal_axes(start))
+        simplex = width * np.vstack([np.zeros(2), np.eye(2)])
+        how = {"maxfev": STEPS, "initial_simplex": simplex, "fatol": NEARLY, "xatol": NEARLY}
+        found = minimize(
+            lambda x: aim(self.fit(self._along(start + axes @ x))),
+            simplex[0],
+            method="Nelder-Mead",
+            options=how,
+        )
+        turned = start + axes @ found.x
+        return np.asarray(turned / np.linalg.norm(turned))
+
+    def _directions(self) -> Iterator[Alternative]:
+        """Yield directions of gravity far from the file's that fits lead to."""
+
+        def squares(left: Array) -> float:  # wide where logs of them are narrow
+            return float(np.log(np.exp(2.0 * left).sum()))
+
+        up = self.robot.gravity / np.linalg.norm(self.robot.gravity)
+        world = np.column_stack([*horizontal_axes(up), up])
+        every = [world @ d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)]
+        tried = [squares(self.fit(self._along(d))) for d in every]
+        known, apart = [up], [RULES.tilt_large]
+        for k in np.argsort(tried)[:STARTS]:
+            d = self._turn(every[k] / np.linalg.norm(every[k]), WIDTHS[0], squares)
+            if all(d @ x < np.cos(np.radians(a)) for x, a in zip(known, apart, strict=True)):
+                known.append(d)
+                apart.append(SAME)
+                yield replace(self._along(d), remedy="Write it into the robot file, or export it")
+
+    # What fits to all rows leave of each column of the log.
+
+    def _weights(self, gravity: Array) -> Array:
+        """Return by what parts are multiplied, (1 or 4,)."""
+        return np.append(1.0, gravity)[: self.parts.shape[3]]
+
+    @cached_property
+    def _flat(self) -> Array:
+        own = np.where(self.data[:, :, None, None], self.parts, 0.0)
+        return np.transpose(own, (1, 0, 3, 2)).reshape(own.shape[1], len(own), -1)
+
+    @cached_property
+    def _grams(self) -> Array:
+        """Products of the parts of each joint, (n, 4, b, 4, b)."""
+        b, k = self.parts.shape[2:]
+        return (np.swapaxes(self._flat, 1, 2) @ self._flat).reshape(-1, k, b, k, b)
+
+    @cached_property
+    def _crosses(self) -> Array:
+        """Products of them with each column of torque, (n, n, 4, b)."""
+        b, k = self.parts.shape[2:]
+        found = np.swapaxes(np.swapaxes(self._flat, 1, 2) @ self.seen.y, 1, 2)
+        return found.reshape(*found.shape[:2], k, b)
+
+    @cached_property
+    def _given(self) -> Array:
+        return self._under(self.plain.gravity)
+
+    def _under(self, gravity: Array) -> Array:
+        w = self._weights(gravity)
+        found: Array = np.einsum("a,japbq,b->jpq", w, self._grams, w, optimize=True)
+        return found
+
+    def moved(self, column: int, by: float) -> Array:
+        """Return a column of torque (N,) as it is some time later, moved before any low-pass."""
+        if by not in self._moved:
+            parts = []
+            for piece in self.seen.pieces:
+                t = piece.motion.t
+                t = np.interp(np.linspace(0, len(t) - 1, len(piece.tau)), np.arange(len(t)), t)
+                tau = np.column_stack([np.interp(t + by, t, x) for x in piece.tau.T])
+                parts.append(replace(piece, tau=tau).torque)
+            self._moved[by] = np.concatenate(parts)[self.seen.seen]
+        return self._moved[by][:, column]
+
+    def fit(self, a: Alternative) -> Array:
+        """Return logs of what is left of each column of the log over its own scale, (n,).
+
+        Friction and rotor inertia are not negative; joints are weighed by what is left of them.
+        """
+        w, n, f = self._weights(a.gravity), len(a.order), 1.0 / a.factor
+        A = self._given if a.gravity is self.plain.gravity else self._under(a.gravity)
+        h = np.einsum("a,jap->jp", w, self._crosses[np.arange(n), a.order])
+        if a.lacks.any():
+            bare = self._grams[:, 0, :, 0], self._crosses[np.arange(n), a.order, 0]
+            A = np.where(a.lacks[:, None, None], bare[0], A)
+            h = np.where(a.lacks[:, None], bare[1], h)
+        square = np.einsum("nj,nj->j", self.data, self.seen.y[:, a.order] ** 2)
+        for j in np.flatnonzero(a.late).tolist():
+            y = self.data[:, j] * self.moved(int(a.order[j]), float(a.late[j]))
+            h[j], square[j] = (self.parts[:, j] @ w).T @ y, y @ y
+        A, h = A * (f**2)[:, None, None], h * f[:, None]
+        scale = self.variation[a.order] * np.maximum(self.data.sum(0), 1)
+        weight = 1.0 / scale
+        for _ in range(ROUNDS):
+            G, g = np.einsum("j,jpq->pq", weight, A), weight @ h
+            x = _solve(G, g, self.structure.base.nonnegative)
+            left = np.maximum(square - 2.0 * h @ x + (A @ x) @ x, RIDGE * scale)
+            weight = 1.0 / left
+        logs: Array = 0.5 * np.log(left / scale)[np.argsort(a.order)]
+        return logs
+
+    # The judge.
+
+    @cached_property
+    def _smooth(self) -> list[Array]:
+        """What may be missing at each joint, (N, q): functions, lagging friction, inertia."""
+        some = Hysteresis.name, ActuatorInertia.name
+        families = [f for f in find_families(None) if f.unnamed or f.name in some]
+        motions, present = [piece.motion for piece in self.seen.pieces], self.structure.present
+        listed, _ = list_candidates(self.robot, families, present, motions, fixed=False)
+        missing = Missing(with_reversals(self.robot, listed, present), self.seen)
+        unit = np.linalg.norm(self.seen.y, axis=0)
+        most, out = min(len(self.seen.y) // SMOOTH[1], SMOOTH[0]), []
+        for j, acting in enumerate(missing.acting):
+            Z = np.stack([missing.entries[j, k] / missing.scale[k] for k in acting.tolist()], 1)
+            U, size, _ = np.linalg.svd(Z / unit[j], full_matrices=False)
+            out.append(U[:, :most] * size[:most])
+        return out
+
+    def _columns(self, a: Alternative, joint: int) -> Array:
+        """Return columns (N, b) of the torque of a joint as the log has it."""
+        own: Array = self.parts[:, joint] @ self._weights(a.gravity * (not a.lacks[joint]))
+        own /= a.factor[joint]
+        return own
+
+    def judge(self, judged: Sequence[Alternative]) -> list[tuple[float, float]]:
+        """Return log evidence, and squares of what folds err, of models beside one noise."""
+        joints = [np.argsort(a.order).tolist() for a in judged]
+        none = ~self.data & (self.seen.y == 0.0)  # nobody measured it
+        data = np.logical_and.reduce([self.data[:, own] for own in joints]) & ~none
+        runs, noise = JointRuns.of(self.seen.runs.each[0], data), []
+        for c, stretches in enumerate(runs.each):
+            X = np.hstack([self._columns(a, own[c]) for a, own in zip(judged, joints, strict=True)])
+            blocks = [X[:, X.any(0)], self._smooth[joints[0][c]]]
+            own = rich_noise(blocks, self.seen.y[:, c], stretches)
+            exact = JointNoise(np.empty(0), NEARLY * float(np.sqrt(self.variation[c])))
+            noise.append(own if np.isfinite(own.sigma) else exact)
+        return [self._judge(a, tuple(noise), runs, data) for a in judged]
+
+    def _judge(
+        self, a: Alternative, noise: ARNoise, runs: JointRuns, data: np.ndarray
+    ) -> tuple[float, float]:
+        n, b = len(a.order), self.parts.shape[2]
+        rows: list[Array] = [np.empty((0, 0))] * n
+        size = np.zeros(b)
+        for j, c in enumerate(a.order.tolist()):
+            X, y = self._columns(a, j), self.moved(c, float(a.late[j]))
+            own = np.column_stack([X, self._smooth[j], y]) * data[:, [c]]
+            length = float(np.linalg.norm(own[:, -1])) or 1.0
+            size += (own[:, :b] ** 2).sum(0) / length**2
+            own[:, b:-1] *= length
+            rows[c] = own
+        for own in rows:
+            own[:, :b] /= np.where(size > 0, np.sqrt(size), 1.0)
+        edges = np.ceil(np.linspace(0, len(data), FOLDS + 1)).astype(int).tolist()
+        every = [np.arange(own.shape[1]) for own in rows]
+        plain = (JointNoise(np.empty(0), 1.0),) * n
+        white, raw = (Products.of(every, rows, e, runs, edges).values for e in (noise, plain))
+        nonnegative = self.structure.base.nonnegative
+        acts = size > 0
+        whole = [v.sum(0) for v in white]
+        each = [_evidence(whole, acts, nonnegative, s) for s in SIZES]
+        best = int(np.argmax([nats for nats, _ in each]))
+        squares = 0.0
+        for f in range(FOLDS):
+            _, values = _evidence([v.sum(0) - v[f] for v in white], acts, nonnegative, SIZES[best])
+            error = [x @ v[f] @ x for x, v in zip(values, raw, strict=True)]
+            squares += float(np.sum(error / self.variation))
+        return each[best][0], squares
+
+
+def _evidence(
+    products: Sequence[Array], acts: np.ndarray, nonnegative: np.ndarray, size: float
+) -> tuple[float, list[Array]]:
+    """Return the log evidence of rows, and of each joint what multiplies its rows to what is left.
+
+    Columns have values of unit variance beforehand, smooth functions those of a size; these act in
+    one joint each. A column that would be negative is left out.
+
+    Parameters
+    ----------
+    products : sequence of (k, k)
+        Of whitened rows ``[X Z y]`` of each joint.
+    acts, nonnegative : (b,) bool
+    size : float
+    """
+    b, nats, parts = len(acts), 0.0, []
+    S = np.zeros((b + 1, b + 1))
+    for G in products:
+        own, smooth = [*range(b), len(G) - 1], slice(b, len(G) - 1)
+        q = len(G) - 1 - b
+        L = cho_factor(G[smooth, smooth] + np.eye(q) / size**2, lower=True)
+        part = cho_solve(L, G[smooth][:, own])
+        S += G[np.ix_(own, own)] - G[own, smooth] @ part
+        nats -= q * np.log(size) + np.log(np.diag(L[0])).sum()
+        parts.append(part)
+    kept = acts.copy()
+    while True:
+        at = np.flatnonzero(kept)
+        L, x = cho_factor(S[np.ix_(at, at)] + np.eye(len(at)), lower=True), np.zeros(b)
+        x[at] = cho_solve(L, S[at, b])
+        if not ((x < 0) & nonnegative).any():
+            break
+        kept &= ~((x < 0) & nonnegative)
+    nats += 0.5 * float(x @ S[:b, b] - S[b, b]) - np.log(np.diag(L[0])).sum()
+    left = [np.concatenate([-x, part[:, :b] @ x - part[:, b], [1.0]]) for part in parts]
+    return float(nats), left
+
+
+def _solve(G: Array, g: Array, nonnegative: np.ndarray) -> Array:
+    """Return the solution (b,) of normal equations, without columns that would be negative."""
+    size = np.sqrt(np.maximum(np.diag(G), 1e-300))
+    G, g = G / np.outer(size, size), g / size
+    kept = np.diag(G) > RIDGE
+    while True:
+        at, x = np.flatnonzero(kept), np.zeros(len(g))
+        x[at] = np.linalg.solve(G[np.ix_(at, at)] + RIDGE * np.eye(len(at)), g[at])
+        if not ((x < 0) & nonnegative).any():
+            found: Array = x / size
+            return found
+        kept &= ~((x < 0) & nonnegative)

@@ -1,0 +1,215 @@
+"""Under a wrong model everything seems to be missing: other ones of the same torque come first."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability import analyze, prune
+from identifiability.effects.gravity import horizontal_axes
+from identifiability.effects.nominal import gravity_torque
+from identifiability.logs.logfile import LogFile
+from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot, complete_motion
+from identifiability.robot.description import Tilt
+from identifiability.robot.kinematics import turn
+from identifiability.simulation import Campaign, Noise, random_trajectory, simulate
+from identifiability.workflows.alternatives import _evidence, find_alternative
+from identifiability.workflows.diagnose import diagnose
+from identifiability.workflows.oddities import MeasuredLogs
+
+MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+
+
+def record(name, seed=1, masses=1.0, **noise):
+    """Return a robot, and a log of one whose masses are so many times the file's."""
+    robot, rng = Robot.load(name), np.random.default_rng(seed)
+    bodies = {n: masses * x for n, x in robot.nominal.items() if n.split(".")[0] in robot.bodies}
+    truth = robot.with_values(bodies)
+    noise = Noise(**{"additive": 0.02, "correlation": 0.9, "encoder": 1e-5, **noise})
+    return robot, simulate(truth, random_trajectory(truth, rng, samples=600), noise=noise, rng=rng)
+
+
+def known(robot, *logs):
+    how = settle_cutoff(robot, logs, None)
+    samples = tuple(prepare_samples(robot, log, how) for log in logs)
+    return MeasuredLogs(Structure.of(robot, MODEL), logs, samples)
+
+
+def look(robot, *logs):
+    return find_alternative(known(robot, *logs))
+
+
+def one(joint, value, n=6):
+    return np.where(np.arange(n) == joint, value, 1.0)
+
+
+def weight(robot, log):
+    motion = complete_motion(robot, log.t, log.q, 0 * log.q, 0 * log.q)
+    return gravity_torque(robot, motion, robot.gravity)
+
+
+def otherwise_stated(robot, gravity):
+    """Return a robot whose file states another gravity."""
+    model = robot.model.copy()
+    model.gravity.linear = gravity
+    return replace(robot, model=model)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return record("six-dof-arm")
+
+
+@pytest.mark.parametrize("joint", [0, 3, 5])
+@pytest.mark.parametrize(
+    ("factor", "says"), [(-1.0, "seems to have the wrong sign"), (1e-3, "is 0.00"), (20.0, "is ")]
+)
+def test_a_torque_of_another_sign_or_unit_is_found(arm, joint, factor, says):
+    robot, log = arm
+    wrong = replace(log, tau=one(joint, factor) * log.tau)
+    found = look(robot, wrong)
+    assert found.says.startswith(f"The torque of {log.joints[joint]} {says}")
+    given = Structure.of(robot, MODEL)
+    np.testing.assert_allclose(found.read(wrong, robot).tau, log.tau, rtol=0.3)
+    assert found.structure(given) is given
+    assert not found.keeps_columns
+
+
+@pytest.mark.parametrize("first", [0, 4])
+def test_exchanged_torque_is_found(arm, first):
+    robot, log = arm
+    order = np.arange(6)
+    order[[first, first + 1]] = first + 1, first
+    found = look(robot, replace(log, tau=log.tau[:, order]))
+    assert found.order.tolist() == order.tolist()
+
+
+@pytest.mark.parametrize("name", ["two-link", "six-dof-arm"])
+@pytest.mark.parametrize("masses", [1.0, 3.0])
+def test_effort_without_weight_is_found_whatever_masses_the_file_has(name, masses):
+    robot, log = record(name, masses=masses)
+    truth = robot.with_values({n: masses * x for n, x in robot.nominal.items()})
+    found = look(robot, replace(log, tau=log.tau - weight(truth, log)))
+    assert not found.gravity.any()
+    assert not found.structure(Structure.of(robot, MODEL)).robot.gravity.any()
+
+
+@pytest.mark.parametrize("masses", [1.0, 1.3])
+def test_weight_that_one_joint_lacks_is_found_and_the_file_s_is_added(masses):
+    robot, log = record("six-dof-arm", masses=masses)
+    truth = robot.with_values({n: masses * x for n, x in robot.nominal.items()})
+    light = replace(log, tau=log.tau - (np.arange(6) == 1) * weight(truth, log))
+    found = look(robot, light)
+    assert np.flatnonzero(found.lacks).tolist() == [1]
+    assert 'Say compensated = ["joint_2"]' in found.remedy
+    added = found.read(light, robot).tau - light.tau
+    np.testing.assert_allclose(added[:, 1], weight(robot, log)[:, 1])
+
+
+@pytest.mark.parametrize(("joint", "samples"), [(1, 4), (4, -3), (2, 10)])
+def test_a_late_torque_is_found_to_a_sample(arm, joint, samples):
+    robot, log = arm
+    tau = log.tau.copy()
+    tau[:, joint] = np.roll(tau[:, joint], samples)
+    found = look(robot, replace(log, tau=tau))
+    assert np.flatnonzero(found.late).tolist() == [joint]
+    assert found.late[joint] == pytest.approx(samples * np.median(np.diff(log.t)), rel=0.3)
+    assert ("late" if samples > 0 else "early") in found.says
+
+
+@pytest.mark.parametrize("degrees", [30.0, 90.0, 180.0])
+@pytest.mark.parametrize("masses", [1.0, 2.0])
+def test_gravity_elsewhere_is_found_whatever_masses_the_file_has(degrees, masses):
+    robot, log = record("six-dof-arm", masses=masses)
+    first, second = horizontal_axes(robot.gravity)
+    stated = turn(robot.gravity, np.radians(degrees) * (0.6 * first + 0.8 * second))
+    found = look(otherwise_stated(robot, stated), log)
+    assert Tilt.of(robot.gravity, found.gravity).degrees < 2.0
+    assert found.keeps_columns
+    structure = found.structure(Structure.of(robot, MODEL))
+    assert structure.model.names == (*MODEL.names, "gravity_tilt")
+
+
+@pytest.mark.parametrize("masses", [1.0, 3.0, 1 / 3, 10.0])
+@pytest.mark.parametrize("name", ["two-link", "six-dof-arm", "3-rps"])
+def test_no_other_model_is_chosen_where_masses_alone_are_the_file_s_no_more(name, masses):
+    for seed in range(6 if masses == 1.0 else 2):
+        robot, log = record(name, seed=10 + seed, masses=masses, additive=0.05, correlation=0.95)
+        assert look(robot, log) is None
+
+
+@pytest.mark.parametrize("name", ["3-rps", "six-dof-arm"])
+@pytest.mark.parametrize("effect", ["stribeck_friction", "hysteresis", "position_friction"])
+def test_what_is_missing_anyway_votes_for_no_other_model(name, effect):
+    robot, rng = Robot.load(name), np.random.default_rng(3)
+    campaign = Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(2)])
+    assert look(robot, *campaign.logs((effect,), Noise(additive=0.012), rng)) is None
+
+
+def test_the_evidence_is_that_of_the_gaussian_model():
+    rng = np.random.default_rng(0)
+    X, Z, y = rng.standard_normal((40, 3)), rng.standard_normal((40, 2)), rng.standard_normal(40)
+    rows = np.column_stack([X, Z, y])
+    every = np.ones(3, bool)
+    nats, (left,) = _evidence([rows.T @ rows], every, ~every, 0.5)
+    C = np.eye(40) + X @ X.T + 0.25 * Z @ Z.T
+    assert nats == pytest.approx(-0.5 * (y @ np.linalg.solve(C, y) + np.linalg.slogdet(C)[1]))
+    np.testing.assert_allclose(rows @ left, np.linalg.solve(C, y), atol=1e-12)
+    kept = X[:, 1:]
+    less, (left,) = _evidence([rows.T @ rows], every, np.array([True, False, False]), 0.5)
+    if left[0] == 0.0:
+        C = np.eye(40) + kept @ kept.T + 0.25 * Z @ Z.T
+    assert less == pytest.approx(-0.5 * (y @ np.linalg.solve(C, y) + np.linalg.slogdet(C)[1]))
+
+
+@pytest.fixture(scope="module")
+def turned():
+    """The two-link arm, and two logs whose second torque has the wrong sign."""
+    robot, log = record("two-link")
+    logs = log, record("two-link", seed=2)[1]
+    return robot, [replace(x, tau=x.tau * [1.0, -1.0]) for x in logs], logs
+
+
+def test_every_verb_goes_on_under_the_other_model_and_says_so_first(turned):
+    robot, logs, good = turned
+    for verb in (analyze, prune):
+        found, plain = (verb(robot, *x, replicates=20) for x in (logs, good))
+        assert found.hints[0].startswith("The torque of elbow seems to have the wrong sign")
+        assert found.hints[1] == "All that follows is said under that reading."
+        assert not found.nothing
+        assert found.chosen.error_ra_validation == pytest.approx(
+            plain.chosen.error_ra_validation, rel=1e-6
+        )
+
+
+def test_it_is_diagnosed_under_the_other_model_and_held_out_logs_do_not_choose(turned):
+    robot, logs, good = turned
+    found = diagnose(robot, *logs, quick=True)
+    assert found.hints[0] == found.alternative
+    assert "elbow seems to have the wrong sign" in found.alternative
+    assert found.to_dict()["roles"]["alternative"] == found.alternative
+    assert found.held_before < 0.2
+    assert not diagnose(robot, good[0], logs[1], quick=True).alternative
+    assert not diagnose(robot, *logs, quick=True, fixed=True).alternative
+
+
+def test_columns_of_files_that_stay_files_are_said_and_not_read_otherwise(turned, tmp_path):
+    robot, logs, _ = turned
+    path = tmp_path / "long.csv"
+    logs[0].to_frame().to_csv(path, index=False)
+    long = LogFile.read(path)
+    found = analyze(robot, long, replicates=0)
+    assert "elbow seems to have the wrong sign" in found.hints[0]
+    assert not any("under that reading" in hint for hint in found.hints)
+
+
+def test_a_file_of_placeholder_masses_is_diagnosed_as_any_other():
+    robot, log = record("six-dof-arm", masses=0.1)
+    found = diagnose(robot, log, record("six-dof-arm", seed=2, masses=0.1)[1], quick=True)
+    assert not found.nothing
+    assert not found.alternative
+    assert found.evidence
