@@ -30,10 +30,9 @@ from identifiability.report.torque import (
     velocity_units,
 )
 from identifiability.workflows.answers import level_table, sentence
-from identifiability.workflows.diagnose.findings import Curve
+from identifiability.workflows.diagnose.findings import PLACES, Curve, remarks
 from identifiability.workflows.diagnose.forward import ForwardGap
-from identifiability.workflows.diagnose.result import PLACES, Diagnosis
-from identifiability.workflows.diagnose.words import remarks
+from identifiability.workflows.diagnose.result import Diagnosis
 
 # What a diagnosis answers first: what is missing, what it explains, what is left, what next.
 

@@ -51,9 +51,17 @@ from identifiability.workflows.commands import (
     source_name,
 )
 from identifiability.workflows.diagnose.changes import table_changes
-from identifiability.workflows.diagnose.findings import Findings, NamedEffect, Odds, call
+from identifiability.workflows.diagnose.findings import (
+    PLACES,
+    Findings,
+    NamedEffect,
+    Odds,
+    call,
+    headline,
+    state,
+    state_remainder,
+)
 from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
-from identifiability.workflows.diagnose.words import headline, state, state_remainder
 from identifiability.workflows.predict import Fit, Predicts, settled
 from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 from identifiability.workflows.session import weigh_rows
@@ -293,9 +301,6 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
         ),
     ]
 
-
-#: Places of an effect that the first line lists.
-PLACES = 3
 
 ODDS = "Log odds for it on the fitted motion, all that was asked counted [nat]."
 
