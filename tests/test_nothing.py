@@ -217,7 +217,7 @@ def test_families_that_the_model_has_leave_nothing_to_name(arm, tmp_path):
     asked = ["viscous_friction", "coulomb_friction"]
     out = diagnose("two-link", arm(""), effects=asked)
     assert out.statement.startswith(
-        "Nothing was left to name: viscous_friction and coulomb_friction (the model has it already)"
+        "Nothing was left to name: viscous_friction (the model has it already) and"
     )
     assert "No effect can be named" not in out.statement
     assert {r["family"] for r in out.to_dict()["not_applicable"]} == set(asked)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -21,9 +21,6 @@ from identifiability.physical.cad_prior import state_rows
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.predict import Fit, Predicts, read_fit
-
-if TYPE_CHECKING:
-    from identifiability.workflows.diagnose.changes import Change
 
 #: Decimals that count where shares and sizes are compared: those beyond are another processor's
 #: rounding, and of what ties the first comes first, in the order of candidates and parameters.
@@ -49,7 +46,7 @@ class Setting:
         Unseen motion, in words: it was not fitted.
     preparation : Preparation
         How logs were turned into motion, with one cut-off.
-    changes : tuple of Change
+    changes : tuple of changes.Change
         What changed in the middle of fitted logs: what was logged meanwhile was left out.
     commanded : bool
         Whether torque is what servos made of commands.
@@ -63,7 +60,7 @@ class Setting:
     seed: int = 0
     verified_on: str = ""
     preparation: Preparation = Preparation()
-    changes: tuple[Change, ...] = ()
+    changes: tuple[Any, ...] = ()
     commanded: bool = False
 
 
