@@ -22,6 +22,7 @@ class Rules(RuleTable):
     tilt_large: Annotated[
         float, "a larger tilt is sought first: 1 − cos 15° = 3 % of weight [°], derived"
     ] = 15.0
+    gain_off: Annotated[float, "share by which gains are said to be off, by hand"] = 0.02
     grows: Annotated[float, "an error is said that is so many times the usual, by hand"] = 1.5
 
 
