@@ -56,6 +56,7 @@ class Verbs(Mapping[str, Any]):
 GONE = {
     "batch": "identifiability analyze --each FOLDER --each FOLDER --out RESULTS",
     "convert": "identifiability new FOLDER --robot table.toml",
+    "gain": "identifiability payload ROBOT EMPTY.csv LOADED.csv --mass KG --centre X,Y,Z",
 }
 
 

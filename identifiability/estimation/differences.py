@@ -33,6 +33,7 @@ from identifiability.estimation.mixed_model import (
 )
 from identifiability.estimation.noise import JointNoise, JointRuns
 from identifiability.estimation.rules import Thresholds
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -264,8 +265,6 @@ class LogRows:
         Which log a row is of, and which was taken off it; −1 where none was.
     causes, off : tuple of Cause
         Along the logs, and along those taken off.
-    seen : Excerpt or None
-        What the rows are, where none was taken off.
     """
 
     X: Array
@@ -276,7 +275,6 @@ class LogRows:
     less: np.ndarray
     causes: tuple[Cause, ...]
     off: tuple[Cause, ...] = ()
-    seen: Excerpt | None = None
 
     @staticmethod
     def of(
@@ -292,7 +290,6 @@ class LogRows:
             log=seen.log + first,
             less=np.full(len(seen.log), -1),
             causes=find_causes(structure, seen, base, bodies),
-            seen=seen,
         )
 
     def take(self, at: np.ndarray, runs: JointRuns) -> LogRows:
@@ -302,7 +299,27 @@ class LogRows:
             for some in (self.causes, self.off)
         )
         own = {name: getattr(self, name)[at] for name in ("X", "y", "log", "less")}
-        return replace(self, **own, runs=runs, causes=causes, off=off, seen=None)
+        return replace(self, **own, runs=runs, causes=causes, off=off)
+
+    def of_joints(self, some: Sequence[int], factors: Array) -> LogRows:
+        """Return the rows of some joints, their torque times factors."""
+        at = {j: i for i, j in enumerate(some)}
+
+        def own(causes: tuple[Cause, ...]) -> tuple[Cause, ...]:
+            return tuple(
+                replace(c, torque={at[j]: x for j, x in c.torque.items() if j in at})
+                for c in causes
+            )
+
+        return replace(
+            self,
+            X=self.X[:, list(some)],
+            y=self.y[:, list(some)] * factors,
+            size=self.size[list(some)] * np.abs(factors),
+            runs=JointRuns(tuple(self.runs.each[j] for j in some)),
+            causes=own(self.causes),
+            off=own(self.off),
+        )
 
     def minus(self, other: LogRows) -> LogRows:
         """Return what these rows differ by from as many others."""
@@ -347,7 +364,6 @@ class LogRows:
             runs=JointRuns(tuple(map(tuple, runs))),
             causes=joined([p.causes for p in parts]),
             off=joined([p.off or silent(p) for p in parts]) if any(p.off for p in parts) else (),
-            seen=None,
         )
 
     def acting(self, cause: int, weights: Array) -> ByJoint:
@@ -362,40 +378,41 @@ class LogRows:
 
 @frozen
 class LogModel(MixedModel):
-    """A mixed model beside nuisances whose sizes are averaged over.
+    """A mixed model beside a nuisance whose size is averaged over.
 
     Attributes
     ----------
-    nuisances : tuple of (columns, sizes)
-        Fixed columns with a prior about zero, and the standard deviations that it may have.
+    nuisance : (d,) int
+        Fixed columns with a prior about zero.
+    drifts : tuple of float
+        Standard deviations that it may have.
     log : (B,) int
         Which log each block of rows is of.
     """
 
-    nuisances: tuple[tuple[np.ndarray, tuple[float, ...]], ...] = ()
+    nuisance: np.ndarray = field(default_factory=lambda: np.empty(0, int))
+    drifts: tuple[float, ...] = (1.0,)
     log: np.ndarray = field(default_factory=lambda: np.empty(0, int))
 
     def by_size(self, terms: Terms = ()) -> tuple[Array, list[MixedModel]]:
-        """Return the probability of each size of the nuisances, and the model with it."""
-        given = self.prior if self.prior.size else np.zeros((self.fixed, self.fixed))
+        """Return the probability of each size of the nuisance, and the model with it."""
         models, likely = [], []
-        for some in product(*(sizes for _, sizes in self.nuisances)):
-            prior, price = given.copy(), 0.0
-            for (columns, _), size in zip(self.nuisances, some, strict=True):
-                prior[columns, columns] += 1.0 / size**2
-                price += len(columns) * float(np.log(size))
+        for size in self.drifts:
+            prior = self.prior.copy()
+            prior[self.nuisance, self.nuisance] += 1.0 / size**2
             own = (self.products, self.fixed, self.groups, self.scale, prior, self.name, self.keep)
             models.append(MixedModel(*own, self.sizes))
-            likely.append(models[-1].solve(terms).log_likelihood - price)
+            likelihood = models[-1].solve(terms).log_likelihood
+            likely.append(likelihood - len(self.nuisance) * float(np.log(size)))
         return softmax(likely), models
 
-    def size_of(self, nuisance: int, terms: Terms) -> float:
-        """Return the size of a nuisance beside some terms, averaged."""
-        each = list(product(*(sizes for _, sizes in self.nuisances)))
-        return float(self.by_size(terms)[0] @ [some[nuisance] for some in each])
+    def drift(self, terms: Terms = ()) -> float:
+        """Return the size of the nuisance beside some terms, averaged; NaN without."""
+        weights, _ = self.by_size(terms)
+        return float(weights @ np.array(self.drifts)) if len(self.nuisance) else float("nan")
 
     def gains(self, terms: Terms = (), among: Sequence[Group] | None = None) -> list[Term]:
-        """Return further groups with their log odds, averaged over the sizes of nuisances."""
+        """Return further groups with their log odds, averaged over sizes of the nuisance."""
         asked = self.beside(terms) if among is None else list(among)
         weights, models = self.by_size(terms)
         found: dict[tuple[str, str], list[tuple[float, Term]]] = {g.key: [] for g in asked}
@@ -410,7 +427,7 @@ class LogModel(MixedModel):
         return sorted(out, key=lambda t: -t.odds)
 
     def values(self, terms: Terms = ()) -> tuple[np.ndarray, Array, Array]:
-        """Return columns, values and covariance, with what sizes of nuisances leave open."""
+        """Return columns, values and covariance, with what the size of the nuisance leaves open."""
         weights, models = self.by_size(terms)
         each = [m.solve(terms) for m in models]
         value = weights @ [s.value for s in each]
@@ -418,6 +435,20 @@ class LogModel(MixedModel):
         columns, scale = each[0].columns, self.scale[each[0].columns]
         spread = np.einsum("s,sij->ij", weights, apart)
         return columns, value / scale, spread / np.outer(scale, scale)
+
+    def widened(self, terms: Terms, at: np.ndarray) -> tuple[Array, Array]:
+        """Return some of the fixed values (k,) and their covariance, with the doubt of one more.
+
+        Every further group counts by its probability, with the shift that it would cause.
+        """
+        _, value, covariance = self.values(terms)
+        value, covariance = value[at], covariance[np.ix_(at, at)]
+        doubt = np.zeros_like(covariance)
+        for term, weight in self.alternatives(terms):
+            _, other, wider = self.values((*terms, term))
+            shift = other[at] - value
+            doubt += weight * (np.outer(shift, shift) + wider[np.ix_(at, at)] - covariance)
+        return value, covariance + doubt
 
     def of_logs(self, some: np.ndarray) -> LogModel:
         """Return the model of the rows of some logs alone."""
@@ -430,8 +461,8 @@ class Part:
 
     Attributes
     ----------
-    role : {"drift", "gain", "always", "may"}
-        Friction of one log, or gains, as nuisances; in every hypothesis; or what may differ.
+    role : {"drift", "always", "may"}
+        Friction of one log as a nuisance; in every hypothesis; or what may differ.
     cause, pattern : int
         Whose, and in which logs.
     torque : mapping
@@ -464,8 +495,6 @@ class Differences:
         Which logs a change may be in, the one that is asked about first.
     always : tuple of int
         Causes of the first pattern that are in every hypothesis, with values of any size.
-    gains : tuple of float
-        Standard deviations that gains of the first pattern may have as a nuisance.
     lacks : Missing or None
         What the model may lack in all logs alike.
     noise : tuple of JointNoise
@@ -479,7 +508,6 @@ class Differences:
     logs: int
     patterns: tuple[Array, ...]
     always: tuple[int, ...] = ()
-    gains: tuple[float, ...] = ()
     lacks: Missing | None = None
     noise: tuple[JointNoise, ...] = ()
     shared: float = 1.0
@@ -488,12 +516,10 @@ class Differences:
     def parts(self) -> tuple[Part, ...]:
         """Columns beside those of the model, nuisances first, then what is always there."""
         causes = list(enumerate(self.rows.causes))
-        gains = [k for k, c in causes if c.kind == "gain" and self.gains]
         logs, first = np.eye(self.logs), self.patterns[0]
         out = [self._part("drift", k, 0, own) for k, c in causes if c.relative for own in logs]
-        out += [self._part("gain", k, 0, first) for k in gains]
         out += [self._part("always", k, 0, first) for k in self.always]
-        known = {(k, 0) for k in (*gains, *self.always)}
+        known = {(k, 0) for k in self.always}
         out += [
             self._part("may", k, w, pattern)
             for w, pattern in enumerate(self.patterns)
@@ -550,26 +576,6 @@ class Differences:
         every = zip(self.parts, self.spans, strict=True)
         return np.concatenate([at for p, at in every if p.role == "always"])
 
-    def of_joint(self, joint: int) -> LogRows:
-        """Return the rows of one joint."""
-        rows = self.rows
-
-        def own(causes: tuple[Cause, ...]) -> tuple[Cause, ...]:
-            return tuple(
-                replace(c, torque={0: c.torque[joint]} if joint in c.torque else {}) for c in causes
-            )
-
-        return replace(
-            rows,
-            X=rows.X[:, [joint]],
-            y=rows.y[:, [joint]],
-            size=rows.size[[joint]],
-            runs=JointRuns((rows.runs.each[joint],)),
-            causes=own(rows.causes),
-            off=own(rows.off),
-            seen=None,
-        )
-
     @property
     def start(self) -> int:
         """Number of columns before those that the model may lack."""
@@ -624,7 +630,7 @@ class Differences:
         width = start + (0 if lacks is None else len(lacks.scale))
         X, y = rows.X @ known.directions, rows.y - rows.X @ known.base
         columns, blocks, noise = [], [], []
-        for j, runs in enumerate(rows.runs.each):
+        for j in range(len(rows.size)):
             acts: np.ndarray = np.flatnonzero(X[:, j].any(0))
             at, own = [acts], [X[:, j, acts]]
             apart: dict[str, list[Array]] = {}
@@ -641,9 +647,7 @@ class Differences:
             blocks.append(np.column_stack([*own, y[:, j]]))
             must = np.column_stack([own[0], *apart.pop("always", [])])
             random = [np.column_stack(x) for x in apart.values()]
-            noise.append(
-                self.noise[j] if self.noise else rich_noise([must, *random], y[:, j], runs)
-            )
+            noise.append(self._noise(j, [must, *random], y[:, j]))
         edges, log = self._edges()
         products = Products.of(columns, blocks, tuple(noise), rows.runs, edges)
         level = self._levels(products, edges) * self.shared
@@ -660,10 +664,13 @@ class Differences:
             *(x.scale for x in parts if x.role == "may"),
             *([] if lacks is None else [lacks.scale]),
         ])  # fmt: skip
+        is_drift = np.repeat([part.role == "drift" for part in parts], [len(x) for x in spans])
+        drift = p + np.flatnonzero(is_drift)
         prior = np.diag(np.concatenate([known.precision, np.zeros(fixed - p)]))
-        for part, at in zip(parts, spans, strict=True):
+        prior[range(fixed), range(fixed)] += np.where(diagonal > 0, 0.0, OPEN**-4)  # does not act
+        for part, span in zip(parts, spans, strict=True):
             if part.role == "always":  # next to nothing, so that what does not act is no value
-                prior[at, at] = (part.scale / OPEN) ** 2
+                prior[span, span] = (part.scale / OPEN) ** 2
         return LogModel(
             products=products,
             fixed=fixed,
@@ -671,9 +678,19 @@ class Differences:
             scale=scale,
             prior=prior,
             sizes=CHANGES,
-            nuisances=self._nuisances(),
+            nuisance=drift,
+            drifts=DRIFTS if len(drift) else (1.0,),
             log=log,
         )
+
+    def _noise(self, joint: int, blocks: Sequence[Array], y: Array) -> JointNoise:
+        """Return the noise of a joint beside columns; where there is none, that of rounding."""
+        if self.noise:
+            return self.noise[joint]
+        found = rich_noise(blocks, y, self.rows.runs.each[joint])
+        if np.isfinite(found.sigma) or not self.rows.size[joint]:
+            return found
+        return JointNoise(np.empty(0), ROUNDOFF * float(self.rows.size[joint]))
 
     def _levels(self, products: Products, edges: Sequence[int]) -> Array:
         """Return the noise variance of each joint (n,) in each log (B,), over that of all logs.
@@ -698,15 +715,6 @@ class Differences:
                     out[j, b] = max(float(values[b][-1, -1] - left @ left) / free, THIN)
         return out
 
-    def _nuisances(self) -> tuple[tuple[np.ndarray, tuple[float, ...]], ...]:
-        """Return columns of nuisances in units of their size, which is relative."""
-        out = []
-        for role, sizes in (("drift", DRIFTS), ("gain", self.gains)):
-            own = [at for part, at in zip(self.parts, self.spans, strict=True) if part.role == role]
-            if own:
-                out.append((np.concatenate(own), sizes))
-        return tuple(out)
-
 
 def tool_bodies(structure: Structure) -> tuple[str, ...]:
     """Return the bodies of a model on which a load is looked for: the last, or most loops' end."""
@@ -729,21 +737,20 @@ def find_lacks(structure: Structure, seen: Excerpt) -> Missing:
     return Missing(tuple(number(listed)), seen)
 
 
-def pooled_values(seen: Excerpt, M: Array, fixed: Array) -> Array:
+def pooled_values(X: Array, y: Array, M: Array, fixed: Array) -> Array:
     """Return base parameters (b,) that all rows together ask for, by plain least squares.
 
     Parameters
     ----------
-    seen : Excerpt
+    X, y : (N, n, b), (N, n)
     M, fixed : (b, k), (b,)
         Base parameters are ``fixed + M x``.
     """
-    size = np.sqrt(np.mean((seen.y - seen.y.mean(0)) ** 2, axis=0))
-    weight = 1.0 / np.where(size > 0, size, np.inf)[:, None]
-    rows = (seen.X @ M * weight).reshape(-1, M.shape[1])
-    aim = ((seen.y - seen.X @ fixed) * weight[:, 0]).ravel()
+    size = np.sqrt(np.mean((y - y.mean(0)) ** 2, axis=0))
+    weight = 1.0 / np.where(size > 0, size, np.inf)
+    rows = (X @ M * weight[:, None]).reshape(-1, M.shape[1])
+    aim = ((y - X @ fixed) * weight).ravel()
     length = np.linalg.norm(rows, axis=0)
     length = np.where(length > 0, length, 1.0)
-    found = np.linalg.lstsq(rows / length, aim, rcond=RIDGE)[0] / length
-    base: Array = fixed + M @ found
+    base: Array = fixed + M @ (np.linalg.lstsq(rows / length, aim, rcond=RIDGE)[0] / length)
     return base

@@ -656,7 +656,7 @@ def _compare_logs(
             f"{counts.min()} samples are too few to compare {len(submodel)} values; give longer or "
             "more logs, or a smaller model (--ladder)."
         )
-    base, bodies = pooled_values(seen, submodel.M, submodel.fixed), tool_bodies(structure)
+    base, bodies = pooled_values(seen.X, seen.y, submodel.M, submodel.fixed), tool_bodies(structure)
     own = [s.name for s in opening.samples]
     asked = np.repeat([0.0, 1.0], [len(first), len(second)])
     logs = np.arange(len(own))
@@ -730,7 +730,6 @@ def _conclude(
         for w, pattern in enumerate(found.patterns)
     ]
     lacks = [_what(found, t) for t in terms if not found.said[t.key][1][0]]
-    drift = np.sqrt(2.0) * model.size_of(0, terms) if model.nuisances else float("nan")
     return Comparison(
         structure=structure,
         submodel=submodel,
@@ -741,7 +740,7 @@ def _conclude(
         changes=find_changes(structure, found, terms, which),
         tested=sum(bool(own) for _, (own, _) in found.said.values()),
         found_from=found_from(found, terms),
-        drift=float(drift),
+        drift=float(np.sqrt(2.0)) * model.drift(terms),
         lacks=tuple(text.removesuffix(" that the model lacks") for text in lacks),
         values=values,
         hints=hints,

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
+from pathlib import Path
 from shlex import quote
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import pandas as pd
@@ -25,10 +26,12 @@ from identifiability.estimation.differences import (
     Known,
     LogRows,
     find_lacks,
+    pooled_values,
     tool_bodies,
 )
 from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.mixed_model import EVERYWHERE
+from identifiability.estimation.prediction import TorqueUncertainty
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Cell, Column, Table, measured_cells
 from identifiability.foundation.engines.mapping import Engine, one_thread
@@ -47,7 +50,7 @@ from identifiability.foundation.rounding import (
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.instruments import noise_share
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.repeats import Recording
@@ -57,22 +60,22 @@ from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares
 from identifiability.physical.project import project
 from identifiability.physical.pseudo_inertia import entry_scale, natural_scale, to_matrix
+from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.robot import Robot, RobotLike, complete_motion
 from identifiability.robot.changed import Point, ten_parameters
 from identifiability.workflows.answers import answer_next, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
-from identifiability.workflows.opening import Logs
+from identifiability.workflows.opening import LogLike, Logs, list_logs
 from identifiability.workflows.pairs import Pair, find_pairs, share_noise
-from identifiability.workflows.predict import Fit, FitLike, find_fit, state_missing
+from identifiability.workflows.predict import Fit, FitLike, Predicts, find_fit, state_missing
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
 
 # `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
 
 
-#: Standard deviations that torque gains may differ by between the logs, relative to one.
-GAIN_DRIFTS: tuple[Tolerance, ...] = (0.001, 0.003, 0.01)
 #: A direction of the load whose torque may be so many times that of its joints is not told.
 UNTOLD: Tolerance = 1e-2 * OPEN
 #: A parameter is not told if so much of it lies along directions that are not.
@@ -81,6 +84,7 @@ TOUCHED: Tolerance = 1e-3
 POSES = 200
 #: Where each of `GROUPED_KINDS` stands among `KINDS`.
 ORDER = [KINDS.index(kind) for kind in GROUPED_KINDS]
+BACK = [GROUPED_KINDS.index(kind) for kind in KINDS]
 #: Sizes of the ten parameters of a body of 1 kg, by which their columns are compared.
 TYPICAL: Array = entry_scale(np.ones(1), np.full(1, 0.1))[0]
 
@@ -95,6 +99,8 @@ class LoadEstimate:
         In the order of `GROUPED_KINDS`, about the origin of the body's frame.
     covariance : (10, 10)
         Of what is told.
+    root : (10 − d, 10)
+        ``|root (θ − theta)|²`` is the distance of another load from this one, in σ².
     unknown : (10, d)
         Directions that the logs do not tell, orthonormal.
     logs : tuple of int
@@ -113,6 +119,7 @@ class LoadEstimate:
 
     theta: Array
     covariance: Array
+    root: Array
     unknown: Array
     logs: tuple[int, ...]
     masses: Array
@@ -127,16 +134,6 @@ class LoadEstimate:
         """Whether the logs say the same mass."""
         return self.spread <= 1.0
 
-    @property
-    def root(self) -> Array:
-        """``|root (θ − theta)|²`` is the distance of another load from this one, in σ²."""
-        size = np.sqrt(np.diag(self.covariance))
-        size = np.where(size > 0, size, 1.0)
-        square, turn = np.linalg.eigh(self.covariance / np.outer(size, size))
-        good = square > np.finfo(float).eps * square[-1]
-        found: Array = (turn[:, good] / np.sqrt(square[good])).T / size
-        return found
-
 
 def estimate_load(found: Differences, loaded: Sequence[int]) -> LoadEstimate:
     """Return the load that is in every hypothesis.
@@ -149,14 +146,13 @@ def estimate_load(found: Differences, loaded: Sequence[int]) -> LoadEstimate:
     """
     model = found.model
     terms = model.search()
-    _, value, covariance = model.values(terms)
-    at = found.always_at()[ORDER]
-    theta, spread = value[at], covariance[np.ix_(at, at)]
+    theta, spread = model.widened(terms, found.always_at()[ORDER])
     (part,) = (p for p in found.parts if p.role == "always")
     scale = part.scale[ORDER]
     square, turn = np.linalg.eigh(spread * np.outer(scale, scale))
     open_ = square > UNTOLD**2
-    told = turn[:, ~open_] * np.sqrt(np.maximum(square[~open_], 0.0)) / scale[:, None]
+    size = np.sqrt(np.maximum(square[~open_], np.finfo(float).tiny))
+    told = turn[:, ~open_] * size / scale[:, None]
     unknown = np.linalg.qr(turn[:, open_] / scale[:, None])[0]
     several = tuple(loaded) if len(loaded) > 1 else ()
     mass = found.always_at()[0]
@@ -173,6 +169,7 @@ def estimate_load(found: Differences, loaded: Sequence[int]) -> LoadEstimate:
     return LoadEstimate(
         theta=theta,
         covariance=told @ told.T * max(wider, 1.0),
+        root=(turn[:, ~open_] / size).T * scale,
         unknown=unknown,
         logs=several,
         masses=masses,
@@ -229,24 +226,33 @@ class Gain:
     column: float
 
 
-def find_gains(found: Differences, robot: Robot, known: Array) -> tuple[Gain, ...]:
+def find_gains(found: Differences, structure: Structure, known: Array) -> tuple[Gain, ...]:
     """Return the gain of each joint's torque from a known load, (10,) in the order of `KINDS`."""
-    each = []
+    each: list[tuple[float, float]] = []
+    robot = structure.robot
     for j in range(len(robot.joints)):
-        rows = found.of_joint(j)
+        rows = found.rows.of_joints([j], np.ones(1))
         load, *others = rows.causes
         if not load.torque:
             each.append((np.nan, np.inf))
             continue
-        unit = replace(load, names=("load",), units=("1",), before=load.before[:1],
-                       torque={0: load.torque[0] @ known[:, None]})  # fmt: skip
-        causes = (unit, *(c for c in others if c.kind == "friction"))
-        own = replace(found, rows=replace(rows, causes=causes), gains=(), lacks=None)
-        _, value, covariance = own.model.values(own.model.search())
+        values = pooled_values(rows.X, rows.y, found.known.directions, found.known.base)
+        value = dict(zip(structure.base.names, values.tolist(), strict=True))
+        friction = [
+            replace(c, before=np.array([value.get(c.names[0].split(" = ")[0], np.nan)]))
+            for c in others
+            if c.kind == "friction" and c.torque
+        ]
+        torque = {0: load.torque[0] @ known[:, None]}
+        one = replace(
+            load, kind="gain", names=("load",), units=("1",), before=load.before[:1], torque=torque
+        )
+        own = replace(found, rows=replace(rows, causes=(one, *friction)), lacks=None)
+        _, solved, covariance = own.model.values(own.model.search())
         (at,) = own.always_at()
         sd = float(np.sqrt(covariance[at, at]))
-        told = sd * own.parts[[p.role for p in own.parts].index("always")].scale[0] < UNTOLD
-        each.append((float(value[at]), sd) if told else (np.nan, np.inf))
+        (scale,) = (p.scale[0] for p in own.parts if p.role == "always")
+        each.append((float(solved[at]), sd) if sd * scale < UNTOLD else (np.nan, np.inf))
     p = [2 * norm.sf(abs(x) / sd) if np.isfinite(x) else 1.0 for x, sd in each]
     out = []
     for joint, (x, sd), level in zip(robot.joints, each, holm(np.array(p)), strict=True):
@@ -662,7 +668,7 @@ class Load(Result):
 @checked
 def payload(
     robot: RobotLike,
-    result: FitLike,
+    result: FitLike | Logs,
     logs: Logs,
     without: Logs = (),
     *,
@@ -680,6 +686,7 @@ def payload(
         The robot that the result is about.
     result : Fit, Analysis, Ladder, Diagnosis or path
         Fitted to logs without the load. What it does not know of the robot enters every interval.
+        Where the load is known it may be logs without it instead: then gains may be anything.
     logs : log, path, DataFrame, or several
         Logs with the load; they are prepared like the fitted ones, with the same cut-off.
     without : the same, optional
@@ -707,32 +714,38 @@ def payload(
     """
     with one_thread("blas"):
         robot = Robot.of(robot)
-        fit = find_fit(result, robot)
-        structure, place = fit.structure, choose_body(fit.structure, body)
         if mass is None and (centre is not None or inertia is not None):
             raise OptionError("A centre or moments of a known load need its mass; give --mass.")
+        empty = _logs_among(result) if mass is not None else []
+        fit = _unknown_gains(robot) if empty else find_fit(cast("FitLike", result), robot)
+        without = [*empty, *list_logs(without)]
+        structure, place = fit.structure, choose_body(fit.structure, body)
         session, second = Session.read_sides(
             structure, logs, without, fit.preparation, engine, alone=True
         )
         sides = session.recordings, second.recordings
         given, other = (side.fitted for side in sides)
-        pairs = find_pairs(robot, given, other, session.how)
+        pairs = find_pairs(robot, given, other, session.how) if fit.origin else []
         # What hangs on the robot is odd by its file, so that nothing odd is looked for.
         samples, bare = (session.prepare(side, "weighed") for side in (given, other))
         hints = [text for side in sides for text in side.hints]
         hints += _tell_noise(robot, given, session.how)
         hints += [text for s in (*samples, *bare) for text in s.hints]
-        found = _differences(fit, place, samples, bare, pairs)
+        found = _differences(fit, place, samples, bare, pairs if len(pairs) == len(given) else [])
+        gains: tuple[Gain, ...] = ()
+        free = replace(found, known=Known.nothing(fit.submodel.M, fit.submodel.fixed), lacks=None)
+        if not fit.origin:
+            gains = find_gains(free, structure, _known_load(mass, centre or (0.0,) * 3, inertia))
+            found = _rescaled(free, fit, gains)
         estimate = estimate_load(found, range(len(given)))
         nearest = nearest_body(estimate)
-        gains: tuple[Gain, ...] = ()
-        if mass is not None:
-            known = _known_load(mass, centre, inertia, nearest)
-            free = _differences(fit, place, samples, bare, [])
+        if mass is not None and fit.origin:
+            every = _differences(fit, place, samples, bare, [])
             if bare:  # so that each joint may have a gain of its own
-                M = fit.submodel.M
-                free = replace(free, known=Known.nothing(M, fit.submodel.fixed))
-            gains = find_gains(free, robot, known)
+                every = replace(free, rows=every.rows, shared=1.0)
+            known = nearest * mass / nearest[9] if centre is None else None
+            load = _known_load(mass, centre or (), inertia) if known is None else known[BACK]
+            gains = find_gains(every, structure, load)
         length = float(np.median(natural_scale(_bodies(structure))[1]))
     paths = given_paths(given), given_paths(other)
     return Load(
@@ -741,17 +754,77 @@ def payload(
         model=fit.submodel.name,
         logs=paths[0],
         without=paths[1],
-        pairs=tuple((paths[0][p.at[0]], paths[1][p.at[1]]) for p in pairs),
+        pairs=tuple((paths[0][p.at[0]], paths[1][p.at[1]]) for p in pairs if found.rows.off),
         estimate=estimate,
         parameters=nearest,
         quantities=state_quantities(estimate, nearest, length),
         usual=fit.spread.low,
-        arm=weigh_arm(fit),
+        arm=weigh_arm(fit, samples),
         gains=gains,
         known=mass,
         hints=tuple(dict.fromkeys(filter(None, (state_missing(fit.missing), *hints)))),
         origin=fit.origin,
     )
+
+
+def _logs_among(result: Any) -> list[LogLike]:
+    """Return logs that stand where a result does; none where one stands there."""
+    path = isinstance(result, (str, Path)) and str(result).lower().endswith(".json")
+    return [] if path or isinstance(result, (Fit, Predicts)) else list_logs(result)
+
+
+def _unknown_gains(robot: Robot) -> Fit:
+    """Return a fit of nothing, of a robot whose torque columns are in units of their own.
+
+    Raises
+    ------
+    OptionError
+    """
+    if robot.known_torque:  # in N·m, and what the columns are in is what is asked
+        raise OptionError(
+            "Gains are identified without [[known_torque]]: take it out of the sidecar."
+        )
+    one = replace(robot, torque=replace(robot.torque, gain={"": 1.0}, ratio={}, sign={}))
+    structure = Structure.of(one, Model.of(*DEFAULT_EFFECTS))
+    submodel, n = full_model(structure.base), len(robot.joints)
+    k = len(submodel)
+    open_ = dict.fromkeys(("low", "raw", "dof"), np.full(n, np.inf))
+    nothing = TorqueUncertainty(covariance=np.zeros((k, k)), unknown=np.eye(k), **open_)
+    return Fit(
+        structure=structure,
+        submodel=submodel,
+        values=np.zeros(k),
+        spread=nothing,
+        preparation=Preparation(),
+        base_covariance=np.zeros((k, k)),
+        base_unknown=np.eye(k),
+        origin="",
+    )
+
+
+def _rescaled(found: Differences, fit: Fit, gains: Sequence[Gain]) -> Differences:
+    """Return the same with torque by the gains that were found, of joints where they are sure.
+
+    Raises
+    ------
+    LogError
+        If there is none.
+    """
+    sure = [k for k, g in enumerate(gains) if g.verdict == "identifiable"] or [*range(len(gains))]
+    factors = np.array([gains[k].value for k in sure])
+    rows = found.rows.of_joints(sure, np.where(np.isfinite(factors), factors, 1.0))
+    base = pooled_values(rows.X, rows.y, fit.submodel.M, fit.submodel.fixed)
+    value = dict(zip(fit.structure.base.names, base.tolist(), strict=True))
+    torque = rows.X @ base
+    causes = [
+        replace(c, before=np.array([value.get(c.names[0].split(" = ")[0], np.nan)]))
+        if c.kind == "friction"
+        else replace(c, torque={j: torque[:, [j]] for j in c.torque})
+        if c.kind == "gain"
+        else c
+        for c in rows.causes
+    ]
+    return replace(found, rows=replace(rows, causes=tuple(causes)))
 
 
 def _differences(
@@ -775,13 +848,12 @@ def _differences(
     what = structure, base, (place,)
     lacks = None
     if pairs:
-        done = [{p.at[k] for p in pairs} for k in (0, 1)]
+        known = {p.at[1] for p in pairs}
         rows = [p.rows(*what, (p.at[0], first + p.at[1])) for p in pairs]
         rows += [
-            LogRows.of(structure, _look([s], structure), base, (place,), k + start)
-            for some, gone, start in ((samples, done[0], 0), (bare, done[1], first))
-            for k, s in enumerate(some)
-            if k not in gone
+            LogRows.of(structure, _look([s], structure), base, (place,), first + k)
+            for k, s in enumerate(bare)
+            if k not in known
         ]
     else:
         seen = _look([*samples, *bare], structure)
@@ -793,7 +865,6 @@ def _differences(
         logs=len(loaded),
         patterns=(loaded,),
         always=(0,),
-        gains=GAIN_DRIFTS,
         lacks=lacks,
         shared=share_noise(pairs),
     )
@@ -816,33 +887,34 @@ def _look(samples: Sequence[Prepared], structure: Structure) -> Excerpt:
     return seen
 
 
-def _known_load(mass: float, centre: Point | None, inertia: Point | None, found: Array) -> Array:
+def _known_load(mass: float | None, centre: Point, inertia: Point | None) -> Array:
     """Return the ten parameters of a known load in the order of `KINDS`.
 
     Raises
     ------
     OptionError
     """
-    if centre is None:
-        scaled: Array = found * mass / found[9]
-        return scaled[[GROUPED_KINDS.index(kind) for kind in KINDS]]
     c, own = np.asarray(centre, float), np.asarray(inertia or (0.0, 0.0, 0.0), float)
     if c.shape != (3,) or own.shape != (3,) or not np.isfinite([*c, *own]).all() or own.min() < 0:
         raise OptionError("centre and inertia are three numbers each, x, y and z, of real bodies.")
-    theta = dict(zip(INERTIAL_KINDS, ten_parameters(mass, c, own).tolist(), strict=True))
+    ten = ten_parameters(mass or 0.0, c, own).tolist()
+    theta = dict(zip(INERTIAL_KINDS, ten, strict=True))
     return np.array([theta[kind] for kind in KINDS])
 
 
-def weigh_arm(fit: Fit) -> tuple[float, float, float]:
+def weigh_arm(fit: Fit, samples: Sequence[Prepared]) -> tuple[float, float, float]:
     """Return what the arm weighs by its file [kg], and by which factor its torque says more.
 
-    With the standard deviation of that; NaN where the file or gravity says nothing.
+    At rest in poses of a log, with the standard deviation of the factor; NaN where the file or
+    gravity says nothing.
     """
     structure, robot = fit.structure, fit.robot
     mass = sum(robot.nominal.get(f"{b}.m", 0.0) for b in robot.bodies)
-    motion = random_motion(robot, np.random.default_rng(0), POSES)
-    still = np.zeros_like(motion.actuated_q)
-    motion = complete_motion(robot, motion.t, motion.actuated_q, still, still)
+    whole = [s.motion for s in samples if isinstance(s, Samples)]
+    own = whole[0] if whole else random_motion(robot, np.random.default_rng(0), POSES)
+    q = own.actuated_q[:: -(-len(own.actuated_q) // POSES)]
+    still = np.zeros_like(q)
+    motion = complete_motion(robot, np.arange(len(q), dtype=float), q, still, still)
     W = structure.model.regressor(robot, motion)[:, :, structure.base.kept]
     rigid = [structure.parameters[k].group == "rigid_body" for k in structure.base.kept]
     W = (W * np.array(rigid)).reshape(-1, len(rigid))
