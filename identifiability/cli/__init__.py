@@ -19,7 +19,7 @@ from identifiability.cli.options import Verb, helps
 #: Verbs in the order of the help; any other file here with a function of its name is one, too.
 FIRST = (
     *("new", "demo", "inspect", "analyze", "prune", "diagnose", "simulate", "excite", "predict"),
-    *("export", "calibrate", "payload", "compare", "rollout", "gain", "paper"),
+    *("export", "calibrate", "payload", "compare", "rollout", "paper"),
 )
 
 

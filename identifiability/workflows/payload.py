@@ -923,8 +923,9 @@ def weigh_arm(fit: Fit, samples: Sequence[Prepared]) -> tuple[float, float, floa
     if not (mass > 0 and square > 0):
         return mass, float("nan"), float("nan")
     slope = stated @ W / square
-    variance = float(slope @ fit.base_covariance @ slope)
-    blind = np.abs(slope @ fit.base_unknown).max(initial=0.0) > TOUCHED
+    M = fit.submodel.M
+    variance = float(slope @ M @ fit.covariance @ M.T @ slope)
+    blind = np.abs(slope @ M @ fit.spread.unknown).max(initial=0.0) > TOUCHED
     return mass, float(slope @ fit.base), float("nan") if blind else float(np.sqrt(variance))
 
 
