@@ -99,32 +99,34 @@ class Cause:
 
 
 def find_causes(
-    structure: Structure, seen: Excerpt, base: Array, bodies: Sequence[str]
-) -> tuple[Cause, ...]:
+    structure: Structure, X: Array, data: np.ndarray, base: Array, bodies: Sequence[str]
+) -> list[Cause]:
     """Return what may differ between logs of a robot.
 
     Parameters
     ----------
     structure : Structure
-    seen : Excerpt
-        With columns of the base parameters.
+    X : (N, n, b)
+        Columns of the base parameters.
+    data : (N, n) bool
+        Where torque of each joint is data.
     base : (b,)
-        Their values, by which gains are torque.
+        Values of the base parameters, by which gains are torque.
     bodies : sequence of str
         That may carry a load.
     """
-    out = [_load(structure, body, seen.X) for body in bodies]
-    out += [_friction(structure, seen.X, base, *at) for at in friction_columns(structure)]
-    out += _passive(structure, seen)
-    torque = seen.X @ base
-    for j, (joint, unit) in enumerate(zip(seen.robot.joints, seen.robot.torque_units, strict=True)):
+    out = [_load(structure, body, X) for body in bodies]
+    out += [_friction(structure, X, base, *at) for at in friction_columns(structure)]
+    torque = X @ base
+    robot = structure.robot
+    for j, (joint, unit) in enumerate(zip(robot.joints, robot.torque_units, strict=True)):
         for kind, family, name, of, x in (
-            ("offset", "torque offset", f"{joint}.off", unit, seen.data[:, [j]].astype(float)),
+            ("offset", "torque offset", f"{joint}.off", unit, data[:, [j]].astype(float)),
             ("gain", "torque gain", f"{joint}.gain", "1", torque[:, [j]]),
         ):
             own = {j: x} if x.any() else {}
             out.append(_cause(kind, family, joint, (name,), (of,), (np.nan,), own))
-    return tuple(out)
+    return out
 
 
 def _cause(
@@ -223,6 +225,22 @@ def _passive(structure: Structure, seen: Excerpt) -> list[Cause]:
     return out
 
 
+def relative_scale(cause: Cause, torque: ByJoint, size: Array) -> Array:
+    """Return what makes values relative: to the friction, or to torque of joints of a size (n,)."""
+    if cause.relative:
+        return 1.0 / np.abs(cause.before)
+    if cause.size.size:
+        return cause.size
+    square = np.zeros(len(cause.names))
+    for j, x in torque.items():
+        acts = max(int(np.count_nonzero(x.any(1))), 1)
+        square += np.sum(x**2, axis=0) / (acts * max(size[j] ** 2, 1e-300))
+    if cause.kind == "load":  # its parameters are as a compact body has them
+        typical = np.array([LOAD[kind] for kind in cause.names])
+        square = np.sum(square * typical**2) / typical**2
+    return np.where(square > 0, np.sqrt(square), 1.0)
+
+
 @frozen(kw_only=True)
 class Known:
     """Values ``base + directions θ`` that are known beforehand, θ (s,) to some precision each."""
@@ -289,7 +307,10 @@ class LogRows:
             runs=seen.runs,
             log=seen.log + first,
             less=np.full(len(seen.log), -1),
-            causes=find_causes(structure, seen, base, bodies),
+            causes=(
+                *find_causes(structure, seen.X, seen.data, base, bodies),
+                *_passive(structure, seen),
+            ),
         )
 
     def take(self, at: np.ndarray, runs: JointRuns) -> LogRows:
@@ -301,25 +322,17 @@ class LogRows:
         own = {name: getattr(self, name)[at] for name in ("X", "y", "log", "less")}
         return replace(self, **own, runs=runs, causes=causes, off=off)
 
-    def of_joints(self, some: Sequence[int], factors: Array) -> LogRows:
-        """Return the rows of some joints, their torque times factors."""
-        at = {j: i for i, j in enumerate(some)}
-
-        def own(causes: tuple[Cause, ...]) -> tuple[Cause, ...]:
-            return tuple(
-                replace(c, torque={at[j]: x for j, x in c.torque.items() if j in at})
-                for c in causes
+    def of_joint(self, joint: int) -> LogRows:
+        """Return the rows of one joint."""
+        causes, off = (
+            tuple(
+                replace(c, torque={0: c.torque[joint]} if joint in c.torque else {}) for c in some
             )
-
-        return replace(
-            self,
-            X=self.X[:, list(some)],
-            y=self.y[:, list(some)] * factors,
-            size=self.size[list(some)] * np.abs(factors),
-            runs=JointRuns(tuple(self.runs.each[j] for j in some)),
-            causes=own(self.causes),
-            off=own(self.off),
+            for some in (self.causes, self.off)
         )
+        own = {name: getattr(self, name)[:, [joint]] for name in ("X", "y")}
+        runs, size = JointRuns((self.runs.each[joint],)), self.size[[joint]]
+        return replace(self, **own, runs=runs, size=size, causes=causes, off=off)
 
     def minus(self, other: LogRows) -> LogRows:
         """Return what these rows differ by from as many others."""
@@ -532,23 +545,8 @@ class Differences:
         own, torque = self.rows.causes[cause], self.rows.acting(cause, weights)
         if role == "drift":
             torque = {j: x * np.abs(own.before) for j, x in torque.items()}
-        scale = self._scale(own, torque)
+        scale = relative_scale(own, torque, self.rows.size)
         return Part(role=role, cause=cause, pattern=pattern, torque=torque, scale=scale)
-
-    def _scale(self, cause: Cause, torque: ByJoint) -> Array:
-        """Return what makes columns relative: to the friction, or to the torque of the joints."""
-        if cause.relative:
-            return 1.0 / np.abs(cause.before)
-        if cause.size.size:
-            return cause.size
-        square = np.zeros(len(cause.names))
-        for j, x in torque.items():
-            acts = max(int(np.count_nonzero(x.any(1))), 1)
-            square += np.sum(x**2, axis=0) / (acts * max(self.rows.size[j] ** 2, 1e-300))
-        if cause.kind == "load":  # its parameters are as a compact body has them
-            typical = np.array([LOAD[kind] for kind in cause.names])
-            square = np.sum(square * typical**2) / typical**2
-        return np.where(square > 0, np.sqrt(square), 1.0)
 
     @cached_property
     def spans(self) -> tuple[np.ndarray, ...]:

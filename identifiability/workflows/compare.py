@@ -21,18 +21,18 @@ import pandas as pd
 from identifiability.effects import title_of
 from identifiability.estimation.differences import (
     EXCERPT,
-    KINDS,
     Cause,
     Differences,
     Known,
     LogModel,
     LogRows,
+    find_causes,
     find_lacks,
-    friction_columns,
     pooled_values,
+    relative_scale,
     tool_bodies,
 )
-from identifiability.estimation.groups import LOAD, Excerpt
+from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.mixed_model import EVERYWHERE, Term, Terms
 from identifiability.estimation.noise import JointNoise, JointRuns
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
@@ -561,75 +561,39 @@ def _compare_results(robot: Robot, before: Any, after: Any) -> Comparison:
 def rows_of_results(one: Fit, other: Fit) -> LogRows:
     """Return what the values of two fits differ by, white, as rows of one joint.
 
-    What of a change is in values that either fit does not know is left out.
+    What of a change is in values that either fit does not know, or in none, is left out.
     """
     structure, submodel = one.structure, one.submodel
-    variance = np.minimum(np.diag(one.covariance), np.diag(other.covariance))
-    kept, lost = np.flatnonzero(variance > 0), np.flatnonzero(variance <= 0)
-    onto = np.zeros((len(kept), len(variance)))
-    onto[:, kept] = np.eye(len(kept))
-    if len(lost):
-        unknown = np.hstack([one.spread.unknown, other.spread.unknown])
-        onto[:, lost] = -unknown[kept] @ np.linalg.pinv(unknown[lost])
-    covariance = (one.covariance + other.covariance)[np.ix_(kept, kept)]
+    known = np.flatnonzero(np.minimum(np.diag(one.covariance), np.diag(other.covariance)) > 0)
+    covariance = (one.covariance + other.covariance)[np.ix_(known, known)]
     size = np.sqrt(np.diag(covariance))
     square, turn = np.linalg.eigh(covariance / np.outer(size, size))
     whiten = (turn / np.sqrt(np.maximum(square, WHITE * square[-1]))).T / size
-    W = structure.model.regressor(
-        structure.robot, random_motion(structure.robot, np.random.default_rng(0))
-    )[:, :, structure.base.kept]
-    torque = np.sqrt(np.mean((W @ one.base) ** 2, axis=0))
-
-    def cause(kind: str, family: str, place: str, columns: Array, names: Any, units: Any) -> Cause:
-        """Return the cause of columns (b, k) of base parameters."""
-        along = W @ columns / np.where(torque > 0, torque, np.inf)[:, None]
-        relative = np.sum(np.mean(along**2, axis=0), axis=0)
-        if kind == "load":
-            typical = np.array([LOAD[kind] for kind in names])
-            relative = np.sum(relative * typical**2) / typical**2
-        design = whiten @ onto @ np.linalg.pinv(submodel.M) @ columns
-        before = np.full(len(names), np.nan)
-        if kind == "friction" and names[0] in one.names:
-            before[0] = one.values[one.names.index(names[0])]
-        return Cause(
-            kind=kind,
-            family=family,
-            place=place,
-            names=tuple(names),
-            units=tuple(units),
-            before=before,
-            torque={0: design} if np.abs(design).max(initial=0.0) > SAME else {},
-            size=np.where(relative > 0, np.sqrt(relative), 1.0),
-        )
-
-    G, parameters = structure.G, structure.parameters
-    at = {name: k for k, name in enumerate(structure.columns)}
-    found = [
-        cause("load", "load", body, G[:, own], KINDS, [parameters[k].unit for k in own])
-        for body in tool_bodies(structure)
-        for own in [[at[f"{body}.{kind}"] for kind in KINDS]]
-    ]
-    for family, joint, members, signs in friction_columns(structure):
-        unit = parameters[members[0]].unit
-        column = (G[:, members] @ signs)[:, None]
-        name = structure.columns[members[0]]
-        found.append(cause("friction", family, joint, column, (name,), (unit,)))
-    found += [
-        cause("offset", "torque offset", p.owner, G[:, [k]], (p.name,), (p.unit,))
-        for k, p in enumerate(parameters)
-        if p.group == "torque_offset"
-    ]
-    found.append(cause("gain", "torque gain", ALL_JOINTS, one.base[:, None], ("gain",), ("1",)))
+    motion = random_motion(structure.robot, np.random.default_rng(0))
+    X = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
+    torque = X @ one.base
+    rms, flat = np.sqrt(np.mean(torque**2, axis=0)), X.reshape(-1, X.shape[2])
+    every = find_causes(structure, X, X.any(2), one.base, tool_bodies(structure))
+    both = {j: torque[:, [j]] for j in range(len(rms))}
+    gain = replace(every[-1], place=ALL_JOINTS, names=("gain",), torque=both)
+    causes = []
+    for c in (*every, gain):
+        acts = [c.torque.get(j, np.zeros((len(X), len(c.names)))) for j in range(len(rms))]
+        columns = np.stack(acts, axis=1).reshape(len(flat), -1)
+        found = np.linalg.lstsq(flat @ submodel.M, columns, rcond=SAME)[0]
+        lost = np.linalg.norm(columns - flat @ submodel.M @ found) > SAME * np.linalg.norm(columns)
+        own = {} if lost else {0: whiten @ found[known]}
+        causes.append(replace(c, torque=own, size=relative_scale(c, c.torque, rms)))
     count = len(whiten)
     return LogRows(
         X=np.zeros((count, 1, len(one.base))),
-        y=(whiten @ (other.values - one.values)[kept])[:, None],
+        y=(whiten @ (other.values - one.values)[known])[:, None],
         size=np.ones(1),
         runs=JointRuns((((0, count),),)),
         log=np.ones(count, int),
         less=np.zeros(count, int),
-        causes=tuple(found),
-        off=tuple(found),
+        causes=tuple(causes),
+        off=tuple(causes),
     )
 
 

@@ -31,6 +31,7 @@ from identifiability.estimation.differences import (
 )
 from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.mixed_model import EVERYWHERE
+from identifiability.estimation.noise import JointRuns
 from identifiability.estimation.prediction import TorqueUncertainty
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Cell, Column, Table, measured_cells
@@ -226,28 +227,36 @@ class Gain:
     column: float
 
 
-def find_gains(found: Differences, structure: Structure, known: Array) -> tuple[Gain, ...]:
-    """Return the gain of each joint's torque from a known load, (10,) in the order of `KINDS`."""
+def find_gains(
+    found: Differences, structure: Structure, seen: Excerpt, place: str, theta: Array
+) -> tuple[Gain, ...]:
+    """Return the gain of each joint's torque from a known load.
+
+    Parameters
+    ----------
+    found : Differences
+        What is known of the robot, and which logs have the load.
+    structure : Structure
+    seen : Excerpt
+        Rows of all logs.
+    place : str
+    theta : (10,)
+        In the order of `KINDS`.
+    """
     each: list[tuple[float, float]] = []
-    robot = structure.robot
+    robot, known = structure.robot, found.known
     for j in range(len(robot.joints)):
-        rows = found.rows.of_joints([j], np.ones(1))
+        base = pooled_values(seen.X[:, [j]], seen.y[:, [j]], known.directions, known.base)
+        rows = LogRows.of(structure, seen, base, (place,)).of_joint(j)
         load, *others = rows.causes
         if not load.torque:
             each.append((np.nan, np.inf))
             continue
-        values = pooled_values(rows.X, rows.y, found.known.directions, found.known.base)
-        value = dict(zip(structure.base.names, values.tolist(), strict=True))
-        friction = [
-            replace(c, before=np.array([value.get(c.names[0].split(" = ")[0], np.nan)]))
-            for c in others
-            if c.kind == "friction" and c.torque
-        ]
-        torque = {0: load.torque[0] @ known[:, None]}
-        one = replace(
-            load, kind="gain", names=("load",), units=("1",), before=load.before[:1], torque=torque
-        )
-        own = replace(found, rows=replace(rows, causes=(one, *friction)), lacks=None)
+        torque = {0: load.torque[0] @ theta[:, None]}
+        gain = next(c for c in others if c.kind == "gain")
+        friction = (c for c in others if c.kind == "friction" and c.torque)
+        rows = replace(rows, causes=(replace(gain, torque=torque), *friction))
+        own = replace(found, rows=rows, lacks=None, shared=1.0)
         _, solved, covariance = own.model.values(own.model.search())
         (at,) = own.always_at()
         sd = float(np.sqrt(covariance[at, at]))
@@ -505,7 +514,7 @@ class Load(Result):
     def answers(self) -> tuple[Answer, ...]:
         """Return how heavy and where, how well known, whether to trust it, what next."""
         gains = () if self.known is None else (_gains(self),)
-        return *gains, _what(self), _known(self), _trust(self), answer_next(_next_commands(self))
+        return *gains, _what(self), _told_of(self), _trust(self), answer_next(_next_commands(self))
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
@@ -731,21 +740,23 @@ def payload(
         hints = [text for side in sides for text in side.hints]
         hints += _tell_noise(robot, given, session.how)
         hints += [text for s in (*samples, *bare) for text in s.hints]
-        found = _differences(fit, place, samples, bare, pairs if len(pairs) == len(given) else [])
+        pairs = pairs if len(pairs) == len(given) else []
+        seen = _look([*samples, *bare], structure)
+        found = _differences(fit, place, len(given), bare, pairs, seen)
+        free = Known.nothing(fit.submodel.M, fit.submodel.fixed)
+        alone = replace(found, known=free if bare else found.known, lacks=None)
         gains: tuple[Gain, ...] = ()
-        free = replace(found, known=Known.nothing(fit.submodel.M, fit.submodel.fixed), lacks=None)
         if not fit.origin:
-            gains = find_gains(free, structure, _known_load(mass, centre or (0.0,) * 3, inertia))
-            found = _rescaled(free, fit, gains)
+            gains = find_gains(alone, structure, seen, place, _known(mass, centre, inertia))
+            seen = _rescaled(seen, gains)
+            base = pooled_values(seen.X, seen.y, free.directions, free.base)
+            found = replace(alone, rows=LogRows.of(structure, seen, base, (place,)))
         estimate = estimate_load(found, range(len(given)))
         nearest = nearest_body(estimate)
         if mass is not None and fit.origin:
-            every = _differences(fit, place, samples, bare, [])
-            if bare:  # so that each joint may have a gain of its own
-                every = replace(free, rows=every.rows, shared=1.0)
-            known = nearest * mass / nearest[9] if centre is None else None
-            load = _known_load(mass, centre or (), inertia) if known is None else known[BACK]
-            gains = find_gains(every, structure, load)
+            theta = nearest[BACK] * mass / nearest[9]
+            theta = theta if centre is None else _known(mass, centre, inertia)
+            gains = find_gains(alone, structure, seen, place, theta)
         length = float(np.median(natural_scale(_bodies(structure))[1]))
     paths = given_paths(given), given_paths(other)
     return Load(
@@ -754,7 +765,7 @@ def payload(
         model=fit.submodel.name,
         logs=paths[0],
         without=paths[1],
-        pairs=tuple((paths[0][p.at[0]], paths[1][p.at[1]]) for p in pairs if found.rows.off),
+        pairs=tuple((paths[0][p.at[0]], paths[1][p.at[1]]) for p in pairs),
         estimate=estimate,
         parameters=nearest,
         quantities=state_quantities(estimate, nearest, length),
@@ -802,37 +813,22 @@ def _unknown_gains(robot: Robot) -> Fit:
     )
 
 
-def _rescaled(found: Differences, fit: Fit, gains: Sequence[Gain]) -> Differences:
-    """Return the same with torque by the gains that were found, of joints where they are sure.
-
-    Raises
-    ------
-    LogError
-        If there is none.
-    """
-    sure = [k for k, g in enumerate(gains) if g.verdict == "identifiable"] or [*range(len(gains))]
-    factors = np.array([gains[k].value for k in sure])
-    rows = found.rows.of_joints(sure, np.where(np.isfinite(factors), factors, 1.0))
-    base = pooled_values(rows.X, rows.y, fit.submodel.M, fit.submodel.fixed)
-    value = dict(zip(fit.structure.base.names, base.tolist(), strict=True))
-    torque = rows.X @ base
-    causes = [
-        replace(c, before=np.array([value.get(c.names[0].split(" = ")[0], np.nan)]))
-        if c.kind == "friction"
-        else replace(c, torque={j: torque[:, [j]] for j in c.torque})
-        if c.kind == "gain"
-        else c
-        for c in rows.causes
-    ]
-    return replace(found, rows=replace(rows, causes=tuple(causes)))
+def _rescaled(seen: Excerpt, gains: Sequence[Gain]) -> Excerpt:
+    """Return rows with torque by the gains that were found; without joints where there is none."""
+    sure = [g.verdict == "identifiable" for g in gains]
+    factors = np.where(sure, [np.nan_to_num(g.value) for g in gains], 0.0)
+    runs = tuple(own if s else () for own, s in zip(seen.runs.each, sure, strict=True))
+    raw, y = seen.raw * factors, seen.y * factors
+    return replace(seen, X=seen.X * np.array(sure)[:, None], y=y, raw=raw, runs=JointRuns(runs))
 
 
 def _differences(
     fit: Fit,
     place: str,
-    samples: Sequence[Prepared],
+    loaded: int,
     bare: Sequence[Prepared],
     pairs: Sequence[Pair],
+    seen: Excerpt,
 ) -> Differences:
     """Return what may differ, the load always, along logs with and without it.
 
@@ -840,32 +836,30 @@ def _differences(
     ----------
     fit : Fit
     place : str
-    samples, bare : sequence of Samples or LongSamples
+    loaded : int
+        How many logs with the load there are.
+    bare : sequence of Samples or LongSamples
     pairs : sequence of Pair
-        Those that are compared sample by sample.
+        Those that are compared sample by sample: of all logs with the load, or none.
+    seen : Excerpt
+        Rows of all logs.
     """
-    structure, base, first = fit.structure, fit.base, len(samples)
-    what = structure, base, (place,)
-    lacks = None
-    if pairs:
-        known = {p.at[1] for p in pairs}
-        rows = [p.rows(*what, (p.at[0], first + p.at[1])) for p in pairs]
-        rows += [
-            LogRows.of(structure, _look([s], structure), base, (place,), first + k)
-            for k, s in enumerate(bare)
-            if k not in known
-        ]
-    else:
-        seen = _look([*samples, *bare], structure)
-        rows, lacks = [LogRows.of(structure, seen, base, (place,))], find_lacks(structure, seen)
-    loaded = np.repeat([1.0, 0.0], [first, len(bare)])
+    what = fit.structure, fit.base, (place,)
+    known = {p.at[1] for p in pairs}
+    rows = [p.rows(*what, (p.at[0], loaded + p.at[1])) for p in pairs]
+    rows += [
+        LogRows.of(fit.structure, _look([s], fit.structure), fit.base, (place,), loaded + k)
+        for k, s in enumerate(bare)
+        if pairs and k not in known
+    ]
+    pattern = np.repeat([1.0, 0.0], [loaded, len(bare)])
     return Differences(
-        rows=LogRows.join(rows) if len(rows) > 1 else rows[0],
-        known=Known.of(base, fit.submodel.M, fit.covariance, fit.spread.unknown),
-        logs=len(loaded),
-        patterns=(loaded,),
+        rows=LogRows.join(rows) if rows else LogRows.of(fit.structure, seen, fit.base, (place,)),
+        known=Known.of(fit.base, fit.submodel.M, fit.covariance, fit.spread.unknown),
+        logs=len(pattern),
+        patterns=(pattern,),
         always=(0,),
-        lacks=lacks,
+        lacks=None if rows else find_lacks(fit.structure, seen),
         shared=share_noise(pairs),
     )
 
@@ -887,14 +881,14 @@ def _look(samples: Sequence[Prepared], structure: Structure) -> Excerpt:
     return seen
 
 
-def _known_load(mass: float | None, centre: Point, inertia: Point | None) -> Array:
+def _known(mass: float | None, centre: Point | None, inertia: Point | None) -> Array:
     """Return the ten parameters of a known load in the order of `KINDS`.
 
     Raises
     ------
     OptionError
     """
-    c, own = np.asarray(centre, float), np.asarray(inertia or (0.0, 0.0, 0.0), float)
+    c, own = (np.asarray(x or (0.0, 0.0, 0.0), float) for x in (centre, inertia))
     if c.shape != (3,) or own.shape != (3,) or not np.isfinite([*c, *own]).all() or own.min() < 0:
         raise OptionError("centre and inertia are three numbers each, x, y and z, of real bodies.")
     ten = ten_parameters(mass or 0.0, c, own).tolist()
@@ -1006,7 +1000,7 @@ def _what(result: Load) -> Answer:
     return Answer(question, f"{value_text(mass)} (95 %).", f"{text} {gains}".strip(), "blue")
 
 
-def _known(result: Load) -> Answer:
+def _told_of(result: Load) -> Answer:
     mass, count = result.mass, sum(q.told for q in result.quantities)
     short = f"{count} of {len(result.quantities)} quantities are told."
     if mass.told and np.isfinite(mass.half):
