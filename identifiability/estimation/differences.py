@@ -238,7 +238,7 @@ def relative_scale(cause: Cause, torque: ByJoint, size: Array) -> Array:
     if cause.kind == "load":  # its parameters are as a compact body has them
         typical = np.array([LOAD[kind] for kind in cause.names])
         square = np.sum(square * typical**2) / typical**2
-    return np.where(square > 0, np.sqrt(square), 1.0)
+    return np.sqrt(np.where(square > 0, square, 1.0))
 
 
 @frozen(kw_only=True)

@@ -573,7 +573,7 @@ def rows_of_results(one: Fit, other: Fit) -> LogRows:
     X = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
     torque = X @ one.base
     rms, flat = np.sqrt(np.mean(torque**2, axis=0)), X.reshape(-1, X.shape[2])
-    every = find_causes(structure, X, X.any(2), one.base, tool_bodies(structure))
+    every = find_causes(structure, X, np.ones(torque.shape, bool), one.base, tool_bodies(structure))
     both = {j: torque[:, [j]] for j in range(len(rms))}
     gain = replace(every[-1], place=ALL_JOINTS, names=("gain",), torque=both)
     causes = []

@@ -253,9 +253,9 @@ def find_gains(
             each.append((np.nan, np.inf))
             continue
         torque = {0: load.torque[0] @ theta[:, None]}
-        gain = next(c for c in others if c.kind == "gain")
+        unit = next(c for c in others if c.kind == "gain")
         friction = (c for c in others if c.kind == "friction" and c.torque)
-        rows = replace(rows, causes=(replace(gain, torque=torque), *friction))
+        rows = replace(rows, causes=(replace(unit, torque=torque), *friction))
         own = replace(found, rows=rows, lacks=None, shared=1.0)
         _, solved, covariance = own.model.values(own.model.search())
         (at,) = own.always_at()
