@@ -183,7 +183,7 @@ def estimate_load(found: Differences, loaded: Sequence[int]) -> LoadEstimate:
 
 
 def _scatter(masses: Array, sd: Array) -> float:
-    """Return by how much masses scatter more than their variance, if surely; 1 if not [Birge]."""
+    """Return by how much masses scatter more than their variance, if surely; 1 if not."""
     if len(masses) < 2:
         return 1.0
     weights = sd**-2.0
@@ -196,7 +196,7 @@ def _scatter(masses: Array, sd: Array) -> float:
 #
 # Torque that was read by wrong gains is a load by the same factor wrong. So each joint by itself,
 # in units of its column: ``τ = W b + s W_load φ``, of which s is one over the gain and b is free,
-# as parameters of the robot take the gain up [Gautier & Briot 2014; Gaz & De Luca 2017].
+# as parameters of the robot take the gain up [Gautier & Briot 2014].
 
 
 @frozen(kw_only=True)
