@@ -57,7 +57,7 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import OfStructure, Structure, random_motion
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.answers import answer_next, with_hints
+from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.opening import Logs
 from identifiability.workflows.pairs import find_pairs, share_noise
@@ -336,20 +336,7 @@ class Comparison(OfStructure, Result):
     @property
     def how(self) -> str:
         """What the comparison rests on, and what it cannot tell."""
-        if self.kind == "pairs":
-            return (
-                "The motions are the same, so that torques were compared sample by sample: what "
-                "the model gets wrong along them cancels."
-            )
-        if self.kind == "logs":
-            return (
-                "The motions differ: what changed is told from what the model lacks by all logs "
-                "together, and by the same motion on both sides more surely."
-            )
-        return (
-            "Values were compared by their covariances, which sees less than the logs do: of one "
-            "log each, they hold nothing of what another motion would change. Compare the logs."
-        )
+        return sentence("comparison.how", self.kind)
 
     @property
     def nuisances(self) -> str:
@@ -446,22 +433,19 @@ def describe(change: Change) -> str:
 
 
 def _described(change: Change) -> str:
-    if np.isfinite(change.share):
+    """Return what a change is; of one everywhere what is sure, where its sum is not."""
+    if np.isfinite(change.share) and abs(change.share) > REACH * change.share_sd:
         word = "rose" if change.share > 0 else "fell"
         size = measured(100 * abs(change.share), 100 * REACH * change.share_sd, "%")
         return f"{change.what} {word} by {size}"
-    if change.kind == "load":
-        mass, half = float(change.sizes[0]), REACH * float(change.sd[0])
-        if abs(mass) > half:
-            word = "grew" if mass > 0 else "shrank"
-            return f"{change.what} {word} by {measured(abs(mass), half, 'kg')}"
-    parts = [
-        f"{name} by {measured(size, REACH * sd, unit)}"
-        for name, unit, size, sd in zip(
-            change.names, change.units, change.sizes, change.sd, strict=True
-        )
-    ]
-    return f"{change.what} changed: {listing(parts)}"
+    half = REACH * change.sd
+    if change.kind == "load" and abs(change.sizes[0]) > half[0]:
+        word = "grew" if change.sizes[0] > 0 else "shrank"
+        return f"{change.what} {word} by {measured(abs(change.sizes[0]), half[0], 'kg')}"
+    every = zip(change.names, change.units, change.sizes, half, strict=True)
+    told = [x for x in every if abs(x[2]) > x[3]]
+    parts = [f"{name} by {measured(size, width, unit)}" for name, unit, size, width in told]
+    return f"{change.what} changed{': ' if parts else ''}{listing(parts, NAMED)}"
 
 
 # `compare`: what changed between two results, or between logs of one robot.
@@ -633,10 +617,9 @@ def _compare_logs(
     )
     values = _parameters(whole.model, len(submodel), logs < len(first))
     pairs = find_pairs(robot, second, first, session.how)
-    hints = opening.hints
+    hints, how = opening.hints, preparation
     if len(pairs) < len(second):  # one that has none may be the odd one
-        found = _conclude("logs", structure, submodel, whole, names, values, (), own, hints)
-        return replace(found, preparation=preparation or Preparation())
+        return _conclude("logs", structure, submodel, whole, names, values, (), own, hints, how)
     _, value, covariance = whole.model.of_logs(np.arange(len(first))).values()
     k = len(submodel)
     known = Known.of(
@@ -651,8 +634,7 @@ def _compare_logs(
         shared=share_noise(pairs),
     )
     chosen = tuple((names[0][p.at[1]], names[1][p.at[0]]) for p in pairs)
-    found = _conclude("pairs", structure, submodel, paired, names, values, chosen, own, hints)
-    return replace(found, preparation=preparation or Preparation())
+    return _conclude("pairs", structure, submodel, paired, names, values, chosen, own, hints, how)
 
 
 def _patterns(asked: Array, logs: np.ndarray) -> tuple[Array, ...]:
@@ -686,6 +668,7 @@ def _conclude(
     pairs: tuple[tuple[str, str], ...] = (),
     logs: Sequence[str] = (),
     hints: tuple[str, ...] = (),
+    how: Preparation | None = None,
 ) -> Comparison:
     model = found.model
     terms = model.search()
@@ -708,6 +691,7 @@ def _conclude(
         lacks=tuple(text.removesuffix(" that the model lacks") for text in lacks),
         values=values,
         hints=hints,
+        preparation=how or Preparation(),
     )
 
 
@@ -715,11 +699,6 @@ def _conclude(
 SHOWN_NAMES = 3
 
 
-#: What is named.
-ODDS = (
-    "What is named has odds of 3 to 1 and more against no change, every place and size that it may "
-    "have being counted; from 20 to 1 on 'perhaps' is left out."
-)
 #: What may be trusted, by what was compared.
 TRUST = {
     "pairs": ("Yes: the motions are the same.", "green"),
@@ -740,17 +719,13 @@ def _changed(result: Comparison) -> Answer:
     question = f"What changed {sides}?"
     if not result.changes:
         tone = "amber" if result.blindness else "green"
-        text = _sentence(result.blindness)
-        return Answer(question, "Nothing that can be told from chance.", text, tone)
+        short = "Nothing that can be told from chance."
+        return Answer(question, short, result.blindness.capitalize(), tone)
     named = [describe(change) for change in result.changes]
     short = join(named, SHOWN_NAMES)
     sure = any(change.sure for change in result.changes)
     short = f"{short[0].upper()}{short[1:]}."
     return Answer(question, short, result.nuisances, "vermilion" if sure else "amber")
-
-
-def _sentence(text: str) -> str:
-    return f"{text[0].upper()}{text[1:].rstrip('.')}." if text else ""
 
 
 def _least(result: Comparison) -> Answer:
@@ -768,7 +743,9 @@ def _least(result: Comparison) -> Answer:
 
 def _trust(result: Comparison) -> Answer:
     short, tone = TRUST[result.kind]
-    return Answer("May I trust it?", short, f"{result.how} {ODDS}", tone)
+    return Answer(
+        "May I trust it?", short, f"{result.how} {sentence('comparison.how', 'odds')}", tone
+    )
 
 
 def _next_commands(result: Comparison) -> list[tuple[str, str]]:

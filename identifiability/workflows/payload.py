@@ -30,7 +30,6 @@ from identifiability.estimation.differences import (
     tool_bodies,
 )
 from identifiability.estimation.groups import Excerpt
-from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.noise import JointRuns
 from identifiability.estimation.prediction import TorqueUncertainty
 from identifiability.estimation.rules import Thresholds
@@ -66,7 +65,7 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.robot import Robot, RobotLike, complete_motion
 from identifiability.robot.changed import Point, ten_parameters
-from identifiability.workflows.answers import answer_next, with_hints
+from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.opening import LogLike, Logs, list_logs
 from identifiability.workflows.pairs import Pair, find_pairs, share_noise
@@ -81,6 +80,8 @@ from identifiability.workflows.session import Session
 UNTOLD: Tolerance = 1e-2 * OPEN
 #: A parameter is not told if so much of it lies along directions that are not.
 TOUCHED: Tolerance = 1e-3
+#: Its words.
+WORDS_OF = "payload.how"
 #: Poses at which an arm is weighed.
 POSES = 200
 #: Where each of `GROUPED_KINDS` stands among `KINDS`.
@@ -164,8 +165,11 @@ def estimate_load(found: Differences, loaded: Sequence[int]) -> LoadEstimate:
     said = [(t, found.said[t.key][1][0]) for t in terms]
     causes = found.rows.causes
     rubbing = [causes[k].place for _, own in said for k in own if causes[k].kind == "friction"]
-    others = [f"{causes[own[0]].family} of {t.group.place}" for t, own in said
-              if own and causes[own[0]].kind != "friction"]  # fmt: skip
+    others = [
+        f"{causes[own[0]].family} of {listing([causes[k].place for k in own], 4)}"
+        for _, own in said
+        if own and causes[own[0]].kind != "friction"
+    ]
     left = found.residual(terms)[np.isin(found.rows.log, loaded)]
     return LoadEstimate(
         theta=theta,
@@ -426,13 +430,6 @@ def _judge(
 # `Load`: mass, centre and inertia of what hangs on a body, in numbers and words.
 
 
-#: What masses are stated by.
-PROPORTIONAL = (
-    "Mass and moments are proportional to the torque constants and gear ratios by which the torque "
-    "was read: as many percent as these are off, so is every number."
-)
-
-
 @frozen(kw_only=True)
 class Load(Result):
     """What hangs on a body. Make it with `payload`.
@@ -561,15 +558,11 @@ class Load(Result):
         """That the mass is proportional to gains, and what the arm itself says of these."""
         if not self.mass.told:
             return ""
-        mass, factor, sd = self.arm
+        (mass, factor, sd), text = self.arm, sentence(WORDS_OF, "proportional")
         if not (np.isfinite(sd) and abs(factor - 1.0) > max(REACH * sd, RULES.gain_off)):
-            return PROPORTIONAL
-        stated = self.mass.value / factor
-        return (
-            f"{PROPORTIONAL} By the same torque the arm itself weighs {mass * factor:.3g} kg where "
-            f"its file says {mass:.3g}: if the file is right, gains are off and the load weighs "
-            f"{stated:.3g} kg. A load that is known (--mass) tells them."
-        )
+            return text
+        own = {"weighs": mass * factor, "mass": mass, "load": self.mass.value / factor}
+        return f"{text} {sentence(WORDS_OF, 'arm', **own)}"
 
     @property
     def factors(self) -> str:
@@ -582,12 +575,8 @@ class Load(Result):
         text = f"By {self.known:g} kg torque is so many times what was read: {listing(said, 12)}."
         if not sure:
             text = "The logs do not tell the gain of any torque column."
-        if lost:
-            text += (
-                f" Of {listing(lost, 12)} they do not tell it: move these joints where the load is "
-                "heavy for them, faster, or take a heavier load."
-            )
-        return text
+        more = sentence(WORDS_OF, "untold", joints=listing(lost, 12)) if lost else ""
+        return f"{text} {more}".strip()
 
     @property
     def sidecar(self) -> str:
@@ -599,8 +588,7 @@ class Load(Result):
     @property
     def rubbing(self) -> tuple[str, ...]:
         """Joints whose friction is another one than without the load."""
-        every = EVERYWHERE in self.estimate.rubbing
-        return self.robot.joints if every else self.estimate.rubbing
+        return self.estimate.rubbing
 
     @property
     def friction(self) -> str:
@@ -621,13 +609,8 @@ class Load(Result):
         if len(self.pairs) == len(self.logs) or ratio.max() < RULES.grows:
             return ()
         k = int(np.argmax(ratio))
-        return (
-            f"But the torque of {self.robot.joints[k]} is left "
-            f"{format_number(ratio[k], 2)} × as far off as by the "
-            "result's own logs: the robot changed since (friction does, with temperature), or "
-            "the load is not rigid or hangs elsewhere (--body). Add a log of the same motion "
-            "without the load (--without); compare says what changed.",
-        )
+        joint, often = self.robot.joints[k], format_number(ratio[k], 2)
+        return (sentence(WORDS_OF, "changed", joint=joint, ratio=often),)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a quantity: ``name``, value, interval, unit, whether it is told, why."""

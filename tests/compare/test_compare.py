@@ -12,7 +12,6 @@ from identifiability import Robot, analyze, compare
 from identifiability.cli import app
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs import Log
-from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.simulation.forces import joint_torque
 from identifiability.simulation.simulator import Campaign
