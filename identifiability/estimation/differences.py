@@ -63,7 +63,7 @@ LACKS = ("function_of_velocity", "function_of_load", "function_of_position")
 ByJoint = Mapping[int, Array]
 
 
-@frozen(kw_only=True)
+@frozen
 class Cause:
     """What may differ between logs: k columns of a family at a place.
 
@@ -115,88 +115,37 @@ def find_causes(
     bodies : sequence of str
         That may carry a load.
     """
-    out = [_load(structure, body, X) for body in bodies]
-    out += [_friction(structure, X, base, *at) for at in friction_columns(structure)]
-    torque = X @ base
-    robot = structure.robot
+    robot, parameters = structure.robot, structure.parameters
+    at = {name: k for k, name in enumerate(structure.columns)}
+    value = dict(zip(structure.base.names, base.tolist(), strict=True))
+    out, nothing = [], np.full(1, np.nan)
+    for body in bodies:  # all ten parameters, the weight first
+        columns = [at[f"{body}.{kind}"] for kind in KINDS]
+        units = tuple(parameters[k].unit for k in columns)
+        none, torque = np.full(len(KINDS), np.nan), _by_joint(X @ structure.G[:, columns])
+        out.append(Cause("load", "load", body, KINDS, units, none, torque))
+    for joint, found in structure.friction.items():
+        for members, signs in found:
+            names, first = [structure.columns[k] for k in members], parameters[members[0]]
+            before = np.array([np.mean([value.get(name, np.nan) for name in names])])
+            column = structure.G[:, list(members)] @ np.array(signs)
+            what = "friction", _friction_name(first.kind), joint, (" = ".join(names),)
+            torque = _by_joint((X @ column)[:, :, None])
+            out.append(Cause(*what, (first.unit,), before, torque))
+    every = X @ base
     for j, (joint, unit) in enumerate(zip(robot.joints, robot.torque_units, strict=True)):
-        for kind, family, name, of, x in (
-            ("offset", "torque offset", f"{joint}.off", unit, data[:, [j]].astype(float)),
-            ("gain", "torque gain", f"{joint}.gain", "1", torque[:, [j]]),
-        ):
-            own = {j: x} if x.any() else {}
-            out.append(_cause(kind, family, joint, (name,), (of,), (np.nan,), own))
+        ones = {j: data[:, [j]].astype(float)} if data[:, j].any() else {}
+        own = {j: every[:, [j]]} if every[:, j].any() else {}
+        out += [
+            Cause("offset", "torque offset", joint, (f"{joint}.off",), (unit,), nothing, ones),
+            Cause("gain", "torque gain", joint, (f"{joint}.gain",), ("1",), nothing, own),
+        ]
     return out
-
-
-def _cause(
-    kind: str,
-    family: str,
-    place: str,
-    names: Sequence[str],
-    units: Sequence[str],
-    before: Sequence[float],
-    torque: ByJoint,
-) -> Cause:
-    return Cause(
-        kind=kind,
-        family=family,
-        place=place,
-        names=tuple(names),
-        units=tuple(units),
-        before=np.array(before, float),
-        torque=torque,
-    )
 
 
 def _by_joint(X: Array) -> ByJoint:
     """Return columns (N, n, k) by joint, where they act."""
     return {j: X[:, j] for j in range(X.shape[1]) if X[:, j].any()}
-
-
-def _load(structure: Structure, body: str, X: Array) -> Cause:
-    """Return a load on a body: all ten parameters, its weight first."""
-    at = {name: k for k, name in enumerate(structure.columns)}
-    columns = [at[f"{body}.{kind}"] for kind in KINDS]
-    units = [structure.parameters[k].unit for k in columns]
-    none = [float("nan")] * len(KINDS)
-    torque = _by_joint(X @ structure.G[:, columns])
-    return _cause("load", "load", body, KINDS, units, none, torque)
-
-
-def friction_columns(structure: Structure) -> list[tuple[str, str, list[int], Array]]:
-    """Return each kind of friction of the model, its joint, columns and their signs.
-
-    It is alike in both directions.
-    """
-    return [
-        (
-            _friction_name(structure.parameters[members[0]].kind),
-            joint,
-            list(members),
-            np.array(signs),
-        )
-        for joint, found in structure.friction.items()
-        for members, signs in found
-    ]
-
-
-def _friction(
-    structure: Structure,
-    X: Array,
-    base: Array,
-    family: str,
-    joint: str,
-    members: list[int],
-    signs: Array,
-) -> Cause:
-    """Return one kind of friction at a joint, alike in both directions."""
-    value = dict(zip(structure.base.names, base.tolist(), strict=True))
-    names = [structure.columns[k] for k in members]
-    before = float(np.mean([value.get(name, np.nan) for name in names]))
-    torque = _by_joint((X @ (structure.G[:, members] @ signs))[:, :, None])
-    unit = structure.parameters[members[0]].unit
-    return _cause("friction", family, joint, (" = ".join(names),), (unit,), (before,), torque)
 
 
 def _friction_name(kind: str) -> str:
@@ -220,8 +169,8 @@ def _passive(structure: Structure, seen: Excerpt) -> list[Cause]:
         units = {p.kind: p.unit for p in c.effect.parameters(robot) if p.owner == c.place}
         for kind, column in zip(c.kinds, c.columns, strict=True):
             torque = {j: x[:, None] for (j, k), x in entries.items() if k == column}
-            what = (_friction_name(kind), c.place, (f"{c.place}.{kind}",), (units[kind],))
-            out.append(_cause("friction", *what, (np.nan,), torque))
+            what = "friction", _friction_name(kind), c.place, (f"{c.place}.{kind}",)
+            out.append(Cause(*what, (units[kind],), np.full(1, np.nan), torque))
     return out
 
 

@@ -21,15 +21,8 @@ ASKED = np.array([0.0, 0.0, 1.0])
 
 
 def cause(kind, family, place, torque, before=np.nan, names=("x",)):
-    return Cause(
-        kind=kind,
-        family=family,
-        place=place,
-        names=names,
-        units=("1",) * len(names),
-        before=np.full(len(names), before),
-        torque=torque,
-    )
+    units, values = ("1",) * len(names), np.full(len(names), before)
+    return Cause(kind, family, place, names, units, values, torque)
 
 
 def rows(seed, levels=(2.0, 2.0, 2.0), extra=None, offset=0.0, noise=NOISE):
