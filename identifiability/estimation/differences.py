@@ -675,6 +675,14 @@ def tool_bodies(structure: Structure) -> tuple[str, ...]:
     return tuple(b for b in known if ends[b] == most)
 
 
+def load_bodies(structure: Structure) -> tuple[str, ...]:
+    """Return where a load may be: the tool's bodies, and those that the sidecar bounds by name."""
+    bounds = structure.robot.bounds
+    stated = [b.bodies[0] for b in bounds if len(b.bodies) == 1]
+    own = (b for b in stated if f"{b}." in structure.bodies)
+    return tuple(dict.fromkeys([*tool_bodies(structure), *own]))
+
+
 def find_lacks(structure: Structure, seen: Excerpt) -> Missing:
     """Return smooth functions that a model may lack in all logs alike."""
     motions = [piece.motion for piece in seen.pieces]

@@ -28,9 +28,9 @@ from identifiability.estimation.differences import (
     LogRows,
     find_causes,
     find_lacks,
+    load_bodies,
     pooled_values,
     relative_scale,
-    tool_bodies,
 )
 from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.mixed_model import EVERYWHERE, Term, Terms
@@ -557,7 +557,7 @@ def rows_of_results(one: Fit, other: Fit) -> LogRows:
     X = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
     torque = X @ one.base
     rms, flat = np.sqrt(np.mean(torque**2, axis=0)), X.reshape(-1, X.shape[2])
-    every = find_causes(structure, X, np.ones(torque.shape, bool), one.base, tool_bodies(structure))
+    every = find_causes(structure, X, np.ones(torque.shape, bool), one.base, load_bodies(structure))
     both = {j: torque[:, [j]] for j in range(len(rms))}
     gain = replace(every[-1], place=ALL_JOINTS, names=("gain",), torque=both)
     causes = []
@@ -604,7 +604,7 @@ def _compare_logs(
             f"{counts.min()} samples are too few to compare {len(submodel)} values; give longer or "
             "more logs, or a smaller model (--ladder)."
         )
-    base, bodies = pooled_values(seen.X, seen.y, submodel.M, submodel.fixed), tool_bodies(structure)
+    base, bodies = pooled_values(seen.X, seen.y, submodel.M, submodel.fixed), load_bodies(structure)
     own = [s.name for s in opening.samples]
     asked = np.repeat([0.0, 1.0], [len(first), len(second)])
     logs = np.arange(len(own))

@@ -10,8 +10,11 @@ from typer.testing import CliRunner
 
 from identifiability import Robot, analyze, compare
 from identifiability.cli import app
+from identifiability.estimation.differences import load_bodies
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs import Log
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.simulation.forces import joint_torque
 from identifiability.simulation.simulator import Campaign
@@ -188,3 +191,11 @@ def test_how_logs_of_both_sides_were_read_is_said_once():
     assert found.statement.count(note) == 1
     assert found.statement.count("How ") == 1
     assert f"{one.name}, {other.name} were read" in found.statement
+
+
+def test_a_body_that_the_sidecar_bounds_may_carry_a_load(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(Robot.load(PLANAR).path.read_text())
+    path.with_suffix(".toml").write_text("[bounds.bodies.link1]\nmass = [0.1, 50]\n")
+    structures = [Structure.of(Robot.load(r), Model.of("rigid_body")) for r in (PLANAR, path)]
+    assert [load_bodies(s) for s in structures] == [("link2",), ("link2", "link1")]
