@@ -766,13 +766,11 @@ def _next_commands(result: Comparison) -> list[tuple[str, str]]:
         weigh = f"{name_logs(result.robot, result.after)}{options} --body {places[0]}"
         call = f"{fitted} && identifiability payload {robot} analyze.json {weigh}"
         out.append(("Fit the robot without the load, and weigh the load:", call))
-    elif result.changes:
-        fit = f"identifiability analyze {robot} {after} --json analyze.json --report report.html"
-        out.append(("Fit the robot as it is now:", fit))
-    elif result.kind == "pairs":
+    elif result.changes or result.kind == "pairs":
         both = name_logs(result.robot, (*result.before, *result.after), how=how)
-        fit = f"identifiability analyze {robot} {both} --report report.html"
-        out.append(("Nothing changed: fit all logs together:", fit))
+        text = "Fit the robot as it is now:" if result.changes else "Fit all logs together:"
+        fit = f"identifiability analyze {robot} {after if result.changes else both}"
+        out.append((text, f"{fit} --json analyze.json --report report.html"))
     if result.kind == "logs":
         more = "--before another.csv --report changed.html"
         text = "Log once more as before (another.csv), to see how logs of one side scatter:"

@@ -778,7 +778,7 @@ def _unknown_gains(robot: Robot) -> Fit:
         raise OptionError(
             "Gains are identified without [[known_torque]]: take it out of the sidecar."
         )
-    one = replace(robot, torque=replace(robot.torque, gain={"": 1.0}, ratio={}, sign={}))
+    one = replace(robot, torque=replace(robot.torque, gain={"": 1.0}, ratio={"": 1.0}, sign={}))
     structure = Structure.of(one, Model.of(*DEFAULT_EFFECTS))
     submodel, n = full_model(structure.base), len(robot.joints)
     k = len(submodel)
