@@ -444,7 +444,8 @@ def _described(change: Change) -> str:
         return f"{change.what} {word} by {measured(abs(change.sizes[0]), half[0], 'kg')}"
     every = zip(change.names, change.units, change.sizes, half, strict=True)
     told = [x for x in every if abs(x[2]) > x[3]]
-    parts = [f"{name} by {measured(size, width, unit)}" for name, unit, size, width in told]
+    shown = [(n, 100 * x, 100 * w, "%") if u == "1" else (n, x, w, u) for n, u, x, w in told]
+    parts = [f"{name} by {measured(*numbers)}" for name, *numbers in shown]
     return f"{change.what} changed{': ' if parts else ''}{listing(parts, NAMED)}"
 
 
