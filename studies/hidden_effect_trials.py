@@ -18,8 +18,9 @@ from identifiability.regression.structure import Structure, find_base_parameters
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, Noise, random_trajectory, shipped_trajectory
 from identifiability.workflows.diagnose import BASE_EFFECTS, Diagnosis, Setting, diagnose, look
-from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.motion import prepare_rows
+from identifiability.workflows.diagnose.problem import know_nothing
+from identifiability.workflows.diagnose.rows import Gap
 
 #: Noise of the torque as a share of its rms, its correlation at 100 Hz, and encoders [m or rad].
 LEVEL, RHO = 0.012, 0.9
@@ -210,7 +211,7 @@ def true_error(name: str, seed: int) -> float:
     logs = simulated(name, np.zeros_like(campaign(name).torque), seed)
     samples = tuple(prepare_rows(robot, log, None) for log in logs)
     structure = Structure.of(robot, Model.of(*BASE_EFFECTS))
-    found = look(Setting(structure, samples[:4], samples[4:]), ())
+    found = look(Setting(structure, samples[:4], know_nothing(structure), samples[4:]), ())
     left = found.left((), found.fit(()), unseen=True)
     return float(Gap(found.unseen, left[:, :, None]).relative_error()[0])
 

@@ -41,7 +41,7 @@ from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot
 from identifiability.workflows import servo_gains
 from identifiability.workflows.commanded import check_found, state_drift
-from identifiability.workflows.diagnose.known_values import near_file, share_spread
+from identifiability.workflows.diagnose.problem import know_share
 from identifiability.workflows.opening import read_recordings
 from identifiability.workflows.rollout import rollout
 from identifiability.workflows.servo_gains import Bodies, learn_gains, state_gains
@@ -614,8 +614,6 @@ def test_what_the_sidecar_states_of_a_body_or_a_parameter_counts_beside_the_log(
     own, of = plain.columns.index(f"{body}.m"), plain.columns.index(mass)
     assert near.sd[own] == pytest.approx(wide.sd[own] / 20, rel=1e-6)
     assert (near.mean[of], near.sd[of]) == pytest.approx((3.0, 0.01), rel=0.01)
-    told = share_spread(0.2, stated), share_spread(0.2, plain)
-    assert told[0][own] == pytest.approx(told[1][own] / 20)  # as a diagnosis takes them
     (tmp_path / "arm.toml").write_text("[prior_share]\nnone = 0.1\n")
     with pytest.raises(RobotError, match="prior_share"):
         Robot.load(tmp_path / "arm.urdf")
@@ -624,7 +622,7 @@ def test_what_the_sidecar_states_of_a_body_or_a_parameter_counts_beside_the_log(
 def test_a_diagnosis_knows_bodies_within_a_share_and_nothing_of_joints(arm):
     """A body that is a share heavier in all is one standard deviation off, or less of a group."""
     structure = Structure.of(arm, Model.of("rigid_body", "viscous_friction", "torque_offset"))
-    near = near_file(0.2, structure)
+    near = know_share(0.2, structure, refitted=True)
     np.testing.assert_allclose(near.values, structure.nominal_base, rtol=1e-9)
     for name in ("elbow.Fv", "shoulder.off"):
         alone = structure.G[:, structure.columns.index(name)]
@@ -639,7 +637,7 @@ def test_what_is_known_of_bodies_says_nothing_of_rotors_that_stand_in_their_iner
     robot = Robot.load("quadruped")
     usual = ("viscous_friction", "coulomb_friction", "actuator_inertia", "torque_offset")
     structure = Structure.of(robot, Model.of("rigid_body", *usual))
-    near, rng = near_file(0.2, structure), np.random.default_rng(0)
+    near, rng = know_share(0.2, structure, refitted=True), np.random.default_rng(0)
     own = np.array([p.owner in robot.joints for p in structure.parameters])
     assert not any(n == "FL_hip_joint.Ia" for n in structure.base.names)
     joints = structure.G @ np.where(own, rng.uniform(size=len(own)), 0.0)

@@ -332,7 +332,7 @@ class Family:
     against : {"velocity", "position", "load", "time", "session"}
         Over what its curve is drawn.
     separate : bool
-        Whether each column is a candidate of its own, else they come together.
+        Whether columns are candidates by their kinds, else they come together.
     alike : bool
         Whether all columns of a place are the same, so that one stands for them.
     fixed_only : bool

@@ -13,7 +13,13 @@ import numpy as np
 import scipy
 
 from identifiability.effects.effect import POSTURES, SPEEDS, Along, Shaped, Span, actuated_joints
-from identifiability.effects.measurement import FromJoint, first_origin, is_alone, other_joints
+from identifiability.effects.measurement import (
+    FromJoint,
+    first_origin,
+    is_alone,
+    nominal_torque,
+    other_joints,
+)
 from identifiability.effects.nominal import needs_masses, rigid_torque
 from identifiability.effects.registry import declare
 from identifiability.effects.transmission import carried_load
@@ -85,7 +91,7 @@ class SmoothFunction(Shaped):
     equation = "τ = f(u), f = Σ cₖ Bₖ"
     source = "[de Boor 1978; Eilers & Marx 1996]"
     supersedes = CONTAINED
-    units = (("f", "N·m", "N"),)
+    units: tuple[tuple[str, str, str], ...] = (("f", "N·m", "N"),)
     #: Columns at each axis.
     count = PIECES + DEGREE
 
@@ -156,6 +162,7 @@ class FunctionOfPosition(SmoothFunction):
 @declare(
     "an unnamed function of velocity",
     shapes=fastest,
+    separate=True,
     unnamed=True,
     flexible=True,
     told_by=SPEEDS,
@@ -164,22 +171,35 @@ class FunctionOfPosition(SmoothFunction):
 class FunctionOfVelocity(SmoothFunction):
     """``τ = f(q̇)``, smooth in the root of the speed but for a step at rest.
 
-    Viscous and Coulomb friction and an offset are among its curves. Its shape is the largest speed,
-    beyond which it returns to a constant.
+    Viscous and Coulomb friction and an offset are among its curves, which are odd functions,
+    against the motion, or even ones, or both. Its shape is the largest speed, beyond which it
+    returns to a constant.
     """
 
     name = "function_of_velocity"
-    equation = "τ = f(q̇), f = Σ cₖ Bₖ(√|q̇/v| sign q̇) + c sign q̇"
-    units = (("fv", "N·m", "N"),)
+    equation = "τ = f(q̇), f = Σ cₖ (Bₖ(u) ∓ Bₖ(−u)) + c sign q̇, u = √|q̇/v| sign q̇"
+    units = (("fo", "N·m", "N"), ("fe", "N·m", "N"))
     count = PIECES + DEGREE + 1
+
+    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
+        """Return one for every odd column, then for every even one."""
+        del robot, axis
+        even = self.count // 2
+        return tuple(
+            f"{letter}{k + 1}"
+            for (letter, _, _), count in zip(self.units, (self.count - even, even), strict=True)
+            for k in range(count)
+        )
 
     def coordinate(self, at: Along) -> Array:
         """Return the root of the speed."""
         return fine_at_rest(at.speed, self.shape(at.robot, at.axis))
 
     def curves(self, at: Along) -> list[Array]:
-        """Return the splines and the step."""
-        return [*splines(self.coordinate(at)).T, np.sign(at.speed)]
+        """Return the step with differences of opposite splines, then their sums."""
+        pieces = splines(self.coordinate(at)).T
+        low, high = pieces[: len(pieces) // 2], pieces[: len(pieces) // 2 - 1 : -1]
+        return [np.sign(at.speed), *(high - low), *(high + low)]
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return the limit of the speed [rad/s or m/s]."""
@@ -189,14 +209,20 @@ class FunctionOfVelocity(SmoothFunction):
 # Torque that depends on the load in a way that has no name here.
 
 
+def load_of(robot: Robot, motion: Motion) -> Array:
+    """Return the load of the joints, (N, n): all torque of the model where its values are known.
+
+    Of the file it is that of the masses: files seldom state friction and rotors.
+    """
+    return (nominal_torque if robot.reference else rigid_torque)(robot, motion)
+
+
 def largest_load(span: Span) -> tuple[float, ...]:
-    """Return the largest load of the motions at an axis, by the file's masses [N·m or N]."""
+    """Return the largest load of the motions at an axis [N·m or N]."""
     if span.robot is None:
         return ()
     axis = next(a for a in span.robot.axes if a.name == span.joint)
-    loads = [
-        carried_load(rigid_torque(span.robot, m), Along(span.robot, m, axis)) for m in span.motions
-    ]
+    loads = [carried_load(load_of(span.robot, m), Along(span.robot, m, axis)) for m in span.motions]
     return (max(float(np.abs(x).max(initial=0.0)) for x in loads) or 1.0,)
 
 
@@ -207,7 +233,7 @@ class OfLoad(SmoothFunction):
 
     def coordinate(self, at: Along) -> Array:
         """Return the load over the largest one."""
-        load = carried_load(rigid_torque(at.robot, at.motion), at)
+        load = carried_load(load_of(at.robot, at.motion), at)
         return load / self.shape(at.robot, at.axis)
 
 
@@ -223,7 +249,7 @@ class OfLoad(SmoothFunction):
     rank=31,
 )
 class FunctionOfLoad(OfLoad):
-    """``τ = f(τ_load)`` of the load by the file's masses. Its shape is the largest load."""
+    """``τ = f(τ_load)`` of the load by `load_of`. Its shape is the largest one."""
 
     name = "function_of_load"
     equation = "τ = f(τ_load), f = Σ cₖ Bₖ(τ_load)"
@@ -409,7 +435,7 @@ class FunctionOfPositionAndVelocity(WithVelocity, FunctionOfPosition):
     rank=36,
 )
 class FunctionOfVelocityAndLoad(WithVelocity, OfLoad):
-    """``τ = f(q̇, τ_load)``. Its shape is the largest load by the file's masses [N·m or N]."""
+    """``τ = f(q̇, τ_load)``. Its shape is the largest load [N·m or N]."""
 
     name = "function_of_velocity_and_load"
     equation = "τ = f₀(τ_load) + f₁(τ_load) sign(q̇) + f₂(τ_load) q̇, f = Σ cₖ Bₖ"
@@ -434,3 +460,33 @@ class FunctionOfVelocityAndTime(WithVelocity, FunctionOfTime):
     name = "function_of_velocity_and_time"
     equation = "τ = f₀(t) + f₁(t) sign(q̇) + f₂(t) q̇, f = Σ cₖ Bₖ"
     units = (("fvt", "N·m", "N"),)
+
+
+# Torque that depends on the speed in a way that changes with the session and has no name here.
+
+
+@declare(
+    "an unnamed function of velocity and the time of the session",
+    shapes=end_of_session,
+    against="session",
+    unnamed=True,
+    flexible=True,
+    told_by="log the same motion later in the session",
+    rank=38,
+)
+class FunctionOfVelocityAndSessionTime(FunctionOfSessionTime):
+    """``τ = f(q̇, T)``, T since the session began: friction of a joint that warms up.
+
+    Its shape is the end of that time [s].
+    """
+
+    name = "function_of_velocity_and_session_time"
+    equation = "τ = f₁(T) sign(q̇) + f₂(T) q̇, f = Σ cₖ Bₖ(T)"
+    units = (("fvT", "N·m", "N"),)
+    count = 2 * (SESSION_PIECES + DEGREE)
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return the splines times direction and speed."""
+        columns, speed = straight_beyond(self.coordinate(at), SESSION_PIECES), at.speed[:, None]
+        largest = largest_speed(at.robot, at.axis)
+        return [*(columns * at.sign[:, None]).T, *(columns * speed / largest).T]

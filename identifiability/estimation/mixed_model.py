@@ -172,13 +172,20 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
     silent = JointNoise(np.empty(0), np.inf)
     if not len(y):
         return silent
-    basis = span_columns([X], int(RULES.columns_most * len(y)))
-    parts = [part for part in map(_principal, random) if part.shape[1]]
+    most = int(RULES.columns_most * len(y))
+    basis = span_columns([X], most)
+    # As many columns as rows would leave nothing, and no noise.
+    parts, room = list[Array](), 2 * most - basis.shape[1]
+    for part in map(_principal, random):
+        if 0 < part.shape[1] <= room:
+            parts.append(part)
+            room -= part.shape[1]
     scale = float(np.linalg.norm(y)) or 1.0
     left = y / scale
     left = left - basis @ (basis.T @ left)
     Z = np.concatenate([basis, *parts], axis=1)
-    rest = left - Z @ np.linalg.lstsq(Z, left, rcond=None)[0]
+    # By a pivoted factor: singular values do not always converge.
+    rest = left - Z @ scipy.linalg.lstsq(Z, left, lapack_driver="gelsy")[0]
     lagged = LaggedProducts.of(np.column_stack([Z, left]), runs)
     every = RestrictedLikelihood(lagged, float(rest @ rest), scale, FLOOR_RICH)
     if every.silent:  # what rounding leaves says nothing
@@ -207,16 +214,15 @@ def _settle(
     def prior_of(values: Array) -> Array:
         if not values.size:  # no function acts here
             return np.zeros(len(owner))
-        return np.where(owner < 0, 0.0, values[..., np.maximum(owner, 0)])
+        return np.where(owner < 0, 0.0, values[np.maximum(owner, 0)])
 
     values, none = precisions.copy(), PRECISIONS[-1]
     best = problem.with_prior(prior_of(values)).maximise()
     for _ in range(ROUNDS):
         before = values.copy()
         for k in range(len(values)):
-            tried = np.repeat(values[None], len(PRECISIONS), axis=0)
-            tried[:, k] = PRECISIONS
-            each = problem.deviances(best, prior_of(tried))
+            under = problem.with_prior(prior_of(values))
+            each = under.deviances(best, np.flatnonzero(owner == k), PRECISIONS)
             pays = each[-1] - each.min() > 2.0 * RULES.smooth_price
             values[k] = PRECISIONS[int(np.argmin(each))] if pays else none
         if np.array_equal(values, before):
@@ -629,9 +635,9 @@ def _without(terms: Terms, k: int) -> Terms:
 
 def member_weights(group: Group) -> Array:
     """Return the prior probability of each member of a group: half of it for all at once."""
-    sizes = np.array([len(at) for at in group.members])
-    whole = sizes > sizes.min()
-    if len(sizes) == 1 or not whole.any():
-        return np.full(len(sizes), 1.0 / len(sizes))
+    every = len(set(np.concatenate(group.members).tolist()))
+    whole = np.array([len(at) == every for at in group.members])
+    if whole.all() or not whole.any():
+        return np.full(len(whole), 1.0 / len(whole))
     share: Array = np.where(whole, 0.5 / whole.sum(), 0.5 / (~whole).sum())
     return share

@@ -435,17 +435,25 @@ class RestrictedLikelihood:
         other.dof = max(self.rows - int(np.sum(prior == 0)), 1)
         return other
 
-    def deviances(self, theta: Array, priors: Array) -> Array:
-        """Return the deviance under each of several priors (c, k), all with as much fixed, (c,)."""
+    def deviances(self, theta: Array, at: np.ndarray, precisions: Array) -> Array:
+        """Return the deviance where columns (b,) have each of several precisions (c,), (c,).
+
+        The others as the prior says: what they leave is met once.
+        """
         weights, (logdet,), (white,) = self.lagged.weigh(np.tanh(theta)[:, None])
-        G = self._products(weights[:, 0], white)
-        every = np.repeat(G[None], len(priors), axis=0)
-        every[:, range(self.k), range(self.k)] += priors
-        L = np.linalg.cholesky(every)
-        found = [
-            self.with_prior(p)._deviance(own, logdet) for p, own in zip(priors, L, strict=True)
-        ]
-        return np.array(found)
+        G, others = self._products(weights[:, 0], white), np.delete(np.arange(self.k), at)
+        G[others, others] += self.prior[others]
+        L = np.linalg.cholesky(G[np.ix_(others, others)])
+        own = np.append(at, self.k)
+        half = scipy.linalg.solve_triangular(L, G[np.ix_(others, own)], lower=True)
+        left = G[np.ix_(own, own)] - half.T @ half
+        e, U = np.linalg.eigh(left[:-1, :-1])
+        total = np.maximum(e, 0.0) + precisions[:, None]
+        rss = np.maximum(left[-1, -1] - ((U.T @ left[:-1, -1]) ** 2 / total).sum(1), 1e-300)
+        known = np.log(self.prior[others][self.prior[others] > 0]).sum()
+        size = 2 * np.log(np.diag(L)).sum() + np.log(total / precisions[:, None]).sum(1) - known
+        found: Array = self.dof * np.log(rss / self.dof) + logdet + size
+        return found
 
     def _products(self, weights: Array, white: float) -> Array:
         G = self.lagged.weighed(weights)

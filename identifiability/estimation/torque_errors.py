@@ -256,27 +256,6 @@ def ratio_interval(
     return float(low), float(high)
 
 
-def change_interval_over_joints(
-    squares: Array, variation: Array, rng: np.random.Generator, draws: int = 2000
-) -> tuple[float, float]:
-    """Return the same interval of the change of the error over each joint's own scale.
-
-    Parameters
-    ----------
-    squares, variation : (N, n, 2) and (N, n) [(N·m)² or N²]
-        As in `joint_errors`.
-    rng : numpy.random.Generator
-    draws : int
-    """
-    parts = np.array([p.sum(0) for p in split_evenly(squares, DRAWN_STRETCHES)])
-    own = np.array([p.sum(0) for p in split_evenly(variation, DRAWN_STRETCHES)])
-    counts = rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), size=draws)
-    weights = joint_weights(counts @ own)  # of every draw
-    both = np.sqrt(np.sum(weights[:, :, None] * np.tensordot(counts, parts, 1), axis=1))
-    low, high = np.quantile(both[:, 1] - both[:, 0], ENDS)
-    return float(low), float(high)
-
-
 @frozen
 class ErrorSums:
     """All that errors of prediction say, summed over S stretches of time; parts add up.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 
@@ -151,12 +152,18 @@ def _at_place(robot: Robot, family: Family, span: Span, column: int, free: bool)
         there = {p.kind: p.nonnegative for p in effect.parameters(robot) if p.owner == place}
         reached = there if family.reached is None else family.reached(effect, robot, span)
         kinds = tuple(kind for kind in there if kind in reached)[: 1 if family.alike else None]
-        for chosen in [(kind,) for kind in kinds] if family.separate else [kinds]:
+        for chosen in _apart(kinds) if family.separate else [kinds]:
             at = tuple(range(column, column + len(chosen)))
             positive = not free and all(there[kind] for kind in chosen)
             out.append(Candidate(family, place, shape, chosen, effect, at, positive))
             column += len(chosen)
     return out
+
+
+def _apart(kinds: Sequence[str]) -> list[tuple[str, ...]]:
+    """Return kinds by what stands before their number."""
+    names = groupby(kinds, key=lambda kind: kind.rstrip("0123456789"))
+    return [tuple(own) for _, own in names]
 
 
 def number(candidates: Sequence[Candidate]) -> list[Candidate]:

@@ -92,7 +92,7 @@ def section_effects(d: Diagnosis) -> Section:
     for e in d.effects:
         for p in e.placements:
             shape = f"shape {format_number(p.shape, 3)}" if np.isfinite(p.shape) else ""
-            first = (Cell(e.names, note=shape), p.place)
+            first = (Cell(" or ".join(e.names), note=shape), p.place)
             rows += [(*first, *row, p.odds, p.rms) for row in p.rows]
     if not rows and not d.refuted and not d.changes:
         nothing = "No effect stands out from the noise and helps on unseen motion."
@@ -128,13 +128,13 @@ def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
     horizon = format_number(gap.horizon, 2)
     if not gap.measured:
         return section("diagnosis.motion", f"Not done: {gap.note}", horizon=horizon)
-    figure = draw_forward(gap.t, *gap.shares())
+    figure = draw_forward(gap.t, gap.before.mean(2), gap.after.mean(2))
     columns = (
         Column("joint"),
         Column("before", percent, hint="Of the distance moved, at the end."),
         Column("after", percent),
     )
-    rows = zip(joints, *gap.joint_shares(), strict=True)
+    rows = zip(joints, gap.before[:, -1].mean(0), gap.after[:, -1].mean(0), strict=True)
     table = Table.of("Position error at the end of a stretch", columns, rows)
     shown = picture("forward", figure, stretches=len(gap.before))
     return section("diagnosis.motion", shown, table, horizon=horizon)
@@ -162,14 +162,13 @@ def sections(d: Diagnosis) -> list[Section]:
         _section_where(d),
         replace(_section_evidence(d), detail=True),
         _section_aliases(d),
-        *((_section_remainder(d),) if d.remainder.detectable else ()),
         replace(_section_method(d), detail=True),
     ]
 
 
 def notes(d: Diagnosis) -> list[Note]:
     """Return what should be known with the answer."""
-    return [Note("good" if r.good else "note", r.title, r.text) for r in remarks(d)]
+    return remarks(d)
 
 
 def paragraphs(_: Diagnosis) -> tuple[str, ...]:
@@ -251,17 +250,6 @@ HIDDEN = (
 )
 
 
-def _section_remainder(d: Diagnosis) -> Section:
-    columns = (
-        Column("effect"),
-        Column("smallest that is named", rough_percent, hint="Rms over residual."),
-    )
-    sizes = sorted(d.remainder.detectable.items(), key=lambda x: x[1])
-    caption = "Sizes that are named in four of five logs like these, at the best place"
-    table = Table.of(caption, columns, [(title_of(name), size) for name, size in sizes])
-    return section("diagnosis.remainder", table)
-
-
 def _section_method(d: Diagnosis) -> Section:
     names = dict.fromkeys([*d.base, *(x.name for x in d.evidence)])
     terms = [
@@ -269,7 +257,7 @@ def _section_method(d: Diagnosis) -> Section:
         for name, e in ((n, find_effect(n)) for n in names)
     ]
     prepared = tuple(f"{s.name}: {'; '.join(s.notes)}." for s in (*d.samples, *d.validation))
-    roles = sentence("diagnosis.roles", chosen=d.chosen_by, verified=d.verified_on)
+    roles = sentence("diagnosis.roles", verified=d.verified_on)
     return section(
         "diagnosis.method",
         Terms(tuple(terms)),

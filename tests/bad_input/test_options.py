@@ -28,7 +28,6 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.engines.local import choose_engine
 from identifiability.foundation.options import checked
 from identifiability.simulation import shipped_trajectory
-from identifiability.workflows.diagnose import Rules
 
 SEED = "seed must be a whole number of at least 0, not -1"
 METHOD = "method must be 'ols' or 'wls', not 'OLS', did you mean 'ols'?"
@@ -75,7 +74,6 @@ DIAGNOSE = {
     ),
     "effects": ({"effects": "payload"}, "effects must be a list of names or None, not 'payload'"),
     "fixed": ({"fixed": 2}, "may be off by a share above 0 and up to 1, 2 was given"),
-    "rules": ({"rules": {"alias": 0.1}}, "rules must be a Rules or None, not a dict"),
 }
 OF_LOGS = {
     name: case
@@ -148,7 +146,6 @@ OTHERS = {
         {"recurrence": 9},
         "recurrence must be a number between 0 and 1, not",
     ),
-    "rule": (Rules, {"shortest": 0}, "shortest must be a whole number of at least 1, not 0"),
     "engine": (
         choose_engine,
         {"engine": "procesess"},

@@ -5,13 +5,15 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose import Setting, look
+from identifiability.workflows.diagnose.problem import know_nothing
 
 HIDDEN = ("coulomb_asymmetry", "torque_offset")
 
 
 def aliases(robot, logs, *model, effects=None):
     samples = tuple(prepare_samples(robot, log) for log in logs)
-    setting = Setting(Structure.of(robot, Model.of(*model)), samples)
+    structure = Structure.of(robot, Model.of(*model))
+    setting = Setting(structure, samples, know_nothing(structure))
     found = look(setting, effects)
     return {(a.family, a.place): a for a in found.aliases}, found
 

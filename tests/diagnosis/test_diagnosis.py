@@ -1,7 +1,6 @@
 """The result: statement, frames, JSON schema, report, fixed values, command line."""
 
 import json
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -19,8 +18,8 @@ from identifiability.regression.regression import Regression
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.diagnose.findings import Rival
-from identifiability.workflows.diagnose.gap import explained_share
 from identifiability.workflows.diagnose.motion import STRETCH, prepare_rows, thin
+from identifiability.workflows.diagnose.rows import explained_share
 from identifiability.workflows.diagnose.words import headline
 
 HIDDEN = "stribeck_friction@slider1+slider3=0.03"
@@ -41,27 +40,21 @@ def diagnosis(diagnosis_of):
 def test_the_statement_says_effect_joints_odds_and_how_far_the_gap_shrinks(diagnosis):
     text = diagnosis.statement
     assert text.startswith("Stribeck friction in slider1 and slider3 (log odds ")
-    assert "the error falls from" in text
+    assert "the error goes from" in text
     assert "95 %" in text
-    assert "smallest nameable effect" in text
 
 
-def test_the_headline_of_many_effects_has_three_sentences_and_a_list_beneath(diagnosis):
+def test_the_headline_states_some_of_many_effects_and_what_is_undecided_stands_beneath(diagnosis):
     (e,) = diagnosis.effects
     rivals = (Rival("quadratic_friction", "slider1"),)
     unsure = replace(e, placements=tuple(replace(p, rivals=rivals) for p in e.placements))
-    d = replace(diagnosis, effects=(e, unsure, unsure, e))
+    d = replace(diagnosis, effects=(e, unsure, unsure, e, e, e))
     first, *rest = d.statement.split("\n- ")
     assert headline(d) == first
-    assert first.startswith("4 effects are missing: Stribeck friction (")
-    assert "This motion cannot tell Stribeck friction and Stribeck friction from other" in first
-    assert len(re.findall(r"\.(?= |$)", first)) == 3
+    assert first.count("Stribeck friction") + first.count("stribeck friction") == 4
+    assert "and 2 more" in first
     either = [text for text in rest if "cannot tell Stribeck friction or quadratic" in text]
     assert len(either) == 2
-    assert (
-        sum(text.startswith("Stribeck friction in slider1 and slider3 (log odds") for text in rest)
-        == 2
-    )
 
 
 def test_json_follows_the_schema(diagnosis, tmp_path):
@@ -81,12 +74,11 @@ def test_json_follows_the_schema(diagnosis, tmp_path):
     assert ("torque_offset", "slider1") in aliased
 
 
-def test_nothing_hidden_gives_an_empty_list_and_a_smallest_nameable_effect(diagnosis_of):
+def test_nothing_hidden_gives_an_empty_list(diagnosis_of):
     d = diagnosis_of("five-bar")
     assert d.to_dict()["effects"] == []
     assert d.to_frame().empty
     assert d.held_after == d.held_before
-    assert d.remainder.detectable["stribeck_friction"] > 0
     assert "No effect can be named" in d.statement
 
 

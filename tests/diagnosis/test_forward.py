@@ -13,8 +13,8 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import Campaign, PrescribedMotion, random_trajectory, simulate
 from identifiability.simulation.forward import ForwardRobot
-from identifiability.workflows.diagnose.completed import fit_physical
 from identifiability.workflows.diagnose.forward import Physical, compare_forward
+from identifiability.workflows.diagnose.result import fit_physical
 
 
 @pytest.fixture(scope="module")

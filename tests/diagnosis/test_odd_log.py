@@ -11,7 +11,6 @@ from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.regression import Model
 from identifiability.report.results import answer_first
 from identifiability.simulation import Noise, random_trajectory, simulate
-from identifiability.workflows.diagnose.words import state_change
 
 FEW = {"effects": ["joint_stiffness", "torque_offset", "position_ripple"], "quick": True}
 FEW |= {"forward": False}
@@ -78,9 +77,9 @@ def test_a_mass_gripped_in_the_middle_of_a_log_is_told_with_its_instant_and_left
     assert abs(change.values[0] - 0.5) < 4 * change.errors[0] + 0.02
     assert not d.effects
     assert d.samples[1].motion.t.max() < logs[1].t[0] + since + 0.3
-    said = state_change(change)
+    said = change.statement
     assert said in d.statement
-    assert f"of {logs[1].name} on another robot was logged. The difference: a mass of" in said
+    assert f"of {logs[1].name} on another robot was logged. The difference: " in said
     assert max(len(x.split()) for x in said.split(". ")) <= 25
     assert f"{title_of('payload')} {change.when}" in answer_first(d).sketch.markup
     assert d.to_dict()["changes"][0]["from95"][0] == change.began[0]

@@ -7,8 +7,7 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.workflows import opening
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.diagnose.motion import assign_roles, divide
-from identifiability.workflows.diagnose.rules import RULES
+from identifiability.workflows.diagnose.motion import SHORTEST, assign_roles, divide
 
 
 @pytest.fixture
@@ -34,7 +33,7 @@ def test_without_held_out_logs_the_last_log_or_the_last_part_is_set_aside(logs):
     assert "set aside" in roles.verified_on
     one = assign_roles(logs[:1], [])
     assert one.fit[0].t[-1] < one.verify[0].t[0]
-    assert len(one.verify[0]) >= RULES.shortest
+    assert len(one.verify[0]) >= SHORTEST
 
 
 def test_a_log_too_short_to_be_divided_is_refused_in_one_sentence(logs):

@@ -74,7 +74,7 @@ def test_a_file_holds_what_is_best_without_the_function(learned):
         assert result[name]["label"] == label
         sigma = abs(result[name]["sigma_robust_percent"] * result[name]["value"])
         assert sigma < 2 * expected["sigma_robust_percent"] * abs(expected["value"])
-    curve = [x for n, x in values.items() if ".fv" in n]
+    curve = [x for n, x in values.items() if ".fo" in n or ".fe" in n]
     assert np.abs(curve).max() < 3 * np.abs(result.samples[0].tau[:, 1]).max()
 
 
@@ -129,7 +129,7 @@ def test_a_file_that_is_another_robot_needs_force(learned, tmp_path):
         if times > 3:
             said = " ".join(run.output.split())
             assert "more than 3 times" in said
-            assert "elbow.fv" in said
+            assert "elbow.fo" in said
             assert not out.with_suffix(".toml").exists()
             assert CliRunner().invoke(app, [*words, "--force"]).exit_code == 0
             assert out.exists()

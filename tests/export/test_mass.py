@@ -70,7 +70,7 @@ def test_a_diagnosis_chooses_the_prior_on_motion_that_it_has_not_seen(log, simul
     from identifiability.physical.cad_prior import WEAK
     from identifiability.regression.regression import Model
     from identifiability.regression.structure import Structure
-    from identifiability.workflows.diagnose.completed import fit_physical
+    from identifiability.workflows.diagnose.result import fit_physical
 
     robot, unseen = Robot.load("3-rps"), simulated_session("3-rps", "595", 0)
     result = analyze(robot, log, unseen, ladder=FULL, replicates=0, estimator="ls")

@@ -37,6 +37,7 @@ from identifiability.workflows.commands import (
     source_name,
 )
 from identifiability.workflows.diagnose import result as missing
+from identifiability.workflows.diagnose.findings import call
 from identifiability.workflows.predict import correlation_of
 
 
@@ -259,9 +260,7 @@ def test_the_name_of_a_joint_stands_beside_its_dot_and_over_no_line():
     [((), "A"), (("b",), "A or B"), (("b", "c"), "A or one of 2 that look like it")],
 )
 def test_the_first_line_is_no_surer_than_the_name(others, said):
-    names = " or ".join(["A", *(o.upper() for o in others)])
-    effect = SimpleNamespace(title="A", names=names, alternatives=others)
-    assert missing._call(effect) == said
+    assert call(["A", *(o.upper() for o in others)]) == said
 
 
 def test_the_first_line_counts_places_once(monkeypatch):
@@ -269,7 +268,7 @@ def test_the_first_line_counts_places_once(monkeypatch):
     monkeypatch.setattr(missing, "headline", lambda _: "")
     places = ("a", "b", "c", "d")
     twice = tuple(SimpleNamespace(place=place) for place in (*places, *places))
-    effect = SimpleNamespace(names="friction", alternatives=(), joints=places, placements=twice)
+    effect = SimpleNamespace(called="friction", alternatives=(), joints=places, placements=twice)
     said = missing._what(SimpleNamespace(changes=(), effects=(effect,))).short
     assert said == "Friction in a, b and 2 more."
 

@@ -34,8 +34,8 @@ def test_every_hint_is_of_a_column():
 
 
 def test_texts_become_paragraphs_and_nothing_is_left_out():
-    found = section("diagnosis.remainder", "One sentence.", None)
-    assert (found.name, found.title, found.lead) == ("remainder", "What could still be named", "")
+    found = section("pruning.method", "One sentence.", None)
+    assert (found.name, found.title, found.lead) == ("method", WORDS["pruning.method"]["title"], "")
     assert [b.paragraphs for b in found.blocks] == [("One sentence.",)]
 
 

@@ -7,12 +7,11 @@ log odds of a `Setting`, `name_missing` says what is missing and lets unseen mot
 """
 
 from identifiability.workflows.diagnose.findings import NamedEffect, Placement
-from identifiability.workflows.diagnose.gap import Discrepancy, find_discrepancies
 from identifiability.workflows.diagnose.naming import Naming, look, name_missing
 from identifiability.workflows.diagnose.next_experiment import NextMotion, find_next
 from identifiability.workflows.diagnose.problem import Alias, Setting, find_aliases
 from identifiability.workflows.diagnose.result import Diagnosis
-from identifiability.workflows.diagnose.rules import Rules
+from identifiability.workflows.diagnose.rows import Discrepancy, find_discrepancies
 from identifiability.workflows.diagnose.workflow import BASE_EFFECTS, diagnose
 
 __all__ = [
@@ -24,7 +23,6 @@ __all__ = [
     "Naming",
     "NextMotion",
     "Placement",
-    "Rules",
     "Setting",
     "diagnose",
     "find_aliases",

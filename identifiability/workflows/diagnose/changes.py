@@ -11,28 +11,36 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp, softmax
 
-from identifiability.effects import find_families
+from identifiability.effects import find_families, title_of
 from identifiability.effects.effect import Placed
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import Missing
 from identifiability.estimation.mixed_model import SIZES, Group, Term, rise_of
 from identifiability.estimation.noise import JointNoise
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.foundation.answers import Cell, Column, Table
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import REACH
+from identifiability.foundation.rounding import digits, join
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.columns import Candidate, is_body, list_candidates, number
-from identifiability.workflows.diagnose.motion import Change
+from identifiability.workflows.diagnose.findings import call
 from identifiability.workflows.diagnose.naming import Naming, determined_alone
 from identifiability.workflows.diagnose.problem import Setting
 
 #: What may begin and end while a robot is logged: a load, a brake or dirt, a counterweight.
 CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
+#: Weight above which none is said.
+MOST: Tolerance = 0.99
+#: Instants at most at which something may change.
+INSTANTS = 40
 #: Rounds in which noise is that without what is likeliest.
 ROUNDS = 2
 #: Shortest block of time [s], and time constants of drifts in shares of all the time.
@@ -44,6 +52,143 @@ BURST: Tolerance = 0.8
 FEWEST = 3
 #: Kinds of a load that is small and held somewhere: its mass with the first moments.
 LOAD = 4
+
+
+def weight_text(weight: float) -> str:
+    """Return a weight in words: none is said nearer to one than noise and priors are known."""
+    return f"> {MOST}" if weight > MOST else f"{weight:.2f}"
+
+
+@frozen
+class Change:
+    """What changed in the middle of a log.
+
+    Attributes
+    ----------
+    log : str
+    number : int
+        Which of the fitted logs.
+    start, stop : float [s]
+        When it began and ended; infinite where that was not logged.
+    began, ended : (float, float) [s]
+        Where these instants are in 95 % of what is likely.
+    family, title, place : str
+        What it was.
+    parameters, units : tuple of str
+    values, errors : (k,)
+        Generalised least squares beside the model, with standard errors.
+    open : tuple of str
+        Parameters that the motion determines together with others only.
+    odds : float [nat]
+        Log odds for it, all instants, logs and places where it might have been counted.
+    weight : float
+        Its posterior probability among all that may change then.
+    others : tuple of (family, place)
+        What it cannot be told from.
+    """
+
+    log: str
+    number: int
+    start: float
+    stop: float
+    began: tuple[float, float]
+    ended: tuple[float, float]
+    family: str
+    title: str
+    place: str
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    errors: Array
+    open: tuple[str, ...]
+    odds: float
+    weight: float
+    others: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def names(self) -> list[str]:
+        """What it was, and what it cannot be told from, in words."""
+        return [f"{title_of(f)} in {at}" for f, at in ((self.family, self.place), *self.others)]
+
+    @property
+    def statement(self) -> str:
+        """When it changed, what, and what became of it."""
+        value, error, unit = self.values[0], self.errors[0], self.units[0]
+        size = f"{value:.3g} ± {REACH * error:.2g} {unit}".replace("-", "−")
+        if self.parameters[0] in self.open:
+            size = "of a size that this motion leaves open"
+        return (
+            f"{self.when[0].upper()}{self.when[1:]} another robot was logged. The difference: "
+            f"{call(self.names)} ({size}, weight {weight_text(self.weight)}). What was logged "
+            "meanwhile was left out."
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as JSON has it; no instant where it was not logged."""
+
+        def known(*ends: float) -> list[float | None]:
+            return [x if np.isfinite(x) else None for x in ends]
+
+        start, stop = known(self.start, self.stop)
+        return {
+            "log": self.log,
+            "effect": self.family,
+            "joint": self.place,
+            "weight": self.weight,
+            "log_odds": self.odds,
+            "from": start,
+            "to": stop,
+            "from95": known(*self.began),
+            "to95": known(*self.ended),
+            "or": [{"effect": family, "joint": place} for family, place in self.others],
+            "parameters": dict(zip(self.parameters, self.values.tolist(), strict=True)),
+            "errors": dict(zip(self.parameters, self.errors.tolist(), strict=True)),
+            "open": list(self.open),
+        }
+
+    @property
+    def whole(self) -> bool:
+        """Whether it lasted as long as the log."""
+        return bool(np.isinf(self.start) and np.isinf(self.stop))
+
+    @property
+    def when(self) -> str:
+        """In words: ``from 41 s (95 %: 40.5 … 41.5 s) of run2 on``."""
+        begin, end = (
+            f"{at:.3g} s" + (f" (95 %: {low:.3g} … {high:.3g} s)" if low < high else "")
+            for at, (low, high) in ((self.start, self.began), (self.stop, self.ended))
+        )
+        if self.whole:
+            return f"in all of {self.log}"
+        if np.isinf(self.stop):
+            return f"from {begin} of {self.log} on"
+        if np.isinf(self.start):
+            return f"until {end} of {self.log}"
+        return f"from {begin} to {end} of {self.log}"
+
+
+CHANGES = (
+    Column("when"),
+    Column("effect"),
+    Column("where"),
+    Column("parameter", "code"),
+    Column("value", digits(3)),
+    Column("± se", digits(2)),
+    Column("unit"),
+    Column("weight", hint="Posterior probability among all that may change at any instant."),
+    Column("or", hint="What this motion cannot tell it from."),
+)
+
+
+def table_changes(changes: Sequence[Change]) -> Table:
+    """Return what changed as a table."""
+    rows = []
+    for c in changes:
+        weight = Cell(weight_text(c.weight), c.weight)
+        others = join(c.names[1:]) or "nothing"
+        values = zip(c.parameters, c.values, c.errors, c.units, strict=True)
+        rows += [(c.when, title_of(c.family), c.place, *row, weight, others) for row in values]
+    return Table.of("What changed in the middle of a log, and was left out", CHANGES, rows)
 
 
 @frozen
@@ -111,11 +256,11 @@ class Scan:
         listed, _ = list_candidates(robot, find_families(families), (), motions, fixed=True)
         known = naming.missing.candidates
         numbered = number([*known, *map(_held, listed)])
-        root, noise = naming.fitted.root, naming.missing.noise
+        root, noise = setting.known.root, naming.missing.noise
         missing = Missing(tuple(numbered), seen, root, noise)
         acts = {k for _, k in missing.entries}
         own = tuple(c for c in numbered[len(known) :] if acts.intersection(c.columns))
-        return Scan(naming, missing, own, *_edges(seen.t, seen.log, setting.rules.instants))
+        return Scan(naming, missing, own, *_edges(seen.t, seen.log))
 
     def stays(self, missing: Missing) -> tuple[list[Stay], float]:
         """Return where each candidate may act, and the log odds of the likeliest drift."""
@@ -276,13 +421,13 @@ def _held(c: Candidate) -> Candidate:
     return replace(c, kinds=c.kinds[:LOAD], columns=c.columns[:LOAD]) if is_body(c) else c
 
 
-def _edges(t: Array, log: np.ndarray, instants: int) -> tuple[list[int], np.ndarray]:
+def _edges(t: Array, log: np.ndarray) -> tuple[list[int], np.ndarray]:
     """Return rows at which blocks of time begin and end, and how many blocks each log has."""
     edges, count = [0], []
     for n in np.unique(log):
         rows = np.flatnonzero(log == n)
         lasts = float(t[rows[-1]] - t[rows[0]])
-        some = max(min(instants, len(rows) // 2, int(lasts / SHORTEST)), 1)
+        some = max(min(INSTANTS, len(rows) // 2, int(lasts / SHORTEST)), 1)
         cuts = np.linspace(t[rows[0]], t[rows[-1]], some + 1)[1:-1]
         edges += [*(rows[0] + np.searchsorted(t[rows], cuts)).tolist(), int(rows[-1]) + 1]
         count.append(some)

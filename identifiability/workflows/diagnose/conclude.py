@@ -21,9 +21,9 @@ from identifiability.workflows.diagnose.findings import (
     Refuted,
     Rival,
 )
-from identifiability.workflows.diagnose.gap import Gap, Remainder, find_discrepancies
 from identifiability.workflows.diagnose.naming import Naming, Part, determined_alone
 from identifiability.workflows.diagnose.result import Diagnosis
+from identifiability.workflows.diagnose.rows import Gap, find_discrepancies
 
 
 def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
@@ -55,7 +55,6 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         _effect(naming, gap, some, [placed[k] for k in some], n, rng) for n, some in enumerate(own)
     ]
     left = fitted[:, :, -1]
-    rms = np.sqrt(np.sum(left**2, axis=0) / naming.fitted.counts)
     added = [
         Placed(placing, [_write_part(robot, part) for part in placing])
         for placing in ([parts[k].candidate.part for k in some] for some in own)
@@ -75,7 +74,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         aliases=naming.aliases,
         refusals=naming.refusals,
         evidence=_evidence(naming),
-        remainder=Remainder(rms, _detectable(naming, rms)),
+        values=setting.known.moved(fits[-1][: len(setting.known.free)]),
         model=Model((*structure.model.effects, *added)),
     )
 
@@ -89,16 +88,6 @@ def _evidence(naming: Naming) -> tuple[Odds, ...]:
     )
 
 
-def _detectable(naming: Naming, rms: Array) -> dict[str, float]:
-    """Return the smallest effect of each family that is named, as a share of the residual (n,)."""
-    rows, out = naming.fitted, dict[str, float]()
-    torque = np.sqrt(np.sum(rows.seen.y**2, axis=0) / rows.counts)
-    for (family, j), size in naming.smallest().items():
-        if rms[j] > 0:
-            out[family] = min(out.get(family, np.inf), float(size * torque[j] / rms[j]))
-    return out
-
-
 def _effect(
     naming: Naming,
     gap: Gap,
@@ -110,8 +99,6 @@ def _effect(
     """Return an effect with what unseen motion shows of it where it is."""
     parts = [naming.parts[k] for k in own]
     family, errors = parts[0].candidate.family, gap.relative_error().tolist()
-    here = gap.at(sorted({j for k in own for j in naming.acts(k)}))
-    shown = here.error_over_joints().tolist()
     places = family.places(naming.setting.structure.robot)
     return NamedEffect(
         name=family.name,
@@ -120,9 +107,6 @@ def _effect(
         before=errors[n],
         after=errors[n + 1],
         interval=gap.interval(n, n + 1, rng),
-        shown_before=shown[n],
-        shown_after=shown[n + 1],
-        shown_interval=here.interval_over_joints(n, n + 1, rng),
         everywhere=1 < len(places) == len(placements),
         unnamed=family.unnamed,
         nearest=tuple(dict.fromkeys(title_of(t.group.family) for p in parts for t in p.nearest)),
@@ -145,13 +129,13 @@ def _place(naming: Naming, k: int, fitted: Array) -> Placement:
         units=tuple(x.unit for x in parameters),
         values=value,
         errors=np.sqrt(np.maximum(np.diag(covariance), 0.0)),
+        fitted=own,
         rms=max((float(np.sqrt(np.mean(x**2))) for x in added), default=0.0),
         rivals=tuple(_rivals(part)),
         open=tuple(x.name for x, one in zip(parameters, _alone(naming, k), strict=True) if not one),
         weight=part.weight,
         odds=part.term.odds,
         unseen=part.unseen,
-        smooth=own if c.family.flexible else np.empty(0),
     )
 
 

@@ -5,9 +5,8 @@ from dataclasses import field
 from functools import cached_property
 from typing import NamedTuple
 
-import numpy as np
-
 from identifiability.effects import title_of
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import state_mass
@@ -16,9 +15,18 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose.forward import ForwardGap
-from identifiability.workflows.diagnose.gap import Discrepancy, Gap, Remainder
 from identifiability.workflows.diagnose.problem import Alias, Setting
+from identifiability.workflows.diagnose.rows import Discrepancy, Gap
 from identifiability.workflows.gravity import Leaning
+
+#: Names that are said of what cannot be told apart.
+LISTED = 2
+
+
+def call(names: list[str]) -> str:
+    """Return a name with those that it cannot be told from, or how many these are."""
+    some = f"{names[0]} or one of {len(names) - 1} that look like it"
+    return some if len(names) > LISTED else " or ".join(names)
 
 
 class Rival(NamedTuple):
@@ -40,6 +48,8 @@ class Placement:
     parameters, units : tuple of str
     values, errors : (k,)
         Of the mixed model, with standard errors.
+    fitted : (k,)
+        As an analysis weighs rows: those of the model that is written.
     rms : float [N·m or N]
         Of the torque that it adds at the joint where it is largest.
     rivals : tuple of Rival
@@ -50,8 +60,6 @@ class Placement:
         Its posterior probability among all that may be in its place.
     odds, unseen : float [nat]
         Log odds for it on the fitted motion, and what it gains on unseen motion.
-    smooth : (k,)
-        Values as an analysis weighs rows, as smooth as what was found; of functions alone.
     """
 
     place: str
@@ -60,13 +68,13 @@ class Placement:
     units: tuple[str, ...]
     values: Array
     errors: Array
+    fitted: Array
     rms: float
     rivals: tuple[Rival, ...] = ()
     open: tuple[str, ...] = ()
     weight: float = 1.0
     odds: float = float("nan")
     unseen: float = float("nan")
-    smooth: Array = field(default_factory=lambda: np.empty(0))
 
     @property
     def rows(self) -> list[tuple[str, float, float, str]]:
@@ -112,9 +120,6 @@ class NamedEffect:
         Held-out ε_RA of the model without and with it.
     interval : (float, float)
         95 % of the change.
-    shown_before, shown_after, shown_interval
-        The same at the joints where it is, over each joint's own scale: elsewhere other errors may
-        hide it.
     everywhere : bool
         Whether it is at all places where it can be.
     unnamed : bool
@@ -131,9 +136,6 @@ class NamedEffect:
     before: float
     after: float
     interval: tuple[float, float]
-    shown_before: float
-    shown_after: float
-    shown_interval: tuple[float, float]
     everywhere: bool = False
     unnamed: bool = False
     nearest: tuple[str, ...] = ()
@@ -141,8 +143,8 @@ class NamedEffect:
 
     @property
     def confirmed(self) -> bool:
-        """Whether the error of its joints surely falls on unseen motion."""
-        return self.shown_interval[1] < 0
+        """Whether unseen motion says so by itself."""
+        return self.unseen >= ESTIMATION_RULES.keep
 
     @property
     def weight(self) -> float:
@@ -171,9 +173,14 @@ class NamedEffect:
         return tuple(dict.fromkeys(r.family for r in rivals))
 
     @property
-    def names(self) -> str:
-        """The name, with its alternatives, in words."""
-        return " or ".join([self.title, *map(title_of, self.alternatives)])
+    def names(self) -> list[str]:
+        """The name and its alternatives, in words."""
+        return [self.title, *map(title_of, self.alternatives)]
+
+    @property
+    def called(self) -> str:
+        """The same in few words: what is said first may not be surer."""
+        return call(self.names)
 
 
 @frozen
@@ -235,7 +242,8 @@ class Findings(Setting):
     refusals : tuple of Refusal
     evidence : tuple of Odds
         Of all that was asked, the likeliest first.
-    remainder : Remainder
+    values : (b,)
+        Base parameters of the diagnosed model, beside the named effects.
     model : Model
         The base model with the named effects.
     forward : ForwardGap or None
@@ -262,7 +270,7 @@ class Findings(Setting):
     aliases: tuple[Alias, ...]
     refusals: tuple[Refusal, ...]
     evidence: tuple[Odds, ...]
-    remainder: Remainder
+    values: Array
     model: Model
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()

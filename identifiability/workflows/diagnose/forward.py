@@ -18,6 +18,7 @@ from identifiability.effects.effect import Effect, Family
 from identifiability.estimation.torque_errors import DRAWN_STRETCHES, change_interval
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
@@ -30,6 +31,8 @@ from identifiability.simulation.forward import ForwardRobot
 
 #: Length of a simulated stretch [s].
 HORIZON: Tolerance = 0.25
+#: Samples before a stretch that friction with memory begins from.
+REMEMBERED = 400
 #: Simulated stretches, at most: each is drawn by itself for intervals.
 STRETCHES = DRAWN_STRETCHES
 
@@ -43,10 +46,9 @@ class ForwardGap:
     horizon : float [s]
     t : (S,) [s]
         Time since the start of a stretch.
-    moved : (n,) [rad or m]
-        Mean distance that each joint moved in a stretch.
-    before, after : (K, S, n) [rad or m]
-        Simulated less measured position; nan once a stretch has diverged.
+    before, after : (K, S, n)
+        Simulated less measured position, as a share of the distance that the joint moved in a
+        stretch on average; a stretch that has diverged is wrong by all of it.
     interval : (float, float)
         95 % of the change of the error, stretches drawn again and again.
     note : str
@@ -57,7 +59,6 @@ class ForwardGap:
 
     horizon: float
     t: Array
-    moved: Array
     before: Array
     after: Array
     interval: tuple[float, float] = (np.nan, np.nan)
@@ -68,56 +69,34 @@ class ForwardGap:
     def none(note: str) -> ForwardGap:
         """Return the gap that was not measured, and why."""
         empty = np.empty((0, 0, 0))
-        return ForwardGap(HORIZON, np.empty(0), np.empty(0), empty, empty, note=note)
+        return ForwardGap(HORIZON, np.empty(0), empty, empty, note=note)
 
     @property
     def measured(self) -> bool:
         """Whether there is a gap at all."""
         return len(self.before) > 0
 
-    def shares(self) -> tuple[Array, Array]:
-        """Return errors as a share of the distance moved, mean over joints, each (K, S).
-
-        A stretch that has diverged counts as wrong by all of the distance.
-        """
-        return self._share(self.before).mean(2), self._share(self.after).mean(2)
-
-    def joint_shares(self) -> tuple[Array, Array]:
-        """Return mean errors of each joint at the end of a stretch, each (n,)."""
-        return self._share(self.before)[:, -1].mean(0), self._share(self.after)[:, -1].mean(0)
-
-    def _share(self, error: Array) -> Array:
-        share: Array = np.nan_to_num(np.minimum(np.abs(error) / self.moved, 1.0), nan=1.0)
-        return share
-
     @property
     def error_before(self) -> float:
         """Mean share at the end of a stretch, base model."""
-        return float(self.shares()[0][:, -1].mean()) if self.measured else float("nan")
+        return float(self.before[:, -1].mean()) if self.measured else float("nan")
 
     @property
     def error_after(self) -> float:
         """The same with the named effects."""
-        return float(self.shares()[1][:, -1].mean()) if self.measured else float("nan")
+        return float(self.after[:, -1].mean()) if self.measured else float("nan")
 
     @property
     def statement(self) -> str:
         """The gap in words."""
         if not self.measured:
             return ""
-        before, after = 100 * self.error_before, 100 * self.error_after
-        low, high = (100 * x for x in self.interval)
+        low, high = (f"{100 * x:+.0f}".replace("-", "−") for x in self.interval)
         return (
             f"Simulated forward for {self.horizon:.2g} s from measured states, positions are wrong "
-            f"by {_points(before)} % of the distance moved before and {_points(after)} % after "
-            f"(95 %: {_points(low, '+')} … {_points(high, '+')} points)."
-        ).replace("-", "−")
-
-
-def _points(x: float, sign: str = "") -> str:
-    """Return percent with two digits, never in powers of ten: 100 is no ``1e+02``."""
-    text = f"{x:{sign}.2g}"
-    return f"{x:{sign}.0f}" if "e+" in text else text
+            f"by {percent(self.error_before, 2)} of the distance moved before and "
+            f"{percent(self.error_after, 2)} after (95 %: {low} … {high} points)."
+        )
 
 
 @frozen
@@ -190,12 +169,13 @@ def compare_forward(
             tau = np.stack([_mean_torque(fit, s, rows) for s, rows in at])
             simulator = ForwardRobot(fit.robot, joint_values(fit))
             positions = simulator.run(q[:, 0], first, tau, dt, extra_effects(fit, at))
-            errors.append(positions - q[:, 1:])
+            share = np.minimum(np.abs(positions - q[:, 1:]) / moved, 1.0)
+            errors.append(np.nan_to_num(share, nan=1.0))
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
-    gap = ForwardGap(steps * dt, dt * np.arange(1, steps + 1), moved, *errors)
-    ends = np.stack([share[:, -1:] for share in gap.shares()], axis=2)
-    return replace(gap, interval=change_interval(ends, np.ones((len(at), 1)), rng))
+    ends = np.stack([share[:, -1:].mean(2) for share in errors], axis=2)
+    interval = change_interval(ends, np.ones((len(at), 1)), rng)
+    return ForwardGap(steps * dt, dt * np.arange(1, steps + 1), errors[0], errors[1], interval)
 
 
 def _starts(
@@ -288,7 +268,7 @@ class OtherEffects:
         self._begun = np.array([motion.t[row] for motion, row in starts])
         self._sessions = [motion.start for motion, _ in starts]
         remembered = any(family.remembers for _, family, _ in effects)
-        self._ways = _ways_to(robot, starts) if remembered else []
+        self._ways = _ways_to(starts) if remembered else []
 
     def __call__(
         self, which: np.ndarray, later: float, q: Array, dq: Array, ddq: Array
@@ -320,7 +300,7 @@ class OtherEffects:
     def _go_on(self, which: np.ndarray, now: Motion) -> tuple[Motion, np.ndarray]:
         """Return the ways of stretches as runs of one motion, and where they are now, (K,)."""
         for at, k in enumerate(which):
-            self._ways[k] = keep_turns(self._robot, _join([self._ways[k], now[at : at + 1]]))
+            self._ways[k] = _join([self._ways[k], now[at : at + 1]])
         parts = [self._ways[k] for k in which]
         ends = np.cumsum([len(part) for part in parts])
         motion = _join(parts)
@@ -328,33 +308,13 @@ class OtherEffects:
         return replace(motion, kept=motion.kept + apart), ends - 1
 
 
-def keep_turns(robot: Robot, way: Motion) -> Motion:
-    """Return of a way what can be remembered of it: its ends, and turns that nothing later reaches.
-
-    Play and stop, and all that is made of them, forget the others [Brokate & Sprekels 1996]. What
-    led to the first sample they take from where an axis begins to move.
-    """
-    if len(way) < 3:
-        return way
-    axes = (*robot.axes, *robot.passive_axes)
-    x = np.column_stack([robot.travel(axis, way.q) for axis in axes])
-    v = np.column_stack([robot.along(axis, way.v) for axis in axes])
-    turns = np.diff(np.sign(np.diff(x, axis=0)), axis=0) != 0
-    extreme = np.zeros(turns.shape, bool)
-    for most, exceeds in ((np.maximum, np.greater), (np.minimum, np.less)):
-        extreme |= exceeds(x[1:-1], most.accumulate(x[:1:-1])[::-1])
-    kept = np.concatenate([[True], (turns & extreme).any(1), [True]])
-    kept[np.argmax(v != 0, axis=0)] = True
-    return way[np.flatnonzero(kept)]
-
-
-def _ways_to(robot: Robot, starts: Sequence[tuple[Motion, int]]) -> list[Motion]:
-    """Return what can be remembered of the log at each start, as far as no sample is missing."""
+def _ways_to(starts: Sequence[tuple[Motion, int]]) -> list[Motion]:
+    """Return the log before each start, as far as it is remembered and no sample is missing."""
     ways = []
     for motion, row in starts:
         gaps = np.flatnonzero(np.diff(motion.kept[: row + 1]) != 1)
         first = int(gaps[-1]) + 1 if len(gaps) else 0
-        ways.append(keep_turns(robot, motion[first:row]))
+        ways.append(motion[max(first, row - REMEMBERED) : row])
     return ways
 
 

@@ -1,4 +1,4 @@
-"""The motion of a diagnosis: what is fitted, what verifies, how much of it; what changed in it.
+"""The motion of a diagnosis: what is fitted, what verifies, how much of it.
 
 An error that was minimised is no evidence: the motion on which the gap is quoted is not fitted.
 Whole logs are kept apart where there are enough; else a log is divided into stretches of time, with
@@ -8,40 +8,40 @@ A diagnosis asks few rows many questions, so long logs are looked at in evenly s
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
-from identifiability.effects import title_of
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import format_count
+from identifiability.foundation.rounding import format_count, join
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
-from identifiability.logs.logfile import LogFile
+from identifiability.logs.log import join_logs
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.logs.prepare.longsamples import Prepared, Stretch, prepare_samples
-from identifiability.logs.prepare.preparation import make_plan
-from identifiability.logs.prepare.samples import check_left, join_motions
+from identifiability.logs.prepare.longsamples import Prepared, prepare_samples
 from identifiability.logs.repeats import Recording
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.diagnose.rules import RULES, Rules
 
 #: What follows the name of a log in that of a part of it.
 PART = ", part "
+#: Share of the only log that verifies, and samples that this part must have.
+LAST: Tolerance = 0.25
+SHORTEST = 100
 #: Share of a stretch that is left out at each of its inner ends.
 PAUSE: Tolerance = 0.05
 #: Samples after decimation that a diagnosis looks at in one log, and in all that are fitted; more
 #: are thinned to stretches.
 MOST_SAMPLES, MOST_IN_ALL = 6000, 8000
 STRETCH = 300
+#: Of a file so many times as many samples are read, in longer stretches.
+READ = 40
 
 
 @frozen
@@ -63,9 +63,7 @@ class Roles:
     verified_on: str
 
 
-def assign_roles(
-    logs: Sequence[Recording], validate: Sequence[Recording], rules: Rules = RULES
-) -> Roles:
+def assign_roles(logs: Sequence[Recording], validate: Sequence[Recording]) -> Roles:
     """Return the roles of fitted and held-out logs.
 
     Every held-out log verifies. Without any the last log is set aside, or the last part of the
@@ -75,7 +73,6 @@ def assign_roles(
     ----------
     logs : sequence of Log
     validate : sequence of Log
-    rules : Rules, optional
 
     Raises
     ------
@@ -85,7 +82,7 @@ def assign_roles(
     logs, validate = list(logs), list(validate)
     aside = ""
     if not validate and len(logs) == 1:
-        return _one_log(logs[0], rules)
+        return _one_log(logs[0])
     if not validate:
         *logs, last = logs
         validate, aside = [last], ", which was set aside"
@@ -93,16 +90,16 @@ def assign_roles(
     return Roles(tuple(logs), tuple(validate), verified_on)
 
 
-def _one_log(log: Recording, rules: Rules) -> Roles:
-    last, fewest = rules.last, rules.shortest / rules.last
+def _one_log(log: Recording) -> Roles:
+    fewest = SHORTEST / LAST
     if len(log) < fewest:
         raise LogError(
             f"{log.name} has {format_count(len(log), 'sample')}, too few to name effects from one "
             f"part and verify them on another; give a log of at least {fewest:.0f} samples, or a "
             "second one."
         )
-    fit, verify = divide(log, [0, 1 - last, 1])
-    verified_on = f"the last {100 * last:.0f} % of {log.name}, set aside"
+    fit, verify = divide(log, [0, 1 - LAST, 1])
+    verified_on = f"the last {100 * LAST:.0f} % of {log.name}, set aside"
     return Roles((fit,), (verify,), verified_on)
 
 
@@ -121,25 +118,6 @@ def divide(log: Recording, edges: Sequence[float] | np.ndarray) -> list[Recordin
     return out
 
 
-def join(names: Sequence[str]) -> str:
-    """Return ``a, b and c``."""
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
-
-
-def samples_each(lengths: Iterable[int]) -> int:
-    """Return the samples after decimation that are looked at in each fitted log, of such lengths.
-
-    All have an equal share; what short ones leave of it the longer ones have.
-    """
-    left, logs = MOST_IN_ALL, sorted(lengths)
-    for k, length in enumerate(logs):
-        share = left // (len(logs) - k)
-        if length >= share:
-            break
-        left -= length
-    return max(STRETCH, min(MOST_SAMPLES, share))
-
-
 def prepare_rows(
     robot: Robot, log: Recording, how: Preparation | None, most: int = MOST_SAMPLES
 ) -> Samples:
@@ -148,11 +126,11 @@ def prepare_rows(
     Measured derivatives do not need a filter, but questions need few rows: torque and columns are
     low-passed alike to ten times the band of the motion.
     """
-    windows = [log.rows(a, b) for a, b in signals.spread_windows(len(log))]
-    step = float(np.median(np.concatenate([np.diff(w.t) for w in windows])))
+    looks = [log.rows(a, b) for a, b in signals.spread_windows(len(log))]
+    step = float(np.median(np.concatenate([np.diff(w.t) for w in looks])))
     even = log.clock.longest.length < LOG_RULES.gap * step  # no filter reaches across a gap
     if how is None and even and {"dq", "ddq"} <= set(log.channels):
-        band = LOG_RULES.cutoff_wide * bandwidth_of_windows([w.q for w in windows], step)
+        band = LOG_RULES.cutoff_wide * bandwidth_of_windows([w.q for w in looks], step)
         factor = int(
             0.5 / (min(max(band, LOG_RULES.cutoff_lowest), LOG_RULES.cutoff_highest / step) * step)
         )
@@ -161,9 +139,11 @@ def prepare_rows(
             factor -= 1
         how = Preparation(decimate=max(factor, 1))
     how = how or Preparation()
-    if isinstance(log, Log):
-        return thin(prepare_samples(robot, log, how), most)
-    return _read_thin(robot, log, how, most)
+    if not isinstance(log, Log):
+        long = len(log) > READ * most
+        windows = spread(len(log), READ * STRETCH, most // STRETCH) if long else [(0, len(log))]
+        log = join_logs([log.rows(a, b) for a, b in windows])
+    return thin(prepare_samples(robot, log, how), most)
 
 
 def along_rollouts(
@@ -208,128 +188,15 @@ def thin(samples: Samples, most: int = MOST_SAMPLES) -> Samples:
     """Return evenly spaced stretches of samples that are more than a diagnosis needs."""
     if samples.outputs <= most:
         return samples
-    windows = _stretches(samples.decimation, len(samples.tau), most)
+    d, length = samples.decimation, STRETCH
+    length = length if d is None else length * d.factor + 2 * d.reach
+    windows = spread(len(samples.tau), length, most // STRETCH)
     rows = np.concatenate([np.arange(a, b) for a, b in windows])
-    notes = (*samples.notes, _note(len(windows)))
-    return replace(samples.take(rows), notes=notes)
+    note = f"{len(windows)} stretches of {STRETCH} samples, evenly spaced in time, were looked at"
+    return replace(samples.take(rows), notes=(*samples.notes, note))
 
 
-def _stretches(
-    decimation: signals.Decimation | None, samples: int, most: int
-) -> list[tuple[int, int]]:
-    """Return evenly spaced stretches (start, stop) with about `most` outputs in all."""
-    length = STRETCH
-    if decimation is not None:
-        length = STRETCH * decimation.factor + 2 * decimation.reach
-    count = max(1, min(most // STRETCH, samples // length))
-    starts = np.linspace(0, samples - length, count).astype(int)
+def spread(samples: int, length: int, most: int) -> list[tuple[int, int]]:
+    """Return evenly spaced stretches (start, stop) of a length, so many at most."""
+    starts = np.linspace(0, samples - length, max(1, min(most, samples // length))).astype(int)
     return [(int(s), int(s) + length) for s in starts]
-
-
-def _note(count: int) -> str:
-    return f"{count} stretches of {STRETCH} samples, evenly spaced in time, were looked at"
-
-
-def _read_thin(robot: Robot, log: LogFile, how: Preparation, most: int) -> Samples:
-    """Return a log of a file; of a long one only the stretches that are looked at are read."""
-    plan = make_plan(robot, log, how)
-    d = plan.decimation
-    # Samples of a long log that are read for each of these: of one that is logged far faster
-    # than the robot moves fewer are looked at, so that neither time nor memory grow without
-    # end.
-    most = max(STRETCH, int(most * min(1.0, 40 / plan.factor)))
-    every = (len(log) if d is None else d.outputs(len(log))) <= most
-    windows = [(0, len(log))] if every else _stretches(d, len(log), most)
-    own = plan.reach - plan.filter_reach
-    parts = [
-        part
-        for first, last in windows
-        for part in Stretch(robot, log, plan, first + own, last - own, len(log)).parts()
-    ]
-    motion = join_motions([p.motion for p in parts])
-    tau = np.concatenate([p.tau for p in parts])
-    notes = (*plan.notes, *plan.band_notes)
-    notes = notes if every else (*notes, _note(len(windows)))
-    check_left(log.name, len(motion), sum(b - a for a, b in windows), notes)
-    samples = Samples(log.name, motion, tau, plan.decimation, notes, log.sha256)
-    dwells = [p.dwells for p in parts if p.dwells is not None]
-    return replace(
-        samples,
-        dwells=np.concatenate(dwells) if dwells else None,
-        cutoff=plan.cutoff,
-        breaks=parts[0].breaks,
-        hints=plan.hints,
-        path=log.path,
-    )
-
-
-@frozen
-class Change:
-    """What changed in the middle of a log.
-
-    Attributes
-    ----------
-    log : str
-    number : int
-        Which of the fitted logs.
-    start, stop : float [s]
-        When it began and ended; infinite where that was not logged.
-    began, ended : (float, float) [s]
-        Where these instants are in 95 % of what is likely.
-    family, title, place : str
-        What it was.
-    parameters, units : tuple of str
-    values, errors : (k,)
-        Generalised least squares beside the model, with standard errors.
-    open : tuple of str
-        Parameters that the motion determines together with others only.
-    odds : float [nat]
-        Log odds for it, all instants, logs and places where it might have been counted.
-    weight : float
-        Its posterior probability among all that may change then.
-    others : tuple of (family, place)
-        What it cannot be told from.
-    """
-
-    log: str
-    number: int
-    start: float
-    stop: float
-    began: tuple[float, float]
-    ended: tuple[float, float]
-    family: str
-    title: str
-    place: str
-    parameters: tuple[str, ...]
-    units: tuple[str, ...]
-    values: Array
-    errors: Array
-    open: tuple[str, ...]
-    odds: float
-    weight: float
-    others: tuple[tuple[str, str], ...] = ()
-
-    @property
-    def names(self) -> list[str]:
-        """What it was, and what it cannot be told from, in words."""
-        return [f"{title_of(f)} in {at}" for f, at in ((self.family, self.place), *self.others)]
-
-    @property
-    def whole(self) -> bool:
-        """Whether it lasted as long as the log."""
-        return bool(np.isinf(self.start) and np.isinf(self.stop))
-
-    @property
-    def when(self) -> str:
-        """In words: ``from 41 s (95 %: 40.5 … 41.5 s) of run2 on``."""
-        begin, end = (
-            f"{at:.3g} s" + (f" (95 %: {low:.3g} … {high:.3g} s)" if low < high else "")
-            for at, (low, high) in ((self.start, self.began), (self.stop, self.ended))
-        )
-        if self.whole:
-            return f"in all of {self.log}"
-        if np.isinf(self.stop):
-            return f"from {begin} of {self.log} on"
-        if np.isinf(self.start):
-            return f"until {end} of {self.log}"
-        return f"from {begin} to {end} of {self.log}"

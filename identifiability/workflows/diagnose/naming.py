@@ -10,17 +10,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
+from itertools import pairwise
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.optimize import minimize_scalar
 from scipy.special import chdtrc, softmax
 
 from identifiability.effects import FAMILIES, Family, find_families
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.groups import Missing, with_reversals
+from identifiability.estimation.loads import fit_loads
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
-    SIZES,
     Group,
     MixedModel,
     Products,
@@ -28,19 +30,19 @@ from identifiability.estimation.mixed_model import (
     Terms,
 )
 from identifiability.estimation.noise import autocorrelation_time
-from identifiability.foundation.linalg import NEARLY, triangular_factor
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, Entries, Refusal, list_candidates, number
-from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.problem import Alias, Setting, find_aliases
-from identifiability.workflows.diagnose.rows import Rows
+from identifiability.workflows.diagnose.rows import Gap, Rows
 
 #: Looks for the shape between two of a grid.
 LOOKS = 8
-#: Quantile of the normal distribution for a power of 80 %.
-POWER: Tolerance = 0.8416
+#: Share of the squares of torque that is rounding, and of products that are none.
+ROUNDING: Tolerance = 1e-14
+RANK: Tolerance = 1e-12
 #: By how much an unseen error must rise with a name that is taken out for it.
 WORSE: Tolerance = 1.01
 #: Level at which a place has a share of what is everywhere.
@@ -151,26 +153,6 @@ class Naming:
             return self.seen_entries
         return self.unseen.seen.entries(self.missing.candidates)
 
-    def smallest(self) -> dict[tuple[str, int], float]:
-        """Return the smallest effect of each family that is named in four of five logs like these.
-
-        At each joint, its rms over that of the joint's torque.
-        """
-        joints, out = self.setting.structure.robot.joints, {}
-        for t in self.after:
-            sets = self.asked.sets[t.key]
-            if t.group.place in joints and not sets[0][0].family.unnamed:
-                middle = t.group.members[len(sets) // 2]
-                known = float(np.diag(self.whole.information((), middle)).max())
-                # Of a size s the log odds are about (x − ln(1 + x)) / 2 with x = s² known.
-                needed = t.group.price + self.whole.name + np.log(len(SIZES) / 2)
-                square = (np.sqrt(2.0 * needed + np.log1p(2.0 * needed)) + POWER) ** 2
-                if known > 0:
-                    out[t.group.family, joints.index(t.group.place)] = float(
-                        np.sqrt(square / known)
-                    )
-        return out
-
     def columns(self, parts: Sequence[int], joint: int, *, unseen: bool = False) -> Array:
         """Return the columns of some parts in a joint, (N, m)."""
         rows = self.unseen if unseen else self.fitted
@@ -200,63 +182,76 @@ class Naming:
         """Return the values (b + m,) of model and some parts as an analysis fits them.
 
         Rows are weighed by the errors of their joint. Whitened ones judge better what is missing,
-        but of slow noise they keep no levels, and predict worse.
+        but of slow noise they keep no levels, and predict worse. Functions are as large as they
+        were found.
         """
-        rows, b = self.fitted, self.fitted.seen.X.shape[2]
-        each = [len(p.candidate.columns) for p in self.parts]
-        ends = b + np.cumsum([0, *each])
-        own = [np.arange(ends[p], ends[p + 1]) for p in parts]
-        at = np.concatenate([np.arange(b), *own, [ends[-1]]]).astype(int)
-        width = len(at) - 1
-        joints = [triangular_factor(R[:, at]) for R in self._factors]
-        known = np.concatenate([_pad(rows.seen.X, rows.root, width), *self._priors(parts, width)])
-        squares = np.array([A[-1, -1] ** 2 if len(A) > width else 0.0 for A in joints])
-        value, memory = np.zeros(width), 1.0
+        rows, b = self.fitted, self.missing.fixed
+        own = [self._places[p] for p in parts]
+        at = np.concatenate([np.arange(b), *own, [-1]]).astype(int)
+        joints = [G[np.ix_(at, at)] for G in self._squares]
+        known = self._known[np.ix_(at[:-1], at[:-1])]
+        whole = max(float(G[-1, -1]) for G in joints)
+        squares = np.array([_left_of(G, _least_squares(G)) for G in joints])
+        value, memory = np.zeros(len(known)), 1.0
         # Rounds in which joints are weighed by what is left of them, and that by its memory.
         for k in range(6):
-            variance = np.maximum(squares / rows.counts * memory, 1e-24 * squares.max(initial=0.0))
-            scale = np.sqrt(np.where(variance > 0, variance, 1.0)).tolist()
-            R = np.concatenate([*(A / s for A, s in zip(joints, scale, strict=True)), known])
-            length = np.linalg.norm(R[:, :-1], axis=0)
-            length = np.where(length > 0, length, 1.0)
-            value = np.linalg.lstsq(R[:, :-1] / length, R[:, -1], rcond=1e-9)[0] / length
-            squares = np.array([np.sum((A @ np.r_[value, -1.0]) ** 2) for A in joints])
+            variance = np.maximum(squares, ROUNDING * whole) * memory / rows.counts
+            G = np.einsum("j,jkl->kl", 1.0 / np.where(variance > 0, variance, 1.0), joints)
+            value = _least_squares(G, known)
+            squares = np.array([_left_of(S, value) for S in joints])
             if k == 1:
                 memory = float(autocorrelation_time(self.left(parts, value)).mean())
         return value
 
     @cached_property
-    def _factors(self) -> list[Array]:
-        """Triangular factors of model, all parts and torque in each joint."""
-        rows, every = self.fitted, range(len(self.parts))
-        return [
-            triangular_factor(
-                np.column_stack([rows.seen.X[:, j], self.columns(every, j), rows.seen.y[:, j]])[
-                    rows.data[:, j]
-                ]
-            )
-            for j in range(rows.data.shape[1])
-        ]
+    def _places(self) -> list[np.ndarray]:
+        """Where the columns of each part are behind those of the model."""
+        ends = np.cumsum([0, *(len(p.candidate.columns) for p in self.parts)])
+        return [self.missing.fixed + np.arange(a, b) for a, b in pairwise(ends.tolist())]
+
+    @cached_property
+    def _squares(self) -> list[Array]:
+        """Products of model, all parts and torque in each joint."""
+        seen, every = self.fitted.seen, range(len(self.parts))
+        rows = (
+            np.column_stack([seen.X[:, j], self.columns(every, j), seen.y[:, j]])
+            for j in range(seen.y.shape[1])
+        )
+        return [A.T @ A for A in rows]
+
+    @cached_property
+    def _known(self) -> Array:
+        """What is known of values beforehand, and that functions are as large as they were."""
+        root = self.setting.known.root
+        parts = enumerate(self.parts)
+        sizes = (np.where(p.candidate.family.flexible, self.spread(k) ** -2, 0) for k, p in parts)
+        known: Array = block_diag(root.T @ root, *map(np.diag, sizes))
+        return known
 
     def error(self, parts: Sequence[int]) -> float:
         """Return the error of model and some parts on unseen rows over each joint's own scale."""
         left = self.left(parts, self.fit(parts), unseen=True)
         return float(Gap(self.unseen, left[:, :, None]).error_over_joints()[0])
 
-    def _priors(self, parts: Sequence[int], width: int) -> Iterable[Array]:
-        """Return that functions are as large as they were found."""
-        at = self.fitted.seen.X.shape[2]
-        for p in parts:
-            m = len(self.parts[p].candidate.columns)
-            if self.parts[p].candidate.family.flexible:
-                rows = np.zeros((m, width + 1))
-                rows[range(m), range(at, at + m)] = 1.0 / self.spread(p)
-                yield rows
-            at += m
+    def worse_than(self, other: Naming) -> bool:
+        """Whether unseen rows are predicted worse than by another one."""
+        own, others = (x.error(range(len(x.parts))) for x in (self, other))
+        return own > WORSE * others
 
 
-def _pad(X: Array, root: Array, width: int) -> Array:
-    return np.pad(root, ((0, 0), (0, width + 1 - X.shape[2])))
+def _least_squares(G: Array, known: Array | float = 0.0) -> Array:
+    """Return values (k,) of products of columns and torque (k + 1, k + 1), and what is known."""
+    inside = G[:-1, :-1] + known
+    length = np.sqrt(np.maximum(np.diag(inside), 1e-300))
+    unit = inside / np.outer(length, length)
+    value: Array = np.linalg.lstsq(unit, G[:-1, -1] / length, rcond=RANK)[0] / length
+    return value
+
+
+def _left_of(G: Array, value: Array) -> float:
+    """Return the squares of torque that values leave, by its products."""
+    left = np.append(value, -1.0)
+    return max(float(left @ G @ left), 0.0)
 
 
 def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
@@ -269,11 +264,12 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
         Families that may be named; all by default.
     """
     s, fixed = setting.structure, setting.fixed
-    known = setting.known or setting.near
-    fitted = Rows.of(s, setting.samples, known, fixed=fixed)
-    unseen = fitted
-    if setting.validation:
-        unseen = Rows.of(s, setting.validation, known, fixed=fixed)
+    root = setting.known.root
+    fitted = Rows.of(s, setting.samples, setting.known)
+    if not (fixed or len(root)):
+        s = replace(s, robot=fit_loads(s, fitted.seen.X, fitted.seen.y, fitted.data))
+        setting, fitted = replace(setting, structure=s), fitted.of_robot(s.robot)
+    unseen = Rows.of(s, setting.validation, setting.known) if setting.validation else fitted
     families = find_families(effects, commanded=setting.commanded)
     motions = [x.motion for x in setting.samples]
     listed, refused = list_candidates(s.robot, families, s.present, motions, fixed=fixed)
@@ -282,19 +278,25 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
         functions = [f for f in FAMILIES.values() if f.flexible]
         smooth, _ = list_candidates(s.robot, functions, s.present, motions, fixed=fixed)
         every = with_reversals(s.robot, smooth, s.present)
-        noise = Missing(every, fitted.seen, fitted.root).noise
+        noise = Missing(every, fitted.seen, root).noise
     every = with_reversals(s.robot, listed, s.present)
-    missing = Missing(every, fitted.seen, fitted.root, noise)
+    missing = Missing(every, fitted.seen, root, noise)
+    whole = missing.model()
     aliases = [
-        a
-        for a in find_aliases(missing, s.base.names, setting.rules.alias)
-        if a.family != REVERSALS.name
+        a for a in find_aliases(missing, whole.products, s.base.names) if a.family != REVERSALS.name
     ]
     hidden = {(a.family, a.place) for a in aliases if a.structural}
-    model = missing.model()
-    groups = tuple(g for g in model.groups if not _is_hidden(missing, g.key, hidden))
-    model = replace(model, groups=groups)
+
+    def visible(model: MixedModel) -> MixedModel:
+        groups = (g for g in model.groups if not _is_hidden(missing, g.key, hidden))
+        return replace(model, groups=tuple(groups))
+
+    model = visible(whole)
     before = tuple(model.gains())
+    again = missing.beside(before)
+    if again is not missing:
+        missing, model = again, visible(again.model())
+        before = tuple(model.gains())
     found = Naming(
         setting=setting,
         fitted=fitted,
@@ -348,12 +350,17 @@ def name_missing(looked: Naming) -> Naming:
         candidates, gone = _candidates(missing, model, kept, k, others)
         refuted += gone
         parts += [Part(c, term, gain, tuple(rivals), weight, nearest) for c in candidates]
-    named = replace(
-        looked,
-        after=tuple(model.gains(kept)),
-        refuted=tuple(refuted),
+    named = replace(looked, after=tuple(model.gains(kept)), refuted=tuple(refuted))
+    # Families as they came, each in the order of the robot's places.
+    came = [p.candidate.family.name for p in parts]
+    robot = looked.setting.structure.robot
+    parts.sort(
+        key=lambda p: (
+            came.index(p.candidate.family.name),
+            list(p.candidate.family.places(robot)).index(p.candidate.place),
+        )
     )
-    naming = _refined(_with_parts(named, _in_order(looked.setting, parts)))
+    naming = _refined(_with_parts(named, parts))
     return _without_worse(naming) if others is not None else naming
 
 
@@ -438,18 +445,6 @@ def _has_share(model: MixedModel, terms: Terms, k: int) -> bool:
     return bool(chdtrc(len(at), square) < LEVEL)
 
 
-def _in_order(setting: Setting, parts: Sequence[Part]) -> list[Part]:
-    """Return families as they came, each in the order of the robot's places."""
-    robot = setting.structure.robot
-    came = list(dict.fromkeys(p.candidate.family.name for p in parts))
-
-    def rank(p: Part) -> tuple[int, int]:
-        c = p.candidate
-        return came.index(c.family.name), list(c.family.places(robot)).index(c.place)
-
-    return sorted(parts, key=rank)
-
-
 def _terms_of(model: MixedModel, candidates: Sequence[Candidate]) -> Terms:
     groups = {g.key: g for g in model.groups}
     terms = tuple(Term(groups[c.group], 0, 1.0, 0.0) for c in candidates)
@@ -460,7 +455,9 @@ def _with_parts(naming: Naming, parts: Sequence[Part]) -> Naming:
     """Return a naming of some parts, numbered after friction at reversals."""
     always = [c for c in naming.missing.candidates if c.family is REVERSALS]
     numbered = number([*always, *(p.candidate for p in parts)])
-    missing = Missing(tuple(numbered), naming.fitted.seen, naming.fitted.root, naming.missing.noise)
+    missing = Missing(
+        tuple(numbered), naming.fitted.seen, naming.setting.known.root, naming.missing.noise
+    )
     own = zip(parts, numbered[len(always) :], strict=True)
     return replace(naming, missing=missing, parts=tuple(replace(p, candidate=c) for p, c in own))
 

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from identifiability.estimation.groups import Missing
+from identifiability.estimation.mixed_model import Products
+from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.linalg import RANK_TOLERANCE, ROUNDOFF
 from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import percent
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation, Samples
+from identifiability.physical.cad_prior import state_rows
 from identifiability.regression.structure import Structure
-from identifiability.workflows.diagnose.known_values import KnownValues, NearFile
-from identifiability.workflows.diagnose.motion import Change
-from identifiability.workflows.diagnose.rules import Rules
+from identifiability.robot import Robot
+from identifiability.workflows.predict import Fit, Predicts, read_fit
+
+if TYPE_CHECKING:
+    from identifiability.workflows.diagnose.changes import Change
 
 #: Decimals that count where shares and sizes are compared: those beyond are another processor's
 #: rounding, and of what ties the first comes first, in the order of candidates and parameters.
@@ -31,16 +40,11 @@ class Setting:
         The robot under the model that is diagnosed.
     samples, validation : tuple of Samples
         Fitted, and unseen.
+    known : KnownValues
+        What is known of the model's values beside the logs.
     fixed : bool
-        Whether the model keeps the values of the robot file.
-    known : KnownValues or None
-        The values that it keeps, where these have errors.
-    near : NearFile or None
-        What is believed of values that are refitted.
-    rules : Rules
+        Whether the model keeps these.
     seed : int
-    chosen_by : str
-        What chose the names, in words.
     verified_on : str
         Unseen motion, in words: it was not fitted.
     preparation : Preparation
@@ -53,17 +57,18 @@ class Setting:
 
     structure: Structure
     samples: tuple[Samples, ...]
+    known: KnownValues
     validation: tuple[Samples, ...] = ()
     fixed: bool = False
-    known: KnownValues | None = None
-    near: NearFile | None = None
-    rules: Rules = Rules()
     seed: int = 0
-    chosen_by: str = ""
     verified_on: str = ""
     preparation: Preparation = Preparation()
     changes: tuple[Change, ...] = ()
     commanded: bool = False
+
+
+#: Share of a candidate's own torque below which it is hidden by the model.
+HIDDEN: Tolerance = 0.03
 
 
 @frozen
@@ -78,18 +83,20 @@ class Alias:
         the largest share of all that they can be.
     behind : tuple of str
         Parameters that make up what is not left, the largest first.
-    structural : bool
-        Whether it can never be named from this motion.
     """
 
     family: str
     place: str
     remaining: float
     behind: tuple[str, ...]
-    structural: bool
+
+    @property
+    def structural(self) -> bool:
+        """Whether it can never be named from this motion."""
+        return self.remaining < HIDDEN
 
 
-def find_aliases(missing: Missing, names: Sequence[str], share: float) -> list[Alias]:
+def find_aliases(missing: Missing, products: Products, names: Sequence[str]) -> list[Alias]:
     """Return one entry for every family and place, that of its most visible shape.
 
     Of several columns together it is the most visible of all torques that they can make: how much
@@ -98,31 +105,26 @@ def find_aliases(missing: Missing, names: Sequence[str], share: float) -> list[A
     Parameters
     ----------
     missing : Missing
+    products : Products
+        Of its rows.
     names : sequence of str
         Of the base columns.
-    share : float
-        Remaining share below which a candidate is structurally aliased.
     """
     # Values with known errors hide nothing for ever: a larger effect shows.
-    b = 0 if len(missing.root) else missing.fixed
-    rows = missing.seen
-    acts = [{k for i, k in missing.entries if i == j} for j in range(rows.y.shape[1])]
-    size = np.linalg.norm(rows.y, axis=0)
-    scale = np.where(size > 0, size, 1.0)
-    base = [rows.X[:, j, :b] / s for j, s in enumerate(scale)]
-    length = np.sqrt(np.maximum(sum(np.sum(A**2, axis=0) for A in base), 1e-300))
-    square, vectors = np.linalg.eigh(sum((A / length).T @ (A / length) for A in base))
+    b, p, every = (
+        0 if len(missing.root) else missing.fixed,
+        missing.fixed,
+        np.arange(products.width),
+    )
+    P = products.between(every, every)
+    length = np.sqrt(np.maximum(np.diag(P)[:b], 1e-300))
+    square, vectors = np.linalg.eigh(P[:b, :b] / np.outer(length, length))
     known = square > ROUNDOFF * max(float(square.max(initial=0.0)), 1e-300)
     F = (vectors[:, known] / np.sqrt(square[known])).T / length
     out: dict[tuple[str, str], Alias] = {}
     for c in missing.candidates:
-        at = list(c.columns)
-        XZ, ZZ = np.zeros((b, len(at))), np.zeros((len(at), len(at)))
-        for j in [j for j, own in enumerate(acts) if own.intersection(at)]:
-            none = np.zeros(len(rows.y))
-            Z = np.stack([missing.entries.get((j, k), none) for k in at], axis=1) / scale[j]
-            XZ += base[j].T @ Z
-            ZZ += Z.T @ Z
+        at = np.array(c.columns) + p
+        XZ, ZZ = P[:b, at], P[np.ix_(at, at)]
         unit = np.sqrt(np.maximum(np.diag(ZZ), 1e-300))
         values, axes = np.linalg.eigh(ZZ / np.outer(unit, unit))
         seen = values > RANK_TOLERANCE * max(float(values[-1]), 1e-300)
@@ -134,7 +136,7 @@ def find_aliases(missing: Missing, names: Sequence[str], share: float) -> list[A
             rest = round(1.0 - float(np.linalg.eigvalsh(inside.T @ inside)[0]), DECIMALS)
             left = float(np.sqrt(max(0.0, rest)))
             behind = _hiding(F.T @ inside * length[:, None], names)
-        alias = Alias(*c.group, left, behind, left < share)
+        alias = Alias(*c.group, left, behind)
         if c.group not in out or out[c.group].remaining < left:
             out[c.group] = alias
     return list(out.values())
@@ -147,3 +149,162 @@ def _hiding(weights: Array, names: Sequence[str]) -> tuple[str, ...]:
     order = np.argsort(-size, kind="stable")[:3]
     # Of this share of the largest at least.
     return tuple(names[k] for k in order if size[k] > 0.1)
+
+
+#: What a diagnosis may be told of the values it keeps.
+Given = bool | float | str | Path | Fit | Predicts
+
+#: Shares of the largest variance below which a direction counts as known that well.
+LEAST: Tolerance = 1e-10
+
+
+@frozen
+class KnownValues:
+    """Base parameters of which something is known beside the logs: a prior on them.
+
+    Attributes
+    ----------
+    values : (b,)
+        Likeliest without logs.
+    free : (f,) int
+        Which of them are not exact.
+    root : (d, f)
+        Rows about the differences of these from `values`, each of variance 1.
+    words : str
+        What they are, as the beginning of a sentence: "the values of fit.json, with their errors,".
+    share : float
+        Within which bodies are the file's, where all else is refitted; 0 where values are kept.
+    """
+
+    values: Array
+    free: np.ndarray
+    root: Array
+    words: str
+    share: float = 0.0
+
+    @staticmethod
+    def within(values: Array, covariance: Array, words: str) -> KnownValues:
+        """Return values with their covariance, (b, b); zero where they are exact."""
+        free = np.flatnonzero(np.diag(covariance) > 0)
+        own = covariance[np.ix_(free, free)]
+        sd = np.sqrt(np.diag(own))
+        size, directions = np.linalg.eigh(own / np.outer(sd, sd))
+        size = np.maximum(size, LEAST * size.max(initial=0.0))
+        return KnownValues(values, free, (directions / np.sqrt(size)).T / sd, words)
+
+    def moved(self, off: Array) -> Array:
+        """Return the values where those that are not exact differ by so much (f,)."""
+        values = self.values.copy()
+        values[self.free] += off
+        return values
+
+    @property
+    def hint(self) -> str:
+        """What is kept near the file, in one sentence."""
+        return (
+            f"Bodies are the robot file's within {percent(self.share)} (--prior): without "
+            "measured torque what they weigh cannot be told from the servos' gains."
+        )
+
+
+def know_nothing(structure: Structure) -> KnownValues:
+    """Return that nothing is known: values are those of the logs."""
+    b = len(structure.base.names)
+    return KnownValues(np.zeros(b), np.arange(b), np.empty((0, b)), "the refitted model")
+
+
+def know_file(structure: Structure) -> KnownValues:
+    """Return the values of the robot file as exact."""
+    none, words = np.empty((0, 0)), "the robot file's own values"
+    return KnownValues(structure.nominal_base, np.empty(0, int), none, words)
+
+
+def know_share(share: float, structure: Structure, *, refitted: bool = False) -> KnownValues:
+    """Return that values are the robot file's within a share, or as its sidecar states.
+
+    Parameters
+    ----------
+    share : float
+        As a standard deviation: of a body in mass, centre and inertia alike (`state_rows`), of any
+        other parameter of its value.
+    structure : Structure
+    refitted : bool
+        Whether nothing is known of what joints alone decide, of which files of commanded robots say
+        nothing.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If it is no share.
+    """
+    if not 0 < share <= 1:
+        raise IdentifiabilityError(
+            f"The values may be off by a share above 0 and up to 1, {share:g} was given; 0.1 is a "
+            "tenth of each."
+        )
+    rows, aim, _ = state_rows(structure, share)
+    if not refitted:
+        own, nominal = np.flatnonzero(~rows.any(0)), structure.nominal
+        sd = np.maximum(share * np.abs(nominal[own]), ROUNDOFF * np.abs(nominal).max(initial=0.0))
+        rows = np.vstack([rows, np.eye(len(nominal))[own] / sd[:, None]])
+        aim = np.append(aim, nominal[own] / sd)
+    size = np.linalg.norm(rows, axis=0)
+    said = size > 0
+    size = np.where(said, size, 1.0)
+    _, s, Vt = np.linalg.svd(rows / size)
+    rank = int(np.sum(s > LEAST * s.max(initial=0.0)))
+    standard = structure.nominal + np.linalg.pinv(rows / size) @ (aim - rows @ structure.nominal)
+    spread = (structure.G / size) @ (Vt[:rank].T / s[:rank])
+    free = (structure.G / size) @ Vt[rank:].T
+    unit = np.maximum(np.linalg.norm(np.hstack([spread, free]), axis=1), 1e-300)
+    U, found, _ = np.linalg.svd(free / unit[:, None])
+    across = U[:, int(np.sum(found > ROUNDOFF * found.max(initial=0.0))) :].T / unit
+    values, axes = np.linalg.eigh(across @ spread @ spread.T @ across.T)
+    values = np.maximum(values, LEAST * values.max(initial=0.0))
+    root = (axes / np.sqrt(np.maximum(values, 1e-300))).T @ across
+    every = np.arange(len(unit))
+    if refitted:
+        return KnownValues(structure.G @ standard, every, root, "the refitted model", share)
+    words = f"the robot file's values, each within {percent(share)},"
+    return KnownValues(structure.G @ standard, every, root, words)
+
+
+def read_given(given: Given, robot: Robot) -> tuple[Fit | None, str]:
+    """Return the fit whose values are kept, if it is one's, and what to call it."""
+    if isinstance(given, str | Path):
+        return read_fit(given, robot), Path(given).name
+    if isinstance(given, Predicts):
+        return given.fit, "the result given"
+    return (given, "the result given") if isinstance(given, Fit) else (None, "")
+
+
+def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:
+    """Return the values of a fit with their covariance, that of the unpruned model.
+
+    What a reduced model leaves out is not known to be nothing: it is only too small to be seen.
+
+    Parameters
+    ----------
+    fit : Fit
+    structure : Structure
+        The robot under the model that is diagnosed.
+    name : str
+        What to call it.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the fit is of another model.
+    """
+    if fit.structure.base.names != structure.base.names:
+        raise IdentifiabilityError(
+            f"The values of {name} are those of a model of {listing(fit.structure.model.texts)}, "
+            f"and {listing(structure.model.texts)} is diagnosed; give that model, or no model."
+        )
+    covariance, free = fit.base_covariance, fit.base_unknown
+    if free.size and np.abs(free).max() > 0:
+        # Standard deviation of what the fitted motion never showed, of the largest value
+        # there is.
+        reach = 100.0 * max(float(np.abs(fit.base).max()), 1e-12) / float(np.abs(free).max())
+        covariance = covariance + reach**2 * free @ free.T
+    return KnownValues.within(fit.base, covariance, f"the values of {name}, with their errors,")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -10,17 +11,30 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from identifiability.effects.registry import title_of
+from identifiability.effects.vocabulary import file_kinds, values_in_file
+from identifiability.estimation.estimate import estimate, find_estimator
+from identifiability.estimation.prediction import measure_spread, predict
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.foundation.answers import Answer, Cell, Column, Table
+from identifiability.estimation.uncertainty import assess_uncertainty
+from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import digits, error_text, format_number, join, percent
+from identifiability.foundation.rounding import digits, error_text, join, percent
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
-from identifiability.regression.reduction import LadderEntry, ModelEntry, ladder_text
+from identifiability.logs.prepare import Samples
+from identifiability.physical.cad_prior import WEAK, real_robot_dict, share_weight
+from identifiability.physical.feasibility import find_nearest
+from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
+from identifiability.physical.project import Projection
+from identifiability.regression.gather import gather_information
+from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
+from identifiability.regression.structure import Structure
+from identifiability.workflows.analyze.fit import hold_folds, settle_robot
 from identifiability.workflows.answers import (
     after_mass,
     answer_next,
@@ -36,13 +50,13 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
-from identifiability.workflows.diagnose.completed import keep_completed, nearest_dict, real_robot
-from identifiability.workflows.diagnose.findings import Findings, NamedEffect, Odds
-from identifiability.workflows.diagnose.forward import ForwardGap, compare_forward
-from identifiability.workflows.diagnose.motion import Change
-from identifiability.workflows.diagnose.words import headline, state, state_remainder, weight_text
-from identifiability.workflows.predict import Fit, Predicts
+from identifiability.workflows.diagnose.changes import table_changes
+from identifiability.workflows.diagnose.findings import Findings, NamedEffect, Odds, call
+from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
+from identifiability.workflows.diagnose.words import headline, state, state_remainder
+from identifiability.workflows.predict import Fit, Predicts, settled
 from identifiability.workflows.rules import RULES as WORKFLOW_RULES
+from identifiability.workflows.session import weigh_rows
 
 if TYPE_CHECKING:
     from identifiability.workflows.commanded import Moved
@@ -102,15 +116,15 @@ class Diagnosis(Result, Findings, Predicts):
         return what, _gap(self), _left(self), answer_next(next_commands(self))
 
     def decided_by(self) -> tuple[RuleTable, ...]:
-        """Return the numbers by which it was decided, the verb's own first."""
-        return (self.rules, WORKFLOW_RULES, ESTIMATION_RULES)
+        """Return the numbers by which it was decided, ."""
+        return (WORKFLOW_RULES, ESTIMATION_RULES)
 
     def tables(self) -> tuple[Table, ...]:
         """Return what changed in mid-log, the effects that were named, and the errors of joints."""
         named = Table.of("Effects that were missing", NAMED, self.effects)
         caption = "Each joint by itself on unseen motion, over its own scale"
         errors = Table.of(caption, ERRORS, self.error_frame().itertuples())
-        changed = (_table_changes(self),) if self.changes else ()
+        changed = (table_changes(self.changes),) if self.changes else ()
         return (*changed, *((named,) if self.effects else ()), errors)
 
     @property
@@ -155,7 +169,6 @@ class Diagnosis(Result, Findings, Predicts):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
-        left, joints = self.remainder, self.robot.joints
         hidden = {"effect": "family", "joint": "place", "hidden_behind": "behind"}
         return {
             "schema": self.schema,
@@ -166,13 +179,14 @@ class Diagnosis(Result, Findings, Predicts):
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
             "effects": [_effect_row(e) for e in self.effects],
             "refuted": [vars(x) for x in self.refuted],
-            "changes": [_change_row(c) for c in self.changes],
+            "changes": [c.to_dict() for c in self.changes],
             "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
             "errors": {"joints": self.error_frame().to_dict("records")},
             "earlier": {"source": "", "error_ra_validation": None, "turns": []},  # for one release
             "change": {"interval95": list(self.interval), "measured": f"on {self.verified_on}"},
             "roles": {
-                **pick(self, chosen="chosen_by", verified="verified_on"),
+                "chosen": "by the evidence of the fitted logs",
+                "verified": self.verified_on,
                 "fitted": list(given_paths(self.samples)),
                 "verified_logs": list(given_paths(self.validation)),
                 "left_out": [c.log for c in self.changes if c.whole],
@@ -183,8 +197,7 @@ class Diagnosis(Result, Findings, Predicts):
             **({} if self.moved is None else {"rollout": self.moved.to_dict()}),
             "unexplained": {
                 "statement": self.unexplained,
-                "rms": dict(zip(joints, left.rms.tolist(), strict=True)),
-                **pick(left, "detectable"),
+                "rms": {x.joint: x.rms for x in self.discrepancies},
             },
             "aliases": [pick(a, "remaining", **hidden) for a in self.aliases if a.structural],
             "not_applicable": [vars(r) for r in self.refusals],
@@ -208,26 +221,6 @@ def _forward_row(gap: ForwardGap) -> dict[str, Any]:
     return {**pick(gap, "horizon", "note"), "stretches": len(gap.before), **errors}
 
 
-def _change_row(c: Change) -> dict[str, Any]:
-    """Return what changed in the middle of a log; no instant where it was not logged."""
-
-    def known(x: float) -> float | None:
-        return x if np.isfinite(x) else None
-
-    values = zip(c.parameters, c.values.tolist(), strict=True)
-    return {
-        **pick(c, "log", "weight", effect="family", joint="place", log_odds="odds"),
-        "from": known(c.start),
-        "to": known(c.stop),
-        "from95": [known(x) for x in c.began],
-        "to95": [known(x) for x in c.ended],
-        "or": [{"effect": family, "joint": place} for family, place in c.others],
-        "parameters": dict(values),
-        "errors": dict(zip(c.parameters, c.errors.tolist(), strict=True)),
-        "open": list(c.open),
-    }
-
-
 def _odds_row(x: Odds) -> dict[str, Any]:
     after = x.after if np.isfinite(x.after) else None
     return {"effect": x.name, "place": x.place, "log_odds": x.before, "log_odds_after": after}
@@ -239,9 +232,6 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
         "error_ra_validation_before": "before",
         "error_ra_validation_after": "after",
         "change_interval95": "interval",
-        "error_joints_validation_before": "shown_before",
-        "error_joints_validation_after": "shown_after",
-        "joints_change_interval95": "shown_interval",
         "log_odds": "odds",
         "log_odds_unseen": "unseen",
     }
@@ -282,13 +272,10 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     robot = source_name(d.robot)
     logs = name_logs(d.robot, given_paths(d.samples), how=d.preparation)
     logs += held_back(d.validation, d.samples)
-    ask = f"identifiability diagnose {robot} {logs} --next motion.json"
     if not d.effects:
-        what = "See which parameters these logs determine:"
-        hidden = any(a.structural for a in d.aliases)
-        shows = [("Find the motion that shows what these logs cannot tell from the model:", ask)]
         analyze = f"identifiability analyze {robot} {logs} --report report.html"
-        return [(what, analyze), *(shows if hidden else ())]
+        return [("See which parameters these logs determine:", analyze)]
+    ask = f"identifiability diagnose {robot} {logs} --next motion.json"
     apart = [("Find the motion that tells one name from the other:", ask)]
     again = f"identifiability diagnose {robot} {logs}"
     judge = f"identifiability analyze {robot} {logs} --ladder {{file}} --report report.html"
@@ -317,22 +304,10 @@ def _what(d: Diagnosis) -> Answer:
     question = "What is missing?"
     if not d.effects and not d.changes:
         return Answer(question, "Nothing that can be named.", headline(d), "grey")
-    named = [f"{_call_change(c)} in a part of {c.log}" for c in d.changes]
-    named += [f"{_call(e)} in {join(e.joints, PLACES)}" for e in d.effects]
+    named = [f"{call(c.names)} in a part of {c.log}" for c in d.changes]
+    named += [f"{e.called} in {join(e.joints, PLACES)}" for e in d.effects]
     short = join(named)
     return Answer(question, f"{short[0].upper()}{short[1:]}.", headline(d), "vermilion")
-
-
-def _call(e: NamedEffect) -> str:
-    """Return a name with what the motion cannot tell from it: the first line may not be surer."""
-    others = len(e.alternatives)
-    return e.names if others < 2 else f"{e.title} or one of {others} that look like it"
-
-
-def _call_change(c: Change) -> str:
-    """Return a change with what the log cannot tell from it, as `_call`."""
-    names, others = c.names, len(c.others)
-    return " or ".join(names) if others < 2 else f"{names[0]} or one of {others} that look like it"
 
 
 def _gap(d: Diagnosis) -> Answer:
@@ -340,17 +315,9 @@ def _gap(d: Diagnosis) -> Answer:
     if not d.effects:
         short = f"The error on unseen motion stays at {percent(d.held_before)}."
         return Answer(question, short, f"Measured on {d.verified_on}.")
-    low, high = (format_number(100 * x, 2) for x in d.interval)
-    falls = d.interval[1] < 0
-    before, after = percent(d.held_before), percent(d.held_after)
-    short = f"The error goes from {before} to {after}."
-    if before == after:
-        short = f"Hardly any: the error over all joints stays at {after}."
-    text = (
-        f"All joints together on {d.verified_on}, which was not fitted (95 % "
-        f"of the change: {low} … {high} points)."
-    )
-    return Answer(question, short, text, "green" if falls else "amber")
+    short = f"The error goes from {percent(d.held_before)} to {percent(d.held_after)}."
+    text = f"All joints together on {d.verified_on}, which was not fitted."
+    return Answer(question, short, text, "green" if d.interval[1] < 0 else "amber")
 
 
 def _left(d: Diagnosis) -> Answer:
@@ -385,24 +352,174 @@ ERRORS = with_hints(
 )
 
 
-CHANGES = (
-    Column("when"),
-    Column("effect"),
-    Column("where"),
-    Column("parameter", "code"),
-    Column("value", digits(3)),
-    Column("± se", digits(2)),
-    Column("unit"),
-    Column("weight", hint="Posterior probability among all that may change at any instant."),
-    Column("or", hint="What this motion cannot tell it from."),
-)
+def keep_completed(d: Findings) -> Fit:
+    """Return the model with the named effects, with the values that its error is stated of.
+
+    With values kept (``fixed``) what is not known is that of the named effects, and the errors of
+    these values where they have any.
+    """
+    structure = d.completed
+    submodel = full_model(structure.base, "the diagnosed model")
+    regression = structure.regression(d.samples, keep=True)
+    regression = replace(regression, echo=None, instruments=None)
+    information = gather_information(regression)
+    fit = estimate(information)
+    values: Array = structure.G @ _standard_values(d)
+    found = predict(regression, values[:, None])
+    low, raw = found.joint_rms()[:, 0], found.joint_rms(raw=True)[:, 0]
+    unseen = d.gap.joint_rms()[:, -1]
+    unseen_raw = np.sqrt(np.maximum(raw**2 - low**2, 0.0) + unseen**2)
+    uncertainty = assess_uncertainty(
+        information, fit, found.residual[:, :, 0], found.series, np.random.default_rng(d.seed), 0
+    )
+    spread = measure_spread(information, fit, uncertainty, (low, raw), (unseen, unseen_raw))
+    if d.fixed:
+        spread = replace(spread, covariance=_covariance(d), unknown=np.empty((len(values), 0)))
+    return Fit(
+        structure=structure,
+        submodel=submodel,
+        values=values,
+        spread=spread,
+        preparation=settled(d.preparation, d.samples),
+        base_covariance=spread.covariance,
+        base_unknown=spread.unknown,
+    )
 
 
-def _table_changes(d: Diagnosis) -> Table:
-    rows = []
-    for c in d.changes:
-        weight = Cell(weight_text(c.weight), c.weight)
-        others = join(c.names[1:]) or "nothing"
-        values = zip(c.parameters, c.values, c.errors, c.units, strict=True)
-        rows += [(c.when, title_of(c.family), c.place, *row, weight, others) for row in values]
-    return Table.of("What changed in the middle of a log, and was left out", CHANGES, rows)
+def _standard_values(d: Findings) -> Array:
+    """Return values of the completed model's columns, the smallest of those that fit, (p,)."""
+    phi = np.where(_first(d), d.completed.nominal, 0.0)
+    phi[_first(d)] += _standard(d) @ (d.values - d.structure.nominal_base)
+    last = {name: k for k, name in enumerate(d.completed.columns)}
+    for p in (p for e in d.effects for p in e.placements):
+        phi[[last[name] for name in p.parameters]] += p.fitted
+    return phi
+
+
+def _covariance(d: Findings) -> Array:
+    """Return the covariance of named effects and of values that are kept, (b, b)."""
+    G, last = d.completed.G, {name: k for k, name in enumerate(d.completed.columns)}
+    at = {last[name]: se for e in d.effects for p in e.placements for name, _, se, _ in p.rows}
+    named = G[:, list(at)] * np.array(list(at.values()))
+    kept = G[:, _first(d)] @ _standard(d)[:, d.known.free] @ np.linalg.pinv(d.known.root)
+    covariance: Array = named @ named.T + kept @ kept.T
+    return covariance
+
+
+def _first(d: Findings) -> np.ndarray:
+    """Return which columns of the completed model are those of the diagnosed one, (p,) bool."""
+    known, columns = {p.name for p in d.structure.parameters}, d.completed.columns
+    return np.array([n in known and columns.index(n) == k for k, n in enumerate(columns)])
+
+
+def _standard(d: Findings) -> Array:
+    """Return standard parameters for each of the diagnosed model's base parameters, (p, b)."""
+    names = [n for n, first in zip(d.completed.columns, _first(d), strict=True) if first]
+    order = [d.structure.columns.index(n) for n in names]
+    standard: Array = np.linalg.pinv(d.structure.G)[order]
+    return standard
+
+
+def fit_physical(
+    structure: Structure,
+    samples: Sequence[Samples],
+    unseen: Sequence[Samples] = (),
+    cad_weight: float | None = None,
+) -> Physical:
+    """Return the real robot that explains some logs best under a model.
+
+    How strongly it is drawn to the robot file is chosen by what it predicts of stretches of the
+    logs, as of an analysis, where others are there to judge it; without any it is so weakly.
+    It is not chosen where it is given.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the solver finds none.
+    """
+    information = gather_information(structure.regression(samples, keep=True))
+    joints, wls = structure.robot.joints, find_estimator("wls")
+    information = weigh_rows(joints, samples, information, wls)[0]
+    submodel, fit = full_model(structure.base), estimate(information)
+    model = FittedModel(structure, submodel, information, information, fit)
+    if unseen and cad_weight is None:
+        held_out, short = hold_folds(information, wls)
+        found = settle_robot(model, held_out, None, choose=not short).robot
+    else:
+        found = find_nearest(model, WEAK if cad_weight is None else cad_weight)
+    if found.nearest is None:
+        raise IdentifiabilityError(found.sentence.strip())
+    return Physical(structure, found.parameters(), found.cad_weight)
+
+
+def real_robot(d: Findings, structure: Structure) -> Physical:
+    """Return the real robot of a diagnosis under the model without or with the named effects.
+
+    With values kept (``fixed``) it is these, as a real robot can have them, and what the named
+    effects add.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the solver finds none.
+    """
+    if not d.fixed:
+        weight = share_weight(d.known.share) if d.known.share else None
+        return fit_physical(structure, d.samples, d.validation, weight)
+    values = dict.fromkeys(structure.columns, 0.0) | _kept(d)
+    named = d.effects if structure is d.completed else ()
+    for p in (p for e in named for p in e.placements):
+        for name, value in zip(p.parameters, p.fitted.tolist(), strict=True):
+            values[name] += value
+    return Physical(structure, values)
+
+
+def _kept(d: Findings) -> dict[str, float]:
+    """Return the values that a diagnosis keeps, those of a result at the nearest real robot."""
+    own, known, values = d.structure, d.known, d.values
+    if not len(known.free):
+        return {name: d.robot.nominal.get(name, 0.0) for name in own.columns}
+    phi = own.nominal + np.linalg.pinv(own.G) @ (values - own.nominal_base)
+    if "rigid_body" in own.model.names:
+        exact = np.setdiff1d(np.arange(len(values)), known.free)
+        tight = 1e9 / (np.abs(values[exact]) + ROUNDOFF)
+        rows = np.concatenate([known.root @ own.G[known.free], tight[:, None] * own.G[exact]])
+        try:
+            data = LeastSquares(rows, rows @ phi, 0.0, 1.0)
+            phi = Projection(physical_set(own), reference=own.nominal).solve(data).phi
+        except ValueError as error:
+            raise IdentifiabilityError(
+                f"No real robot has {known.words} or any near them: {error}"
+            ) from None
+    return dict(zip(own.columns, phi.tolist(), strict=True))
+
+
+def nearest_dict(d: Findings) -> dict[str, Any]:
+    """Return the real robot with the named effects, with its errors on the fitted logs."""
+    structure, known = d.completed, None if d.forward is None else d.forward.nearest
+    try:
+        real = real_robot(d, structure) if known is None else known
+    except IdentifiabilityError as error:
+        nothing = real_robot_dict(structure, {}, (np.nan,) * 3, np.empty((0, 3)))
+        return {**nothing, "reason": str(error)}
+    values = dict(real.values)
+    # A named effect may have the columns of one in the model: these stand for both.
+    names = structure.columns
+    first = np.array([names.index(n) == k for k, n in enumerate(names)])
+    files = [values_in_file(structure.robot, values, kind) for kind in file_kinds(structure.robot)]
+    phi = np.array([[v[n] for n in names] for v in (values, *files)]).T
+    regression = replace(structure.regression(d.samples, keep=True), instruments=None, echo=None)
+    found = predict(regression, structure.G @ (phi * first[:, None]))
+    errors, each = found.relative_error(), found.joint_error()
+    held_out = (float(errors[0]), float(errors[1]), float(errors[2]))
+    return real_robot_dict(structure, _fold(values), held_out, each, d.samples, real.cad_weight)
+
+
+def _fold(values: dict[str, float]) -> dict[str, float]:
+    """Return values in which no joint has a Coulomb level for both directions and one for each."""
+    out = dict(values)
+    for name in [n for n in values if n.endswith(".Fc") and f"{n}+" in values]:
+        level = out.pop(name)
+        for way in (f"{name}+", f"{name}-"):
+            out[way] = out.get(way, 0.0) + level
+    return out

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from identifiability.effects.gravity import TILTS, GravityTilt, horizontal_axes
 from identifiability.effects.measurement import CommandDelay
 from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.registry import title_of
-from identifiability.estimation.estimate import Outliers, estimate, find_estimator
+from identifiability.estimation.estimate import estimate, find_estimator
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.foundation.engines.mapping import Engine, Serial, one_thread
 from identifiability.foundation.names import BASE
@@ -44,25 +43,26 @@ from identifiability.workflows.analyze.fit import say_band
 from identifiability.workflows.diagnose.changes import find_change, leave_out, without_outliers
 from identifiability.workflows.diagnose.conclude import conclude
 from identifiability.workflows.diagnose.findings import NamedEffect, Placement
-from identifiability.workflows.diagnose.gap import Gap
-from identifiability.workflows.diagnose.known_values import (
-    Given,
-    KnownValues,
-    know_fit,
-    know_share,
-    near_file,
-    read_given,
-)
 from identifiability.workflows.diagnose.motion import (
+    MOST_IN_ALL,
+    MOST_SAMPLES,
     along_rollouts,
     assign_roles,
     prepare_rows,
-    samples_each,
 )
-from identifiability.workflows.diagnose.naming import Naming, look, name_missing
-from identifiability.workflows.diagnose.problem import Setting
+from identifiability.workflows.diagnose.naming import WORSE, Naming, look, name_missing
+from identifiability.workflows.diagnose.problem import (
+    Given,
+    KnownValues,
+    Setting,
+    know_file,
+    know_fit,
+    know_nothing,
+    know_share,
+    read_given,
+)
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
-from identifiability.workflows.diagnose.rules import RULES, Rules
+from identifiability.workflows.diagnose.rows import Gap
 from identifiability.workflows.gravity import Leaning, find_leaning, settle_tilt
 from identifiability.workflows.oddities import MeasuredLogs
 from identifiability.workflows.opening import (
@@ -105,7 +105,6 @@ def diagnose(
     model: ModelLike | None = None,
     fixed: Given = False,
     preparation: Preparation | None = None,
-    rules: Rules | None = None,
     seed: Seed = 0,
     quick: bool = False,
     forward: bool = True,
@@ -135,8 +134,6 @@ def diagnose(
         the model that is diagnosed. What these errors explain is no effect.
     preparation : Preparation, optional
         How derivatives are made.
-    rules : Rules, optional
-        Thresholds.
     seed : int
     quick : bool
         Leave out the simulation of `forward`.
@@ -152,7 +149,6 @@ def diagnose(
     """
     say = progress or quiet
     streams = tuple(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
-    rules = rules or RULES
     find_families(effects)  # what is misspelt is told before logs are read
     with one_thread():
         robot = Robot.of(robot)
@@ -168,23 +164,12 @@ def diagnose(
         session = Session(structure, given, preparation, say, engine or Serial())
         weight = share_weight(near) if near else None
         given = session.follow_fitted(np.random.default_rng(seed), cad_weight=weight).recordings
-        opened = partial(
-            _open,
-            session,
-            rules=rules,
-            fixed=fixed is not False,
-            known=known,
-            near=near,
-            commanded=commanded,
-            seed=seed,
-        )
-        asked = _Asked(effects, say, streams[0])
-        looked = asked.look(opened(given))
-        later = common_delay(looked.found)
+        asked = _Asked(session, effects, known, streams[0], near, fixed is not False, seed)
+        found, opening, leaning = asked.look(given)
+        later = common_delay(found)
         if later and robot.servo is not None:
             given = given.acting_later(robot.servo, later)
-            looked = asked.look(opened(given))
-        found, doubts, setting, opening, leaning = looked
+            found, opening, leaning = asked.look(given)
         found = (
             settle_named(found)
             if leaning is None
@@ -192,20 +177,19 @@ def diagnose(
         )
         options = {
             "effects": "all" if effects is None else list(effects),
-            "fixed": fixed is True if known is None else known.words,
+            "fixed": fixed if isinstance(fixed, bool) else known.words,
             **({"prior": near} if near else {}),
-            "rules": setting.rules,
             "quick": quick,
             "preparation": preparation or Preparation(),
         }
-        used = [*setting.samples, *setting.validation]
+        used = [*found.samples, *found.validation]
         kept = (EXACT,) if fixed is True else ()
-        believed = () if setting.near is None else (setting.near.hint,)
-        band = () if commanded else say_band(setting.preparation)  # it is calibrated in this one
-        hints = (*kept, *believed, *doubts, *opening.hints, *band)
+        believed = (found.known.hint,) if found.known.share else ()
+        band = () if commanded else say_band(found.preparation)  # it is calibrated in this one
+        hints = (*kept, *believed, *found.hints, *opening.hints, *band)
         found = replace(
             found,
-            nothing="" if setting.fixed else opening.misread,
+            nothing="" if found.fixed else opening.misread,
             hints=(*hints, *free_again(model), *unused_ladder(robot, model)),
             provenance=state_provenance(robot, used, seed, None, options),
         ).moved_by(given)
@@ -215,121 +199,93 @@ def diagnose(
         return replace(found, forward=simulate_forward(found, streams[1]))
 
 
-class _Opened(NamedTuple):
-    """What is diagnosed, from what, and where gravity points if not where the file says."""
-
-    setting: Setting
-    opening: Opening
-    leaning: Leaning | None
-
-
-class _Looked(NamedTuple):
-    """A diagnosis, which logs and stretches of them are doubted, and of what it is."""
-
-    found: Diagnosis
-    doubts: list[str]
-    setting: Setting
-    opening: Opening
-    leaning: Leaning | None
-
-
-def _open(
-    session: Session,
-    given: Recordings,
-    rules: Rules,
-    *,
-    fixed: bool,
-    known: KnownValues | None,
-    near: float,
-    commanded: bool,
-    seed: int,
-) -> _Opened:
-    """Return what is diagnosed.
-
-    Values that are fixed are those of the file, and its direction of gravity is one of them.
-    """
-    roles, robot = assign_roles(given.fitted, given.held_out, rules), session.structure.robot
-    parts = Recordings(roles.fit, roles.verify, given.hints)
-    session = replace(session, recordings=parts)
-    how = session.preparation if session.how.cutoff is None else session.how
-    most = samples_each(map(len, roles.fit))
-    opening = session.open("diagnosed", partial(prepare_rows, robot, how=how, most=most))
-    if given.rolled is not None:
-        both = ((opening.samples, roles.fit), (opening.validation, roles.verify))
-        along = [along_rollouts(opening.structure, s, logs, given.values) for s, logs in both]
-        opening = replace(opening, samples=along[0], validation=along[1])
-    fit, verify = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
-    require_signal(verify, "verified")
-    leaning = None
-    if not fixed:
-        leaning = find_leaning(MeasuredLogs(opening.structure, roles.fit, opening.samples))
-    if leaning is not None:
-        opening = opening.under(leaning.structure, roles.fit)
-    session.say("building columns", 0.1)
-    setting = Setting(
-        structure=opening.structure,
-        samples=tuple(fit),
-        validation=tuple(verify),
-        fixed=fixed,
-        chosen_by="by the evidence of the fitted logs",
-        verified_on=roles.verified_on,
-        rules=rules,
-        preparation=how or Preparation(),
-        known=known,
-        near=near_file(near, opening.structure) if near else None,
-        commanded=commanded,
-        seed=seed,
-    )
-    return _Opened(setting, opening, leaning)
-
-
 @frozen
 class _Asked:
-    """How effects are looked for in some samples.
+    """How effects are looked for.
 
     Attributes
     ----------
+    session : Session
     effects : iterable of str or None
         Families that may be named.
-    say : callable(str, float)
+    known : KnownValues
     stream : numpy.random.Generator
         For intervals.
+    near : float
+        Share within which bodies are the file's, of logs of commands.
+    fixed : bool
+        Whether values are those that are known, and the file's direction of gravity one of them.
+    seed : int
     """
 
+    session: Session
     effects: Effects | None
-    say: Progress
+    known: KnownValues
     stream: np.random.Generator
+    near: float
+    fixed: bool
+    seed: int
 
-    def look(self, opened: _Opened) -> _Looked:
-        """Name what is missing in opened logs."""
-        setting, opening, leaning = opened
+    def look(self, given: Recordings) -> tuple[Diagnosis, Opening, Leaning | None]:
+        """Name what is missing in recordings, under the gravity that they have."""
+        roles, robot = assign_roles(given.fitted, given.held_out), self.session.structure.robot
+        session = replace(self.session, recordings=Recordings(roles.fit, roles.verify, given.hints))
+        how = session.preparation if session.how.cutoff is None else session.how
+        most = min(MOST_SAMPLES, MOST_IN_ALL // len(roles.fit))
+        opening = session.open("diagnosed", partial(prepare_rows, robot, how=how, most=most))
+        if given.rolled is not None:
+            both = ((opening.samples, roles.fit), (opening.validation, roles.verify))
+            along = [along_rollouts(opening.structure, s, logs, given.values) for s, logs in both]
+            opening = replace(opening, samples=along[0], validation=along[1])
+        fit, verify = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
+        require_signal(verify, "verified")
+        leaning = None
+        if not self.fixed:
+            leaning = find_leaning(MeasuredLogs(opening.structure, roles.fit, opening.samples))
+        if leaning is not None:
+            opening = opening.under(leaning.structure, roles.fit)
+        session.say("building columns", 0.1)
+        near = know_share(self.near, opening.structure, refitted=True) if self.near else None
+        setting = Setting(
+            structure=opening.structure,
+            samples=tuple(fit),
+            known=near or self.known,
+            validation=tuple(verify),
+            fixed=self.fixed,
+            verified_on=roles.verified_on,
+            preparation=how or Preparation(),
+            commanded=given.commanded,
+            seed=self.seed,
+        )
         # Values that are kept are those of the file, and a wrong scale or sign is an effect.
-        asked = self if setting.fixed or not opening.misread else replace(self, effects=())
-        return _Looked(*asked.name(setting, opening), setting, opening, leaning)
+        asked = self if self.fixed or not opening.misread else replace(self, effects=())
+        return asked.name(setting), opening, leaning
 
-    def name(self, setting: Setting, opening: Opening) -> tuple[Diagnosis, list[str]]:
-        """Name what is missing, and say which stretches of logs are doubted.
+    def name(self, setting: Setting) -> Diagnosis:
+        """Name what is missing.
 
-        Rows that hardly count are no data for names, unless a change or a name explains them.
+        Rows that hardly count even beside what was named are no data for names.
         """
         found = self.run(setting)
-        if setting.fixed:
-            return found, []
-        joints, wls = opening.robot.joints, find_estimator("wls")
-        information = gather_information(opening.structure.regression(opening.samples, keep=True))
-        _, decided, outliers = weigh_rows(joints, opening.samples, information, wls)
+        if setting.fixed or found.changes:
+            return found
+        joints, wls = found.robot.joints, find_estimator("wls")
+        information = gather_information(found.completed.regression(found.samples, keep=True))
+        _, decided, outliers = weigh_rows(joints, found.samples, information, wls)
         # Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
         outliers = None if outliers is None else outliers.below(0.1)
-        if outliers is not None and not found.changes and _still_outlying(found, outliers):
-            where = where_outlying(joints, opening.samples, outliers)
-            decided = decided or f"{where} was left out. Look at what happened there."
-            found = self.run(without_outliers(setting, outliers))
-        return found, [decided] * bool(decided)
+        if outliers is not None:
+            again = self.run(without_outliers(setting, outliers))
+            if again.held_after <= WORSE * found.held_after:
+                where = where_outlying(joints, found.samples, outliers)
+                decided = decided or f"{where} was left out. Look at what happened there."
+                found = again
+        return replace(found, hints=(decided,) if decided else ())
 
     def run(self, setting: Setting) -> Diagnosis:
         """Name what is missing, add it, verify."""
         naming = self._settle(setting)
-        self.say("verifying", 0.9)
+        self.session.say("verifying", 0.9)
         return conclude(naming, self.stream)
 
     def _settle(self, setting: Setting) -> Naming:
@@ -339,31 +295,25 @@ class _Asked:
         it would be named piece by piece.
         """
         looked = look(setting, self.effects)
-        self.say("naming effects", 0.3)
+        self.session.say("naming effects", 0.3)
         change = None if setting.fixed else find_change(looked, self.effects)
+        named = None
         if change is None or change.whole:
-            looked = name_missing(looked)
-            if looked.parts and not setting.fixed:
-                change = find_change(looked, self.effects)
+            named = name_missing(looked)
+            if named.parts and not setting.fixed:
+                change = find_change(named, self.effects)
         without = None if change is None else leave_out(setting, change)
-        return looked if without is None else self._settle(without)
-
-
-def _still_outlying(found: Diagnosis, outliers: Outliers) -> bool:
-    """Whether stretches lie out under the model with what was named, too."""
-    joints, wls = found.robot.joints, find_estimator("wls")
-    information = gather_information(found.completed.regression(found.samples, keep=True))
-    again = weigh_rows(joints, found.samples, information, wls)[2]
-    if again is None:
-        return False
-    same = again.log[:, None] == outliers.log
-    begun = again.first[:, None] < outliers.last
-    return bool((same & begun & (outliers.first < again.last[:, None])).any())
+        named = named or name_missing(looked)
+        if without is None:
+            return named
+        # Unseen rows cannot show what changed, but that nothing did.
+        found = self._settle(without)
+        return named if found.worse_than(named) else found
 
 
 def _settle_values(
     robot: Robot, model: ModelLike | None, fixed: Given, *, commanded: bool
-) -> tuple[Structure, KnownValues | None]:
+) -> tuple[Structure, KnownValues]:
     """Return what is diagnosed, and what is known of the values that it keeps."""
     fit, name = read_given(fixed, robot)
     if fit is not None and model is None:
@@ -374,9 +324,11 @@ def _settle_values(
         )
     if fit is not None:
         return structure, know_fit(fit, structure, name)
-    if isinstance(fixed, int | float) and not isinstance(fixed, bool):
+    if fixed is True:
+        return structure, know_file(structure)
+    if isinstance(fixed, int | float) and fixed is not False:
         return structure, know_share(float(fixed), structure)
-    return structure, None
+    return structure, know_nothing(structure)
 
 
 def usual_effects(robot: Robot, *, commanded: bool = False) -> tuple[str, ...]:
@@ -441,7 +393,7 @@ def lead_with_tilt(
     """
     fitted, unseen = _predict_both(upright, found.samples, found.validation)
     gap = Gap(found.gap.rows, np.concatenate([unseen.residual, found.gap.residual], axis=2))
-    errors, joints = gap.relative_error().tolist(), gap.error_over_joints().tolist()
+    errors = gap.relative_error().tolist()
     first = NamedEffect(
         name=GravityTilt.name,
         title=title_of(GravityTilt.name),
@@ -449,9 +401,6 @@ def lead_with_tilt(
         before=errors[0],
         after=errors[1],
         interval=gap.interval(0, 1, rng),
-        shown_before=joints[0],
-        shown_after=joints[1],
-        shown_interval=gap.interval_over_joints(0, 1, rng),
         leaning=leaning,
     )
     return replace(
@@ -481,12 +430,14 @@ def _place_tilt(found: Diagnosis, upright: Structure, leaning: Leaning) -> Place
     motion = found.samples[0].motion
     added = gravity_torque(turned, motion, turned.gravity)
     added = added - gravity_torque(stated, motion, stated.gravity)
+    values = np.array([axis @ step for axis in horizontal_axes(stated.gravity)])
     return Placement(
         place=BASE,
         shape=float("nan"),
         parameters=tuple(f"{BASE}.{kind}" for kind in TILTS),
         units=("rad", "rad"),
-        values=np.array([axis @ step for axis in horizontal_axes(stated.gravity)]),
+        values=values,
+        fitted=values,
         errors=np.full(2, np.radians(leaning.sd)),
         rms=float(np.sqrt(np.mean(added**2, axis=0)).max()),
     )

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.workflows.diagnose.gap import explained_share, find_discrepancies
 from identifiability.workflows.diagnose.naming import determined_alone
 from identifiability.workflows.diagnose.problem import find_aliases
+from identifiability.workflows.diagnose.rows import explained_share, find_discrepancies
 
 
 @pytest.fixture
@@ -32,7 +32,8 @@ def test_an_alias_is_what_the_model_contains_but_for_three_per_cent(rng, missing
     options = [candidate(f, "j", k) for k, f in enumerate(names)]
 
     def aliases(some, model=X, names=("x0", "x1")):
-        return find_aliases(missing_of(tau, model, D, some), names, 0.03)
+        missing = missing_of(tau, model, D, some)
+        return find_aliases(missing, missing.products, names)
 
     found = {a.family: a for a in aliases(options)}
     assert [found[f].structural for f in names] == [True, False, True, False]

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from identifiability.effects import find_effect, find_family
-from identifiability.effects.transmission import stretch_of_springs
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import random_trajectory
-from identifiability.workflows.diagnose.forward import OtherEffects, keep_turns
+from identifiability.workflows.diagnose.forward import OtherEffects
 
 #: What hangs on the time of a log, of its session, on the way, and on nothing but a state.
 NAMES = (
@@ -17,6 +16,7 @@ NAMES = (
     "friction_drift",
     "function_of_time",
     "function_of_session_time",
+    "function_of_velocity_and_session_time",
     "hysteresis",
     "backlash",
     "load_dependent_friction",
@@ -61,30 +61,3 @@ def test_measured_states_have_the_torque_of_their_log(name, effect):
         assert np.any(expected)
         assert not np.any(taken if family.dry else level)
         np.testing.assert_allclose(taken + level * np.sign(dq), expected, rtol=1e-6, atol=1e-9)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_a_way_is_remembered_by_few_turns(seed):
-    """Fewer than there are legs, of which some are rests, as the first one is."""
-    robot, rng = Robot.load("two-link"), np.random.default_rng(seed)
-    speeds = rng.standard_normal((40, 2)) * rng.integers(0, 2, (40, 2))
-    speeds[0] = 0.0
-    v = speeds.repeat(25, axis=0)
-    q = 0.01 * np.cumsum(v, axis=0)
-    way = complete_motion(robot, np.arange(len(q)), q, v, 0 * v)
-    short = keep_turns(robot, way)
-    # The same sample by sample, as a simulation goes on.
-    one = way[:1]
-    for row in range(1, len(way)):
-        rows = np.flatnonzero(np.isin(way.t, one.t))
-        one = keep_turns(robot, way[np.append(rows, row)])
-    for left in (short, one):
-        assert len(left) < len(speeds)
-        kept = replace(left, kept=np.arange(len(left)))
-        for joint in (0, 1):
-            for width in (0.01, 0.1, 0.5, 2.0):
-                last = (
-                    stretch_of_springs(m, m.q[:, joint], m.v[:, joint], width)[-1]
-                    for m in (way, kept)
-                )
-                assert next(last) == pytest.approx(next(last), abs=1e-12)

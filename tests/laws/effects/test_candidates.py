@@ -14,6 +14,7 @@ from identifiability.logs.signals import Decimation
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
+from identifiability.workflows.diagnose.problem import know_file, know_nothing
 from identifiability.workflows.diagnose.rows import Rows
 
 T = 0.01 * np.arange(300)
@@ -142,7 +143,7 @@ def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):
     candidates, _ = listed(polar, parts[0], "joint_stiffness", "torque_offset")
     model = Model.of("rigid_body", "viscous_friction")
     structure = Structure.of(polar, model)
-    rows = Rows.of(structure, logs)
+    rows = Rows.of(structure, logs, know_nothing(structure))
     entries = rows.seen.entries(candidates)
     W = np.concatenate([model.regressor(polar, m) for m in parts])[:, :, structure.base.kept]
     np.testing.assert_allclose(rows.seen.X, W, atol=1e-12)
@@ -161,7 +162,7 @@ def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):
     assert rows.log.tolist() == [0] * 120 + [1] * 180
     assert list(rows.seen.runs.each[0]) == [(0, 120), (120, 300)]
     # With the values of the robot file the model's torque is taken off, and no column is left.
-    fixed = Rows.of(structure, logs, fixed=True)
+    fixed = Rows.of(structure, logs, know_file(structure))
     left = rows.measured - W @ structure.nominal_base
     np.testing.assert_allclose(fixed.seen.y, left, atol=1e-9)
     assert fixed.seen.X.shape[2] == 0
@@ -176,7 +177,7 @@ def test_no_stretch_of_rows_reaches_across_a_gap(polar, move, factor):
     log = Samples("log", m, np.ones((len(m), 2)), d, (), "")
     model = Model.of("viscous_friction")
     structure = Structure.of(polar, model)
-    rows = Rows.of(structure, [log, log])
+    rows = Rows.of(structure, [log, log], know_nothing(structure))
     runs = rows.seen.runs.each[0]
     assert len(runs) == 4
     for a, b in runs:

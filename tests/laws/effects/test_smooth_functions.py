@@ -15,6 +15,7 @@ from identifiability.effects.functions import (
     FunctionOfTime,
     FunctionOfVelocity,
     FunctionOfVelocityAndLoad,
+    FunctionOfVelocityAndSessionTime,
     splines,
     straight_beyond,
 )
@@ -52,6 +53,14 @@ def spanned(columns, target):
     return np.abs(columns @ np.linalg.lstsq(columns, target, rcond=None)[0] - target).max()
 
 
+def test_a_function_of_velocity_is_odd_or_even(polar, move):
+    """What turns with the motion, and what does not, are columns apart."""
+    m = move(polar, T)
+    effect, back = FunctionOfVelocity(0.8, "lift"), replace(m, v=-m.v)
+    W, again = (Model((Placed([Part(effect, "lift")]),)).regressor(polar, x) for x in (m, back))
+    np.testing.assert_allclose(again[:, 0], W[:, 0] * np.repeat([-1.0, 1.0], [4, 3]), atol=1e-12)
+
+
 def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
     """A parabola of the coordinate is among its columns; nothing is at the other joint."""
     m = move(polar, T)
@@ -72,7 +81,8 @@ def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
         W = Model((Placed([Part(effect, "lift")]),)).regressor(polar, m)
         assert W.shape[2] == count
         assert not W[:, 1].any()
-        whole = W[:, 0, : 5 if count == 15 else 6]
+        even = isinstance(effect, FunctionOfVelocity)
+        whole = W[:, 0, 4:] if even else W[:, 0, : 5 if count == 15 else 6]
         np.testing.assert_allclose(whole.sum(1), 1.0)
         assert spanned(W[:, 0], target) < 1e-9 * np.abs(target).max(), effect.name
         assert spanned(W[:, 0], np.sin(40 * T)) > 0.5
@@ -81,7 +91,7 @@ def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
 def test_shapes_of_functions_are_from_the_motion(polar, pair, move):
     m = move(polar, T)
     unnamed = [f for f in FAMILIES.values() if f.unnamed]
-    assert len(unnamed) == 9
+    assert len(unnamed) == 10
     found, refused = list_candidates(polar, unnamed, (), [m[:200], m[200:]], fixed=False)
     assert not refused
     shapes = {c.group: c.shape for c in found}
@@ -95,8 +105,9 @@ def test_shapes_of_functions_are_from_the_motion(polar, pair, move):
     # At the axis of a motor that mixes joints too, but for what belongs to a joint.
     found, _ = list_candidates(pair, unnamed, (), [move(pair, T)], fixed=False)
     at_motor = {c.family.name for c in found if c.place == "m2"}
-    no_clock = {"function_of_other_velocity", "function_of_session_time"}
-    assert at_motor == {f.name for f in unnamed} - no_clock
+    assert at_motor == {f.name for f in unnamed if f.against != "session"} - {
+        "function_of_other_velocity"
+    }
 
 
 def test_the_time_of_the_session_is_asked_for_where_logs_share_a_clock(polar, move):
@@ -125,6 +136,22 @@ def test_a_function_of_the_session_goes_on_from_log_to_log(polar, move):
     c, left, *_ = np.linalg.lstsq(np.concatenate([first, last]), 3 - time, rcond=None)
     assert left < 1e-20
     np.testing.assert_allclose(later @ c, 3 - (20.0 + m.t))
+
+
+def test_friction_that_changes_over_the_session_is_such_a_function_of_its_time(polar, move):
+    m, effect = move(polar, T), FunctionOfVelocityAndSessionTime(12.5, "lift")
+    model = Model((Placed([Part(effect, "lift")]),))
+    first, last, later = (replace(m, start=start) for start in (0.0, 10.0, 20.0))
+
+    def friction(motion):
+        v = motion.actuated_v[:, 0]
+        return (3 - 0.1 * (motion.start + motion.t)) * (0.5 * np.sign(v) + v)
+
+    W = np.concatenate([model.regressor(polar, x)[:, 0] for x in (first, last)])
+    assert W.shape[1] == 8
+    c, left, *_ = np.linalg.lstsq(W, np.concatenate([friction(first), friction(last)]), rcond=None)
+    assert left < 1e-20
+    np.testing.assert_allclose(model.regressor(polar, later)[:, 0] @ c, friction(later))
 
 
 def test_a_model_with_a_function_has_its_constant_once():

@@ -4,11 +4,6 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.prediction import predict
-from identifiability.estimation.torque_errors import (
-    change_interval,
-    change_interval_over_joints,
-    error_over_joints,
-)
 
 from .test_errors import Rows, prediction
 
@@ -97,18 +92,3 @@ def test_errors_of_the_raw_torque_are_those_of_the_measured_samples():
     scale = ((tau + noise - mean) ** 2).sum(0)
     expected = np.sqrt((raw**2).sum(0) / scale)
     np.testing.assert_allclose(found.joint_error(raw=True)[:, 0], expected)
-
-
-def test_the_change_over_joints_sees_what_a_small_joint_gains():
-    """An offset in a joint of 1 N·m beside one of 1000 N: ε_RA hardly moves."""
-    rng = np.random.default_rng(13)
-    tau = rng.normal(size=(960, 2)) * [1000.0, 1.0]
-    noise = 0.1 * rng.normal(size=(960, 2)) * [1000.0, 1.0]
-    spoilt = noise + 20 * rng.normal(size=(960, 2)) * [1, 0]
-    residual = np.stack([noise + np.array([0.0, 0.55]), spoilt], 2)
-    own = (tau - tau.mean(0)) ** 2
-    low, high = change_interval_over_joints(residual**2, own, np.random.default_rng(0))
-    change = np.diff(error_over_joints(residual**2, own))[0]
-    assert low < change < high < -0.2
-    deviation = np.abs(tau - tau.mean())
-    assert change_interval(np.abs(residual), deviation, np.random.default_rng(0))[1] > 0
