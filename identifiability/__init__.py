@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from identifiability.workflows.diagnose import Diagnosis, diagnose
     from identifiability.workflows.excite import Excitation, excite
     from identifiability.workflows.export import Exported, export
-    from identifiability.workflows.gains import Gains, identify_gains
     from identifiability.workflows.inspect import Inspection, inspect
     from identifiability.workflows.many import Fleet, analyze_many
     from identifiability.workflows.payload import Load, payload
@@ -84,7 +83,6 @@ _HOMES = {
         "workflows.diagnose": ("Diagnosis", "diagnose"),
         "workflows.excite": ("Excitation", "excite"),
         "workflows.export": ("Exported", "export"),
-        "workflows.gains": ("Gains", "identify_gains"),
         "workflows.inspect": ("Inspection", "inspect"),
         "workflows.many": ("Fleet", "analyze_many"),
         "workflows.payload": ("Load", "payload"),
@@ -108,7 +106,6 @@ __all__ = [
     "Exported",
     "Fit",
     "Fleet",
-    "Gains",
     "IdentifiabilityError",
     "Information",
     "Inspection",
@@ -139,7 +136,6 @@ __all__ = [
     "export",
     "find_base_parameters",
     "gather_information",
-    "identify_gains",
     "inspect",
     "new_study",
     "payload",
@@ -151,8 +147,14 @@ __all__ = [
 ]
 
 
+#: Functions that went, and what does their work.
+_GONE = {"identify_gains": "payload(robot, empty, loaded, mass=kg, centre=(x, y, z))"}
+
+
 def __getattr__(name: str) -> Any:
     home = _HOMES.get(name)
+    if name in _GONE:
+        raise AttributeError(f"'{name}' is gone: call {_GONE[name]}")
     if home is None:
         raise AttributeError(f"module 'identifiability' has no attribute '{name}'")
     value = getattr(import_module(f"identifiability.{home}"), name)

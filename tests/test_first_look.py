@@ -110,7 +110,6 @@ WRITTEN = {
     "payload": (["two-link", "r.json", "run.csv"], ["--report", "--json"]),
     "compare": (["two-link", "run.csv", "r.json"], ["--report", "--json"]),
     "rollout": (["quadruped", "run.csv"], ["--report", "--json", "--out"]),
-    "gain": (["two-link", "run.csv", "--loaded", "run.csv", "--mass", "1"], ["--report", "--json"]),
     "export": (["two-link", "r.json"], ["--out"]),
     "simulate": (["two-link", "random"], ["--out"]),
     "excite": (["two-link", "--out", "m.json"], ["--report", "--out"]),

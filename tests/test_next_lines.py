@@ -135,7 +135,7 @@ def words(text):
         "compare robot.xml a.csv loaded.csv --report page.html",
         "inspect robot.xml --report page.html",
         "inspect robot.xml a.csv --report page.html",
-        "gain robot.xml a.csv --loaded loaded.csv --mass 1 --report page.html",
+        "payload robot.xml a.csv loaded.csv --mass 1 --centre 0,0,0 --report page.html",
         "analyze --each . --out out",
         *(
             pytest.param(t, marks=pytest.mark.everything)

@@ -17,8 +17,6 @@ class Options:
     """What is asked for."""
 
     ladder: options.Ladder = None
-    method: options.Method = "wls"
-    estimator: options.Estimator = "auto"
 
 
 @options.command()

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from identifiability.cli import common, options
+from identifiability.foundation.options import Positive
 
 
 @dataclass(frozen=True)
@@ -14,6 +15,9 @@ class Options:
 
     without: Sequence[str] = ()
     body: str | None = None
+    mass: Positive | None = None
+    centre: options.Point | None = None
+    inertia: options.Point | None = None
 
 
 @options.command()
@@ -32,7 +36,7 @@ def payload(
         say("reading logs", 0.0)
         found = weigh(machine.load(recorded), result, logs, **vars(own))
         written = outputs.write(found, say)
-    common.print_end([found.answer])
+    common.print_end([*filter(None, [found.sidecar]), found.answer])
     title = f"What hangs on {found.body}; moments about its centre"
     rest = [found.statement.removeprefix(found.answer).strip()]
     common.print_result(found, rest, written, title)

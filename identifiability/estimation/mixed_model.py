@@ -362,6 +362,8 @@ class MixedModel:
         about zero; none where it is empty.
     name, keep : float
         Log odds from which on a group is named, and gain on unseen rows from which on it is kept.
+    sizes : (s,)
+        That a group may have, each as likely.
     """
 
     products: Products
@@ -371,6 +373,7 @@ class MixedModel:
     prior: Array = field(default_factory=lambda: np.empty((0, 0)))
     name: float = RULES.name
     keep: float = RULES.keep
+    sizes: Array = field(default_factory=lambda: SIZES)
 
     @cached_property
     def target(self) -> Array:
@@ -458,9 +461,11 @@ class MixedModel:
                 signs[sizes > sizes.min()] = signs[int(np.argmax(single))]
                 each = each + signs
             weights = member_weights(g)
-            odds = float(logsumexp(each + np.log(weights)[:, None]) - np.log(len(SIZES)) - g.price)
+            odds = float(
+                logsumexp(each + np.log(weights)[:, None]) - np.log(len(self.sizes)) - g.price
+            )
             member, size = np.unravel_index(int(np.argmax(each)), each.shape)
-            out.append(Term(g, int(member), float(SIZES[size] ** 2), odds))
+            out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
         return sorted(out, key=lambda t: -t.odds)
 
     def information(self, terms: Terms, columns: np.ndarray) -> Array:
@@ -480,7 +485,7 @@ class MixedModel:
         S = self.products.within(sets) / (scale[:, :, None] * scale[:, None, :])
         outside = S.copy()
         outside -= np.einsum("csk,csl->skl", part, part, optimize=True)
-        return rise_of(S, outside, left[sets])
+        return rise_of(S, outside, left[sets], self.sizes)
 
     def settle(self, terms: Terms) -> Terms:
         """Return terms with the member, size and odds that each has beside the others."""
@@ -594,7 +599,7 @@ class MixedModel:
         return list(zip(found, weights, strict=True))
 
 
-def rise_of(S: Array, outside: Array, left: Array) -> tuple[Array, Array]:
+def rise_of(S: Array, outside: Array, left: Array, sizes: Array = SIZES) -> tuple[Array, Array]:
     """Return the rise of the log-likelihood by sets of columns, and what signs add, by size.
 
     Parameters
@@ -603,6 +608,8 @@ def rise_of(S: Array, outside: Array, left: Array) -> tuple[Array, Array]:
         Their products, and what of them is outside the model.
     left : (s, k)
         Their products with what the model leaves of the torque.
+    sizes : (s,)
+        Of the values.
 
     Returns
     -------
@@ -614,7 +621,7 @@ def rise_of(S: Array, outside: Array, left: Array) -> tuple[Array, Array]:
     e = np.where(told, e, 0.0)
     z = np.where(told, np.einsum("skl,sk->sl", U, left), 0.0)
     towards = U.sum(1)
-    v = SIZES[:, None] ** 2
+    v = sizes[:, None] ** 2
     shrink = 1.0 + v * e[:, None, :]
     rise = 0.5 * (z[:, None, :] ** 2 * v / shrink - np.log(shrink)).sum(2)
     mean = (towards[:, None, :] * z[:, None, :] * v / shrink).sum(2)

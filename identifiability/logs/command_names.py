@@ -72,7 +72,7 @@ def choose_commands(
         If there is neither torque nor command, or nothing says what torque commands make.
     """
     columns = list(columns)
-    if not known.joints or known.motion_alone or known.raw_torque:
+    if not known.joints or known.motion_alone:
         return {}, False
     meant = _read_names(columns, source, known)
     found = _of_all(meant, known)

@@ -36,8 +36,6 @@ class Conventions:
         Unit of its times, ``[time]`` and ``--time-unit``; empty if nobody said.
     torque : MeasuredTorque
         What its torque columns hold: ``[torque]``.
-    raw_torque : bool
-        Read torque columns, and currents in their place, as they are: their gain is looked for.
     degrees : tuple of str
         Joints and motors whose angles and rates are in degrees: ``angles`` and ``--angles``.
     motion_alone : bool
@@ -60,7 +58,6 @@ class Conventions:
     scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     time_unit: str = ""
     torque: MeasuredTorque = MeasuredTorque()
-    raw_torque: bool = False
     degrees: tuple[str, ...] = ()
     motion_alone: bool = False
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)

@@ -138,13 +138,13 @@ def settle_torque(naming: Naming, known: Conventions, source: str) -> Naming:
     given = {c.name.removesuffix(".tau"): c for c in naming.columns if c.name.endswith(".tau")}
     given = {joint: c for joint, c in given.items() if joint in naming.joints}
     currents = [j for j, c in given.items() if c.current]
-    unknown = [] if known.raw_torque else [j for j in currents if not torque.has_gain(j)]
+    unknown = [j for j in currents if not torque.has_gain(j)]
     if unknown:
         raise LogError(
             f"{source} has currents and no torques of {listing(unknown)}; say in the sidecar what "
             f"one unit gives at the joint [N·m or N]: [torque] gain = {{{unknown[0]} = …}} (the "
             "torque constant times the ratio of the gear), or have it identified from a known "
-            "payload: identifiability gain."
+            "payload: identifiability payload --mass."
         )
     turned = [j for j in given if j not in known.motors]
     if torque.side == "motor" and (loose := [j for j in turned if not torque.has_ratio(j)]):
@@ -152,7 +152,7 @@ def settle_torque(naming: Naming, known: Conventions, source: str) -> Naming:
             f"{source}: the torque of {listing(loose)} was measured at the motor, by the sidecar; "
             f"give the ratio of its gear, too: [torque] ratio = {{{loose[0]} = …}}."
         )
-    factors = {j: 1.0 if known.raw_torque else torque.factor(j) for j in given}
+    factors = {j: torque.factor(j) for j in given}
     columns = tuple(_scaled(c, factors) for c in naming.columns)
     return replace(naming, columns=columns, notes=(*naming.notes, *_tell(factors, currents, known)))
 
@@ -168,7 +168,7 @@ def _tell(factors: Mapping[str, float], currents: Sequence[str], known: Conventi
     notes = []
     what = "torques are currents" if currents else "torques were multiplied"
     changed = {j: f for j, f in factors.items() if f != 1.0 or j in currents}
-    if changed and not known.raw_torque:
+    if changed:
         shown = listing([f"{j}: {f:.6g}" for j, f in changed.items()], 4)
         times = " times what the sidecar says" if currents else " by what the sidecar says"
         notes.append(f"{what}{times} ({shown})")

@@ -16,7 +16,7 @@ from identifiability.report.blocks import Section, Sketch, fold_rows, picture, s
 from identifiability.report.drawing import DASHED, INK, drawn, row_canvas, row_lines, whiskers
 from identifiability.report.skeleton import Part, sketch_parts
 from identifiability.workflows.answers import with_hints
-from identifiability.workflows.compare import Comparison, describe
+from identifiability.workflows.compare import ALL_JOINTS, Comparison, describe
 
 # Values of several things with their intervals, a row each.
 
@@ -48,9 +48,8 @@ def sketch(result: Comparison) -> Sketch | None:
     """Return the robot with what was found drawn on it, if it can be drawn."""
     parts = {name: Part("grey", "nothing changed for sure") for name in result.robot.joints}
     for change in result.changes:
-        place = change.cause.place
-        owner = place if place in (*result.robot.joints, *result.robot.bodies) else ""
-        parts[owner or place.rpartition(".")[0]] = Part("vermilion", describe(change))
+        owners = result.robot.joints if change.place == ALL_JOINTS else (change.place,)
+        parts |= {owner: Part("vermilion", describe(change)) for owner in owners}
     return sketch_parts(result.robot, parts, "decision.changed")
 
 
@@ -60,7 +59,7 @@ def sketch(result: Comparison) -> Sketch | None:
 def heading(result: Comparison) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
     kinds = {"pairs": "the same motion", "logs": "different motions", "results": "two results"}
-    kind = kinds[result.difference.kind]
+    kind = kinds[result.kind]
     return "Comparison report", f"{result.robot.path.name} · {result.submodel.name} · {kind}"
 
 
@@ -117,4 +116,9 @@ def section_method(result: Comparison) -> Section:
     every = (*result.before, *result.after)
     called = dict(zip(every, shorten_paths(every), strict=True))
     pairs = join([f"{called[one]} with {called[other]}" for one, other in result.pairs])
-    return section("comparison.method", result.how, f"Compared: {pairs}." if pairs else None)
+    return section(
+        "comparison.method",
+        result.how,
+        result.nuisances or None,
+        f"Compared: {pairs}." if pairs else None,
+    )

@@ -30,7 +30,8 @@ def heading(result: Load) -> tuple[str, str]:
 
 def sections(result: Load) -> list[Section | None]:
     """Return the sections of the page."""
-    return [section_quantities(result), section_logs(result), section_how(result)]
+    gains = section("payload.gains", result.tables()[1]) if result.gains else None
+    return [gains, section_quantities(result), section_logs(result), section_how(result)]
 
 
 def section_quantities(result: Load) -> Section:

@@ -6,27 +6,24 @@ something changed, the difference of the torques has none of it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from identifiability.estimation.differences import EXCERPT, LogRows
+from identifiability.estimation.groups import Excerpt
+from identifiability.estimation.noise import JointRuns
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log
+from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Preparation, Samples, prepare_samples
 from identifiability.logs.prepare.instruments import find_lag
 from identifiability.logs.repeats import Recording
 from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.regression.gather import BLOCKS
-from identifiability.regression.information import Information
-from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-
-#: What gives the columns along logs.
-Columns = Callable[[Sequence[Samples]], Regression]
 
 
 @frozen
@@ -47,41 +44,38 @@ class Pair:
     at: tuple[int, int]
     later: float
 
-    def turned(self) -> Pair:
-        """Return the pair with the second log first."""
-        return Pair(self.second, self.first, (self.at[1], self.at[0]), -self.later)
-
     def rows(
-        self, structure: Structure, first: Columns | None = None
-    ) -> tuple[Array, Array, Array, Array, np.ndarray]:
-        """Return base columns (N, n, b) and torque (N, n) of the first, then of the second.
+        self, structure: Structure, base: Array, bodies: Sequence[str], numbers: tuple[int, int]
+    ) -> LogRows:
+        """Return what the first log's rows differ by from those of the second.
 
-        And where both are data, (N, n) bool: all are zero where a joint dwells in either. Of the
-        first log a regression may give other columns.
+        Parameters
+        ----------
+        structure, base, bodies
+            As of `find_causes`.
+        numbers : (int, int)
+            Of the two logs among all.
         """
-        t, *own = _gather(first or structure.regression, self.first)
-        other, *second = _gather(structure.regression, self.second)
+        seen = [
+            Excerpt.of(structure.regression([replace(s, instrument=None, echoes=())]), EXCERPT)
+            for s in (self.first, self.second)
+        ]
+        one, two = (
+            LogRows.of(structure, x, base, bodies, n) for x, n in zip(seen, numbers, strict=True)
+        )
+        t, other = (x.t for x in seen)
         at, there = _match(t, other, LOG_RULES.even * float(np.median(np.diff(t))))
-        one, two = [x[at] for x in own], [x[there] for x in second]
-        data = one[2] & two[2]
-        for x in (*one[:2], *two[:2]):
-            x[~data] = 0.0
-        return one[0], one[1], two[0], two[1], data
+        apart = (np.diff(at) != 1) | (np.diff(there) != 1) | signals.has_gap(t[at])
+        starts = np.flatnonzero(np.concatenate([[True], apart])).tolist()
+        runs = list(zip(starts, [*starts[1:], len(at)], strict=True))
+        own = JointRuns.of(runs, seen[0].data[at] & seen[1].data[there])
+        return one.take(at, own).minus(two.take(there, own))
 
 
 def share_noise(pairs: Sequence[Pair]) -> float:
     """Return how much more pairs scatter for sharing second logs, whose noise they share."""
     serves = [pair.at[1] for pair in pairs]
     return max(((serves.count(k) + 1) / 2 for k in serves), default=1.0)
-
-
-def pair_information(
-    names: Sequence[str], columns: Array, torque: Array, data: np.ndarray
-) -> Information:
-    """Return the information of columns (N, n, k) and torque (N, n) that a pair differs by."""
-    size = -(-len(torque) // BLOCKS)
-    log = np.zeros(len(torque), int)
-    return Information.of_rows(names, columns, torque, log, size, moves=data)
 
 
 def find_pairs(
@@ -129,14 +123,6 @@ def _on_one_clock(
     same = other.each(lambda x: CubicSpline(other.t, x)(log.t + later), t=log.t)
     first, second = (prepare_samples(robot, x, how) for x in (log, same))
     return first, second
-
-
-def _gather(columns: Columns, samples: Samples) -> tuple[Array, Array, Array, np.ndarray]:
-    """Return times (N,), columns (N, n, b), torque and whether it is data (N, n) along a log."""
-    (part,) = columns([replace(samples, instrument=None, echoes=())]).parts()
-    rows = [(c.t, c.W.copy(), c.tau, c.data) for c in part.chunks()]  # W is a buffer
-    t, W, tau, data = map(np.concatenate, zip(*rows, strict=True))
-    return t, W, tau, data
 
 
 def _match(t: Array, other: Array, close: float) -> tuple[np.ndarray, np.ndarray]:

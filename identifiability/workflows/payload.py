@@ -1,35 +1,44 @@
-"""What hangs on a body: mass, centre and inertia, from logs of a robot that was fitted without."""
+"""What hangs on a body: mass, centre and inertia, from logs of a robot that was fitted without.
+
+The load's ten parameters are always in the mixed model of the loaded logs (`Differences`), beside
+whatever the robot may differ by from the result, as far as its covariance allows, beside gains and
+friction that differ between logs, and beside what else is told to have changed. A load that is
+known tells the torque gains instead, joint by joint.
+"""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
-from functools import partial, reduce
-from operator import add
+from pathlib import Path
 from shlex import quote
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import pandas as pd
-from scipy.linalg import block_diag
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
-from identifiability.effects.nominal import reference_values
-from identifiability.effects.transmission import LoadDependentFriction
-from identifiability.estimation.bootstrap import scatter_scores
-from identifiability.estimation.estimate import estimate, find_estimator, weigh_logs
-from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.least_squares import Noise
+from identifiability.estimation.differences import (
+    EXCERPT,
+    KINDS,
+    OPEN,
+    Differences,
+    Known,
+    LogRows,
+    find_lacks,
+    pooled_values,
+    tool_bodies,
+)
+from identifiability.estimation.groups import Excerpt
+from identifiability.estimation.noise import JointRuns
+from identifiability.estimation.prediction import TorqueUncertainty
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.uncertainty import Motions, compare_motions, remembering_covariance
 from identifiability.foundation.answers import Answer, Cell, Column, Table, measured_cells
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import LogError, listing, near_match
-from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import GROUPED_KINDS, Array, shorten_paths
-from identifiability.foundation.numbers import REACH, measured
-from identifiability.foundation.options import OptionError, checked
+from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array, shorten_paths
+from identifiability.foundation.numbers import REACH, holm, measured
+from identifiability.foundation.options import OptionError, Positive, checked
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import (
     digits,
@@ -41,7 +50,7 @@ from identifiability.foundation.rounding import (
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.instruments import noise_share
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.repeats import Recording
@@ -51,54 +60,33 @@ from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares
 from identifiability.physical.project import project
 from identifiability.physical.pseudo_inertia import entry_scale, natural_scale, to_matrix
-from identifiability.regression.gather import gather_information
-from identifiability.regression.information import Information
-from identifiability.regression.regression import Model, Regression
-from identifiability.regression.structure import Structure
-from identifiability.robot import Robot, RobotLike
-from identifiability.robot.changed import last_bodies
-from identifiability.robot.kinematics import WORLD
-from identifiability.workflows.answers import answer_next, with_hints
+from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure, random_motion
+from identifiability.robot import Robot, RobotLike, complete_motion
+from identifiability.robot.changed import Point, ten_parameters
+from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
-from identifiability.workflows.opening import Logs
-from identifiability.workflows.pairs import Pair, find_pairs, pair_information, share_noise
-from identifiability.workflows.predict import Fit, FitLike, find_fit, state_missing
+from identifiability.workflows.opening import LogLike, Logs, list_logs
+from identifiability.workflows.pairs import Pair, find_pairs, share_noise
+from identifiability.workflows.predict import Fit, FitLike, Predicts, find_fit, state_missing
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
 
-# The parameters of a load: as the logs say them, and as a real body can have them.
-#
-# `LoadEstimate` holds the ten parameters with everything that is not known of them, `Quantity`
-# mass, centre and inertia of a real body near them, with intervals.
-
-
 # `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
-#
-# τ − W x̂ = W δ + K θ + F f + noise, δ ~ N(0, Σ)
-#
-# x̂ and Σ are the values of the result and their covariance, K the columns of the body that
-# carries the load, F those of friction, which is another one with the load: it changes from day to
-# day, and gears rub in proportion to what they carry. All unknowns are estimated together, so that
-# the interval of the load holds what the result does not know of the robot, and the load takes
-# nothing that robot or friction may have. Of paired logs it is the difference of the two
-# residuals: the columns of δ nearly vanish, and whatever the model gets wrong along the motion
-# does, but friction that follows the load.
 
 
-#: A column of the load that makes less than this share of the largest never acts.
-LEAST: Tolerance = 1e-7
-
-#: Nor does a direction whose square is less than this share of the largest.
-SMALLEST: Tolerance = 1e-14
-
-#: A direction whose torque is less than this share of what its columns would make if the robot were
-#: known for certain is not told.
-RANK: Tolerance = 1e-6
-
+#: A direction of the load whose torque may be so many times that of its joints is not told.
+UNTOLD: Tolerance = 1e-2 * OPEN
 #: A parameter is not told if so much of it lies along directions that are not.
 TOUCHED: Tolerance = 1e-3
-
-
+#: Its words.
+WORDS_OF = "payload.how"
+#: Poses at which an arm is weighed.
+POSES = 200
+#: Where each of `GROUPED_KINDS` stands among `KINDS`.
+ORDER = [KINDS.index(kind) for kind in GROUPED_KINDS]
+BACK = [GROUPED_KINDS.index(kind) for kind in KINDS]
 #: Sizes of the ten parameters of a body of 1 kg, by which their columns are compared.
 TYPICAL: Array = entry_scale(np.ones(1), np.full(1, 0.1))[0]
 
@@ -113,272 +101,194 @@ class LoadEstimate:
         In the order of `GROUPED_KINDS`, about the origin of the body's frame.
     covariance : (10, 10)
         Of what is told.
-    root : (10 - d, 10)
-        ``|root (θ − theta)|²`` is the distance of another load from this one, in σ² by formula.
+    root : (10 − d, 10)
+        ``|root (θ − theta)|²`` is the distance of another load from this one, in σ².
     unknown : (10, d)
-        Directions that the logs do not tell, orthonormal in units of `TYPICAL`.
-    motions : Motions or None
-        The load by each log.
+        Directions that the logs do not tell, orthonormal.
     logs : tuple of int
-        Which log each motion of the estimate is.
+        Logs of which each has a mass of its own: all with the load, where they are several.
+    masses, sd : (l,) [kg]
+        By each of these alone.
+    spread : float
+        By how much masses scatter more than their variance, which is counted.
     rms : (n,) [N·m or N]
         What is left of the torque.
-    rubbing : mapping
-        How surely the friction of a joint is another one than without the load: p-values.
+    rubbing : tuple of str
+        Joints whose friction is another one than without the load.
+    others : tuple of str
+        What else differs.
     """
 
     theta: Array
     covariance: Array
     root: Array
     unknown: Array
-    motions: Motions | None
     logs: tuple[int, ...]
+    masses: Array
+    sd: Array
+    spread: float
     rms: Array
-    rubbing: Mapping[str, float]
-
-
-@frozen(kw_only=True)
-class _Nuisance:
-    """Directions (b, s) in which the robot may differ from the result, and their precision (s,)."""
-
-    directions: Array
-    precision: Array
-
-    @staticmethod
-    def of(fit: Fit) -> _Nuisance:
-        size, turn = np.linalg.eigh(fit.covariance)
-        good = size > SMALLEST * size.max(initial=0.0)
-        known = turn[:, good] * np.sqrt(size[good])
-        directions = np.column_stack([fit.submodel.M @ known, fit.submodel.M @ fit.spread.unknown])
-        precision = np.repeat([1.0, 0.0], [known.shape[1], fit.spread.unknown.shape[1]])
-        return _Nuisance(directions=directions, precision=precision)
-
-
-@frozen(kw_only=True)
-class Rubbing:
-    """Friction that is another one with a load, of any joint.
-
-    Attributes
-    ----------
-    structure : Structure
-    carried : tuple of mapping
-        Standard parameters by which gears rub in proportion to what they carry: of the robot
-        with the load, and without; none while the load is not known.
-    """
-
-    structure: Structure
-    carried: tuple[Mapping[str, float], ...] = ()
-
-    def regression(self, samples: Sequence[Prepared]) -> Regression:
-        """Return base columns, then one of each axis by each of what is carried."""
-        known = self.structure.regression(samples)
-        model, kept = known.model, self.structure.base.kept
-        more = tuple(LoadDependentFriction(values) for values in self.carried)
-        width = len(self.structure.parameters)
-        every = sum(len(e.parameters(known.robot)) for e in more)
-        columns = np.append(kept, np.arange(width, width + every))
-        return replace(known, model=Model((*model.effects, *more)), columns=columns)
+    rubbing: tuple[str, ...]
+    others: tuple[str, ...]
 
     @property
-    def owners(self) -> tuple[str, ...]:
-        """Joint or motor of each column of friction."""
-        own = [joint for joint, columns in self.structure.friction.items() for _ in columns]
-        return (*own, *(a.name for _ in self.carried for a in self.structure.robot.axes))
-
-    @property
-    def directions(self) -> Array:
-        """Columns of friction in those of `regression`, (b + e, r)."""
-        S = np.zeros((len(self.structure.columns), 0))
-        for columns in self.structure.friction.values():
-            for members, signs in columns:
-                S = np.column_stack([S, np.zeros(len(S))])
-                S[list(members), -1] = signs
-        more = len(self.owners) - S.shape[1]
-        found: Array = block_diag(self.structure.G @ S, np.eye(more))
-        return found
+    def agree(self) -> bool:
+        """Whether the logs say the same mass."""
+        return self.spread <= 1.0
 
 
-def estimate_load(
-    fit: Fit,
-    load: Array,
-    rubbing: Rubbing,
-    loaded: Sequence[Information],
-    without: Sequence[Information],
-    pairs: Sequence[Pair],
-) -> LoadEstimate:
-    """Return the load that logs tell.
+def estimate_load(found: Differences, loaded: Sequence[int]) -> LoadEstimate:
+    """Return the load that is in every hypothesis.
 
     Parameters
     ----------
-    fit : Fit
-        Of the robot without the load.
-    load : (b, 10)
-        Base parameters of the load's ten.
-    rubbing : Rubbing
-    loaded, without : sequence of Information
-        About the columns of `rubbing` along each log with the load that has no pair, and about the
-        base parameters along each without.
-    pairs : sequence of Pair
-
-    Raises
-    ------
-    LogError
-        If the logs are too short.
+    found : Differences
+    loaded : sequence of int
+        Numbers of the logs with it.
     """
-    known, friction = _Nuisance.of(fit), rubbing.directions
-    r, b = friction.shape[1], len(load)
-    nuisance = replace(known, precision=np.append(known.precision, np.zeros(r)))
-    s = len(nuisance.precision)
-    names = (*(f"robot {k}" for k in range(s)), *GROUPED_KINDS)
-    more = np.zeros((len(friction) - b, 1))  # of what gears carry, which only a loaded log has
-    wide = [np.vstack([x, np.tile(more, x.shape[1])]) for x in (known.directions, load)]
-    both = np.hstack([wide[0], friction, wide[1]])
-    empty = np.hstack([known.directions, np.zeros((b, r + 10))])
-    base = np.append(fit.base, more)
-    parts = [info.reduce(both, names, base) for info in loaded]
-    parts += [info.reduce(empty, names, fit.base) for info in without]
-    parts += [_differences(pair, fit, rubbing, both, empty, names) for pair in pairs]
-    whole = weigh_logs(reduce(add, parts), find_estimator("wls"))
-    # Logs without the load tell of the robot only.
-    bare = range(len(loaded), len(loaded) + len(without))
-    with_load = whole.take(~np.isin(whole.log, bare))
-    own, robot = np.eye(s + 10)[:, s:], np.zeros(s)
-    # Rounds in which noise is measured beside the load and the load beside noise.
-    for _ in range(3):
-        noise = _measure(with_load.reduce(own, GROUPED_KINDS, np.append(robot, np.zeros(10))))
-        joint = _Joint.of(whole, noise, nuisance)
-        robot = joint.robot
-    part = with_load.reduce(own, GROUPED_KINDS, np.append(robot, np.zeros(10)))
-    alone = estimate(part)
-    factor, motions = _scatter(part, alone)
-    covariance = share_noise(pairs) * joint.covariance * np.outer(factor, factor)
-    if motions is not None:
-        covariance = covariance + np.diag(np.where(joint.told, motions.between, 0.0) ** 2)
-    unpaired = [k for k in range(len(loaded) + len(pairs)) if k not in {p.at[0] for p in pairs}]
-    order = [*unpaired, *[-1] * len(without), *(p.at[0] for p in pairs)]
+    model = found.model
+    terms = model.search()
+    theta, spread = model.widened(terms, found.always_at()[ORDER])
+    (part,) = (p for p in found.parts if p.role == "always")
+    scale = part.scale[ORDER]
+    square, turn = np.linalg.eigh(spread * np.outer(scale, scale))
+    open_ = square > UNTOLD**2
+    size = np.sqrt(np.maximum(square[~open_], np.finfo(float).tiny))
+    told = turn[:, ~open_] * size / scale[:, None]
+    unknown = np.linalg.qr(turn[:, open_] / scale[:, None])[0]
+    several = tuple(loaded) if len(loaded) > 1 else ()
+    mass = found.always_at()[0]
+    alone = [model.of_logs(np.array([k])).values(terms)[1:] for k in several]
+    masses = np.array([v[mass] for v, _ in alone])
+    sd = np.array([np.sqrt(c[mass, mass]) for _, c in alone])
+    wider = _scatter(masses, sd)
+    said = [(t, found.said[t.key][1][0]) for t in terms]
+    causes = found.rows.causes
+    rubbing = [causes[k].place for _, own in said for k in own if causes[k].kind == "friction"]
+    others = [
+        f"{causes[own[0]].family} of {listing([causes[k].place for k in own], 4)}"
+        for _, own in said
+        if own and causes[own[0]].kind != "friction"
+    ]
+    left = found.residual(terms)[np.isin(found.rows.log, loaded)]
     return LoadEstimate(
-        theta=joint.theta,
-        covariance=covariance,
-        root=joint.root,
-        unknown=joint.unknown,
-        motions=motions,
-        logs=() if motions is None else tuple(order[k] for k in motions.which),
-        rms=np.sqrt(alone.rss / part.samples),
-        rubbing=_test_friction(rubbing.owners, joint, s - r, float(np.mean(factor) ** 2)),
+        theta=theta,
+        covariance=told @ told.T * max(wider, 1.0),
+        root=(turn[:, ~open_] / size).T * scale,
+        unknown=unknown,
+        logs=several,
+        masses=masses,
+        sd=sd,
+        spread=wider,
+        rms=np.sqrt(np.mean(left**2, axis=0)) / (np.sqrt(2.0) if found.rows.off else 1.0),
+        rubbing=tuple(dict.fromkeys(rubbing)),
+        others=tuple(others),
     )
 
 
-def _test_friction(
-    owners: Sequence[str], joint: _Joint, start: int, wider: float
-) -> dict[str, float]:
-    """Return how surely the friction of each joint is another one, by Wald's test."""
-    out = {}
-    for owner in dict.fromkeys(owners):
-        at = start + np.flatnonzero([o == owner for o in owners])
-        size = np.sqrt(np.diag(joint.spread)[at])
-        at, size = at[size > 0], size[size > 0]
-        inverse = np.linalg.pinv(joint.spread[np.ix_(at, at)] / np.outer(size, size), RANK)
-        z = joint.robot[at] / size
-        out[owner] = float(chi2.sf(z @ inverse @ z / wider, max(len(at), 1)))
-    return out
+def _scatter(masses: Array, sd: Array) -> float:
+    """Return by how much masses scatter more than their variance, if surely; 1 if not."""
+    if len(masses) < 2:
+        return 1.0
+    weights = sd**-2.0
+    square = float(weights @ (masses - weights @ masses / weights.sum()) ** 2)
+    sure = chi2.sf(square, len(masses) - 1) < Thresholds.sign_level
+    return square / (len(masses) - 1) if sure else 1.0
+
+
+# `Gain`: what one unit of a torque column is, by a load that is known.
+#
+# Torque that was read by wrong gains is a load by the same factor wrong. So each joint by itself,
+# in units of its column: ``τ = W b + s W_load φ``, of which s is one over the gain and b is free,
+# as parameters of the robot take the gain up [Gautier & Briot 2014].
 
 
 @frozen(kw_only=True)
-class _Joint:
-    """Load and robot estimated together.
+class Gain:
+    """By which factor a joint's torque is larger than it was read as.
 
     Attributes
     ----------
-    robot : (s,)
-        Along the directions of the nuisance.
-    spread : (s, s)
-        Covariance of these by formula; zero where they are not told.
-    theta, covariance, root, unknown
-        As in `LoadEstimate`, by formula.
+    joint : str
+    value : float
+        NaN where nothing can be told.
+    low, high : float
+        95 %; infinite where zero is among what the column may be.
+    sigma_percent : float
+        Standard deviation of one over the factor, in percent of it.
+    verdict : str
+        ``identifiable``, ``weak`` (its sign is certain) or ``not identifiable``.
+    column : float
+        What the sidecar must state as `gain` for torque to be right.
     """
 
-    robot: Array
-    spread: Array
-    theta: Array
-    covariance: Array
-    root: Array
-    unknown: Array
-
-    @property
-    def told(self) -> np.ndarray:
-        """Parameters that lie along no direction that is not told, (10,) bool."""
-        told: np.ndarray = np.linalg.norm(self.unknown, axis=1) < TOUCHED
-        return told
-
-    @staticmethod
-    def of(whole: Information, noise: Noise, nuisance: _Nuisance) -> _Joint:
-        s = len(nuisance.precision)
-        R = whole.factor(1.0 / (noise.variance * noise.times))
-        A = np.vstack([R[:, :-1], np.diag([*np.sqrt(nuisance.precision), *np.zeros(10)])])
-        b = np.append(R[:, -1], np.zeros(s + 10))
-        lengths = np.linalg.norm(A, axis=0)
-        idle = lengths[s:] * TYPICAL <= LEAST * (lengths[s:] * TYPICAL).max(initial=0.0)
-        lengths = np.where(lengths > 0, lengths, 1.0)
-        A = A / lengths
-        A[:, s:][:, idle] = 0.0
-        left, size, _ = np.linalg.svd(A[:, :s], full_matrices=False)
-        left = left[:, size > RANK * size.max(initial=0.0)]
-        load = A[:, s:] - left @ (left.T @ A[:, s:])
-        _, size, turn = np.linalg.svd(load)
-        good = size > RANK
-        inverse = turn[good].T / size[good]
-        theta = inverse @ (inverse.T @ (load.T @ (b - left @ (left.T @ b))))
-        robot = np.linalg.lstsq(A[:, :s], b - A[:, s:] @ theta, rcond=RANK)[0]
-        every = np.linalg.pinv(A, RANK)[:s] / lengths[:s, None]
-        unknown = turn[~good].T / (lengths[s:] * TYPICAL)[:, None]
-        return _Joint(
-            robot=robot / lengths[:s],
-            spread=every @ every.T,
-            theta=theta / lengths[s:],
-            root=size[good, None] * turn[good] * lengths[s:],
-            unknown=np.linalg.qr(unknown)[0],
-            covariance=inverse @ inverse.T / np.outer(lengths[s:], lengths[s:]),
-        )
+    joint: str
+    value: float
+    low: float
+    high: float
+    sigma_percent: float
+    verdict: str
+    column: float
 
 
-def _differences(
-    pair: Pair, fit: Fit, rubbing: Rubbing, both: Array, bare: Array, names: Sequence[str]
-) -> Information:
-    """Return the information of what a pair's two residuals differ by."""
-    W, tau, other, below, data = pair.rows(fit.structure, rubbing.regression)
-    columns = W @ both - other @ bare
-    torque = tau - below - (W[:, :, : len(bare)] - other) @ fit.base
-    return pair_information(names, columns, torque, data)
+def find_gains(
+    found: Differences, structure: Structure, seen: Excerpt, place: str, theta: Array
+) -> tuple[Gain, ...]:
+    """Return the gain of each joint's torque from a known load.
 
-
-def _measure(part: Information) -> Noise:
-    """Return the noise beside the load, larger than what rounding leaves."""
-    alone = estimate(part)
-    least = ROUNDOFF**2 * float(np.mean(part.torque)) / part.samples
-    variance = np.maximum(alone.variance, max(least, np.finfo(float).tiny))
-    return Noise(variance, alone.times)
-
-
-def _scatter(part: Information, alone: Estimate) -> tuple[Array, Motions | None]:
-    """Return by how much the scatter over time exceeds the formula, (10,), and what logs say.
-
-    Raises
-    ------
-    LogError
+    Parameters
+    ----------
+    found : Differences
+        What is known of the robot, and which logs have the load.
+    structure : Structure
+    seen : Excerpt
+        Rows of all logs.
+    place : str
+    theta : (10,)
+        In the order of `KINDS`.
     """
-    factor, kept = np.ones(10), list(alone.kept)
-    scores = scatter_scores(part, alone, alone.memory)
-    if scores is None and kept:
-        raise LogError(
-            f"{part.samples} samples are too few to say how a load's numbers scatter; give longer "
-            "or more logs."
+    each: list[tuple[float, float]] = []
+    robot, known = structure.robot, found.known
+    for j in range(len(robot.joints)):
+        base = pooled_values(seen.X[:, [j]], seen.y[:, [j]], known.directions, known.base)
+        rows = LogRows.of(structure, seen, base, (place,)).of_joint(j)
+        load, *others = rows.causes
+        if not load.torque:
+            each.append((np.nan, np.inf))
+            continue
+        torque = {0: load.torque[0] @ theta[:, None]}
+        unit = next(c for c in others if c.kind == "gain")
+        friction = (c for c in others if c.kind == "friction" and c.torque)
+        rows = replace(rows, causes=(replace(unit, torque=torque), *friction))
+        own = replace(found, rows=rows, lacks=None, shared=1.0)
+        _, solved, covariance = own.model.values(own.model.search())
+        (at,) = own.always_at()
+        sd = float(np.sqrt(covariance[at, at]))
+        (scale,) = (p.scale[0] for p in own.parts if p.role == "always")
+        each.append((float(solved[at]), sd) if sd * scale < UNTOLD else (np.nan, np.inf))
+    p = [2 * norm.sf(abs(x) / sd) if np.isfinite(x) else 1.0 for x, sd in each]
+    out = []
+    for joint, (x, sd), level in zip(robot.joints, each, holm(np.array(p)), strict=True):
+        ends, relative = [-np.inf, np.inf], np.inf
+        if abs(x) > REACH * sd:
+            ends = sorted(1.0 / (x + side * REACH * sd) for side in (-1, 1))
+            relative = sd / abs(x)
+        verdict = "not identifiable"
+        if level < Thresholds.sign_level:
+            verdict = "identifiable" if relative <= Thresholds().sigma_share else "weak"
+        gain = robot.torque.gain.get(joint, robot.torque.gain.get("", 1.0))
+        out.append(
+            Gain(
+                joint=joint,
+                value=1.0 / x,
+                low=ends[0],
+                high=ends[1],
+                sigma_percent=100 * relative,
+                verdict=verdict,
+                column=gain / x,
+            )
         )
-    if scores is not None:
-        formula = np.sqrt(np.diag(remembering_covariance(part, alone)))
-        factor[kept] = np.maximum(scores.widened[kept] / formula, 1.0)
-    factor[~np.isfinite(factor)] = 1.0  # not told, and said so
-    several = len(np.unique(part.log)) > 1
-    return factor, compare_motions(part, alone, alone.memory) if several else None
+    return tuple(out)
 
 
 # `Quantity`: mass, centre and inertia of a real body near what logs say, with their intervals.
@@ -520,13 +430,6 @@ def _judge(
 # `Load`: mass, centre and inertia of what hangs on a body, in numbers and words.
 
 
-#: What masses are stated by.
-GAINS = (
-    "Mass and moments are proportional to the torque constants and gear ratios by which the torque "
-    "was read: as many percent as these are off, so is every number."
-)
-
-
 @frozen(kw_only=True)
 class Load(Result):
     """What hangs on a body. Make it with `payload`.
@@ -550,6 +453,13 @@ class Load(Result):
         Mass, centre, and moments of inertia about it.
     usual : (n,) [N·m or N]
         What the result left of the torque.
+    arm : (float, float, float)
+        What the arm weighs by its file [kg], by which factor its torque says more, and the standard
+        deviation of that; NaN where nothing says it.
+    gains : tuple of Gain
+        Of each joint's torque, where the load's mass is known.
+    known : float or None
+        That mass [kg].
     hints : tuple of str
     origin : str
         Name of the file of the result without the load.
@@ -567,6 +477,9 @@ class Load(Result):
     parameters: Array
     quantities: tuple[Quantity, ...]
     usual: Array
+    arm: tuple[float, float, float]
+    gains: tuple[Gain, ...] = ()
+    known: float | None = None
     hints: tuple[str, ...] = ()
     origin: str = "result.json"
 
@@ -597,21 +510,23 @@ class Load(Result):
 
     def answers(self) -> tuple[Answer, ...]:
         """Return how heavy and where, how well known, whether to trust it, what next."""
-        return _what(self), _known(self), _trust(self), answer_next(_next_commands(self))
+        gains = () if self.known is None else (_gains(self),)
+        return *gains, _what(self), _told_of(self), _trust(self), answer_next(_next_commands(self))
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
         return (RULES, Thresholds())
 
     def tables(self) -> tuple[Table, ...]:
-        """Return one row a quantity."""
-        return (_quantity_table(self),)
+        """Return one row a quantity, and one a joint whose gain a known load tells."""
+        gains = () if self.known is None else (Table.of(GAINS_OF, GAINS, self.gains),)
+        return (_quantity_table(self), *gains)
 
     @property
     def statement(self) -> str:
         """The answer in plain words."""
         texts = [self.answer, self._moments(), self._untold(), self._agreement(), self.friction]
-        texts += [*self.caveats, GAINS if self.mass.told else ""]
+        texts += [*self.caveats, self.proportional, self.factors]
         return " ".join(t for t in (*texts, *self.hints) if t)
 
     def _moments(self) -> str:
@@ -630,26 +545,57 @@ class Load(Result):
         return f"Not told: {'; '.join(texts)}." if texts else ""
 
     def _agreement(self) -> str:
-        motions = self.estimate.motions
-        if motions is None:
+        if not self.estimate.logs:
             return "" if self.pairs else "One motion cannot show what another would change."
         rows = self.log_frame().to_dict("records")
         each = listing([f"{r['log']} {measured(r['mass'], r['half'], 'kg')}" for r in rows], 4)
-        if motions.agree:
+        if self.estimate.agree:
             return f"The logs agree ({each})."
         return f"The logs disagree ({each}): intervals are widened to hold all of them."
 
     @property
+    def proportional(self) -> str:
+        """That the mass is proportional to gains, and what the arm itself says of these."""
+        if not self.mass.told:
+            return ""
+        (mass, factor, sd), text = self.arm, sentence(WORDS_OF, "proportional")
+        if not (np.isfinite(sd) and abs(factor - 1.0) > max(REACH * sd, RULES.gain_off)):
+            return text
+        own = {"weighs": mass * factor, "mass": mass, "load": self.mass.value / factor}
+        return f"{text} {sentence(WORDS_OF, 'arm', **own)}"
+
+    @property
+    def factors(self) -> str:
+        """Gains by a known load, in words; empty without."""
+        if self.known is None:
+            return ""
+        sure = [g for g in self.gains if g.verdict == "identifiable"]
+        said = [f"{g.joint} {g.value:.4g} ({g.low:.4g} … {g.high:.4g})" for g in sure]
+        lost = [g.joint for g in self.gains if g not in sure]
+        text = f"By {self.known:g} kg torque is so many times what was read: {listing(said, 12)}."
+        if not sure:
+            text = "The logs do not tell the gain of any torque column."
+        more = sentence(WORDS_OF, "untold", joints=listing(lost, 12)) if lost else ""
+        return f"{text} {more}".strip()
+
+    @property
+    def sidecar(self) -> str:
+        """Lines for the robot's sidecar; nothing if no gain is identifiable."""
+        sure = [g for g in self.gains if g.verdict == "identifiable"]
+        pairs = ", ".join(f'"{g.joint}" = {g.column:.6g}' for g in sure)
+        return f"[torque]\ngain = {{{pairs}}}\n" if sure else ""
+
+    @property
     def rubbing(self) -> tuple[str, ...]:
-        """Joints whose friction is surely another one than without the load."""
-        level = Thresholds.sign_level / max(len(self.estimate.rubbing), 1)
-        return tuple(joint for joint, p in self.estimate.rubbing.items() if p < level)
+        """Joints whose friction is another one than without the load."""
+        return self.estimate.rubbing
 
     @property
     def friction(self) -> str:
         """What became of friction, in a sentence; empty where it did not change for sure."""
+        others = listing(self.estimate.others)
         if not self.rubbing:
-            return ""
+            return f"Beside the load {others} changed, which the intervals hold." if others else ""
         many = "differ" if len(self.rubbing) > 1 else "differs"
         return (
             f"Friction of {listing(self.rubbing, 6)} {many} from that without the load, which the "
@@ -663,29 +609,18 @@ class Load(Result):
         if len(self.pairs) == len(self.logs) or ratio.max() < RULES.grows:
             return ()
         k = int(np.argmax(ratio))
-        return (
-            f"But the torque of {self.robot.joints[k]} is left "
-            f"{format_number(ratio[k], 2)} × as far off as by the "
-            "result's own logs: the robot changed since (friction does, with temperature), or "
-            "the load is not rigid or hangs elsewhere (--body). Add a log of the same motion "
-            "without the load (--without); compare says what changed.",
-        )
+        joint, often = self.robot.joints[k], format_number(ratio[k], 2)
+        return (sentence(WORDS_OF, "changed", joint=joint, ratio=often),)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a quantity: ``name``, value, interval, unit, whether it is told, why."""
         return pd.DataFrame([asdict(q) for q in self.quantities])
 
     def log_frame(self) -> pd.DataFrame:
-        """Return the mass by each log alone, with half of its interval for noise; none of one."""
-        motions = self.estimate.motions
-        if motions is None:
-            return pd.DataFrame(columns=["log", "mass", "half"])
-        at = GROUPED_KINDS.index("m")
-        short = shorten_paths(self.logs)
-        names = [short[k] for k in self.estimate.logs]
-        return pd.DataFrame(
-            {"log": names, "mass": motions.values[:, at], "half": REACH * motions.sd[:, at]}
-        )
+        """Return the mass by each log alone, with half of its interval; none of one."""
+        short, found = shorten_paths(self.logs), self.estimate
+        names = [short[k] for k in found.logs]
+        return pd.DataFrame({"log": names, "mass": found.masses, "half": REACH * found.sd})
 
     @property
     def possible(self) -> bool:
@@ -714,6 +649,8 @@ class Load(Result):
             "by_log": self.log_frame().to_dict("records"),
             "caveats": list(self.caveats),
             "friction_changed": list(self.rubbing),
+            "arm": dict(zip(("mass", "factor", "sd"), self.arm, strict=True)),
+            "gains": [asdict(g) for g in self.gains],
         }
 
 
@@ -723,14 +660,17 @@ class Load(Result):
 @checked
 def payload(
     robot: RobotLike,
-    result: FitLike,
+    result: FitLike | Logs,
     logs: Logs,
     without: Logs = (),
     *,
     body: str | None = None,
+    mass: Positive | None = None,
+    centre: Point | None = None,
+    inertia: Point | None = None,
     engine: Engine | None = None,
 ) -> Load:
-    """Find mass, centre and inertia of what hangs on a body.
+    """Find mass, centre and inertia of what hangs on a body, or torque gains from a known load.
 
     Parameters
     ----------
@@ -738,6 +678,7 @@ def payload(
         The robot that the result is about.
     result : Fit, Analysis, Ladder, Diagnosis or path
         Fitted to logs without the load. What it does not know of the robot enters every interval.
+        Where the load is known it may be logs without it instead: then gains may be anything.
     logs : log, path, DataFrame, or several
         Logs with the load; they are prepared like the fitted ones, with the same cut-off.
     without : the same, optional
@@ -746,6 +687,13 @@ def payload(
     body : str, optional
         Which carries the load; by default the last of a chain, or the platform, on which most
         loops end.
+    mass : float, optional
+        Of the load, where it is known [kg]: then the torque gain of each joint follows.
+    centre : (3,), optional
+        Its centre of mass in the frame of the body's joint [m]; by default where the logs say,
+        which takes the gains of all joints for one.
+    inertia : (3,), optional
+        Its moments about its centre, along the axes of that frame [kg·m²].
     engine : Engine, optional
         Where logs that are too long for memory are worked on.
 
@@ -758,36 +706,41 @@ def payload(
     """
     with one_thread("blas"):
         robot = Robot.of(robot)
-        fit = find_fit(result, robot)
-        place, columns = choose_body(fit.structure, body)
+        if mass is None and (centre is not None or inertia is not None):
+            raise OptionError("A centre or moments of a known load need its mass; give --mass.")
+        empty = _logs_among(result) if mass is not None else []
+        fit = _unknown_gains(robot) if empty else find_fit(cast("FitLike", result), robot)
+        without = [*empty, *list_logs(without)]
+        structure, place = fit.structure, choose_body(fit.structure, body)
         session, second = Session.read_sides(
-            fit.structure, logs, without, fit.preparation, engine, alone=True
+            structure, logs, without, fit.preparation, engine, alone=True
         )
         sides = session.recordings, second.recordings
         given, other = (side.fitted for side in sides)
-        pairs = find_pairs(robot, given, other, session.how)
+        pairs = find_pairs(robot, given, other, session.how) if fit.origin else []
         # What hangs on the robot is odd by its file, so that nothing odd is looked for.
-        paired = tuple({p.at[k] for p in pairs} for k in (0, 1))
-        samples, unloaded = (
-            session.prepare([r for k, r in enumerate(side) if k not in done], "weighed")
-            for side, done in zip((given, other), paired, strict=True)
-        )
+        samples, bare = (session.prepare(side, "weighed") for side in (given, other))
         hints = [text for side in sides for text in side.hints]
         hints += _tell_noise(robot, given, session.how)
-        hints += [text for s in (*samples, *unloaded) for text in s.hints]
-        gather = partial(gather_information, engine=session.engine)
-        bare = [gather(fit.structure.regression([s])) for s in unloaded]
-        rubbing = Rubbing(structure=fit.structure)
-        # How often the load is found: friction that follows it takes what it was found to
-        # be before.
-        for _ in range(2):
-            loaded = [gather(rubbing.regression([s])) for s in samples]
-            found = estimate_load(fit, columns, rubbing, loaded, bare, pairs)
-            nearest = nearest_body(found)
-            rubbing = Rubbing(
-                structure=fit.structure, carried=_carried(fit.structure, place, nearest)
-            )
-        length = float(np.median(natural_scale(_bodies(fit.structure))[1]))
+        hints += [text for s in (*samples, *bare) for text in s.hints]
+        pairs = pairs if len(pairs) == len(given) else []
+        seen = _look([*samples, *bare], structure)
+        found = _differences(fit, place, len(given), bare, pairs, seen)
+        free = Known.nothing(fit.submodel.M, fit.submodel.fixed)
+        alone = replace(found, known=free if bare else found.known, lacks=None)
+        gains: tuple[Gain, ...] = ()
+        if not fit.origin:
+            gains = find_gains(alone, structure, seen, place, _known(mass, centre, inertia))
+            seen = _rescaled(seen, gains)
+            base = pooled_values(seen.X, seen.y, free.directions, free.base)
+            found = replace(alone, rows=LogRows.of(structure, seen, base, (place,)))
+        estimate = estimate_load(found, range(len(given)))
+        nearest = nearest_body(estimate)
+        if mass is not None and fit.origin:
+            theta = nearest[BACK] * mass / nearest[9]
+            theta = theta if centre is None else _known(mass, centre, inertia)
+            gains = find_gains(alone, structure, seen, place, theta)
+        length = float(np.median(natural_scale(_bodies(structure))[1]))
     paths = given_paths(given), given_paths(other)
     return Load(
         robot=robot,
@@ -796,25 +749,161 @@ def payload(
         logs=paths[0],
         without=paths[1],
         pairs=tuple((paths[0][p.at[0]], paths[1][p.at[1]]) for p in pairs),
-        estimate=found,
+        estimate=estimate,
         parameters=nearest,
-        quantities=state_quantities(found, nearest, length),
+        quantities=state_quantities(estimate, nearest, length),
         usual=fit.spread.low,
+        arm=weigh_arm(fit, samples),
+        gains=gains,
+        known=mass,
         hints=tuple(dict.fromkeys(filter(None, (state_missing(fit.missing), *hints)))),
         origin=fit.origin,
     )
 
 
-def _carried(structure: Structure, body: str, load: Array) -> tuple[Mapping[str, float], ...]:
-    """Return by which values gears carry what they do: with the load, and without.
+def _logs_among(result: Any) -> list[LogLike]:
+    """Return logs that stand where a result does; none where one stands there."""
+    path = isinstance(result, (str, Path)) and str(result).lower().endswith(".json")
+    return [] if path or isinstance(result, (Fit, Predicts)) else list_logs(result)
 
-    Where the model itself has friction by load, it is that without.
+
+def _unknown_gains(robot: Robot) -> Fit:
+    """Return a fit of nothing, of a robot whose torque columns are in units of their own.
+
+    Raises
+    ------
+    OptionError
     """
-    bare = reference_values(structure.robot)
-    loaded = dict(bare)
-    for kind, value in zip(GROUPED_KINDS, load.tolist(), strict=True):
-        loaded[f"{body}.{kind}"] = loaded.get(f"{body}.{kind}", 0.0) + value
-    return (loaded,) if LoadDependentFriction.name in structure.model.names else (loaded, bare)
+    if robot.known_torque:  # in N·m, and what the columns are in is what is asked
+        raise OptionError(
+            "Gains are identified without [[known_torque]]: take it out of the sidecar."
+        )
+    one = replace(robot, torque=replace(robot.torque, gain={"": 1.0}, ratio={"": 1.0}, sign={}))
+    structure = Structure.of(one, Model.of(*DEFAULT_EFFECTS))
+    submodel, n = full_model(structure.base), len(robot.joints)
+    k = len(submodel)
+    open_ = dict.fromkeys(("low", "raw", "dof"), np.full(n, np.inf))
+    nothing = TorqueUncertainty(covariance=np.zeros((k, k)), unknown=np.eye(k), **open_)
+    return Fit(
+        structure=structure,
+        submodel=submodel,
+        values=np.zeros(k),
+        spread=nothing,
+        preparation=Preparation(),
+        base_covariance=np.zeros((k, k)),
+        base_unknown=np.eye(k),
+        origin="",
+    )
+
+
+def _rescaled(seen: Excerpt, gains: Sequence[Gain]) -> Excerpt:
+    """Return rows with torque by the gains that were found; without joints where there is none."""
+    sure = [g.verdict == "identifiable" for g in gains]
+    factors = np.where(sure, [np.nan_to_num(g.value) for g in gains], 0.0)
+    runs = tuple(own if s else () for own, s in zip(seen.runs.each, sure, strict=True))
+    raw, y = seen.raw * factors, seen.y * factors
+    return replace(seen, X=seen.X * np.array(sure)[:, None], y=y, raw=raw, runs=JointRuns(runs))
+
+
+def _differences(
+    fit: Fit,
+    place: str,
+    loaded: int,
+    bare: Sequence[Prepared],
+    pairs: Sequence[Pair],
+    seen: Excerpt,
+) -> Differences:
+    """Return what may differ, the load always, along logs with and without it.
+
+    Parameters
+    ----------
+    fit : Fit
+    place : str
+    loaded : int
+        How many logs with the load there are.
+    bare : sequence of Samples or LongSamples
+    pairs : sequence of Pair
+        Those that are compared sample by sample: of all logs with the load, or none.
+    seen : Excerpt
+        Rows of all logs.
+    """
+    what = fit.structure, fit.base, (place,)
+    known = {p.at[1] for p in pairs}
+    rows = [p.rows(*what, (p.at[0], loaded + p.at[1])) for p in pairs]
+    rows += [
+        LogRows.of(fit.structure, _look([s], fit.structure), fit.base, (place,), loaded + k)
+        for k, s in enumerate(bare)
+        if pairs and k not in known
+    ]
+    pattern = np.repeat([1.0, 0.0], [loaded, len(bare)])
+    return Differences(
+        rows=LogRows.join(rows) if rows else LogRows.of(fit.structure, seen, fit.base, (place,)),
+        known=Known.of(fit.base, fit.submodel.M, fit.covariance, fit.spread.unknown),
+        logs=len(pattern),
+        patterns=(pattern,),
+        always=(0,),
+        lacks=None if rows else find_lacks(fit.structure, seen),
+        shared=share_noise(pairs),
+    )
+
+
+def _look(samples: Sequence[Prepared], structure: Structure) -> Excerpt:
+    """Return the rows of logs, if there are enough.
+
+    Raises
+    ------
+    LogError
+    """
+    seen = Excerpt.of(structure.regression(samples), EXCERPT)
+    fewest = int(np.bincount(seen.log, minlength=len(samples)).min())
+    if fewest < LOG_RULES.fewest:
+        raise LogError(
+            f"{fewest} samples are too few to say how a load's numbers scatter; give longer "
+            "or more logs."
+        )
+    return seen
+
+
+def _known(mass: float | None, centre: Point | None, inertia: Point | None) -> Array:
+    """Return the ten parameters of a known load in the order of `KINDS`.
+
+    Raises
+    ------
+    OptionError
+    """
+    c, own = (np.asarray(x or (0.0, 0.0, 0.0), float) for x in (centre, inertia))
+    if c.shape != (3,) or own.shape != (3,) or not np.isfinite([*c, *own]).all() or own.min() < 0:
+        raise OptionError("centre and inertia are three numbers each, x, y and z, of real bodies.")
+    ten = ten_parameters(mass or 0.0, c, own).tolist()
+    theta = dict(zip(INERTIAL_KINDS, ten, strict=True))
+    return np.array([theta[kind] for kind in KINDS])
+
+
+def weigh_arm(fit: Fit, samples: Sequence[Prepared]) -> tuple[float, float, float]:
+    """Return what the arm weighs by its file [kg], and by which factor its torque says more.
+
+    At rest in poses of a log, with the standard deviation of the factor; NaN where the file or
+    gravity says nothing.
+    """
+    structure, robot = fit.structure, fit.robot
+    mass = sum(robot.nominal.get(f"{b}.m", 0.0) for b in robot.bodies)
+    whole = [s.motion for s in samples if isinstance(s, Samples)]
+    own = whole[0] if whole else random_motion(robot, np.random.default_rng(0), POSES)
+    q = own.actuated_q[:: -(-len(own.actuated_q) // POSES)]
+    still = np.zeros_like(q)
+    motion = complete_motion(robot, np.arange(len(q), dtype=float), q, still, still)
+    W = structure.model.regressor(robot, motion)[:, :, structure.base.kept]
+    rigid = [structure.parameters[k].group == "rigid_body" for k in structure.base.kept]
+    W = (W * np.array(rigid)).reshape(-1, len(rigid))
+    stated = W @ structure.nominal_base
+    square = float(stated @ stated)
+    if not (mass > 0 and square > 0):
+        return mass, float("nan"), float("nan")
+    slope = stated @ W / square
+    M = fit.submodel.M
+    variance = float(slope @ M @ fit.covariance @ M.T @ slope)
+    blind = np.abs(slope @ M @ fit.spread.unknown).max(initial=0.0) > TOUCHED
+    return mass, float(slope @ fit.base), float("nan") if blind else float(np.sqrt(variance))
 
 
 def _tell_noise(robot: Robot, logs: Sequence[Recording], how: Preparation) -> list[str]:
@@ -840,8 +929,8 @@ def _cutoff(log: Log, how: Preparation) -> float | None:
     return None if {"dq", "ddq"} <= set(log.channels) else how.outputs or how.cutoff
 
 
-def choose_body(structure: Structure, body: str | None) -> tuple[str, Array]:
-    """Return the body that carries the load, and base parameters (b, 10) of the load's ten.
+def choose_body(structure: Structure, body: str | None) -> str:
+    """Return the body that carries the load.
 
     Raises
     ------
@@ -849,30 +938,23 @@ def choose_body(structure: Structure, body: str | None) -> tuple[str, Array]:
     """
     robot = structure.robot
     if body is None:
-        last = last_bodies(robot)
-        # Points of loops hang on single axes, of which a body's joint may have several.
-        axes = np.repeat(np.arange(robot.model.njoints - 1), list(robot.model.nvs)[1:])
-        points = [p.joint for loop in robot.loops for p in (loop.first, loop.second)]
-        ends = Counter(robot.bodies[axes[joint]] for joint in points if joint != WORLD)
-        count = [ends[b] for b in last]
-        best = [b for b, c in zip(last, count, strict=True) if c == max(count)]
+        best = tool_bodies(structure)
         if len(best) > 1:
             raise OptionError(
                 f"The load may hang on {listing(best, 8)}; name its body (--body, body=…)."
             )
-        body = best[0]
+        body = best[0] if best else robot.bodies[-1]
     if body not in robot.bodies:
         raise OptionError(
             f"'{body}' is no moving body of {robot.name}{near_match(body, robot.bodies)} A load "
             f"can hang on {listing(robot.bodies, 12)}."
         )
-    stems = list(structure.bodies)
-    if f"{body}." not in stems:
+    if f"{body}." not in structure.bodies:
         raise OptionError(
             "The result's model has no bodies to which a load could be added (rigid_body); fit one "
             "that has."
         )
-    return body, structure.G[:, structure.inertial[stems.index(f"{body}.")]]
+    return body
 
 
 def _bodies(structure: Structure) -> Array:
@@ -894,14 +976,14 @@ def _what(result: Load) -> Answer:
     if not mass.told:
         short = f"Nothing surely: at most {format_number(mass.high, 2)} kg."
         return Answer(question, short, tone="amber")
-    gains = "It is proportional to the torque constants by which the torque was read."
+    gains = result.proportional
     centre = [result.of[f"centre {axis}"] for axis in "xyz"]
     told = [f"{q.name[-1]} = {value_text(q)}" for q in centre if q.told]
     text = f"Its centre in the frame of {result.body}: {join(told)}." if told else ""
     return Answer(question, f"{value_text(mass)} (95 %).", f"{text} {gains}".strip(), "blue")
 
 
-def _known(result: Load) -> Answer:
+def _told_of(result: Load) -> Answer:
     mass, count = result.mass, sum(q.told for q in result.quantities)
     short = f"{count} of {len(result.quantities)} quantities are told."
     if mass.told and np.isfinite(mass.half):
@@ -918,16 +1000,16 @@ def _trust(result: Load) -> Answer:
 
 
 def _trusted(result: Load) -> Answer:
-    question, motions = "May I trust it?", result.estimate.motions
+    question = "May I trust it?"
     if result.caveats:
         return Answer(question, "With care: the robot changed since.", result.caveats[0], "amber")
-    if motions is not None and not motions.agree:
+    if not result.estimate.agree:
         text = "Intervals are widened to hold all of them."
         return Answer(question, "With care: the logs disagree.", text, "amber")
     if len(result.pairs) == len(result.logs):
         text = "Each log has one of the same motion without the load: what the model gets wrong "
         return Answer(question, "Yes, within its intervals.", f"{text}along it cancels.", "green")
-    if motions is None:
+    if not result.estimate.logs:
         text = "One motion cannot show what another would change."
         return Answer(question, "As far as one log can tell.", text, "amber")
     return Answer(question, "Yes, within its intervals.", "The logs agree.", "green")
@@ -950,6 +1032,14 @@ def _next_commands(result: Load) -> list[tuple[str, str]]:
     return out
 
 
+def _gains(result: Load) -> Answer:
+    sure = sum(g.verdict == "identifiable" for g in result.gains)
+    tone = "green" if sure == len(result.gains) else "amber" if sure else "vermilion"
+    short = f"{sure} of {len(result.gains)} are known."
+    write = f"In the sidecar: {result.sidecar.strip()}" if sure else result.factors
+    return Answer("What is one unit of each torque column?", short, write, tone)
+
+
 def _quantity_table(result: Load) -> Table:
     """Return one row a quantity."""
     own = with_hints(
@@ -963,6 +1053,17 @@ def _quantity_table(result: Load) -> Table:
         Column("told", get=_told),
     )
     return Table.of("Mass, centre, and moments about the centre", own, result.quantities)
+
+
+GAINS_OF = "By which factor torque is larger than it was read as"
+GAINS = (
+    Column("joint", get="joint"),
+    Column("factor", digits(4), "value"),
+    Column("from", digits(4), "low"),
+    Column("to", digits(4), "high"),
+    Column("verdict", get="verdict"),
+    Column("gain of the sidecar", digits(4), "column"),
+)
 
 
 def _value(quantity: Quantity) -> tuple[Cell, Cell]:

@@ -12,7 +12,7 @@ from identifiability.foundation.options import OptionError
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.robot.measured_torque import KnownTorque
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
-from identifiability.workflows.gains import identify_gains
+from identifiability.workflows.payload import payload
 
 MODELS = Path(__file__).parents[2] / "models"
 CABLE = """
@@ -141,8 +141,9 @@ def test_what_cannot_be_meant_is_refused(tmp_path, text, words):
 
 
 def test_gains_are_not_identified_beside_it(tmp_path):
+    robot = with_sidecar(tmp_path, "two-link", CABLE)
     with pytest.raises(OptionError, match="take it out"):
-        identify_gains(with_sidecar(tmp_path, "two-link", CABLE), [], [], mass=1, centre=(0, 0, 0))
+        payload(robot, "empty.csv", "loaded.csv", mass=1, centre=(0, 0, 0))
 
 
 def test_along_a_locked_joint_it_moves_nothing(tmp_path):

@@ -44,7 +44,7 @@ UNITS = {"mN·m (or mN)": 1e3, "N·cm": 1e2, "N·mm": 1e3, "kN·m (or kN)": 1e-3
     means="The torque column is a current, a percentage, before the gear, or in another unit; "
     "or the file's masses are guesses.",
     do="State what one unit gives at the joint: `[torque] gain = {elbow = 110}` (torque "
-    "constant × ratio), or find it from a weighed load (`identifiability gain`).",
+    "constant × ratio), or find it from a weighed load (`identifiability payload --mass`).",
 )
 def find_torque_scale(logs: MeasuredLogs) -> tuple[str, ...]:
     """Return one sentence on torque of all joints whose size contradicts the file, or none.

@@ -69,9 +69,6 @@ def test_currents_stand_for_torques_where_their_gain_is_known(load):
     np.testing.assert_allclose(torques(both, load())[0], table().filter(like="tau").to_numpy())
     with pytest.raises(LogError, match=r"currents and no torques of b; .*gain = {b = …}"):
         torques(table("current"), load("[torque]\ngain = {a = 11}\n"))
-    raw, said = torques(table("current"), robot, raw_torque=True)
-    np.testing.assert_array_equal(raw, table().filter(like="tau").to_numpy())
-    assert said == ()
 
 
 def test_currents_are_found_under_the_names_of_the_logs(load):
