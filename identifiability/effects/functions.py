@@ -477,7 +477,8 @@ class FunctionOfVelocityAndTime(WithVelocity, FunctionOfTime):
 class FunctionOfVelocityAndSessionTime(FunctionOfSessionTime):
     """``τ = f(q̇, T)``, T since the session began: friction of a joint that warms up.
 
-    Its shape is the end of that time [s].
+    Its shape is the end of that time [s]. A joint that is warm stays so: beyond its ends the
+    function is what it was there.
     """
 
     name = "function_of_velocity_and_session_time"
@@ -487,6 +488,7 @@ class FunctionOfVelocityAndSessionTime(FunctionOfSessionTime):
 
     def curves(self, at: Along) -> list[Array]:
         """Return the splines times direction and speed."""
-        columns, speed = straight_beyond(self.coordinate(at), SESSION_PIECES), at.speed[:, None]
+        u = np.clip(self.coordinate(at), -1.0, 1.0)
+        columns, speed = splines(u, SESSION_PIECES), at.speed[:, None]
         largest = largest_speed(at.robot, at.axis)
         return [*(columns * at.sign[:, None]).T, *(columns * speed / largest).T]

@@ -91,7 +91,7 @@ class ForwardGap:
         """The gap in words."""
         if not self.measured:
             return ""
-        low, high = (f"{100 * x:+.0f}".replace("-", "−") for x in self.interval)
+        low, high = (f"{100 * x:+.1f}".replace("-", "−") for x in self.interval)
         return (
             f"Simulated forward for {self.horizon:.2g} s from measured states, positions are wrong "
             f"by {percent(self.error_before, 2)} of the distance moved before and "
