@@ -23,8 +23,8 @@ class Rules(RuleTable):
         float, "a larger tilt is sought first: 1 − cos 15° = 3 % of weight [°], derived"
     ] = 15.0
     alternative_nats: Annotated[
-        float, "log odds by which an alternative of the model is used, reasoned"
-    ] = 5.0
+        float, "log odds by which an alternative of the model is used, calibrated"
+    ] = 16.0
     alternative_error: Annotated[
         float, "its error falls to this share of the given model's, by hand"
     ] = 0.9

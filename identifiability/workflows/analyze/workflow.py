@@ -11,6 +11,7 @@ from identifiability.estimation.estimate import Kind, Method, find_estimator, se
 from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.engines.mapping import Engine, one_thread
+from identifiability.foundation.errors import ModelError
 from identifiability.foundation.options import (
     NotNegative,
     Replicates,
@@ -136,9 +137,18 @@ def analyze(
             commanded = session.recordings.commanded
             share_, cad_prior = settle_prior(prior, cad_prior, commanded)
             session = session.follow_fitted(streams[0], base, estimator, cad_prior)
-            session, opening = session.settle()
+            given, (session, opening) = session, session.settle()
+            entry, other = source.settle(commanded=commanded), opening.alternative
+            try:
+                submodels = build_comparison(entry, opening.structure)
+            except ModelError:
+                if other is None:
+                    raise
+                # Its models are of parameters that there are under the model as it was given.
+                session, opening = given, given.open(seek=False)
+                opening = replace(opening, hints=(other.statement, *opening.hints))
+                submodels = build_comparison(entry, opening.structure)
             rows = session.weigh(opening, base, estimator)
-            submodels = build_comparison(source.settle(commanded=commanded), rows.opening.structure)
             fitted = _fit(session, rows, submodels, cad_prior)
         settings = {
             "estimator": estimator,
