@@ -450,8 +450,7 @@ def _cable_drag(rng: np.random.Generator, j: Joint) -> Hidden:
 #: Functions of one joint.
 _OWN = ("function_of_velocity", "function_of_position", "function_of_load")
 _TWO = ("function_of_velocity_and_load", "function_of_position_and_velocity")
-_TIME = ("function_of_time", "function_of_session_time", "function_of_velocity_and_time",
-         "function_of_velocity_and_session_time")  # fmt: skip
+_TIME = ("function_of_time", "function_of_session_time", "function_of_velocity_and_time")
 _SPRINGS = ("position_torque", "joint_stiffness", "free_spring")
 #: What has no name: how it is drawn, and which names and functions in its joint would describe it.
 OUTSIDE: dict[str, tuple[Draw, tuple[str, ...]]] = {

@@ -460,35 +460,3 @@ class FunctionOfVelocityAndTime(WithVelocity, FunctionOfTime):
     name = "function_of_velocity_and_time"
     equation = "τ = f₀(t) + f₁(t) sign(q̇) + f₂(t) q̇, f = Σ cₖ Bₖ"
     units = (("fvt", "N·m", "N"),)
-
-
-# Torque that depends on the speed in a way that changes with the session and has no name here.
-
-
-@declare(
-    "an unnamed function of velocity and the time of the session",
-    shapes=end_of_session,
-    against="session",
-    unnamed=True,
-    flexible=True,
-    told_by="log the same motion later in the session",
-    rank=38,
-)
-class FunctionOfVelocityAndSessionTime(FunctionOfSessionTime):
-    """``τ = f(q̇, T)``, T since the session began: friction of a joint that warms up.
-
-    Its shape is the end of that time [s]. A joint that is warm stays so: beyond its ends the
-    function is what it was there.
-    """
-
-    name = "function_of_velocity_and_session_time"
-    equation = "τ = f₁(T) sign(q̇) + f₂(T) q̇, f = Σ cₖ Bₖ(T)"
-    units = (("fvT", "N·m", "N"),)
-    count = 2 * (SESSION_PIECES + DEGREE)
-
-    def curves(self, at: Along) -> list[Array]:
-        """Return the splines times direction and speed."""
-        u = np.clip(self.coordinate(at), -1.0, 1.0)
-        columns, speed = splines(u, SESSION_PIECES), at.speed[:, None]
-        largest = largest_speed(at.robot, at.axis)
-        return [*(columns * at.sign[:, None]).T, *(columns * speed / largest).T]

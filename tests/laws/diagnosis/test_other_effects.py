@@ -16,7 +16,6 @@ NAMES = (
     "friction_drift",
     "function_of_time",
     "function_of_session_time",
-    "function_of_velocity_and_session_time",
     "hysteresis",
     "backlash",
     "load_dependent_friction",

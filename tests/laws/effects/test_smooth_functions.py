@@ -15,7 +15,6 @@ from identifiability.effects.functions import (
     FunctionOfTime,
     FunctionOfVelocity,
     FunctionOfVelocityAndLoad,
-    FunctionOfVelocityAndSessionTime,
     splines,
     straight_beyond,
 )
@@ -136,22 +135,6 @@ def test_a_function_of_the_session_goes_on_from_log_to_log(polar, move):
     c, left, *_ = np.linalg.lstsq(np.concatenate([first, last]), 3 - time, rcond=None)
     assert left < 1e-20
     np.testing.assert_allclose(later @ c, 3 - (20.0 + m.t))
-
-
-def test_friction_that_changes_over_the_session_is_such_a_function_of_its_time(polar, move):
-    m, effect = move(polar, T), FunctionOfVelocityAndSessionTime(12.5, "lift")
-    model = Model((Placed([Part(effect, "lift")]),))
-    first, last, later = (replace(m, start=start) for start in (0.0, 10.0, 20.0))
-
-    def friction(motion):
-        v, time = motion.actuated_v[:, 0], motion.start + motion.t
-        return (3 - 0.1 * np.minimum(time, 12.5)) * (0.5 * np.sign(v) + v)  # warm, it stays so
-
-    W = np.concatenate([model.regressor(polar, x)[:, 0] for x in (first, last)])
-    assert W.shape[1] == 8
-    c, left, *_ = np.linalg.lstsq(W, np.concatenate([friction(first), friction(last)]), rcond=None)
-    assert left < 1e-20
-    np.testing.assert_allclose(model.regressor(polar, later)[:, 0] @ c, friction(later))
 
 
 def test_a_model_with_a_function_has_its_constant_once():
