@@ -90,7 +90,7 @@ def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
 def test_shapes_of_functions_are_from_the_motion(polar, pair, move):
     m = move(polar, T)
     unnamed = [f for f in FAMILIES.values() if f.unnamed]
-    assert len(unnamed) == 10
+    assert len(unnamed) == 9
     found, refused = list_candidates(polar, unnamed, (), [m[:200], m[200:]], fixed=False)
     assert not refused
     shapes = {c.group: c.shape for c in found}
