@@ -376,7 +376,7 @@ was decided. Where a number is from: *literature*, a publication; *level*, of a 
 the derivation that its text gives; *calibrated*, on cases that were tried; *reasoned*, for the
 reason given; *by hand*, a developer's judgement and nothing more; or the study that shows it. What
 changes no name, no verdict and no error by more than 2 % when it is halved and doubled is a
-constant where it is used (`studies/rules.py`).
+constant where it is used.
 """
 TOLERANCES = """## Numbers of algorithms
 

@@ -85,5 +85,4 @@ STUDIES = (
     Study("servo_robots", "Are motors, delays and motion of servos found from commands alone?"),
     Study("benchmark_peers", "How fast is it beside Pinocchio's loop, FIGAROH and cvxpy?"),
     Study("foreign_logs", "Are foreign and spoilt logs read right, or their faults named?"),
-    Study("rules", "Which numbers by hand change an answer when they are halved and doubled?"),
 )
