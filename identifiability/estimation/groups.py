@@ -274,7 +274,12 @@ class Missing:
         vars(other).update({name: vars(self)[name] for name in same if name in vars(self)})
         return other
 
-    def products(self, of: Excerpt | None = None, edges: Sequence[int] | None = None) -> Products:
+    def products(
+        self,
+        of: Excerpt | None = None,
+        edges: Sequence[int] | None = None,
+        noise: ARNoise | None = None,
+    ) -> Products:
         """Return products of whitened rows: fitted ones, or others with the same columns.
 
         Parameters
@@ -282,6 +287,8 @@ class Missing:
         of : Excerpt, optional
         edges : sequence of int, optional
             Rows at which blocks begin and end.
+        noise : ARNoise, optional
+            Other than theirs.
         """
         rows = of or self.seen
         entries = self.entries if of is None else rows.entries(self.candidates)
@@ -294,7 +301,7 @@ class Missing:
             Z = [entries.get((j, k), none) for k in acting.tolist()]
             blocks.append(np.column_stack([rows.X[:, j, model], *Z, rows.y[:, j]]))
         usual = np.ceil(np.linspace(0, len(rows.y), BLOCKS + 1)).astype(int).tolist()
-        return Products.of(columns, blocks, self.noise, rows.runs, edges or usual)
+        return Products.of(columns, blocks, noise or self.noise, rows.runs, edges or usual)
 
     @cached_property
     def sets(self) -> dict[tuple[str, str], list[list[Candidate]]]:

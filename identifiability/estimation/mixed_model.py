@@ -117,6 +117,11 @@ class Products:
         """Return those of some blocks."""
         return replace(self, values=tuple(v[blocks] for v in self.values))
 
+    def weighed(self, weights: Array) -> Products:
+        """Return those of the rows of each joint, weighed (n,)."""
+        both = zip(self.values, weights, strict=True)
+        return replace(self, values=tuple(v * w for v, w in both))
+
     @cached_property
     def _totals(self) -> tuple[Array, ...]:
         return tuple(v.sum(0) for v in self.values)
@@ -467,13 +472,6 @@ class MixedModel:
             member, size = np.unravel_index(int(np.argmax(each)), each.shape)
             out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
         return sorted(out, key=lambda t: -t.odds)
-
-    def information(self, terms: Terms, columns: np.ndarray) -> Array:
-        """Return what rows say of columns (k,) beside the model with some terms, (k, k)."""
-        s = self.solve(terms)
-        along = s.root @ self._between(s.columns, columns)
-        left: Array = self._between(columns, columns) - along.T @ along
-        return left
 
     def _rise(self, sets: np.ndarray, along: Array, left: Array) -> tuple[Array, Array]:
         """Return the rise of the log-likelihood by sets of columns (s, k), and what signs add.

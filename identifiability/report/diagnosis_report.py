@@ -160,7 +160,7 @@ def sections(d: Diagnosis) -> list[Section]:
         *(() if d.forward is None else (section_forward(d.forward, d.robot.joints),)),
         _section_where(d),
         replace(_section_evidence(d), detail=True),
-        _section_aliases(d),
+        _section_refusals(d),
         replace(_section_method(d), detail=True),
     ]
 
@@ -226,8 +226,7 @@ EVIDENCE = (
 )
 
 
-def _section_aliases(d: Diagnosis) -> Section:
-    hidden = sorted((a for a in d.aliases if a.structural), key=lambda a: a.remaining)
+def _section_refusals(d: Diagnosis) -> Section:
     why: dict[tuple[str, str], list[str]] = {}
     for r in d.refusals:
         why.setdefault((title_of(r.family), r.reason), []).append(r.place)
@@ -235,18 +234,7 @@ def _section_aliases(d: Diagnosis) -> Section:
         Term(" in ".join(filter(None, (title, join(list(filter(None, places)), PLACES)))), reason)
         for (title, reason), places in why.items()
     )
-    if not hidden and not refused:
-        return section("diagnosis.aliases", "Every family is visible in this motion.")
-    table = Table.of("Cannot be named from this motion", HIDDEN, hidden) if hidden else None
-    return section("diagnosis.aliases", table, Terms(refused) if refused else None)
-
-
-HIDDEN = (
-    Column("effect", get=lambda a: title_of(a.family)),
-    Column("where", get="place"),
-    Column("visible", rough_percent, "remaining"),
-    Column("hidden behind", get=lambda a: ", ".join(a.behind)),
-)
+    return section("diagnosis.refusals", Terms(refused) if refused else "Every family was asked.")
 
 
 def _section_method(d: Diagnosis) -> Section:

@@ -55,7 +55,7 @@ MISTAKEN = {"stribeck_friction", "quadratic_friction", "load_dependent_friction"
 @pytest.mark.parametrize(
     ("train", "test", "effects", "shrink"),
     [
-        (1, 3, sorted(FOUND | MISTAKEN | {"viscous_friction"}), 0.65),
+        (1, 3, sorted(FOUND | MISTAKEN | {"viscous_friction"}), 0.85),
         pytest.param(
             1, 3, None, 0.5,
             marks=[

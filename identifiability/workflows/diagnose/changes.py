@@ -24,6 +24,7 @@ from identifiability.estimation.mixed_model import SIZES, Group, Term, rise_of
 from identifiability.estimation.noise import JointNoise
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.answers import Cell, Column, Table
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import REACH
 from identifiability.foundation.rounding import digits, join
@@ -32,7 +33,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.columns import Candidate, is_body, list_candidates, number
 from identifiability.workflows.diagnose.findings import call
-from identifiability.workflows.diagnose.naming import Naming, determined_alone
+from identifiability.workflows.diagnose.naming import Naming
 from identifiability.workflows.diagnose.problem import Setting
 
 #: What may begin and end while a robot is logged: a load, a brake or dirt, a counterweight.
@@ -542,3 +543,12 @@ def leave_out(setting: Setting, change: Change) -> Setting | None:
     if not samples:
         return None
     return replace(setting, samples=tuple(samples), changes=(*setting.changes, change))
+
+
+def determined_alone(G: Array) -> np.ndarray:
+    """Return which columns (m,) of products beside a model are determined by themselves."""
+    size = np.sqrt(np.maximum(np.diag(G), 1e-300))
+    unit = G / np.outer(size, size)
+    shares = np.diag(np.linalg.pinv(unit, rcond=1e-9, hermitian=True) @ unit)
+    alone: np.ndarray = np.abs(shares - 1.0) < NEARLY
+    return alone

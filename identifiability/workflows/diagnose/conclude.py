@@ -21,7 +21,7 @@ from identifiability.workflows.diagnose.findings import (
     Refuted,
     Rival,
 )
-from identifiability.workflows.diagnose.naming import Naming, Part, determined_alone
+from identifiability.workflows.diagnose.naming import Naming, Part
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.rows import Gap, find_discrepancies
 
@@ -71,7 +71,6 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         refuted=tuple(Refuted(t.group.family, place_of(t), t.odds, x) for t, x in naming.refuted),
         interval=gap.interval(0, -1, rng),
         discrepancies=find_discrepancies(naming.fitted, left, robot.joints),
-        aliases=naming.aliases,
         refusals=naming.refusals,
         evidence=_evidence(naming),
         values=setting.known.moved(fits[-1][: len(setting.known.free)]),
@@ -132,7 +131,6 @@ def _place(naming: Naming, k: int, fitted: Array) -> Placement:
         fitted=own,
         rms=max((float(np.sqrt(np.mean(x**2))) for x in added), default=0.0),
         rivals=tuple(_rivals(part)),
-        open=tuple(x.name for x, one in zip(parameters, _alone(naming, k), strict=True) if not one),
         weight=part.weight,
         odds=part.term.odds,
         unseen=part.unseen,
@@ -144,12 +142,6 @@ def _rivals(part: Part) -> list[Rival]:
     own, every = part.candidate.place, (r.group for r in part.rivals)
     at = (Rival(g.family, own if g.place == EVERYWHERE else g.place) for g in every)
     return list(dict.fromkeys(at))
-
-
-def _alone(naming: Naming, k: int) -> np.ndarray:
-    """Return which parameters of a part the motion determines by themselves, (m,) bool."""
-    rest = naming.terms[:k] + naming.terms[k + 1 :]
-    return determined_alone(naming.model.information(rest, naming.terms[k].columns))
 
 
 def _curve(naming: Naming, values: Array, k: int, placed: Placement) -> Curve:

@@ -24,7 +24,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.answers import state_joints
 from identifiability.workflows.diagnose.forward import ForwardGap
-from identifiability.workflows.diagnose.problem import Alias, Setting
+from identifiability.workflows.diagnose.problem import Setting
 from identifiability.workflows.diagnose.rows import Discrepancy, Gap
 
 #: Names that are said of what cannot be told apart.
@@ -61,9 +61,6 @@ class Placement:
     rms : float [N·m or N]
         Of the torque that it adds at the joint where it is largest.
     rivals : tuple of Rival
-    open : tuple of str
-        Parameters that the motion determines together with others only: their values are the
-        smallest of many.
     weight : float
         Its posterior probability among all that may be in its place.
     odds, unseen : float [nat]
@@ -79,7 +76,6 @@ class Placement:
     fitted: Array
     rms: float
     rivals: tuple[Rival, ...] = ()
-    open: tuple[str, ...] = ()
     weight: float = 1.0
     odds: float = float("nan")
     unseen: float = float("nan")
@@ -243,7 +239,6 @@ class Findings(Setting):
         95 % of the change on unseen motion.
     discrepancies : tuple of Discrepancy
         Where what is left of the fitted motion sits.
-    aliases : tuple of Alias
     refusals : tuple of Refusal
     evidence : tuple of Odds
         Of all that was asked, the likeliest first.
@@ -271,7 +266,6 @@ class Findings(Setting):
     refuted: tuple[Refuted, ...]
     interval: tuple[float, float]
     discrepancies: tuple[Discrepancy, ...]
-    aliases: tuple[Alias, ...]
     refusals: tuple[Refusal, ...]
     evidence: tuple[Odds, ...]
     values: Array
@@ -367,7 +361,6 @@ def _state_untried(d: Findings) -> str:
     if d.nothing:
         return f"Nothing is named, because {d.nothing}. As it is"
     why = {f"{r.family} ({r.reason})": 0 for r in d.refusals}
-    why |= {f"{a.family} (looks like {join(a.behind)} in these logs)": 0 for a in d.aliases}
     text = join(list(why))
     return f"Nothing was left to name: {text}. Give other families, or none for all. As it is"
 
@@ -401,8 +394,7 @@ def _state_mass(e: NamedEffect) -> str:
     for p in e.placements:
         for name, value, error, unit in p.rows:
             if name.endswith(".payload_m"):
-                told = f"{value:.3g} ± {REACH * error:.2g} {unit}"
-                masses.append("of a mass that this motion leaves open" if name in p.open else told)
+                masses.append(f"{value:.3g} ± {REACH * error:.2g} {unit}")
     return f", {' and '.join(masses)}".replace("-", "−") if masses else ""
 
 

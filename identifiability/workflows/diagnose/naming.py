@@ -10,10 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
-from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import block_diag
 from scipy.optimize import minimize_scalar
 from scipy.special import chdtrc, softmax
 
@@ -29,20 +27,18 @@ from identifiability.estimation.mixed_model import (
     Term,
     Terms,
 )
-from identifiability.estimation.noise import autocorrelation_time
-from identifiability.foundation.linalg import NEARLY
+from identifiability.estimation.noise import JointNoise, autocorrelation_time
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, Entries, Refusal, list_candidates, number
-from identifiability.workflows.diagnose.problem import Alias, Setting, find_aliases
+from identifiability.workflows.diagnose.problem import Setting
 from identifiability.workflows.diagnose.rows import Gap, Rows
 
 #: Looks for the shape between two of a grid.
 LOOKS = 8
-#: Share of the squares of torque that is rounding, and of products that are none.
+#: Share of the squares of torque that is rounding.
 ROUNDING: Tolerance = 1e-14
-RANK: Tolerance = 1e-12
 #: By how much an unseen error must rise with a name that is taken out for it.
 WORSE: Tolerance = 1.01
 #: Level at which a place has a share of what is everywhere.
@@ -88,7 +84,6 @@ class Naming:
     setting : Setting
     fitted, unseen : Rows
         Unseen ones are those that errors are stated on: fitted ones where there are no others.
-    aliases : tuple of Alias
     refusals : tuple of Refusal
     asked : Missing
         All that may be missing,
@@ -107,7 +102,6 @@ class Naming:
     setting: Setting
     fitted: Rows
     unseen: Rows
-    aliases: tuple[Alias, ...]
     refusals: tuple[Refusal, ...]
     asked: Missing
     whole: MixedModel
@@ -134,12 +128,6 @@ class Naming:
         at = np.arange(first, first + self.terms[k].size)
         unit = self.model.scale[self.terms[k].columns]
         return s.value[at] / unit, s.root[:, at].T @ s.root[:, at] / np.outer(unit, unit)
-
-    def spread(self, k: int) -> Array:
-        """Return the standard deviation that a part's values have beforehand, (m,)."""
-        term = self.terms[k]
-        spread: Array = np.sqrt(term.variance) / self.model.scale[term.columns]
-        return spread
 
     @cached_property
     def seen_entries(self) -> Entries:
@@ -185,48 +173,33 @@ class Naming:
         but of slow noise they keep no levels, and predict worse. Functions are as large as they
         were found.
         """
-        rows, b = self.fitted, self.missing.fixed
-        own = [self._places[p] for p in parts]
-        at = np.concatenate([np.arange(b), *own, [-1]]).astype(int)
-        joints = [G[np.ix_(at, at)] for G in self._squares]
-        known = self._known[np.ix_(at[:-1], at[:-1])]
-        whole = max(float(G[-1, -1]) for G in joints)
-        squares = np.array([_left_of(G, _least_squares(G)) for G in joints])
-        value, memory = np.zeros(len(known)), 1.0
+        rows, b, scale = self.fitted, self.missing.fixed, self.model.scale
+        terms = tuple(
+            self.terms[p]
+            if self.parts[p].candidate.family.flexible
+            else replace(self.terms[p], variance=np.inf)
+            for p in parts
+        )
+        root = self.setting.known.root
+        prior, least = root.T @ root, ROUNDING * float((rows.seen.y**2).sum(0).max(initial=0.0))
+        squares, memory, value = np.sum(rows.seen.y**2, axis=0), 1.0, np.empty(0)
         # Rounds in which joints are weighed by what is left of them, and that by its memory.
         for k in range(6):
-            variance = np.maximum(squares, ROUNDING * whole) * memory / rows.counts
-            G = np.einsum("j,jkl->kl", 1.0 / np.where(variance > 0, variance, 1.0), joints)
-            value = _least_squares(G, known)
-            squares = np.array([_left_of(S, value) for S in joints])
+            variance = np.maximum(squares, least) * memory / rows.counts
+            weights = 1.0 / np.where(variance > 0, variance, 1.0)
+            s = MixedModel(self._plain.weighed(weights), b, (), scale, prior).solve(terms)
+            value = s.value / scale[s.columns]
+            left = self.left(parts, value)
+            squares = np.sum(left**2, axis=0)
             if k == 1:
-                memory = float(autocorrelation_time(self.left(parts, value)).mean())
+                memory = float(autocorrelation_time(left).mean())
         return value
 
     @cached_property
-    def _places(self) -> list[np.ndarray]:
-        """Where the columns of each part are behind those of the model."""
-        ends = np.cumsum([0, *(len(p.candidate.columns) for p in self.parts)])
-        return [self.missing.fixed + np.arange(a, b) for a, b in pairwise(ends.tolist())]
-
-    @cached_property
-    def _squares(self) -> list[Array]:
-        """Products of model, all parts and torque in each joint."""
-        seen, every = self.fitted.seen, range(len(self.parts))
-        rows = (
-            np.column_stack([seen.X[:, j], self.columns(every, j), seen.y[:, j]])
-            for j in range(seen.y.shape[1])
-        )
-        return [A.T @ A for A in rows]
-
-    @cached_property
-    def _known(self) -> Array:
-        """What is known of values beforehand, and that functions are as large as they were."""
-        root = self.setting.known.root
-        parts = enumerate(self.parts)
-        sizes = (np.where(p.candidate.family.flexible, self.spread(k) ** -2, 0) for k, p in parts)
-        known: Array = block_diag(root.T @ root, *map(np.diag, sizes))
-        return known
+    def _plain(self) -> Products:
+        """Products of the rows as they are, not whitened."""
+        plain = (JointNoise(np.empty(0), 1.0),) * self.fitted.seen.y.shape[1]
+        return self.missing.products(edges=[0, len(self.fitted)], noise=plain)
 
     def error(self, parts: Sequence[int]) -> float:
         """Return the error of model and some parts on unseen rows over each joint's own scale."""
@@ -237,21 +210,6 @@ class Naming:
         """Whether unseen rows are predicted worse than by another one."""
         own, others = (x.error(range(len(x.parts))) for x in (self, other))
         return own > WORSE * others
-
-
-def _least_squares(G: Array, known: Array | float = 0.0) -> Array:
-    """Return values (k,) of products of columns and torque (k + 1, k + 1), and what is known."""
-    inside = G[:-1, :-1] + known
-    length = np.sqrt(np.maximum(np.diag(inside), 1e-300))
-    unit = inside / np.outer(length, length)
-    value: Array = np.linalg.lstsq(unit, G[:-1, -1] / length, rcond=RANK)[0] / length
-    return value
-
-
-def _left_of(G: Array, value: Array) -> float:
-    """Return the squares of torque that values leave, by its products."""
-    left = np.append(value, -1.0)
-    return max(float(left @ G @ left), 0.0)
 
 
 def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
@@ -281,27 +239,16 @@ def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
         noise = Missing(every, fitted.seen, root).noise
     every = with_reversals(s.robot, listed, s.present)
     missing = Missing(every, fitted.seen, root, noise)
-    whole = missing.model()
-    aliases = [
-        a for a in find_aliases(missing, whole.products, s.base.names) if a.family != REVERSALS.name
-    ]
-    hidden = {(a.family, a.place) for a in aliases if a.structural}
-
-    def visible(model: MixedModel) -> MixedModel:
-        groups = (g for g in model.groups if not _is_hidden(missing, g.key, hidden))
-        return replace(model, groups=tuple(groups))
-
-    model = visible(whole)
+    model = missing.model()
     before = tuple(model.gains())
     again = missing.beside(before)
     if again is not missing:
-        missing, model = again, visible(again.model())
+        missing, model = again, again.model()
         before = tuple(model.gains())
     found = Naming(
         setting=setting,
         fitted=fitted,
         unseen=unseen,
-        aliases=tuple(aliases),
         refusals=tuple(refused),
         asked=missing,
         whole=model,
@@ -385,11 +332,6 @@ def _without_worse(naming: Naming) -> Naming:
 
 def _family(missing: Missing, term: Term) -> Family:
     return missing.sets[term.key][0][0].family
-
-
-def _is_hidden(missing: Missing, key: tuple[str, str], hidden: set[tuple[str, str]]) -> bool:
-    """Whether a group can never be named from this motion, wherever it is."""
-    return all(c.group in hidden for some in missing.sets[key] for c in some)
 
 
 def _candidates(
@@ -491,12 +433,3 @@ def _unlikely(naming: Naming, k: int, log_shape: float) -> float:
     """Return minus the log-likelihood of a shape, by the sizes that were found."""
     model = _with_shape(naming, k, log_shape).model
     return -model.solve(naming.terms).log_likelihood
-
-
-def determined_alone(G: Array) -> np.ndarray:
-    """Return which columns (m,) of products beside a model are determined by themselves."""
-    size = np.sqrt(np.maximum(np.diag(G), 1e-300))
-    unit = G / np.outer(size, size)
-    shares = np.diag(np.linalg.pinv(unit, rcond=1e-9, hermitian=True) @ unit)
-    alone: np.ndarray = np.abs(shares - 1.0) < NEARLY
-    return alone

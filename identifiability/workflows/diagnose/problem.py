@@ -1,17 +1,14 @@
-"""What a diagnosis is asked, its `Setting`; and what the model says as well: `find_aliases`."""
+"""What a diagnosis is asked, its `Setting`, and what is known of values beforehand."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.groups import Missing
-from identifiability.estimation.mixed_model import Products
 from identifiability.foundation.errors import IdentifiabilityError, listing
-from identifiability.foundation.linalg import RANK_TOLERANCE, ROUNDOFF
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.rules import Tolerance
@@ -21,10 +18,6 @@ from identifiability.physical.cad_prior import state_rows
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.predict import Fit, Predicts, read_fit
-
-#: Decimals that count where shares and sizes are compared: those beyond are another processor's
-#: rounding, and of what ties the first comes first, in the order of candidates and parameters.
-DECIMALS = 9
 
 
 @frozen
@@ -62,90 +55,6 @@ class Setting:
     preparation: Preparation = Preparation()
     changes: tuple[Any, ...] = ()
     commanded: bool = False
-
-
-#: Share of a candidate's own torque below which it is hidden by the model.
-HIDDEN: Tolerance = 0.03
-
-
-@frozen
-class Alias:
-    """How much of a candidate the base model does not contain.
-
-    Attributes
-    ----------
-    family, place : str
-    remaining : float
-        Root mean square of what is left, as a share of the candidate's own; of several columns
-        the largest share of all that they can be.
-    behind : tuple of str
-        Parameters that make up what is not left, the largest first.
-    """
-
-    family: str
-    place: str
-    remaining: float
-    behind: tuple[str, ...]
-
-    @property
-    def structural(self) -> bool:
-        """Whether it can never be named from this motion."""
-        return self.remaining < HIDDEN
-
-
-def find_aliases(missing: Missing, products: Products, names: Sequence[str]) -> list[Alias]:
-    """Return one entry for every family and place, that of its most visible shape.
-
-    Of several columns together it is the most visible of all torques that they can make: how much
-    of a spring is gravity must not hang on where its position is counted from.
-
-    Parameters
-    ----------
-    missing : Missing
-    products : Products
-        Of its rows.
-    names : sequence of str
-        Of the base columns.
-    """
-    # Values with known errors hide nothing for ever: a larger effect shows.
-    b, p, every = (
-        0 if len(missing.root) else missing.fixed,
-        missing.fixed,
-        np.arange(products.width),
-    )
-    P = products.between(every, every)
-    length = np.sqrt(np.maximum(np.diag(P)[:b], 1e-300))
-    square, vectors = np.linalg.eigh(P[:b, :b] / np.outer(length, length))
-    known = square > ROUNDOFF * max(float(square.max(initial=0.0)), 1e-300)
-    F = (vectors[:, known] / np.sqrt(square[known])).T / length
-    out: dict[tuple[str, str], Alias] = {}
-    for c in missing.candidates:
-        at = np.array(c.columns) + p
-        XZ, ZZ = P[:b, at], P[np.ix_(at, at)]
-        unit = np.sqrt(np.maximum(np.diag(ZZ), 1e-300))
-        values, axes = np.linalg.eigh(ZZ / np.outer(unit, unit))
-        seen = values > RANK_TOLERANCE * max(float(values[-1]), 1e-300)
-        left = 0.0
-        behind: tuple[str, ...] = ()
-        if seen.any() and values[-1] > ROUNDOFF:
-            inside = F @ XZ / unit @ (axes[:, seen] / np.sqrt(values[seen]))
-            # Rounding is of squares: of what is wholly hidden a root of it would remain.
-            rest = round(1.0 - float(np.linalg.eigvalsh(inside.T @ inside)[0]), DECIMALS)
-            left = float(np.sqrt(max(0.0, rest)))
-            behind = _hiding(F.T @ inside * length[:, None], names)
-        alias = Alias(*c.group, left, behind)
-        if c.group not in out or out[c.group].remaining < left:
-            out[c.group] = alias
-    return list(out.values())
-
-
-def _hiding(weights: Array, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the parameters that make up most of what is hidden, the largest first."""
-    size = np.linalg.norm(weights, axis=1)
-    size = np.round(size / (size.max(initial=0.0) or 1.0), DECIMALS)
-    order = np.argsort(-size, kind="stable")[:3]
-    # Of this share of the largest at least.
-    return tuple(names[k] for k in order if size[k] > 0.1)
 
 
 #: What a diagnosis may be told of the values it keeps.

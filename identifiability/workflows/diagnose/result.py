@@ -177,7 +177,6 @@ class Diagnosis(Result, Findings, Predicts):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
-        hidden = {"effect": "family", "joint": "place", "hidden_behind": "behind"}
         return {
             "schema": self.schema,
             "robot": self.completed.robot.identity,
@@ -208,7 +207,7 @@ class Diagnosis(Result, Findings, Predicts):
                 "statement": self.unexplained,
                 "rms": {x.joint: x.rms for x in self.discrepancies},
             },
-            "aliases": [pick(a, "remaining", **hidden) for a in self.aliases if a.structural],
+            "aliases": [],  # for one release
             "not_applicable": [vars(r) for r in self.refusals],
             "evidence": [_odds_row(x) for x in self.evidence],
             "steps": [],  # for one release

@@ -10,8 +10,6 @@ import pytest
 
 from identifiability.effects.effect import Family
 from identifiability.effects.friction import ViscousFriction
-from identifiability.estimation.mixed_model import Products
-from identifiability.estimation.noise import JointNoise, JointRuns
 from identifiability.regression.columns import Candidate
 from identifiability.workflows.diagnose.rows import Rows
 
@@ -43,21 +41,6 @@ def make_rows(tau, **motion):
     return rows
 
 
-def make_missing(tau, X, D, candidates):
-    """What may be missing beside a model (N, n, b): candidates among columns (N, n, c)."""
-    acts = zip(*np.nonzero(D.any(0)), strict=True)
-    n, width = tau.shape[1], X.shape[2] + D.shape[2]
-    rows = [np.column_stack([X[:, j], D[:, j], tau[:, j]]) for j in range(n)]
-    noise = tuple(JointNoise(np.empty(0), float(np.linalg.norm(x)) or 1.0) for x in tau.T)
-    runs = JointRuns.of(((0, len(tau)),), np.ones(tau.shape, bool))
-    every = [np.arange(width + 1)] * n
-    return SimpleNamespace(
-        products=Products.of(every, rows, noise, runs, (0, len(tau))),
-        root=np.empty((0, X.shape[2])), fixed=X.shape[2], seen=SimpleNamespace(y=tau, X=X),
-        entries={(int(j), int(k)): D[:, j, k] for j, k in acts}, candidates=candidates,
-    )  # fmt: skip
-
-
 @pytest.fixture
 def candidate():
     return make_candidate
@@ -66,8 +49,3 @@ def candidate():
 @pytest.fixture
 def rows_of():
     return make_rows
-
-
-@pytest.fixture
-def missing_of():
-    return make_missing

@@ -1,0 +1,33 @@
+"""What a motion can never name gains nothing: it looks like parameters that the model has."""
+
+from identifiability.logs.prepare import prepare_samples
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
+from identifiability.workflows.diagnose import Setting, look
+from identifiability.workflows.diagnose.problem import know_nothing
+
+HIDDEN = ("coulomb_asymmetry", "torque_offset")
+
+
+def odds(robot, logs, *model, effects=None):
+    samples = tuple(prepare_samples(robot, log) for log in logs)
+    structure = Structure.of(robot, Model.of(*model))
+    found = look(Setting(structure, samples, know_nothing(structure)), effects)
+    return {t.group.key: t.odds for t in found.before}
+
+
+def test_asymmetry_and_offset_hide_behind_gravity_on_the_3_rps(rps, logs_of):
+    found = odds(
+        rps, logs_of("3-rps")[:4], "rigid_body", "viscous_friction", "coulomb_friction",
+        "actuator_inertia", effects=(*HIDDEN, "stribeck_friction"),
+    )  # fmt: skip
+    for joint in rps.joints:
+        assert all(found[family, joint] <= 0 for family in HIDDEN)
+
+
+def test_the_rotor_of_the_first_joint_is_its_links_inertia(logs_of):
+    robot = Robot.load("six-dof-arm")
+    model = ("rigid_body", "viscous_friction", "coulomb_friction")
+    found = odds(robot, logs_of("six-dof-arm")[:2], *model, effects=["actuator_inertia"])
+    assert found["actuator_inertia", "joint_1"] <= 0
