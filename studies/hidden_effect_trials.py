@@ -13,11 +13,12 @@ from hidden_effect_outside import EVERY, OUTSIDE
 
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.regression.reduction import USUAL_EFFECTS
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, find_base_parameters
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, Noise, random_trajectory, shipped_trajectory
-from identifiability.workflows.diagnose import BASE_EFFECTS, Diagnosis, Setting, diagnose, look
+from identifiability.workflows.diagnose import Diagnosis, Setting, diagnose, look
 from identifiability.workflows.diagnose.motion import prepare_rows
 from identifiability.workflows.diagnose.problem import know_nothing
 from identifiability.workflows.diagnose.rows import Gap
@@ -136,8 +137,8 @@ def base_columns(name: str) -> np.ndarray:
     parts = []
     for log in c.logs(derivatives=True):
         samples = prepare_samples(c.robot, log, Preparation(keep_rest=True))
-        parts.append(Model.of(*BASE_EFFECTS).regressor(c.robot, samples.motion))
-    W = np.concatenate(parts)[:, :, find_base_parameters(c.robot, Model.of(*BASE_EFFECTS)).kept]
+        parts.append(Model.of(*USUAL_EFFECTS).regressor(c.robot, samples.motion))
+    W = np.concatenate(parts)[:, :, find_base_parameters(c.robot, Model.of(*USUAL_EFFECTS)).kept]
     flat = W.reshape(-1, W.shape[2])
     return np.linalg.qr(flat / np.linalg.norm(flat, axis=0))[0]
 
@@ -210,7 +211,7 @@ def true_error(name: str, seed: int) -> float:
     robot = campaign(name).robot
     logs = simulated(name, np.zeros_like(campaign(name).torque), seed)
     samples = tuple(prepare_rows(robot, log, None) for log in logs)
-    structure = Structure.of(robot, Model.of(*BASE_EFFECTS))
+    structure = Structure.of(robot, Model.of(*USUAL_EFFECTS))
     found = look(Setting(structure, samples[:4], know_nothing(structure), samples[4:]), ())
     left = found.left((), found.fit(()), unseen=True)
     return float(Gap(found.unseen, left[:, :, None]).relative_error()[0])
@@ -267,7 +268,7 @@ def _run_paper(job: Job) -> Trial:
     source, added = paper_campaign(truth)
     noise = Noise(additive=LEVEL, correlation=RHO, encoder=ENCODER["3-rps"])
     logs = source.logs(added, noise, np.random.default_rng([job.seed, 5]))
-    model = BASE_EFFECTS[:3] if truth == "actuator_inertia" else BASE_EFFECTS
+    model = USUAL_EFFECTS[:3] if truth == "actuator_inertia" else USUAL_EFFECTS
     d = diagnose(source.robot, logs[:4], logs[4:], model=model, seed=job.seed)
     where = ("hinge1", "hinge2", "hinge3")
     joints = set(where if truth == "passive_joint_friction" else source.robot.joints)

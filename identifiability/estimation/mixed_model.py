@@ -473,6 +473,13 @@ class MixedModel:
             out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
         return sorted(out, key=lambda t: -t.odds)
 
+    def information(self, terms: Terms, columns: np.ndarray) -> Array:
+        """Return what rows say of columns (k,) beside the model with some terms, (k, k)."""
+        s = self.solve(terms)
+        along = s.root @ self._between(s.columns, columns)
+        left: Array = self._between(columns, columns) - along.T @ along
+        return left
+
     def _rise(self, sets: np.ndarray, along: Array, left: Array) -> tuple[Array, Array]:
         """Return the rise of the log-likelihood by sets of columns (s, k), and what signs add.
 

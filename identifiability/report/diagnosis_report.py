@@ -269,7 +269,7 @@ def _table_refuted(d: Diagnosis) -> Table:
     columns = (
         Column("effect", get=lambda x: title_of(x.name)),
         Column("where", get="place"),
-        Column("log odds", digits(3), "odds"),
+        Column("log odds", digits(3), "before"),
         Column("on unseen motion", digits(3), "unseen", f"On {d.verified_on}."),
     )
     return Table.of(

@@ -7,7 +7,7 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.workflows import opening
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.diagnose.motion import SHORTEST, assign_roles, divide
+from identifiability.workflows.diagnose.motion import SHORTEST, assign_roles
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def test_without_held_out_logs_the_last_log_or_the_last_part_is_set_aside(logs):
 
 
 def test_a_log_too_short_to_be_divided_is_refused_in_one_sentence(logs):
-    (short, _) = divide(logs[0], [0, 0.2, 1])
+    short = logs[0].cut(0, len(logs[0]) // 5, "short")
     with pytest.raises(LogError, match="too few to name effects from one part and verify"):
         assign_roles([short], [])
     # As the only held-out log it verifies whole.

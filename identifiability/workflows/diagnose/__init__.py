@@ -12,10 +12,9 @@ from identifiability.workflows.diagnose.next_experiment import NextMotion, find_
 from identifiability.workflows.diagnose.problem import Setting
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.rows import Discrepancy, find_discrepancies
-from identifiability.workflows.diagnose.workflow import BASE_EFFECTS, diagnose
+from identifiability.workflows.diagnose.workflow import diagnose
 
 __all__ = [
-    "BASE_EFFECTS",
     "Diagnosis",
     "Discrepancy",
     "NamedEffect",

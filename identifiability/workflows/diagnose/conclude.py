@@ -13,14 +13,7 @@ from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.foundation.names import Array
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.diagnose.findings import (
-    Curve,
-    NamedEffect,
-    Odds,
-    Placement,
-    Refuted,
-    Rival,
-)
+from identifiability.workflows.diagnose.findings import Curve, NamedEffect, Odds, Placement, Rival
 from identifiability.workflows.diagnose.naming import Naming, Part
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.rows import Gap, find_discrepancies
@@ -54,7 +47,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     effects = [
         _effect(naming, gap, some, [placed[k] for k in some], n, rng) for n, some in enumerate(own)
     ]
-    left = fitted[:, :, -1]
+    left, after = fitted[:, :, -1], {t.key: t.odds for t in naming.after}
     added = [
         Placed(placing, [_write_part(robot, part) for part in placing])
         for placing in ([parts[k].candidate.part for k in some] for some in own)
@@ -68,22 +61,18 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         error_after=float(before[-1]),
         held_before=float(errors[0]),
         held_after=float(errors[-1]),
-        refuted=tuple(Refuted(t.group.family, place_of(t), t.odds, x) for t, x in naming.refuted),
+        refuted=tuple(
+            Odds(t.group.family, place_of(t), t.odds, unseen=x) for t, x in naming.refuted
+        ),
         interval=gap.interval(0, -1, rng),
         discrepancies=find_discrepancies(naming.fitted, left, robot.joints),
         refusals=naming.refusals,
-        evidence=_evidence(naming),
+        evidence=tuple(
+            Odds(t.group.family, place_of(t), t.odds, after.get(t.key, float("nan")))
+            for t in naming.before
+        ),
         values=setting.known.moved(fits[-1][: len(setting.known.free)]),
         model=Model((*structure.model.effects, *added)),
-    )
-
-
-def _evidence(naming: Naming) -> tuple[Odds, ...]:
-    """Return the log odds of all that was asked, beside the model and what was named."""
-    after = {t.key: t.odds for t in naming.after}
-    return tuple(
-        Odds(t.group.family, place_of(t), t.odds, after.get(t.key, float("nan")))
-        for t in naming.before
     )
 
 

@@ -185,23 +185,6 @@ class NamedEffect:
 
 
 @frozen
-class Refuted:
-    """What fitted motion named and unseen motion did not confirm; in no model.
-
-    Attributes
-    ----------
-    name, place : str
-    odds, unseen : float [nat]
-        Log odds on the fitted motion, and what it gains on unseen motion.
-    """
-
-    name: str
-    place: str
-    odds: float
-    unseen: float
-
-
-@frozen
 class Odds:
     """Log odds of a family at a place, or in all joints.
 
@@ -210,12 +193,15 @@ class Odds:
     name, place : str
     before, after : float [nat]
         Beside the model, and beside what was named as well; nan of what was named itself.
+    unseen : float [nat]
+        What it gains on unseen motion; nan where it was not asked.
     """
 
     name: str
     place: str
     before: float
-    after: float
+    after: float = float("nan")
+    unseen: float = float("nan")
 
 
 @frozen(kw_only=True)
@@ -234,7 +220,8 @@ class Findings(Setting):
         ε_RA on the fitted logs.
     held_before, held_after : float
         ε_RA on unseen motion.
-    refuted : tuple of Refuted
+    refuted : tuple of Odds
+        Of what fitted motion named and unseen motion did not confirm; in no model.
     interval : (float, float)
         95 % of the change on unseen motion.
     discrepancies : tuple of Discrepancy
@@ -263,7 +250,7 @@ class Findings(Setting):
     error_after: float
     held_before: float
     held_after: float
-    refuted: tuple[Refuted, ...]
+    refuted: tuple[Odds, ...]
     interval: tuple[float, float]
     discrepancies: tuple[Discrepancy, ...]
     refusals: tuple[Refusal, ...]
@@ -289,8 +276,7 @@ class Findings(Setting):
     @cached_property
     def completed(self) -> Structure:
         """The robot under the model with the named effects."""
-        known = None if self.forward is None else self.forward.nearest
-        return Structure.of(self.robot, self.model) if known is None else known.structure
+        return Structure.of(self.robot, self.model)
 
     @property
     def mass_warning(self) -> str:
@@ -299,8 +285,8 @@ class Findings(Setting):
         return "" if known is None else state_mass(self.robot, known.values, known.cad_weight)
 
 
-#: Effects that the headline states, and places that it lists of each.
-FULL, PLACES = 4, 3
+#: Places that the headline lists of each effect.
+PLACES = 3
 #: An error below this share of the torque is rounding.
 ROUNDING: Tolerance = 1e-9
 #: Share of its variance from which on what a residual depends on is said.
@@ -341,9 +327,7 @@ def _state_named(d: Findings) -> str:
         f"On {d.verified_on}, which was not fitted, the error goes "
         f"{_change(d.held_before, d.held_after, d.interval)}."
     )
-    told, more = [_state_effect(e) for e in d.effects[:FULL]], len(d.effects) - FULL
-    told += [f"and {more} more, which are listed"] * (more > 0)
-    return f"{_capital('; '.join(told))}. {change}"
+    return f"{_capital('; '.join(map(_state_effect, d.effects)))}. {change}"
 
 
 def _at(name: str, place: str) -> str:
@@ -398,12 +382,12 @@ def _state_mass(e: NamedEffect) -> str:
     return f", {' and '.join(masses)}".replace("-", "−") if masses else ""
 
 
-def _state_refuted(x: Refuted, d: Findings) -> str:
+def _state_refuted(x: Odds, d: Findings) -> str:
     """Return that the motion that verifies did not confirm an effect."""
     what = _capital(_at(x.name, x.place))
     gain = f"{x.unseen:.2g}".replace("-", "−")
     return (
-        f"{what} stood out from the fitted motion (log odds {x.odds:.3g}) and is left out: on "
+        f"{what} stood out from the fitted motion (log odds {x.before:.3g}) and is left out: on "
         f"{d.verified_on} the torque is not surely likelier with it (log likelihood ratio {gain}), "
         "or its error is larger."
     )

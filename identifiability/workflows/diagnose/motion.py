@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -34,7 +33,7 @@ PART = ", part "
 #: Share of the only log that verifies, and samples that this part must have.
 LAST: Tolerance = 0.25
 SHORTEST = 100
-#: Share of a stretch that is left out at each of its inner ends.
+#: Share of either part that is left out where the log is divided.
 PAUSE: Tolerance = 0.05
 #: Samples after decimation that a diagnosis looks at in one log, and in all that are fitted; more
 #: are thinned to stretches.
@@ -98,24 +97,12 @@ def _one_log(log: Recording) -> Roles:
             f"part and verify them on another; give a log of at least {fewest:.0f} samples, or a "
             "second one."
         )
-    fit, verify = divide(log, [0, 1 - LAST, 1])
+    end = (1 - LAST) * len(log)
+    start = end + PAUSE * (len(log) - end)
+    fit = log.cut(0, int((1 - PAUSE) * end), f"{log.name}{PART}1")
+    verify = log.cut(int(np.ceil(start)), len(log), f"{log.name}{PART}2")
     verified_on = f"the last {100 * LAST:.0f} % of {log.name}, set aside"
     return Roles((fit,), (verify,), verified_on)
-
-
-def divide(log: Recording, edges: Sequence[float] | np.ndarray) -> list[Recording]:
-    """Return stretches of a log between edges (k + 1,) in shares of its samples.
-
-    A pause of `PAUSE` of a stretch is left out on both sides of every inner edge.
-    """
-    n, out = len(log), []
-    cuts = np.asarray(edges, float) * n
-    for k, (low, high) in enumerate(pairwise(cuts.tolist())):
-        pause = PAUSE * (high - low)
-        first = int(np.ceil(low + (pause if low > 0 else 0)))
-        last = int(high - (pause if high < n else 0))
-        out.append(log.cut(first, last, f"{log.name}{PART}{k + 1}"))
-    return out
 
 
 def prepare_rows(

@@ -294,9 +294,10 @@ def name_missing(looked: Naming) -> Naming:
         ]
         nearest = tuple(near[:3]) if unnamed else ()
         gain = gains.get(term.key, np.nan)
-        candidates, gone = _candidates(missing, model, kept, k, others)
-        refuted += gone
-        parts += [Part(c, term, gain, tuple(rivals), weight, nearest) for c in candidates]
+        parts += [
+            Part(c, term, gain, tuple(rivals), weight, nearest)
+            for c in _candidates(missing, model, kept, k)
+        ]
     named = replace(looked, after=tuple(model.gains(kept)), refuted=tuple(refuted))
     # Families as they came, each in the order of the robot's places.
     came = [p.candidate.family.name for p in parts]
@@ -334,13 +335,8 @@ def _family(missing: Missing, term: Term) -> Family:
     return missing.sets[term.key][0][0].family
 
 
-def _candidates(
-    missing: Missing, model: MixedModel, terms: Terms, k: int, unseen: Products | None
-) -> tuple[list[Candidate], list[tuple[Term, float]]]:
-    """Return what a term is written as: one candidate a place, where it has a share.
-
-    And where unseen rows refute what is elsewhere, with what it gains there.
-    """
+def _candidates(missing: Missing, model: MixedModel, terms: Terms, k: int) -> list[Candidate]:
+    """Return what a term is written as: one candidate a place, where it has a share."""
     term, sets = terms[k], missing.sets[terms[k].key]
     if term.member < len(sets):
         chosen = sets[term.member]
@@ -359,24 +355,16 @@ def _candidates(
         for own in places.values()
     ]  # fmt: skip
     if term.group.place != EVERYWHERE:
-        return found, []
+        return found
     each = [
         replace(term, group=Group(*c.group, (np.array(c.columns) + missing.fixed,), 0.0), member=0)
         for c in found
     ]
     every = terms[:k] + terms[k + 1 :] + tuple(each)
     sure = [_has_share(model, every, len(terms) - 1 + n) for n in range(len(each))]
-    gone: list[tuple[Term, float]] = []
-    if unseen is not None:
-        gains = [float(x.sum()) for x in model.news(every, unseen)[len(terms) - 1 :]]
-        gone = [(t, x) for t, x in zip(each, gains, strict=True) if x < -model.keep]
-        held = [x >= -model.keep for x in gains]
-        if any(held):
-            found = [c for c, one in zip(found, held, strict=True) if one]
-            sure = [x for x, one in zip(sure, held, strict=True) if one]
     if 0 < sum(sure) < MOST * len(sure):
         found = [c for c, one in zip(found, sure, strict=True) if one]
-    return found, gone
+    return found
 
 
 def _has_share(model: MixedModel, terms: Terms, k: int) -> bool:

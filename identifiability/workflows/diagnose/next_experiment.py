@@ -26,7 +26,8 @@ from identifiability.foundation.rounding import format_time, stated
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, Samples
+from identifiability.logs.prepare import Preparation
+from identifiability.logs.signals import sampling_step
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
@@ -157,7 +158,7 @@ def find_next(
         known = bench.known
         motion = find_motion(
             bench.question,
-            replace(known, samples=duration / find_step(d.samples[0])),
+            replace(known, samples=duration / sampling_step(d.samples[0].output_times())),
             Series(find_limits(d.robot, limits), duration, harmonics, at_rest=True),
             samples=FINAL,
             iterations=80,
@@ -278,13 +279,9 @@ class Bench:
         regression = Regression(d.robot, self.question.model, (samples,), columns)
         R = gather_information(regression).factor(self.known.weights)[:, : len(columns)]
         # What a sample says is known of those of the logs.
-        said: Array = R.T @ R / PREPARED * find_step(samples) / find_step(d.samples[0])
+        own, theirs = (sampling_step(s.output_times()) for s in (samples, d.samples[0]))
+        said: Array = R.T @ R / PREPARED * own / theirs
         return said
-
-
-def find_step(samples: Samples) -> float:
-    """Return the time between samples after decimation [s]."""
-    return float(np.median(np.diff(samples.output_times())))
 
 
 def list_shapes(d: Findings, name: str, place: str) -> list[Part]:

@@ -62,6 +62,8 @@ Given = bool | float | str | Path | Fit | Predicts
 
 #: Shares of the largest variance below which a direction counts as known that well.
 LEAST: Tolerance = 1e-10
+#: Standard deviation of what may be anything, of the largest value there is.
+REACH: Tolerance = 100.0
 
 
 @frozen
@@ -79,7 +81,7 @@ class KnownValues:
     words : str
         What they are, as the beginning of a sentence: "the values of fit.json, with their errors,".
     share : float
-        Within which bodies are the file's, where all else is refitted; 0 where values are kept.
+        Within which bodies are the file's; 0 where nothing says so.
     """
 
     values: Array
@@ -89,14 +91,14 @@ class KnownValues:
     share: float = 0.0
 
     @staticmethod
-    def within(values: Array, covariance: Array, words: str) -> KnownValues:
+    def within(values: Array, covariance: Array, words: str, share: float = 0.0) -> KnownValues:
         """Return values with their covariance, (b, b); zero where they are exact."""
         free = np.flatnonzero(np.diag(covariance) > 0)
         own = covariance[np.ix_(free, free)]
         sd = np.sqrt(np.diag(own))
         size, directions = np.linalg.eigh(own / np.outer(sd, sd))
         size = np.maximum(size, LEAST * size.max(initial=0.0))
-        return KnownValues(values, free, (directions / np.sqrt(size)).T / sd, words)
+        return KnownValues(values, free, (directions / np.sqrt(size)).T / sd, words, share)
 
     def moved(self, off: Array) -> Array:
         """Return the values where those that are not exact differ by so much (f,)."""
@@ -162,17 +164,22 @@ def know_share(share: float, structure: Structure, *, refitted: bool = False) ->
     standard = structure.nominal + np.linalg.pinv(rows / size) @ (aim - rows @ structure.nominal)
     spread = (structure.G / size) @ (Vt[:rank].T / s[:rank])
     free = (structure.G / size) @ Vt[rank:].T
-    unit = np.maximum(np.linalg.norm(np.hstack([spread, free]), axis=1), 1e-300)
-    U, found, _ = np.linalg.svd(free / unit[:, None])
-    across = U[:, int(np.sum(found > ROUNDOFF * found.max(initial=0.0))) :].T / unit
-    values, axes = np.linalg.eigh(across @ spread @ spread.T @ across.T)
-    values = np.maximum(values, LEAST * values.max(initial=0.0))
-    root = (axes / np.sqrt(np.maximum(values, 1e-300))).T @ across
-    every = np.arange(len(unit))
-    if refitted:
-        return KnownValues(structure.G @ standard, every, root, "the refitted model", share)
-    words = f"the robot file's values, each within {percent(share)},"
-    return KnownValues(structure.G @ standard, every, root, words)
+    covariance = spread @ spread.T + _anything(free, structure.G @ standard)
+    words = "the refitted model"
+    if not refitted:
+        words = f"the robot file's values, each within {percent(share)},"
+    return KnownValues.within(structure.G @ standard, covariance, words, share)
+
+
+def _anything(free: Array, values: Array) -> Array:
+    """Return the covariance (b, b) of what may be anything along some directions (b, d).
+
+    It is far beyond the largest value there is.
+    """
+    most = float(np.abs(free).max(initial=0.0))
+    reach = REACH * max(float(np.abs(values).max(initial=0.0)), 1e-12) / most if most else 0.0
+    covariance: Array = reach**2 * free @ free.T
+    return covariance
 
 
 def read_given(given: Given, robot: Robot) -> tuple[Fit | None, str]:
@@ -207,10 +214,5 @@ def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:
             f"The values of {name} are those of a model of {listing(fit.structure.model.texts)}, "
             f"and {listing(structure.model.texts)} is diagnosed; give that model, or no model."
         )
-    covariance, free = fit.base_covariance, fit.base_unknown
-    if free.size and np.abs(free).max() > 0:
-        # Standard deviation of what the fitted motion never showed, of the largest value
-        # there is.
-        reach = 100.0 * max(float(np.abs(fit.base).max()), 1e-12) / float(np.abs(free).max())
-        covariance = covariance + reach**2 * free @ free.T
+    covariance = fit.base_covariance + _anything(fit.base_unknown, fit.base)
     return KnownValues.within(fit.base, covariance, f"the values of {name}, with their errors,")

@@ -19,7 +19,6 @@ from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
@@ -29,8 +28,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.physical.cad_prior import WEAK, real_robot_dict, share_weight
 from identifiability.physical.feasibility import find_nearest
-from identifiability.physical.fitted_model import FittedModel, LeastSquares, physical_set
-from identifiability.physical.project import Projection
+from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
 from identifiability.regression.structure import Structure
@@ -185,7 +183,7 @@ class Diagnosis(Result, Findings, Predicts):
             "physical": self.fit.state_robot(self.physical),
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
             "effects": [_effect_row(e) for e in self.effects],
-            "refuted": [vars(x) for x in self.refuted],
+            "refuted": [pick(x, "name", "place", "unseen", odds="before") for x in self.refuted],
             "changes": [c.to_dict() for c in self.changes],
             "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
             "errors": {"joints": self.error_frame().to_dict("records")},
@@ -359,8 +357,7 @@ ERRORS = with_hints(
 def keep_completed(d: Findings) -> Fit:
     """Return the model with the named effects, with the values that its error is stated of.
 
-    With values kept (``fixed``) what is not known is that of the named effects, and the errors of
-    these values where they have any.
+    Intervals are those of a refit, whatever was known beforehand.
     """
     structure = d.completed
     submodel = full_model(structure.base, "the diagnosed model")
@@ -377,8 +374,6 @@ def keep_completed(d: Findings) -> Fit:
         information, fit, found.residual[:, :, 0], found.series, np.random.default_rng(d.seed), 0
     )
     spread = measure_spread(information, fit, uncertainty, (low, raw), (unseen, unseen_raw))
-    if d.fixed:
-        spread = replace(spread, covariance=_covariance(d), unknown=np.empty((len(values), 0)))
     return Fit(
         structure=structure,
         submodel=submodel,
@@ -392,36 +387,14 @@ def keep_completed(d: Findings) -> Fit:
 
 def _standard_values(d: Findings) -> Array:
     """Return values of the completed model's columns, the smallest of those that fit, (p,)."""
-    phi = np.where(_first(d), d.completed.nominal, 0.0)
-    phi[_first(d)] += _standard(d) @ (d.values - d.structure.nominal_base)
-    last = {name: k for k, name in enumerate(d.completed.columns)}
+    columns, own = d.completed.columns, d.structure
+    off = np.linalg.pinv(own.G) @ (d.values - own.nominal_base)
+    phi, last = np.zeros(len(columns)), {name: k for k, name in enumerate(columns)}
+    for name, x, more in zip(own.columns, own.nominal, off, strict=True):
+        phi[columns.index(name)] = x + more
     for p in (p for e in d.effects for p in e.placements):
         phi[[last[name] for name in p.parameters]] += p.fitted
     return phi
-
-
-def _covariance(d: Findings) -> Array:
-    """Return the covariance of named effects and of values that are kept, (b, b)."""
-    G, last = d.completed.G, {name: k for k, name in enumerate(d.completed.columns)}
-    at = {last[name]: se for e in d.effects for p in e.placements for name, _, se, _ in p.rows}
-    named = G[:, list(at)] * np.array(list(at.values()))
-    kept = G[:, _first(d)] @ _standard(d)[:, d.known.free] @ np.linalg.pinv(d.known.root)
-    covariance: Array = named @ named.T + kept @ kept.T
-    return covariance
-
-
-def _first(d: Findings) -> np.ndarray:
-    """Return which columns of the completed model are those of the diagnosed one, (p,) bool."""
-    known, columns = {p.name for p in d.structure.parameters}, d.completed.columns
-    return np.array([n in known and columns.index(n) == k for k, n in enumerate(columns)])
-
-
-def _standard(d: Findings) -> Array:
-    """Return standard parameters for each of the diagnosed model's base parameters, (p, b)."""
-    names = [n for n, first in zip(d.completed.columns, _first(d), strict=True) if first]
-    order = [d.structure.columns.index(n) for n in names]
-    standard: Array = np.linalg.pinv(d.structure.G)[order]
-    return standard
 
 
 def fit_physical(
@@ -459,43 +432,23 @@ def fit_physical(
 def real_robot(d: Findings, structure: Structure) -> Physical:
     """Return the real robot of a diagnosis under the model without or with the named effects.
 
-    With values kept (``fixed``) it is these, as a real robot can have them, and what the named
-    effects add.
+    With the file's values kept it is these, and what the named effects add.
 
     Raises
     ------
     IdentifiabilityError
         If the solver finds none.
     """
-    if not d.fixed:
+    if len(d.known.free):
         weight = share_weight(d.known.share) if d.known.share else None
         return fit_physical(structure, d.samples, d.validation, weight)
-    values = dict.fromkeys(structure.columns, 0.0) | _kept(d)
+    values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}
+    values = dict.fromkeys(structure.columns, 0.0) | values
     named = d.effects if structure is d.completed else ()
     for p in (p for e in named for p in e.placements):
         for name, value in zip(p.parameters, p.fitted.tolist(), strict=True):
             values[name] += value
     return Physical(structure, values)
-
-
-def _kept(d: Findings) -> dict[str, float]:
-    """Return the values that a diagnosis keeps, those of a result at the nearest real robot."""
-    own, known, values = d.structure, d.known, d.values
-    if not len(known.free):
-        return {name: d.robot.nominal.get(name, 0.0) for name in own.columns}
-    phi = own.nominal + np.linalg.pinv(own.G) @ (values - own.nominal_base)
-    if "rigid_body" in own.model.names:
-        exact = np.setdiff1d(np.arange(len(values)), known.free)
-        tight = 1e9 / (np.abs(values[exact]) + ROUNDOFF)
-        rows = np.concatenate([known.root @ own.G[known.free], tight[:, None] * own.G[exact]])
-        try:
-            data = LeastSquares(rows, rows @ phi, 0.0, 1.0)
-            phi = Projection(physical_set(own), reference=own.nominal).solve(data).phi
-        except ValueError as error:
-            raise IdentifiabilityError(
-                f"No real robot has {known.words} or any near them: {error}"
-            ) from None
-    return dict(zip(own.columns, phi.tolist(), strict=True))
 
 
 def nearest_dict(d: Findings) -> dict[str, Any]:

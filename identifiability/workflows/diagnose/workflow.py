@@ -78,9 +78,6 @@ EXACT = (
     "(--fixed-share 0.1)."
 )
 
-#: The model that is diagnosed when none is given.
-BASE_EFFECTS = USUAL_EFFECTS
-
 
 @checked
 def diagnose(
@@ -162,7 +159,7 @@ def diagnose(
         }
         used = [*found.samples, *found.validation]
         kept = (EXACT,) if fixed is True else ()
-        believed = (found.known.hint,) if found.known.share else ()
+        believed = (found.known.hint,) if near else ()
         band = () if commanded else say_band(found.preparation)  # it is calibrated in this one
         hints = (*kept, *believed, *found.hints, *opening.hints, *band)
         found = replace(
@@ -318,4 +315,4 @@ def usual_effects(robot: Robot, *, commanded: bool = False) -> tuple[str, ...]:
     offsets, as they have in every verb.
     """
     offsets = ("torque_offset",) if commanded else ()
-    return default_effects(robot, (*BASE_EFFECTS, *offsets))
+    return default_effects(robot, (*USUAL_EFFECTS, *offsets))

@@ -11,7 +11,7 @@ from identifiability.logs.signals import Decimation
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.calibrate.false_names import FalseNames
 from identifiability.workflows.diagnose.forward import ForwardGap
-from identifiability.workflows.diagnose.motion import assign_roles, divide, thin
+from identifiability.workflows.diagnose.motion import assign_roles, thin
 
 
 def log(name="log", n=1000):
@@ -49,7 +49,6 @@ def test_the_last_quarter_of_the_only_log_verifies():
     with pytest.raises(LogError, match="at least 400 samples"):
         assign_roles([log("a", 399)], [])
     assert len(assign_roles([log("a", 400)], []).verify[0]) >= 90
-    assert rows(divide(log(), [0, 1])) == [(0, 999)]
 
 
 def test_long_logs_are_looked_at_in_even_stretches():

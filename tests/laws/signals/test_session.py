@@ -11,7 +11,7 @@ from identifiability.logs.prepare import prepare_samples
 from identifiability.logs.repeats import share_clock
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, random_trajectory
-from identifiability.workflows.diagnose.motion import divide, prepare_rows
+from identifiability.workflows.diagnose.motion import prepare_rows
 from identifiability.workflows.opening import read_recordings
 
 T = 0.01 * np.arange(200)
@@ -41,7 +41,7 @@ def test_logs_that_overlap_or_do_not_say_when_share_none(other):
 
 def test_parts_of_one_log_are_of_one_clock():
     whole = log("a", 5.0)
-    assert starts(*divide(whole, [0, 0.5, 1])) == [0.0, 0.0]
+    assert starts(whole.cut(0, 20, "a"), whole.cut(20, 40, "b")) == [0.0, 0.0]
 
 
 def test_the_start_comes_with_the_motion_and_not_with_values(tmp_path):
