@@ -214,7 +214,7 @@ def true_error(name: str, seed: int) -> float:
     structure = Structure.of(robot, Model.of(*USUAL_EFFECTS))
     found = look(Setting(structure, samples[:4], know_nothing(structure), samples[4:]), ())
     left = found.left((), found.fit(()), unseen=True)
-    return float(Gap(found.unseen, left[:, :, None]).relative_error()[0])
+    return float(Gap(found.unseen, left[:, :, None]).prediction.relative_error()[0])
 
 
 def run(job: Job) -> Trial | None:

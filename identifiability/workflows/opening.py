@@ -44,6 +44,7 @@ from identifiability.regression.reduction import LadderSource
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
+from identifiability.robot.servo import Servo
 from identifiability.workflows.alternatives import Alternative, find_alternative
 from identifiability.workflows.gravity import about_gravity
 from identifiability.workflows.oddities import (
@@ -146,6 +147,21 @@ class Recordings:
         return replace(
             self, held_out=calibrate(structure, self.held_out, self.values, how, rng, {})
         )
+
+    def acting_later(self, servo: Servo, by: float) -> Recordings:
+        """Return the logs as they are if commands act later than was found, by so much [s]."""
+        from identifiability.workflows.commanded import moved  # noqa: PLC0415 - MuJoCo
+
+        fitted, held_out = (
+            tuple(moved(x, servo, servo, by) if of_commands(x) else x for x in logs)
+            for logs in (self.fitted, self.held_out)
+        )
+        said = (
+            f"Most joints' commands act {1e3 * by:.2g} ms later than this, and so are those of all "
+            "taken."
+        )
+        hints = tuple(f"{h} {said}" if h == self.commands else h for h in self.hints)
+        return replace(self, fitted=fitted, held_out=held_out, hints=hints)
 
     def measure_rollouts(self, robot: Robot, values: Mapping[str, float]) -> Moved | None:
         """Return how far rollouts of a fitted robot are off, where there are logs of commands."""

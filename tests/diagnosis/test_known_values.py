@@ -13,7 +13,6 @@ from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.problem import know_share
-from identifiability.workflows.diagnose.result import real_robot
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
@@ -91,9 +90,8 @@ def test_a_result_tells_its_values_and_their_covariance(logs_of, tmp_path):
     assert np.all(np.abs(off) <= 0.02 * np.outer(sd, sd))
     assert "the values of before.json, with their errors," in d.statement
     assert json.loads(json.dumps(d.to_dict()))["fixed"] is True
-    # What is kept to predict with are these values, as far as they are known, and their covariance.
+    # What is kept to predict with are these values, as far as they are known.
     assert np.all(np.abs(d.fit.base - d.known.values) <= 3.0 * sd)
-    np.testing.assert_allclose(np.diag(d.fit.covariance), sd**2, rtol=0.02)
     with pytest.raises(IdentifiabilityError, match="give that model, or no model"):
         quick("two-link", logs, fixed=path, model=["rigid_body"])
 
@@ -123,8 +121,7 @@ def test_values_are_kept_in_one_way_at_a_time(tmp_path):
     assert "one way at a time" in " ".join(out.output.split())
 
 
-def test_a_simulation_forward_begins_with_the_values_of_the_result(logs_of):
-    """The robot is far from its file: kept values of a result simulate it, the file's do not."""
+def test_a_simulation_forward_is_of_the_robot_that_was_logged_whatever_its_file(logs_of):
     far = {"link1.m": 1.0, "link2.m": 0.8, "link2.mx": 0.2, "elbow.Fc": 0.3}
     before = moved(logs_of("two-link", seed=5), "two-link", far)
     hidden = logs_of("two-link", "joint_stiffness@shoulder=0.05", seed=6)
@@ -133,13 +130,4 @@ def test_a_simulation_forward_begins_with_the_values_of_the_result(logs_of):
     few = {"effects": ["joint_stiffness"]}
     d = diagnose("two-link", logs[:4], logs[4:], fixed=a, **few)
     assert [(e.name, e.joints) for e in d.effects] == [("joint_stiffness", ("shoulder",))]
-    kept = real_robot(d, d.structure)
-    base = d.structure.G @ [kept.values[name] for name in d.structure.columns]
-    sd = np.sqrt(np.diag(a.fit.base_covariance))
-    assert np.abs((base - a.fit.base) / sd).max() < 3.0
-    assert d.forward.error_after < d.forward.error_before < 0.3
-    added = dict(
-        x for p in d.effects[0].placements for x in zip(p.parameters, p.fitted, strict=True)
-    )
-    both = real_robot(d, d.completed).values
-    assert both == pytest.approx({n: kept.values.get(n, 0.0) + added.get(n, 0.0) for n in both})
+    assert max(d.forward.error_after, d.forward.error_before) < 0.05

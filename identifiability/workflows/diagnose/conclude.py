@@ -42,7 +42,8 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         for where in (False, True)
     )
     gap = Gap(naming.unseen, unseen)
-    errors, before = gap.relative_error(), Gap(naming.fitted, fitted).relative_error()
+    errors = gap.prediction.relative_error()
+    before = Gap(naming.fitted, fitted).prediction.relative_error()
     placed = [_place(naming, k, fits[-1]) for k in range(len(parts))]
     effects = [
         _effect(naming, gap, some, [placed[k] for k in some], n, rng) for n, some in enumerate(own)
@@ -86,7 +87,7 @@ def _effect(
 ) -> NamedEffect:
     """Return an effect with what unseen motion shows of it where it is."""
     parts = [naming.parts[k] for k in own]
-    family, errors = parts[0].candidate.family, gap.relative_error().tolist()
+    family, errors = parts[0].candidate.family, gap.prediction.relative_error().tolist()
     places = family.places(naming.setting.structure.robot)
     return NamedEffect(
         name=family.name,

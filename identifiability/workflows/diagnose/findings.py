@@ -303,7 +303,7 @@ LOOKS = {
 def state(d: Findings) -> str:
     """Return the answer in plain words, and below it a list of what should be known with it."""
     error = d.held_after if d.effects else d.held_before
-    each = state_joints(d.robot.joints, d.gap.joint_error()[:, -1], error)
+    each = state_joints(d.robot.joints, d.gap.prediction.joint_error()[:, -1], error)
     first = " ".join(filter(None, (d.mass_warning, headline(d), each)))
     return "\n- ".join([first, *(r.text for r in remarks(d)), state_remainder(d)])
 

@@ -204,7 +204,7 @@ class Naming:
     def error(self, parts: Sequence[int]) -> float:
         """Return the error of model and some parts on unseen rows over each joint's own scale."""
         left = self.left(parts, self.fit(parts), unseen=True)
-        return float(Gap(self.unseen, left[:, :, None]).error_over_joints()[0])
+        return float(Gap(self.unseen, left[:, :, None]).prediction.error_over_joints()[0])
 
     def worse_than(self, other: Naming) -> bool:
         """Whether unseen rows are predicted worse than by another one."""

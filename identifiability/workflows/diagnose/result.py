@@ -162,7 +162,8 @@ class Diagnosis(Result, Findings, Predicts):
         Over the joint's own scale (`torque_errors.joint_errors`), and in N or N·m (`rms`), of the
         torque that was fitted, low-passed with the columns where these were.
         """
-        error, rms = self.gap.joint_error(), self.gap.joint_rms()
+        found = self.gap.prediction
+        error, rms = found.joint_error(), found.joint_rms()
         columns = {
             "joint": self.robot.joints,
             "unit": self.robot.torque_units,
@@ -368,7 +369,7 @@ def keep_completed(d: Findings) -> Fit:
     values: Array = structure.G @ _standard_values(d)
     found = predict(regression, values[:, None])
     low, raw = found.joint_rms()[:, 0], found.joint_rms(raw=True)[:, 0]
-    unseen = d.gap.joint_rms()[:, -1]
+    unseen = d.gap.prediction.joint_rms()[:, -1]
     unseen_raw = np.sqrt(np.maximum(raw**2 - low**2, 0.0) + unseen**2)
     uncertainty = assess_uncertainty(
         information, fit, found.residual[:, :, 0], found.series, np.random.default_rng(d.seed), 0

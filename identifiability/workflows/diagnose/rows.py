@@ -10,16 +10,11 @@ import numpy as np
 
 from identifiability.effects.functions import has_session
 from identifiability.estimation.groups import Excerpt
-from identifiability.estimation.torque_errors import (
-    change_interval,
-    error_over_joints,
-    joint_errors,
-    relative_error,
-)
+from identifiability.estimation.prediction import Prediction
+from identifiability.estimation.torque_errors import change_interval
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
-from identifiability.logs.signals import is_constant
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose.problem import KnownValues
@@ -130,43 +125,21 @@ class Gap:
     rows: Rows
     residual: Array
 
-    def relative_error(self) -> Array:
-        """Return ε_RA of each model [Díaz 2010, Eq. 18], (m,)."""
-        return relative_error(np.abs(self.residual), self._deviation)
+    @cached_property
+    def prediction(self) -> Prediction:
+        """Torque as these models predict it."""
+        own, tau = self.rows, self.rows.measured
+        logs, log = np.unique(own.log, return_inverse=True)
+        t = [own.t[log == k] for k in range(len(logs))]
+        return Prediction.of(t, tau, tau[:, :, None] - self.residual, log, own.data)
 
     def interval(
         self, first: int, second: int, rng: np.random.Generator, draws: int = 2000
     ) -> tuple[float, float]:
         """Return the 95 % interval of the change of ε_RA from one model to another."""
-        error = np.abs(self.residual[:, :, [first, second]])
-        return change_interval(error, self._deviation, rng, draws)
-
-    def error_over_joints(self) -> Array:
-        """Return the error of each model over each joint's own scale, (m,)."""
-        return error_over_joints(self.residual**2, self.variation)
-
-    def joint_error(self) -> Array:
-        """Return the error of each joint over its own scale, (n, m)."""
-        return joint_errors(self.residual**2, self.variation)
-
-    def joint_rms(self) -> Array:
-        """Return the root mean square of each joint's error, (n, m) [N·m or N]."""
-        rms: Array = np.sqrt(np.sum(self.residual**2, axis=0) / self.rows.counts[:, None])
-        return rms
-
-    @property
-    def variation(self) -> Array:
-        """Squared distances of torque from each joint's mean, zero where no data, (N, n)."""
         tau, data = self.rows.measured, self.rows.data
-        some = tau.min(0, initial=np.inf, where=data), tau.max(0, initial=-np.inf, where=data)
-        own: Array = (tau - tau.sum(0) / self.rows.counts) ** 2 * data * ~is_constant(*some)
-        return own
-
-    @property
-    def _deviation(self) -> Array:
-        tau = self.rows.measured
-        distance: Array = np.abs(tau - tau.sum() / self.rows.data.sum()) * self.rows.data
-        return distance
+        deviation = np.abs(tau - tau.sum() / data.sum()) * data
+        return change_interval(np.abs(self.residual[:, :, [first, second]]), deviation, rng, draws)
 
 
 @frozen

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from identifiability.effects import default_effects, find_families
+from identifiability.effects.measurement import CommandDelay
 from identifiability.estimation.estimate import find_estimator
 from identifiability.foundation.engines.mapping import Engine, Serial, one_thread
 from identifiability.foundation.options import Effects, Seed, checked
@@ -150,6 +151,10 @@ def diagnose(
         given = session.follow_fitted(np.random.default_rng(seed), cad_weight=weight).recordings
         asked = _Asked(session, effects, known, streams[0], near, fixed is not False, seed)
         found, opening = asked.look(given)
+        later = common_delay(found)
+        if later and robot.servo is not None:
+            given = given.acting_later(robot.servo, later)
+            found, opening = asked.look(given)
         options = {
             "effects": "all" if effects is None else list(effects),
             "fixed": fixed if isinstance(fixed, bool) else known.words,
@@ -316,3 +321,19 @@ def usual_effects(robot: Robot, *, commanded: bool = False) -> tuple[str, ...]:
     """
     offsets = ("torque_offset",) if commanded else ()
     return default_effects(robot, (*USUAL_EFFECTS, *offsets))
+
+
+def common_delay(found: Diagnosis) -> float:
+    """Return by how much commands act later at most joints than was taken of their logs [s].
+
+    A log's delay is found of all joints together, so that one that is late, or whose gain is wrong,
+    makes the others early. What most of them have is the log's.
+    """
+    named = {
+        p.place: float(p.values[0])
+        for e in found.effects
+        if e.name == CommandDelay.name
+        for p in e.placements
+    }
+    every = sorted(named.get(j, 0.0) for j in found.robot.motor_joints)
+    return every[(len(every) - 1) // 2]
