@@ -46,7 +46,6 @@ from identifiability.foundation.options import (
     NotNegative,
     OptionError,
     Positive,
-    at_least,
     check_option,
 )
 
@@ -69,13 +68,14 @@ RENAMED = {
     ("prune", "--model"): "--out",
 }
 
-#: Options that went: verb and name, and what to type instead.
+#: Options that went: verb (none for all) and name, and what to type instead.
 GONE = {
     ("prune", "--criterion"): "the smallest model that predicts as well is chosen: leave it out",
     ("prune", "--no-propose"): "symmetries of the robot are always tried: leave it out",
     ("prune", "--propose"): "symmetries of the robot are always tried: leave it out",
     ("prune", "--reach"): "it did nothing: leave it out",
     ("diagnose", "--replicates"): "log odds need no simulated noises: leave it out",
+    ("", "--patience"): "a scheduler that is lost ends the work: leave it out",
     ("diagnose", "--from"): "give all logs: identifiability diagnose ROBOT LOG LOG NEW_LOG",
 }
 
@@ -275,7 +275,7 @@ class Command(typer.core.TyperCommand):
             new = RENAMED.get((str(self.name), option))
             if new is not None:
                 ctx.fail(f"{option} is called {new} now.")
-            instead = GONE.get((str(self.name), option))
+            instead = GONE.get((str(self.name), option)) or GONE.get(("", option))
             if instead is not None:
                 ctx.fail(f"{option} is gone; {instead}.")
         return super().parse_args(ctx, args)
@@ -503,7 +503,6 @@ class Place:
     workers: Annotated[Count | None, _RUNS] = None
     scheduler: Annotated[str | None, _RUNS] = None
     resume: Annotated[Path | None, _RUNS] = None
-    patience: Annotated[float, at_least(1), _RUNS] = 60.0
 
     def stated(self, engine: Engine) -> Engine | None:
         """Return the engine if anything was said of it; a verb left to itself ends it sooner."""

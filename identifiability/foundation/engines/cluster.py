@@ -12,10 +12,9 @@ import os
 import signal
 import sys
 import sysconfig
-import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
-from functools import partial, partialmethod
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,15 +35,9 @@ from identifiability.foundation.engines.resume import root_module, source_digest
 from identifiability.foundation.errors import EngineError
 from identifiability.foundation.output import temporary_folder
 
-#: Seconds to wait for a scheduler, and for its first worker: a busy machine starts one in tens.
-PATIENCE, JOINING = 5.0, 60.0
-
-#: Seconds between looks at whether a worker has joined.
-ASKING = 0.1
-
-#: Seconds without a result after which the scheduler is asked whether it is still there, and in
-#: which a cluster whose workers were ended is closed: Dask may wait for ever.
-SILENCE = 10.0
+#: Seconds to wait for a scheduler, for its first worker (a busy machine starts one in tens), and
+#: for a cluster whose workers were ended: Dask may wait for ever.
+PATIENCE, JOINING, ENDING = 5.0, 60.0, 10.0
 
 #: Run by workers that were started here: Ctrl-C is for the program that started them.
 _DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
@@ -70,21 +63,15 @@ class Dask(Engine):
         ended with this object.
     workers : int, optional
         Of the cluster that is started; by default one for each core.
-    patience : float
-        A scheduler that is asked and does not answer for so long is given up [s].
 
     Raises
     ------
     EngineError
         If Dask is not installed, no scheduler answers, it has no workers, or they run another
-        version of this package; while it works, if the scheduler falls silent or a worker of
-        another version has joined.
+        version of this package; while it works, if the scheduler or all workers are lost.
     """
 
-    def __init__(
-        self, scheduler: str | None = None, workers: int | None = None, patience: float = 60.0
-    ) -> None:
-        self.patience = patience
+    def __init__(self, scheduler: str | None = None, workers: int | None = None) -> None:
         try:
             import distributed  # noqa: PLC0415 - an extra
         except ImportError:
@@ -95,7 +82,7 @@ class Dask(Engine):
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         try:
             target = scheduler or self._stack.enter_context(_local_cluster(workers))
-            self.client: Any = self._stack.enter_context(_connect(distributed, target, patience))
+            self.client: Any = self._stack.enter_context(_connect(distributed, target))
             self._check()
         except BaseException:
             self.close()
@@ -105,17 +92,15 @@ class Dask(Engine):
         from distributed import KilledWorker  # noqa: PLC0415
         from distributed.core import CommClosedError, RPCClosed  # noqa: PLC0415
 
-        task = partial(run_checked, source_digest("identifiability"))
-        window = AHEAD * max(1, sum(self._await(self.client.ncores).values()))
+        window = AHEAD * max(1, sum(self.client.ncores().values()))
         try:
-            sent = self._send(function)
-            submit = partial(self.client.submit, task, sent, pure=False)
-            yield from in_order(submit, items, window, self._fetch)
+            submit = partial(self.client.submit, run_pickled, self._send(function), pure=False)
+            yield from in_order(submit, items, window, lambda future: future.result())
         except (CancelledError, CommClosedError, RPCClosed):
-            raise self._lost() from None
-        except (ImportError, AttributeError):
-            self._check()  # a worker of another version has joined, or the work itself fails
-            raise
+            raise EngineError(
+                f"The connection to the cluster at {self.scheduler} was lost; run again when it is "
+                "back. Work that a resume folder holds is not done again."
+            ) from None
         except KilledWorker:
             raise EngineError(
                 f"The workers of the cluster at {self.scheduler} died again and again on the same "
@@ -139,48 +124,18 @@ class Dask(Engine):
         with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1PB"}):
             return self.client.submit(bytes, pickled, pure=False)
 
-    def _fetch(self, future: Any) -> Any:
-        """Return a result; meanwhile the scheduler is asked whether it is there."""
-        while True:
-            try:
-                return future.result(timeout=SILENCE)
-            except TimeoutError:
-                if future.done():  # it is the work's own
-                    raise
-                self._await(self.client.scheduler.identity)
-
-    def _await(self, call: Callable[[], Any]) -> Any:
-        """Return what a call of the client gives; a scheduler that is silent is given up."""
-        try:
-            return self.client.sync(call, callback_timeout=self.patience)
-        except TimeoutError:
-            raise EngineError(
-                f"The scheduler at {self.scheduler} has not answered for {self.patience:g} s; look "
-                "whether it is stopped, or give it longer (--patience). Work that a resume folder "
-                "holds is not done again."
-            ) from None
-        except OSError:
-            raise self._lost() from None
-
-    def _lost(self) -> EngineError:
-        return EngineError(
-            f"The connection to the cluster at {self.scheduler} was lost; run again when it is "
-            "back. Work that a resume folder holds is not done again."
-        )
-
     def _check(self) -> None:
         """Refuse a cluster without workers, or whose workers would compute something else."""
-        until = time.monotonic() + JOINING
-        while not self._await(self.client.ncores):
-            if time.monotonic() > until:
-                raise EngineError(
-                    f"The scheduler at {self.scheduler} has no workers; start some with "
-                    f"'dask worker {self.scheduler}'."
-                )
-            time.sleep(ASKING)
+        try:
+            self.client.wait_for_workers(1, timeout=JOINING)
+        except TimeoutError:
+            raise EngineError(
+                f"The scheduler at {self.scheduler} has no workers; start some with "
+                f"'dask worker {self.scheduler}'."
+            ) from None
         with contextlib.suppress(ImportError, AttributeError):
-            asked = partial(self.client.run, source_digest, "identifiability")
-            if set(self._await(asked).values()) == {source_digest("identifiability")}:
+            own = source_digest("identifiability")
+            if set(self.client.run(source_digest, "identifiability").values()) == {own}:
                 return
         raise EngineError(_OTHER)
 
@@ -190,16 +145,6 @@ class Dask(Engine):
             self._stack.close()
 
 
-def run_checked(digest: str, function: bytes, item: Any) -> Any:
-    """Call a pickled function, if this package is the one that sent it.
-
-    Workers may join at any time: each piece of work is checked where it is done.
-    """
-    if source_digest("identifiability") != digest:
-        raise EngineError(_OTHER)
-    return run_pickled(function, item)
-
-
 def _installed(name: str) -> bool:
     """Return whether a module belongs to the installation, which workers have as well."""
     file = getattr(sys.modules.get(name), "__file__", None)
@@ -207,27 +152,21 @@ def _installed(name: str) -> bool:
     return file is None or any(place in Path(file).resolve().parents for place in library)
 
 
-def _connect(distributed: Any, target: Any, patience: float) -> Any:
-    """Return a client; who takes the connection and says nothing is given up after `patience` [s].
+def _connect(distributed: Any, target: Any) -> Any:
+    """Return a client.
 
     Raises
     ------
     EngineError
         If no scheduler answers.
     """
-    # Dask's own timeout does not hold while it waits for the first words.
-    start = partialmethod(distributed.Client.start, callback_timeout=patience)
-    patient = type("Client", (distributed.Client,), {"start": start})
     try:
-        return patient(target, timeout=PATIENCE, set_as_default=False)
+        return distributed.Client(target, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, RuntimeError, TypeError) as error:  # TypeError: no certificate
-        over_tls = str(target).startswith("tls://")
-        shown = " to this machine's certificates (see the how-to of clusters)" if over_tls else ""
-        told = isinstance(error, (ValueError, RuntimeError))
-        reason = str(error) if told else f"nothing answers there{shown}"
         raise EngineError(
-            f"There is no Dask scheduler at '{target}' ({reason}); give the address that "
-            "'dask scheduler' prints, such as tcp://host:8786."
+            f"There is no Dask scheduler at '{target}' ({error}); give the address that "
+            "'dask scheduler' prints, such as tcp://host:8786; over TLS also this machine's "
+            "certificates (see the how-to of clusters)."
         ) from None
 
 
@@ -271,4 +210,4 @@ def _end(cluster: Any) -> None:
         if nanny.pid:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(nanny.pid, signal.SIGTERM)
-    cluster.close(timeout=SILENCE)
+    cluster.close(timeout=ENDING)

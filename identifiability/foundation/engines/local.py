@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import cloudpickle
 
@@ -33,7 +33,7 @@ from identifiability.foundation.engines.mapping import (
 )
 from identifiability.foundation.engines.resume import Resumed
 from identifiability.foundation.errors import EngineError
-from identifiability.foundation.options import Count, EngineName, FilePath, at_least, checked
+from identifiability.foundation.options import Count, EngineName, FilePath, checked
 from identifiability.foundation.output import temporary_folder
 
 __all__ = ["Engine", "Processes", "Resumed", "Serial", "choose_engine"]
@@ -162,7 +162,6 @@ def choose_engine(
     workers: Count | None = None,
     scheduler: str | None = None,
     resume: FilePath | None = None,
-    patience: Annotated[float, at_least(1)] = 60.0,
 ) -> Engine:
     """Return the engine that some options ask for.
 
@@ -177,8 +176,6 @@ def choose_engine(
         Address of a Dask scheduler, such as ``tcp://host:8786``.
     resume : path, optional
         Folder that keeps finished work; the same command takes it from there when it runs again.
-    patience : float
-        A scheduler that does not answer for so long is given up [s].
 
     Raises
     ------
@@ -199,5 +196,5 @@ def choose_engine(
     if name == "dask":
         from identifiability.foundation.engines.cluster import Dask  # noqa: PLC0415 - an extra
 
-        made = Dask(scheduler, workers, patience)
+        made = Dask(scheduler, workers)
     return made if resume is None else Resumed(made, resume)
