@@ -26,4 +26,6 @@ def predict(
         say("predicting torque", 0.2)
         found = fit.predict(logs)
         written = outputs.write(found, say, (found.write, out))
-    common.print_result(found, [found.statement], written, "Predicted torque by joint")
+    common.print_result(
+        found, [found.statement, *found.hints], written, "Predicted torque by joint"
+    )

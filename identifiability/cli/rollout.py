@@ -44,4 +44,4 @@ def rollout(
         found = run(robot, logs, **vars(own))
         more = [] if found.fitted is None else [(found.fitted.save, fitted)]
         written = outputs.write(found, say, (found.write, out), *more)
-    common.print_result(found, [found.statement], written, "Error of positions (rms)")
+    common.print_result(found, [found.statement, *found.hints], written, "Error of positions (rms)")

@@ -59,9 +59,10 @@ class Result(ABC):
             setattr(cls, name, _stating(vars(cls)[name]))
 
     @property
-    @abstractmethod
     def statement(self) -> str:
-        """The answer in plain words."""
+        """The answers in plain words, one a line, without what to do next."""
+        told = ((a.question, a.short, a.text) for a in self.answers() if not a.commands)
+        return "\n".join(" ".join(filter(None, own)) for own in told)
 
     @abstractmethod
     def to_frame(self) -> pd.DataFrame:
@@ -162,7 +163,7 @@ class Result(ABC):
 
     def __repr__(self) -> str:
         """Return the answer, cut to one screen."""
-        text = f"<{type(self).__name__}: {self.statement}>"
+        text = f"<{type(self).__name__}: {' '.join(self.statement.split())}>"
         return text if len(text) <= SCREEN else f"{text[: SCREEN - 2]}…>"
 
     def _repr_html_(self) -> str:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, field, replace
-from math import isfinite
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -654,54 +653,6 @@ class Inspection(OfStructure, Result):
     def tables(self) -> tuple[Table, ...]:
         """Return clock, motion and torque of logs; without logs the joints of the robot file."""
         return _tables(self)
-
-    @property
-    def statement(self) -> str:
-        """The answer in plain words."""
-        if not self.records:
-            return self._robot_statement()
-        said = [self._odd_statement()]
-        if self.excited is not None:
-            said.append(
-                f"The motion excites {self.excited.rank} of {self.base.rank} base parameters"
-                f"{self._condition_text()}."
-            )
-        return " ".join(said)
-
-    def _robot_statement(self) -> str:
-        roles = [
-            f"{len(self.of_role(role))} {ROLES.get(role, role)}"
-            for role in ("actuated", "floats", "passive", "coupled", "locked", "left out")
-            if self.of_role(role)
-        ]
-        count = len(self.columns)
-        return (
-            f"{self.robot.title} has {len(self.joints)} joints ({', '.join(roles)}) and "
-            f"{self.base.rank} base parameters under the model {' + '.join(self.effects)}. A log "
-            f"needs {count} columns: {listing(self.columns, 7)}."
-        )
-
-    def _odd_statement(self) -> str:
-        seconds = sum(r.duration for r in self.records)
-        samples = sum(r.samples for r in self.records)
-        few = len(self.records) == 1
-        logs = "One log" if few else f"{len(self.records)} logs"
-        what = f"{logs} of {seconds:.4g} s and {samples} samples"
-        if self.refused:
-            every = len(self.refused) == len(self.records)
-            which = "it" if few else "none" if every else listing([r.name for r in self.refused], 3)
-            return f"{what}; {which} can{'' if which == 'none' else 'not'} be used: " + " ".join(
-                dict.fromkeys(r.refused for r in self.refused)
-            )
-        if not (told := find_odd(self)):
-            return f"{what}; nothing is odd."
-        odd = "one thing is odd" if len(told) == 1 else f"{len(told)} things are odd"
-        return f"{what}; {odd}: {told[0]}"
-
-    def _condition_text(self) -> str:
-        assert self.excited is not None
-        number = self.excited.condition
-        return f", with a condition number of {number:.3g}" if isfinite(number) else ""
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a joint; with logs, one row a joint of each log."""

@@ -53,7 +53,7 @@ from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.sidecar import Value
-from identifiability.workflows.answers import answer_next, answer_quality, state_joints, with_hints
+from identifiability.workflows.answers import answer_next, answer_quality, with_hints
 from identifiability.workflows.commands import given_paths, name_export, name_logs, source_name
 from identifiability.workflows.opening import Logs
 from identifiability.workflows.rules import RULES
@@ -207,6 +207,9 @@ class TorquePrediction(Result):
         known = [n for n, has in zip(self.logs, self.measured, strict=True) if has]
         each = self.error_frame()["error"].to_numpy(float)
         quality = answer_quality(self.error_ra, self.robot.joints, each, join(known))
+        if np.isfinite(self.error_ra) and self.error_ra != self.error_ra_raw:
+            raw = f"Of the torque as it was measured it errs by {percent(self.error_ra_raw)}."
+            quality = replace(quality, text=f"{quality.text} {raw}")
         return _what(self), quality, _trust(self), answer_next(_next_commands(self))
 
     def decided_by(self) -> tuple[RuleTable, ...]:
@@ -216,52 +219,6 @@ class TorquePrediction(Result):
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""
         return (_joint_table(self),)
-
-    @property
-    def statement(self) -> str:
-        """The answer in plain words."""
-        pairs = list(zip(shorten_paths(self.logs), self.measured, strict=True))
-        known, silent = ([n for n, m in pairs if m is kind] for kind in (True, False))
-        if not known:
-            text = (
-                f"The torque of {listing(silent, 4)} is predicted by the model "
-                f"'{self.model}'; none was measured, so nothing is known of its error."
-            )
-            return " ".join((text, *self._unknown_words, *self.hints))
-        raw, share = "", float(self.inside.mean())
-        if not np.isclose(self.error_ra, self.error_ra_raw, rtol=1e-6):
-            raw = f" ({percent(self.error_ra_raw)} of the torque as it was measured)"
-        size = f"with an error of {percent(self.error_ra)}{raw}"
-        if not np.isfinite(self.error_ra):
-            size = "and does not vary"
-        text = (
-            f"The torque of {listing(known, 4)} is predicted by the model '{self.model}' {size}; "
-            f"{percent(share)} of the samples lie in the 95 % interval of a new one."
-        )
-        if self.errors is not None:
-            each = self.errors[0].joint_error()[:, 0]
-            text += f" {state_joints(self.robot.joints, each, self.error_ra)}".rstrip()
-        if few := _few(self):
-            text += (
-                f" Too few samples of {_listed(self, few)} do. A load, a temperature or the "
-                "robot changed since the fitted logs, or this motion shows what the model leaves "
-                "out (diagnose looks for it)."
-            )
-        if silent:
-            one = len(silent) == 1
-            text += f" {listing(silent, 4)} {'has' if one else 'have'} no torque: "
-            text += f"{'it is' if one else 'they are'} predicted alone."
-        return " ".join((text, *self._unknown_words, *self.hints))
-
-    @property
-    def _unknown_words(self) -> tuple[str, ...]:
-        new = [j for j, s in zip(self.robot.joints, self.unknown, strict=True) if s > 0]
-        if not new:
-            return ()
-        return (
-            f"At {listing(new, 6)} this motion acts on parameters that the fitted motion never "
-            "showed: nothing is known of the torque where the interval is infinite.",
-        )
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a sample: ``log``, ``t``, and of each joint nine columns [N·m or N].
@@ -876,8 +833,11 @@ def _what(result: TorquePrediction) -> Answer:
     short = f"The torque of {joints} along {join(shorten_paths(result.logs), 3)}."
     text = f"By the model “{result.model}” of {result.origin}, at "
     text += f"{format_count(len(result.t), 'sample')}."
-    if not all(result.measured):
-        text += " Where no torque was measured it is predicted alone."
+    silent = [
+        n for n, has in zip(shorten_paths(result.logs), result.measured, strict=True) if not has
+    ]
+    if silent:
+        text += f" Without measured torque it is predicted alone: {join(silent, 3)}."
     return Answer("What is predicted?", short, text, "blue")
 
 
@@ -886,11 +846,6 @@ def _few(result: TorquePrediction) -> list[str]:
     pairs = zip(result.robot.joints, result.inside, strict=True)
     # Share of samples inside their 95 % interval below which something must have changed.
     return [joint for joint, share in pairs if share < 0.8]
-
-
-def _listed(result: TorquePrediction, joints: list[str]) -> str:
-    every = 1 < len(joints) == len(result.robot.joints)
-    return "every joint" if every else join(joints)
 
 
 def _trust(result: TorquePrediction) -> Answer:
@@ -910,7 +865,7 @@ def _trust(result: TorquePrediction) -> Answer:
     size = f"{error_text(inside)} of the samples lie in their 95 % interval."
     if few:
         why = (
-            f"Too few samples of {_listed(result, few)} do. A load, a temperature or the "
+            f"Too few samples of {join(few, 6)} do. A load, a temperature or the "
             "robot changed since, or this motion shows what the model leaves out."
         )
         return Answer(question, f"No: only {size}", why + text, "vermilion")

@@ -166,34 +166,6 @@ class RolledOut(Result):
         """Return one row a joint."""
         return (_joint_table(self),)
 
-    @property
-    def statement(self) -> str:
-        """The answer in plain words."""
-        names = listing([log.name for log in self.logs], 3)
-        told = [self._tell(k) for k in range(len(self.runs))]
-        text = f"Moved by the commands of {names} from where it began, {told[0]}"
-        if len(told) > 1:
-            ratios = self.totals[1:] / self.totals[0]
-            for other, ratio in zip(told[1:], ratios, strict=True):
-                text += f"; {other}"
-                text += f", {ratio:.3g} times as much" if np.isfinite(ratio) else ""
-        own = [log.name for log in self.logs]
-        late = [
-            f"with {run.name} {state_delay(np.array(run.delays), own)}"
-            + (", found from these logs" if run.found else "")
-            for run in self.runs
-        ]
-        late_text = f"{late[0][0].upper()}{'; '.join(late)[1:]}."
-        parts = (f"{text}.", self.by_joint, late_text, *self.hints)
-        return " ".join(filter(None, parts))
-
-    def _tell(self, k: int) -> str:
-        run = self.runs[k]
-        if not np.isfinite(self.totals[k]):
-            return f"{run.name} diverges"
-        short = f"in windows of {WINDOW:g} s {1e3 * self.window_totals[k]:.3g} {self.unit}"
-        return f"{run.name} errs by {1e3 * self.totals[k]:.3g} {self.unit} (rms; {short})"
-
     def to_frame(self) -> pd.DataFrame:
         """Return one row a joint: errors over whole logs and windows, of each robot [rad or m]."""
         frame = pd.DataFrame({"joint": list(self.robot.joints)})
