@@ -42,6 +42,8 @@ CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
 MOST: Tolerance = 0.99
 #: Instants at most at which something may change.
 INSTANTS = 40
+#: Parts of a block in which an instant is looked for again.
+FINER = 10
 #: Rounds in which noise is that without what is likeliest.
 ROUNDS = 2
 #: Shortest block of time [s], and time constants of drifts in shares of all the time.
@@ -302,7 +304,7 @@ class Scan:
         blocks = np.split(np.arange(products.blocks), np.cumsum(self.count)[:-1])
         for log, some in enumerate(blocks):
             total = np.concatenate([np.zeros_like(each[:1]), np.cumsum(each[some], axis=0)])
-            first, last = _stays(int(self.count[log]), len(self.count))
+            first, last = _stays(int(self.count[log]), self.count)
             if not len(first):
                 continue
             price = np.log(2.0 * len(self.count) * len(own)) + _log_alike(first, last, len(some))
@@ -341,6 +343,19 @@ class Scan:
                     )
                 )
         return stays, drift
+
+    def finer(self, stay: Stay) -> Scan:
+        """Return the same with small blocks about the ends of the likeliest of a stay."""
+        k, first = int(np.argmax(stay.odds)), int(self.count[: stay.log].sum())
+        own = np.array(self.edges[first : first + int(self.count[stay.log]) + 1])
+        ends = [int(x[k]) for x in (stay.first, stay.last) if 0 < x[k] < self.count[stay.log]]
+        cuts = [np.linspace(own[e - 1], own[e + 1], 2 * FINER + 1) for e in ends]
+        fine = np.unique(np.concatenate([own, *cuts]).astype(int))
+        count, stop = self.count.copy(), first + len(own)
+        count[stay.log] = len(fine) - 1
+        return replace(
+            self, edges=[*self.edges[:first], *fine.tolist(), *self.edges[stop:]], count=count
+        )
 
     def _drifts(self) -> Array:
         """Return how a drift may go, in each block (s, blocks): in one log, or in the session."""
@@ -402,15 +417,21 @@ def find_change(naming: Naming, effects: Collection[str] | None = None) -> Chang
     if not scan.candidates:
         return None
     stays, drift = scan.stays(scan.white())
+    missing = scan.missing
     for _ in range(ROUNDS):
         best = _best(stays)
         if best is None:
             return None
-        stays, drift = scan.stays(scan.without(best))
+        missing = scan.without(best)
+        stays, drift = scan.stays(missing)
         again = _best(stays)
         if again is not None and again.where == best.where:
             break
-    return _likeliest(scan, stays, drift)
+    found, best = _likeliest(scan, stays, drift), _best(stays)
+    if found is None or best is None or found.whole:
+        return found
+    finer = scan.finer(best)
+    return _likeliest(finer, finer.stays(missing)[0], drift) or found
 
 
 def _best(stays: Sequence[Stay]) -> Stay | None:
@@ -435,15 +456,15 @@ def _edges(t: Array, log: np.ndarray) -> tuple[list[int], np.ndarray]:
     return edges, np.array(count)
 
 
-def _stays(count: int, logs: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return first and last blocks of all stays in a log of so many blocks.
+def _stays(count: int, every: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return first and last blocks of all stays in a log of so many blocks, of `every` log.
 
     Of one log alone what ended in it says as much as what began then; what is shorter than two
-    blocks is a burst. Of most of one or two logs nobody knows which part is odd.
+    blocks is a burst. Of most of what was logged nobody knows which part is odd.
     """
     first, last = np.triu_indices(count + 1, 2)
-    may = (first > 0) | (logs > 1)
-    may &= (last - first <= count // 2) | (logs >= FEWEST)
+    may = (first > 0) | (len(every) > 1)
+    may &= last - first <= every.sum() // 2
     return first[may], last[may]
 
 
