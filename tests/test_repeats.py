@@ -56,8 +56,8 @@ def test_rows_given_twenty_times_count_once(log):
 
 def test_they_count_once_for_the_next_motion_too(log):
     """What a motion is to add to is read as any log is."""
-    twice = excite("two-link", start_from=tiled(log, 20), iterations=1, evaluations=2, samples=50)
-    once = excite("two-link", start_from=log, iterations=1, evaluations=2, samples=50)
+    twice = excite("two-link", start_from=tiled(log, 20), evaluations=2, samples=50)
+    once = excite("two-link", start_from=log, evaluations=2, samples=50)
     np.testing.assert_allclose(twice.before.sigma, once.before.sigma, rtol=1e-9)
     assert any("they count once" in hint for hint in twice.hints)
 

@@ -15,10 +15,8 @@ from identifiability.cli.common import Writes
 from identifiability.foundation.options import (
     Count,
     Duration,
-    ExciteCriterion,
     Harmonics,
     LimitShare,
-    Positive,
     Seed,
     counted,
     within,
@@ -37,13 +35,11 @@ class Options:
     duration: Duration | None = None
     samples: int = 750
     limits: options.Limits = None
-    criterion: ExciteCriterion | None = None
     parameters: Annotated[Sequence[str] | None, Option("--parameter")] = None
     model: options.Model = None
     start_from: Sequence[str] | None = None
     separate: Sequence[str] | None = None
-    evaluations: Count | None = None
-    time_limit: Positive | None = None
+    evaluations: Count = 15_000
     seed: Seed = 0
 
 

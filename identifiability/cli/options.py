@@ -70,6 +70,9 @@ RENAMED = {
 
 #: Options that went: verb (none for all) and name, and what to type instead.
 GONE = {
+    ("excite", "--criterion"): "--parameter and --separate say what is asked: leave it out",
+    ("excite", "--time-limit"): "a search ends by its motions: identifiability excite ROBOT "
+    "--evaluations N --out FILE",
     ("prune", "--criterion"): "the smallest model that predicts as well is chosen: leave it out",
     ("prune", "--no-propose"): "symmetries of the robot are always tried: leave it out",
     ("prune", "--propose"): "symmetries of the robot are always tried: leave it out",

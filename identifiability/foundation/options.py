@@ -87,7 +87,6 @@ Effects = Names
 Derivatives = Literal["auto", "given", "butterworth", "fourier"]
 EngineName = Literal["serial", "processes", "dask"]
 EstimatorKind = Literal["auto", "ls", "iv"]
-ExciteCriterion = Literal["condition", "information", "separate"]
 ExportFormat = Literal["mjcf", "urdf", "json", "isaaclab"]
 
 #: Samples of a motion at most; the simulator takes one at a time.

@@ -15,17 +15,13 @@ from identifiability.foundation.rounding import digits, format_count, format_num
 from identifiability.report.blocks import Fold, Gallery, Prose, Section, Sketch, picture, section
 from identifiability.report.drawing import (
     BLUE,
-    COLOURS,
     DASHED,
     INK,
-    MUTED,
     VERMILION,
     canvas,
     drawn,
     label_axes,
-    legend_above,
     log_scale,
-    plain,
     row_canvas,
     row_lines,
 )
@@ -63,38 +59,6 @@ def draw_joint(
         ax.locator_params(axis="y", nbins=4)
     axes[-1].set_xlim(float(t[0]), float(t[-1]))
     figure.align_ylabels(axes)
-    return figure
-
-
-@drawn
-def draw_search(
-    starts: Sequence[Array], before: float, label: str, *, logarithmic: bool = True
-) -> Figure:
-    """Draw the figure of merit by iteration, one line a start.
-
-    Parameters
-    ----------
-    starts : sequence of (i,)
-        The figure after each iteration.
-    before : float
-        What it is compared with.
-    label : str
-        Name of the figure.
-    logarithmic : bool
-    """
-    figure, (axes,) = canvas(720, 260, (70, 16, 30, 40))
-    colours = ("blue", "green", "purple", "amber", "sky")
-    for k, y in enumerate(starts):
-        colour = COLOURS[colours[k % len(colours)]]
-        axes.plot(np.arange(1, len(y) + 1), y, color=colour, label=f"start {k + 1}")
-    axes.axhline(before, color=MUTED, label="compared with", **DASHED)
-    if logarithmic:
-        axes.set_yscale("log")
-        low, high = axes.get_ylim()
-        axes.set_ylim(low, high)
-        _plain_ticks(axes.yaxis, low, high)
-    label_axes(axes, "iteration", plain(label, 40))
-    legend_above(axes, ncols=4, handlelength=1.4, borderaxespad=None)
     return figure
 
 
@@ -153,8 +117,7 @@ def sketch(result: Excitation) -> Sketch | None:
 
 
 TITLES = {
-    "condition": "A motion that excites all parameters alike",
-    "information": "What to measure next",
+    "information": "A motion that says much about the parameters",
     "separate": "A motion that separates two effects",
     "discriminate": "A motion that tells effects of known size apart",
 }
@@ -211,15 +174,7 @@ def _coefficients(result: Excitation) -> Table:
 def section_gain(result: Excitation) -> Section:
     """Return what the motion tells of each parameter, and how the search went."""
     gain = picture("gain", draw_gain(result.names, result.gain), beside=result.beside)
-    starts = sorted({s.start for s in result.history})
-    criterion = result.criterion
-    lines = [
-        np.array([criterion.figure(s.cost) for s in result.history if s.start == k]) for k in starts
-    ]
-    logarithmic = criterion.name == "condition"
-    progress = draw_search(lines, result.before.figure, criterion.short, logarithmic=logarithmic)
-    search = picture("search", progress, criterion=criterion.title)
-    return section("excitation.gain", gain, search, beside=result.beside)
+    return section("excitation.gain", gain, beside=result.beside)
 
 
 def section_method(result: Excitation) -> Section:
@@ -229,7 +184,6 @@ def section_method(result: Excitation) -> Section:
         "excitation.how",
         harmonics=result.trajectory.harmonics,
         motions=format_count(result.evaluations, "motion"),
-        seconds=f"{result.seconds:.0f}",
         seed=result.seed,
         effects=", ".join(result.effects),
         measured=sentence("excitation.measured", logs=logs) if logs else "",

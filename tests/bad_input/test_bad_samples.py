@@ -113,7 +113,7 @@ def test_the_command_line_says_it_on_the_page_and_in_the_file(frame, command, wr
 
 def test_a_motion_is_not_searched_beside_it(frame):
     spoilt, named = spoil(frame, "a velocity off")
-    log, options = Log.from_frame(spoilt, "a"), {"iterations": 1, "samples": 100}
+    log, options = Log.from_frame(spoilt, "a"), {"evaluations": 1, "samples": 100}
     found = excite("two-link", start_from=log, **options)
     assert named in found.hints[0]
     wanted = excite("two-link", start_from=Log.from_frame(frame, "a"), **options)

@@ -169,12 +169,12 @@ def test_diagnosis_and_excitation_use_the_effects_of_a_model_file_and_say_so(pru
         )
         assert found.base == pruned.effects
         assert found.hints[-1].startswith(free)
-        motion = excite("two-link", model=model, iterations=1)
+        motion = excite("two-link", model=model, evaluations=1)
         assert motion.effects == pruned.effects
         assert motion.to_dict()["hints"][0].startswith(free)
     plain = tmp_path / "plain.toml"
     plain.write_text('[[models]]\nname = "a"\neffects = ["rigid_body", "coulomb_friction@elbow"]\n')
-    motion = excite("two-link", model=plain, iterations=1)
+    motion = excite("two-link", model=plain, evaluations=1)
     assert all("no shapes that can collide" in h for h in motion.hints)
     assert motion.names[-1] == "elbow.Fc"
     words = ["two-link", "--model", str(plain), "--out", str(tmp_path / "m.json")]
@@ -185,7 +185,7 @@ def test_diagnosis_and_excitation_use_the_effects_of_a_model_file_and_say_so(pru
 
 def test_other_verbs_say_that_a_ladder_beside_the_robot_was_not_used(beside, log, tmp_path):
     unused = "ladder.toml beside robot.xml was not used"
-    motion = excite(beside, iterations=1)
+    motion = excite(beside, evaluations=1)
     found = diagnose(beside, log, effects=["payload"], quick=True, forward=False)
     for result in (motion, found):
         content = result.to_dict()

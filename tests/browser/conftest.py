@@ -179,7 +179,7 @@ def later_reports(tmp_path_factory) -> dict[str, Path]:
     results = {
         "payload": payload(robot, result, more[1]),
         "comparison": compare(robot, more[0], more[1]),
-        "excitation": excite(robot, start_from=log, evaluations=100, iterations=2),
+        "excitation": excite(robot, start_from=log, evaluations=100),
         "prediction": result.predict(more[1]),
         "robot": inspect(robot),
         "fleet": _fleet(folder),

@@ -149,7 +149,7 @@ def test_nothing_is_asked_for_where_nothing_is_undecided():
 
 
 def test_a_motion_may_begin_and_end_at_rest():
-    found = excite("two-link", at_rest=True, iterations=3, evaluations=300, seed=2)
+    found = excite("two-link", at_rest=True, evaluations=300, seed=2)
     path = found.trajectory
     q, v, a = path.motion(np.array([0.0, path.period]))
     np.testing.assert_allclose(v, 0.0, atol=1e-12)

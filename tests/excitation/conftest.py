@@ -27,23 +27,23 @@ def condition(W) -> float:
 
 @pytest.fixture(scope="session")
 def find():
-    """Return `excite` with few iterations."""
+    """Return `excite` with few evaluations."""
 
     def run(robot, **options):
-        return excite(robot, **{"iterations": 8} | options)
+        return excite(robot, **{"evaluations": 400} | options)
 
     return run
 
 
 @pytest.fixture(scope="session")
 def paper(pytestconfig):
-    """The 3-RPS inside the limits of the paper's trajectories; `everything` asks how good it is."""
-    return excite("3-rps", iterations=16 if pytestconfig.getoption("everything") else 4)
+    """The 3-RPS inside the limits of the paper's trajectories."""
+    return excite("3-rps", evaluations=8000 if pytestconfig.getoption("everything") else 500)
 
 
 @pytest.fixture(scope="session")
 def arm():
-    return excite("six-dof-arm", iterations=4)
+    return excite("six-dof-arm", evaluations=1500)
 
 
 @pytest.fixture(scope="session")

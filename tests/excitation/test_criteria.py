@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.workflows.excite.criteria import Condition, LogDet, Separation
+from identifiability.workflows.excite.criteria import LogDet, Separation
 
 
 @pytest.fixture
@@ -16,19 +16,10 @@ def gram(W):
     return W.transpose(0, 2, 1) @ W
 
 
-def test_condition_is_that_of_columns_of_length_one(rows):
-    for W, cost in zip(rows, Condition().cost(gram(rows)), strict=True):
-        unit = W / np.linalg.norm(W, axis=0)
-        assert Condition().figure(cost) == pytest.approx(np.linalg.cond(unit), rel=1e-6)
-
-
-def test_units_do_not_change_condition_or_similarity(rows):
+def test_units_do_not_change_similarity(rows):
     scale = 10.0 ** np.arange(-4, 5)
     rule = Separation(np.array([5, 6]), np.array([7, 8]))
-    for criterion in (Condition(), rule):
-        np.testing.assert_allclose(
-            criterion.cost(gram(rows)), criterion.cost(gram(rows * scale)), rtol=1e-6
-        )
+    np.testing.assert_allclose(rule.cost(gram(rows)), rule.cost(gram(rows * scale)), rtol=1e-6)
 
 
 def test_information_is_the_inverse_covariance_of_the_chosen(rows):

@@ -8,7 +8,7 @@ from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import PrescribedMotion, simulate
 from identifiability.workflows.excite.limits import Drive, find_limits
 
-QUICK = {"evaluations": 400, "iterations": 10, "samples": 200, "duration": 4.0}
+QUICK = {"evaluations": 400, "samples": 200, "duration": 4.0}
 
 
 @pytest.fixture(scope="module")

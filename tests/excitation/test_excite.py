@@ -28,17 +28,6 @@ from .conftest import condition, regressor
 FULL = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
 
-@pytest.mark.everything
-def test_the_3_rps_reaches_the_papers_condition_number_inside_its_limits(paper):
-    robot = paper.robot
-    base = find_base_parameters(robot, Model.of("rigid_body"))
-    assert len(base) == 25
-    W = regressor(robot, paper.trajectory, ["rigid_body"], base.kept)
-    assert paper.after.figure == pytest.approx(condition(W), rel=1e-6)
-    assert paper.after.figure <= 571
-    assert paper.before.figure > 1500
-
-
 def test_the_papers_limits_hold_along_the_whole_motion(paper):
     t = np.linspace(0, 15, 20011)  # two periods, off the samples
     q, v, a = paper.trajectory.motion(t)
@@ -59,46 +48,32 @@ def test_the_loops_close_far_from_singularities_and_without_a_leap(paper):
 
 
 def test_the_arm_is_excited_much_better_than_by_random_motion(arm):
-    base = find_base_parameters(arm.robot, Model.of("rigid_body"))
-    random = [
-        condition(
-            regressor(
-                arm.robot, random_trajectory(arm.robot, np.random.default_rng(k)),
-                ["rigid_body"], base.kept, 150,
-            )
-        )
-        for k in range(9)
-    ]  # fmt: skip
-    assert arm.after.figure < 0.6 * np.median(random)
-    assert arm.after.figure < 0.8 * min(random)
+    base = find_base_parameters(arm.robot, Model.of(*FULL))
+    random = []
+    for k in range(9):
+        path = random_trajectory(arm.robot, np.random.default_rng(k))
+        W = regressor(arm.robot, path, FULL, base.kept, 150).reshape(-1, len(base))
+        random.append(np.linalg.slogdet(W.T @ W * 750 / 150)[1])
+    better = (arm.after.figure - np.array(random)) / (2 * len(base))
+    assert np.exp(-np.median(better)) < 0.7  # standard deviations, geometric mean
+    assert np.exp(-better.min()) < 0.8
 
 
-def test_a_search_that_ends_by_itself_is_reproducible(two_link, find):
+def test_a_search_is_reproducible(two_link, find):
     first, second, other = (find(two_link, seed=s) for s in (1, 1, 2))
-    assert first.end == "converged"
+    assert len(first.names) == len(first.gain)
     np.testing.assert_array_equal(first.trajectory.sin, second.trajectory.sin)
     assert first.after.figure == second.after.figure
-    assert first.history == second.history
     assert not np.array_equal(first.trajectory.sin, other.trajectory.sin)
 
 
 def test_a_search_ended_by_its_count_is_reproducible_and_keeps_the_best(two_link, find, tmp_path):
     first, second = (find(two_link, evaluations=400) for _ in range(2))
-    assert first.end == "evaluations"
-    assert first.reproducible
     assert first.evaluations <= DRAWS + 400
     path = tmp_path / "next.json"  # its answers name the file
     whole = [e.to_json(path).read_bytes() for e in (first, second)]
     assert whole[0] == whole[1]
-    assert first.after.figure < first.before.figure
-
-
-def test_a_search_ended_by_time_says_that_it_is_not_reproducible(two_link, find):
-    result = find(two_link, time_limit=1e-6)
-    assert result.end == "time"
-    assert not result.to_dict()["reproducible"]
-    assert "the same seed may give another motion" in result.statement
-    assert result.after.figure < result.before.figure
+    assert first.after.figure > first.before.figure
 
 
 @pytest.fixture(scope="module")
@@ -180,7 +155,7 @@ def test_effects_are_separated_from_a_log_at_one_joint(two_link, find):
 
 
 def test_effects_that_nothing_separates_are_said_to_stay_alike(two_link, find):
-    result = find(two_link, separate=["torque_offset", "coulomb_asymmetry"], iterations=2)
+    result = find(two_link, separate=["torque_offset", "coulomb_asymmetry"], evaluations=60)
     assert result.after.figure > 0.99
     assert "would still give both names" in result.statement
 
@@ -188,7 +163,7 @@ def test_effects_that_nothing_separates_are_said_to_stay_alike(two_link, find):
 def test_effects_that_the_model_contains_cannot_be_seen(two_link, find):
     result = find(two_link, separate=["payload", "joint_stiffness"], evaluations=500)
     assert result.after.visible[0] < 0.01
-    assert "No motion was found that separates payload" in result.statement
+    assert "payload leaves only" in result.statement
 
 
 def test_a_point_stays_in_its_box(find):
@@ -209,7 +184,7 @@ def test_a_point_stays_in_its_box(find):
 def test_a_box_that_nothing_reaches_is_refused(two_link, find):
     far = {"workspace": {"link2": {"z": [5.0, 6.0]}}}
     with pytest.raises(ClosureError, match="link2 within the box"):
-        find(two_link, iterations=1, limits=far)
+        find(two_link, evaluations=1, limits=far)
 
 
 def test_a_bound_on_the_closure_is_kept_or_refused(find):
@@ -233,20 +208,20 @@ def test_loops_that_cannot_close_are_refused_in_one_sentence(find):
     robot = Robot.load("3-rps")
     apart = {f"slider{k}": {"q": [low, low + 0.01]} for k, low in ((1, 0.1), (2, 0.1), (3, 3.0))}
     with pytest.raises(ClosureError, match="give narrower limits") as error:
-        find(robot, limits=apart, iterations=1, harmonics=1, samples=20)
+        find(robot, limits=apart, evaluations=1, harmonics=1, samples=20)
     assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({"criterion": "conditon"}, "criterion must be 'condition', .* did you mean 'condition'"),
-        ({"criterion": "separate"}, "takes exactly two effects, 0 were given"),
-        ({"separate": ["payload"]}, "takes exactly two effects, 1 were given"),
+        ({"criterion": "condition"}, "'criterion' of excite is no longer needed"),
+        ({"time_limit": 3}, "'time_limit' of excite is called 'evaluations' now"),
+        ({"separate": []}, "takes exactly two effects and no parameters, 0 were given"),
+        ({"separate": ["payload"]}, "takes exactly two effects"),
         ({"separate": ["paylod", "payload"]}, "There is no effect 'paylod', did you mean"),
         ({"separate": ["joint_stiffness@elbw", "payload"]}, "at 'elbw' of two-link, did you mean"),
-        ({"separate": ["a", "b"], "criterion": "condition"}, "separated by the criterion"),
-        ({"parameters": ["link1.mx"], "criterion": "condition"}, "chosen for the criterion"),
+        ({"separate": ["payload", "gravity"], "parameters": ["link1.mx"]}, "and no parameters"),
         ({"parameters": ["link1.my2"]}, "There is no parameter 'link1.my2', did you mean"),
         ({"parameters": ["link1.my"]}, "No motion can determine 'link1.my' by itself"),
         ({"parameters": ["link2.m"]}, "only together with"),
@@ -274,7 +249,7 @@ def test_the_papers_own_trajectory_is_what_the_criterion_says_it_is(rps):
 def test_logs_may_be_frames(simulated, two_link, find):
     log = simulated("two-link", "a", samples=100)
     assert isinstance(log, Log)
-    result = find(two_link, start_from=[log.to_frame()], iterations=1)
+    result = find(two_link, start_from=[log.to_frame()], evaluations=1)
     assert result.logs == ("log 1",)
 
 

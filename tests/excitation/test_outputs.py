@@ -74,31 +74,21 @@ def test_a_bag_holds_the_trajectory_that_the_table_holds(paper, tmp_path):
     np.testing.assert_allclose(times, table["t"], atol=1e-8)
 
 
-def test_one_period_as_a_table(paper):
-    assert list(paper.to_log_frame().columns)[:4] == ["t", "slider1.q", "slider1.dq", "slider1.ddq"]
-
-
 def test_frames_state_what_each_joint_does_and_may_do(paper):
     frame = paper.to_frame()
     assert list(frame["joint"]) == ["slider1", "slider2", "slider3"]
     assert np.all(frame["speed"] <= frame["speed_limit"])
     assert np.all(frame["least"] >= frame["lower_limit"])
     gains = paper.parameters_frame()
-    assert len(gains) == 25
+    assert len(gains) == len(paper.names)
     assert isinstance(gains, pd.DataFrame)
 
 
 def test_the_statement_names_figures_and_the_closure(paper):
-    assert "25 base columns" in paper.statement
+    assert f"all {len(paper.names)} parameters" in paper.statement
     assert f"{paper.after.figure:.3g}" in paper.statement
     assert "loops close at all 750 samples" in paper.statement
     assert "slider1" in paper._repr_html_()
-
-
-def test_the_history_falls(paper):
-    for start in {s.start for s in paper.history}:
-        costs = [s.cost for s in paper.history if s.start == start]
-        assert np.all(np.diff(costs) <= 0)
 
 
 @pytest.mark.parametrize("which", ["paper", "arm"])
@@ -107,16 +97,12 @@ def test_the_report_is_whole_and_states_the_answer(which, request, tmp_path):
     text = result.write_report(tmp_path / "report.html").read_text()
     assert text.rstrip().endswith("</html>")
     assert "What it is worth" in text
-    assert text.count("<svg") == len(result.limits.joints) + 3
+    assert text.count("<svg") == len(result.limits.joints) + 2
 
 
 def test_reports_of_the_other_criteria_warn_where_they_must(two_link, find, tmp_path):
-    alike = find(two_link, separate=["torque_offset", "coulomb_asymmetry"], iterations=1)
+    alike = find(two_link, separate=["torque_offset", "coulomb_asymmetry"], evaluations=1)
     assert "still look alike" in alike.write_report(tmp_path / "a.html").read_text()
-    short = find(two_link, evaluations=50, criterion="information")
-    assert "by its number of evaluations" in short.write_report(tmp_path / "b.html").read_text()
-    hurried = find(two_link, time_limit=1e-6, criterion="information")
-    assert "The time limit ended" in hurried.write_report(tmp_path / "c.html").read_text()
 
 
 def test_the_command_writes_what_it_is_asked_for(tmp_path):
@@ -124,7 +110,7 @@ def test_the_command_writes_what_it_is_asked_for(tmp_path):
     words = ["two-link", "--out", str(out), "--report", str(report), "--evaluations", "400"]
     result = CliRunner().invoke(app, words)
     assert result.exit_code == 0, result.output
-    assert "condition number" in result.output
+    assert "log-det of the information" in result.output
     assert out.exists()
     assert report.exists()
 
@@ -133,11 +119,11 @@ def test_the_command_separates_and_starts_from_a_log(simulated, tmp_path):
     log = tmp_path / "run.csv"
     simulated("two-link", "a", samples=100).write(log)
     out = tmp_path / "m.csv"
-    words = ["two-link", "--start-from", str(log), "--out", str(out), "--time-limit", "0.3"]
+    words = ["two-link", "--start-from", str(log), "--out", str(out), "--evaluations", "100"]
     pair = ["--separate", "joint_stiffness", "--separate", "torque_offset"]
     result = CliRunner().invoke(app, words + pair)
     assert result.exit_code == 0, result.output
-    assert "similarity of joint_stiffness and torque_offset" in result.output
+    assert "similarity of the two effects" in result.output
     assert "t,shoulder.q" in out.read_text().splitlines()[0]
 
 

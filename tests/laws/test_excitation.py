@@ -10,7 +10,6 @@ from identifiability.logs.prepare import Samples
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.excite.criteria import (
     IDLE,
-    Condition,
     Known,
     LogDet,
     Separation,
@@ -41,15 +40,6 @@ def five_bar():
 
 
 # --- criteria ---------------------------------------------------------------------------------
-
-
-def test_the_cost_of_a_condition_is_its_logarithm_whatever_the_units():
-    """Two unit columns at cos θ = .8: the condition is √(1.8/.2) = 3."""
-    G = np.array([[[1.0, 0.8], [0.8, 1.0]]]) * np.outer([1.0, 50.0], [1.0, 50.0])
-    assert Condition().cost(G)[0] == pytest.approx(np.log(3.0))
-    assert Condition().figure(np.log(3.0)) == pytest.approx(3.0)
-    lost = np.array([[[1.0, 0.0], [0.0, 0.0]]])  # a column that never acts
-    assert Condition().cost(lost)[0] == pytest.approx(0.5 * np.log(1e14))
 
 
 def test_information_is_what_is_left_of_a_column_beside_all_others():
@@ -146,7 +136,7 @@ def samples(robot, n=200, seed=0):
 
 
 def test_logs_are_known_by_their_gram_matrix_in_units_of_each_joints_noise(two):
-    question = pose_question(two, "information", None, None, None)
+    question = pose_question(two, None, None, None)
     assert question.model.names == (
         "rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia",
     )  # fmt: skip
@@ -167,7 +157,7 @@ def test_logs_are_known_by_their_gram_matrix_in_units_of_each_joints_noise(two):
 
 
 def test_a_candidate_counts_as_many_samples_as_a_log_on_top_of_what_is_known(two):
-    question = pose_question(two, "information", None, ["elbow.Fv"], None)
+    question = pose_question(two, None, ["elbow.Fv"], None)
     known = gather_known(question, [samples(two)], 50)
     objective = Objective(question, known, Series(find_limits(two), 2.0, 2), 40)
     x = objective.series.draw(3, np.random.default_rng(0))
@@ -193,8 +183,7 @@ def test_a_candidate_counts_as_many_samples_as_a_log_on_top_of_what_is_known(two
 
 
 def test_a_candidate_outside_its_workspace_pays_for_it(five_bar):
-    question = pose_question(five_bar, "condition", None, None, None)
-    assert question.model.names == ("rigid_body",)
+    question = pose_question(five_bar, ["rigid_body"], None, None)
     known = gather_known(question, [], 50)
     inside = find_limits(five_bar)
     x = np.zeros((1, Series(inside, 2.0, 1).size))
@@ -206,11 +195,11 @@ def test_a_candidate_outside_its_workspace_pays_for_it(five_bar):
     assert space.outside[0] > 49
     paid = Objective(question, known, Series(walled, 2.0, 1), 30)(x)[0]
     assert paid - plain(x)[0] == pytest.approx(200 * (space.outside[0] + 1e-3))
-    assert plain(x)[0] == pytest.approx(Condition().cost(G)[0])
+    assert plain(x)[0] == pytest.approx(question.criterion.cost(G)[0])
 
 
 def test_a_candidate_that_does_not_close_everywhere_pays_most(rps):
-    question = pose_question(rps, "condition", None, None, None)
+    question = pose_question(rps, ["rigid_body"], None, None)
     inside = find_limits(rps)
     shift = np.array([3.0, 0.0, 0.0])  # one leg grows longer than the platform allows
     far = replace(inside, low=inside.low, high=inside.high + shift)
@@ -243,23 +232,19 @@ class Bowl:
 def test_the_search_improves_its_best_starts_and_orders_what_it_found():
     told = []
     found = search(
-        Bowl(), np.random.default_rng(0), iterations=30, evaluations=1e9, time_limit=60.0,
+        Bowl(), np.random.default_rng(0), evaluations=1e5,
         say=lambda cost, share: told.append((cost, share)),
     )  # fmt: skip
     costs = [cost for cost, _ in found.found]
     assert costs == sorted(costs)
-    assert len(costs) == 3
+    assert len(costs) > 1
     assert costs[0] == pytest.approx(-0.5, abs=1e-3)
     assert found.found[0][1][0] == pytest.approx(-3.0, abs=1e-3)
     assert costs[0] <= found.costs.min()
     np.testing.assert_allclose(found.costs, Bowl()(found.draws))
     assert len(found.draws) == DRAWS
     assert found.evaluations > DRAWS
-    assert found.end == "converged"
     assert all(0 <= share <= 1 for _, share in told)
-    for start in {s.start for s in found.steps}:
-        own = [s.cost for s in found.steps if s.start == start]
-        assert own == sorted(own, reverse=True)
 
 
 def test_where_no_candidate_closes_there_is_nothing_to_improve():
@@ -267,28 +252,21 @@ def test_where_no_candidate_closes_there_is_nothing_to_improve():
         def __call__(self, x):
             return np.full(len(x), OPEN * 1.5)
 
-    found = search(Open(), np.random.default_rng(0), iterations=5, evaluations=99, time_limit=9.0,
+    found = search(Open(), np.random.default_rng(0), evaluations=99,
                    say=print)  # fmt: skip
     assert found.found == ()
-    assert (found.evaluations, found.end) == (DRAWS, "converged")
+    assert found.evaluations == DRAWS
 
 
-@pytest.mark.parametrize(
-    ("evaluations", "time_limit", "end"), [(12, 60.0, "evaluations"), (1e9, 0.0, "time")]
-)
-def test_a_search_looks_at_no_more_candidates_than_it_may(evaluations, time_limit, end):
-    found = search(
-        Bowl(), np.random.default_rng(0), iterations=30, evaluations=evaluations,
-        time_limit=time_limit, say=lambda cost, share: None,
-    )  # fmt: skip
-    assert found.end == end
-    assert DRAWS <= found.evaluations <= DRAWS + min(evaluations, 12)
+def test_a_search_looks_at_no_more_candidates_than_it_may():
+    found = search(Bowl(), np.random.default_rng(0), evaluations=12, say=lambda cost, share: None)
+    assert DRAWS <= found.evaluations <= DRAWS + 12
     assert found.found[0][0] <= found.costs.min()
 
 
 def test_a_question_about_two_effects_has_the_model_then_each_of_them(two):
     pair = ["stribeck_friction", "quadratic_friction@elb*"]
-    question = pose_question(two, "separate", None, None, pair)
+    question = pose_question(two, None, None, pair)
     assert question.chosen == tuple(pair)
     names = np.array(question.names)
     assert names[question.criterion.first].tolist() == ["shoulder.Fs", "elbow.Fs"]

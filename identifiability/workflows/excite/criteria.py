@@ -15,7 +15,6 @@ from identifiability.effects import Effect, Part, Placed, default_effects, find_
 from identifiability.estimation.estimate import estimate
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.names import Array, find_named
-from identifiability.foundation.options import check_choice
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
@@ -28,11 +27,11 @@ from identifiability.workflows.excite.rules import RULES
 
 # What an exciting motion is good for: the criteria, on Gram matrices ``WᵀW``.
 #
-# What to use when: `Condition` for a first log of a robot (all parameters alike) [Gautier 1992];
-# `LogDet` for what to measure next, about some parameters beside all others [Swevers 1997] (D_s-
-# optimality, [Atkinson 2007, sec. 10.3]); `Separation` for two effects of unknown size;
-# `Discrimination` for effects of known size, from rivals or from the model. Each gives a cost that
-# is to be made small, batched over candidates, and the figure that a reader knows it by.
+# What to use when: `LogDet` for a first log or the next one, about some parameters beside all
+# others [Swevers 1997] (D_s-optimality, [Atkinson 2007, sec. 10.3]); `Separation` for two effects
+# of unknown size; `Discrimination` for effects of known size, from rivals or from the model. Each
+# gives a cost that is to be made small, batched over candidates, and the figure that a reader
+# knows it by.
 
 
 #: Scaled eigenvalues of a Gram matrix below this are rounding.
@@ -48,13 +47,12 @@ class Criterion(ABC):
     ----------
     name : str
         Public name.
-    title, short : str
-        What the figure is, for reports and for figures.
+    title : str
+        What the figure is.
     """
 
     name: str
     title: str
-    short: str
 
     @abstractmethod
     def cost(self, G: Array) -> Array:
@@ -63,25 +61,6 @@ class Criterion(ABC):
     @abstractmethod
     def figure(self, cost: float) -> float:
         """Return the figure that belongs to a cost."""
-
-
-@frozen
-class Condition(Criterion):
-    """Condition number of the matrix with columns of length one."""
-
-    name = "condition"
-    title = "condition number of the column-normalised matrix"
-    short = "condition number"
-
-    def cost(self, G: Array) -> Array:
-        """Return the logarithm of the condition number."""
-        values = np.linalg.eigvalsh(scaled(G)[0])
-        cost: Array = 0.5 * np.log(values[:, -1] / np.maximum(values[:, 0], FLOOR * values[:, -1]))
-        return cost
-
-    def figure(self, cost: float) -> float:
-        """Return the condition number."""
-        return float(np.exp(min(cost, 700.0)))
 
 
 @frozen
@@ -97,7 +76,6 @@ class LogDet(Criterion):
     chosen: np.ndarray
     name = "information"
     title = "log-det of the information"
-    short = "log-det"
 
     def cost(self, G: Array) -> Array:
         """Return the mean logarithm of σ along the principal axes: −log-det / 2c."""
@@ -128,7 +106,6 @@ class Separation(Criterion):
     second: np.ndarray
     name = "separate"
     title = "similarity of the two effects"
-    short = "similarity"
 
     def cost(self, G: Array) -> Array:
         """Return ``−log sin θ`` of the smallest angle, more where an effect is hardly visible."""
@@ -201,7 +178,6 @@ class Discrimination(Criterion):
     asks: tuple[Ask, ...]
     name = "discriminate"
     title = "what only the true effect explains, in standard deviations"
-    short = "standard deviations"
 
     def cost(self, G: Array) -> Array:
         """Return half the logarithm of the mean of one over one more than the squares, (m,)."""
@@ -259,14 +235,6 @@ def _inverse_root(S: Array) -> Array:
 
 
 # `Question`: which columns a motion should tell apart, and what logs say of them already.
-
-
-#: Effects of the model: for conditioning those of the literature, else those of a diagnosis.
-EFFECTS = {
-    "condition": ("rigid_body",),
-    "information": USUAL_EFFECTS,
-    "separate": USUAL_EFFECTS,
-}
 
 
 @frozen
@@ -327,7 +295,6 @@ class Known:
 
 def pose_question(
     robot: Robot,
-    criterion: str,
     model: ModelLike | None,
     parameters: Sequence[str] | None,
     separate: Sequence[str] | None,
@@ -338,23 +305,22 @@ def pose_question(
     ------
     ModelError, IdentifiabilityError
     """
-    check_choice("criterion", criterion, tuple(EFFECTS))
-    _check_fit(criterion, parameters, separate)
+    if separate is not None and (len(separate) != 2 or parameters):
+        raise IdentifiabilityError(
+            f"To separate takes exactly two effects and no parameters, {len(separate)} were given; "
+            "name two, such as stribeck_friction and quadratic_friction@slider1."
+        )
     pair = [_place_effect(robot, text) for text in separate or ()]
-    own = EFFECTS[criterion]
-    usual = own if criterion == "condition" else default_effects(robot, own)
-    question = add_beside(robot, choose_model(model, usual), pair)
-    if criterion == "information":
-        base = question.structure.base
-        at = _find_parameters(base, parameters)
-        chosen = tuple(base.names[k] for k in at) if parameters else ()
-        return replace(question, chosen=chosen, criterion=LogDet(at))
-    if criterion == "separate":
+    model = choose_model(model, default_effects(robot, USUAL_EFFECTS))
+    question = add_beside(robot, model, pair)
+    if separate is not None:
         k, widths = len(question.columns), question.model.widths(robot)
         split = k - widths[-1]
         rule = Separation(np.arange(split - widths[-2], split), np.arange(split, k))
-        return replace(question, chosen=tuple(separate or ()), criterion=rule)
-    return question
+        return replace(question, chosen=tuple(separate), criterion=rule)
+    at = _find_parameters(question.structure.base, parameters)
+    chosen = tuple(question.names[k] for k in at) if parameters else ()
+    return replace(question, chosen=chosen, criterion=LogDet(at))
 
 
 def add_beside(robot: Robot, model: Model, effects: Sequence[Effect]) -> Question:
@@ -366,7 +332,8 @@ def add_beside(robot: Robot, model: Model, effects: Sequence[Effect]) -> Questio
     taken = {every[k].name for k in added}  # what is to be separated is no part of the model
     columns = np.array([*(k for k in structure.base.kept if every[k].name not in taken), *added])
     names, units = (tuple(getattr(every[k], what) for k in columns) for what in ("name", "unit"))
-    return Question(structure, whole, columns.astype(int), names, units, (), Condition())
+    every_one = LogDet(np.arange(len(columns)))
+    return Question(structure, whole, columns.astype(int), names, units, (), every_one)
 
 
 def gather_known(question: Question, samples: Sequence[Prepared], planned: int) -> Known:
@@ -384,25 +351,6 @@ def gather_known(question: Question, samples: Sequence[Prepared], planned: int) 
     R = information.factor(weights)[:k, :k]
     paths = tuple(s.path or s.name for s in samples)
     return Known(R.T @ R, weights, information.samples / len(samples), paths)
-
-
-def _check_fit(
-    criterion: str, parameters: Sequence[str] | None, separate: Sequence[str] | None
-) -> None:
-    """Refuse arguments that belong to another criterion."""
-    if criterion == "separate" and (separate is None or len(separate) != 2):
-        raise IdentifiabilityError(
-            f"To separate takes exactly two effects, {len(separate or ())} were given; name two, "
-            "such as stribeck_friction and quadratic_friction@slider1."
-        )
-    if criterion != "separate" and separate:
-        raise IdentifiabilityError(
-            f"Two effects are separated by the criterion 'separate', not by '{criterion}'."
-        )
-    if criterion != "information" and parameters:
-        raise IdentifiabilityError(
-            f"Parameters are chosen for the criterion 'information', not for '{criterion}'."
-        )
 
 
 def _place_effect(robot: Robot, text: str) -> Effect:
@@ -427,16 +375,18 @@ def _find_parameters(base: BaseParameters, names: Sequence[str] | None) -> np.nd
         return np.arange(len(base))
     every = [p.name for p in base.parameters]
     found = []
-    wanted = {text: find_named(text, base.names) or [text] for text in names}
-    for name in dict.fromkeys(name for several in wanted.values() for name in several):
+    wanted = (find_named(text, base.names) or [text] for text in names)
+    for name in dict.fromkeys(name for several in wanted for name in several):
         if name not in every:
             raise ModelError(
                 f"There is no parameter '{name}'{near_match(name, every)} "
                 f"The base parameters are {listing(base.names)}."
             )
         if name not in base.names:
-            members = [base.names[r] for r in range(len(base)) if base.G[r, every.index(name)] != 0]
-            why = f"only together with {listing(members)}; choose that" if members else "by nothing"
-            raise ModelError(f"No motion can determine '{name}' by itself: it acts {why}.")
+            members = [base.names[r] for r in np.flatnonzero(base.G[:, every.index(name)])]
+            raise ModelError(
+                f"No motion can determine '{name}' by itself: it acts only together with "
+                f"{listing(members) or 'nothing'}; choose that."
+            )
         found.append(base.names.index(name))
     return np.array(found, int)

@@ -129,17 +129,12 @@ class Limits:
 
     def state_assumed(self) -> str:
         """Return what nobody stated, in words: which limits, and of which joints."""
-        of: dict[str, list[str]] = {}
-        for name in self.assumed:
-            joint, _, kind = name.rpartition(".")
-            of.setdefault(joint, []).append(KINDS[kind])
-        alike: dict[str, list[str]] = {}
-        for joint, kinds in of.items():
-            alike.setdefault(join(kinds), []).append(joint)
+        of = {kind: [n[:-2] for n in self.assumed if n.endswith(f".{kind}")] for kind in KINDS}
         return join(
             [
-                f"{kinds} of {join(js, 4) if len(js) < len(self.joints) else 'all joints'}"
-                for kinds, js in alike.items()
+                f"{KINDS[kind]} of {join(js, 4) if len(js) < len(self.joints) else 'all joints'}"
+                for kind, js in of.items()
+                if js
             ]
         )
 
@@ -182,34 +177,52 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
             )
         return given
     source, entry = _read(given)
-    _check_names(source, "joint", entry.limits, robot.motor_joints)
-    _check_names(source, "body", entry.workspace, robot.bodies)
+    for what, names, known in (
+        ("actuated joint", entry.limits, robot.motor_joints),
+        ("body", entry.workspace, robot.bodies),
+    ):
+        for name in names:
+            if name not in known:
+                raise RobotError(
+                    f"{source}: '{name}' is no {what} of the robot{near_match(name, known)} Known "
+                    f"are {listing(known)}."
+                )
     motors = slice(len(robot.joints) - len(robot.motor_joints), None)
     slides = np.array([robot.is_prismatic(int(k)) for k in robot.actuated[motors]]).astype(int)
     home = robot.actuated_positions(robot.home[None])[0, motors]
-    own = {"q": robot.limits, "v": stated_speeds(robot), "a": robot.acceleration_limits}
-    filled, assumed = {}, []
+    own = {
+        "q": robot.limits,
+        "v": stated_speeds(robot),
+        "a": robot.acceleration_limits,
+        "tau": np.full(len(robot.joints), np.inf),
+        "power": np.full(len(robot.joints), np.inf),
+    }
+    found, assumed = {}, []
     for kind, values in own.items():
-        stated, likely = values[motors].copy(), np.array(ASSUMED[kind])[slides]
-        for name, limit in entry.limits.items():
-            if getattr(limit, kind) is not None:
-                stated[robot.motor_joints.index(name)] = getattr(limit, kind)
-        if kind == "q":
-            likely = np.stack([home - likely, home + likely], 1)
-        missing = ~np.isfinite(stated)
-        filled[kind] = np.where(missing, likely, stated)
-        gaps = zip(robot.motor_joints, missing, strict=True)
-        assumed += [f"{name}.{kind}" for name, gap in gaps if np.any(gap)]
-    _check_rising(robot, filled["q"])
-    low, high = filled["q"].T
+        found[kind] = values[motors].copy()
+        for k, name in enumerate(robot.motor_joints):
+            stated = getattr(entry.limits.get(name), kind, None)
+            if stated is not None:
+                found[kind][k] = stated
+            elif kind in ASSUMED and not np.isfinite(found[kind][k]).all():
+                reach = ASSUMED[kind][slides[k]]
+                likely = home[k] + np.array([-reach, reach]) if kind == "q" else reach
+                found[kind][k] = np.where(np.isfinite(found[kind][k]), found[kind][k], likely)
+                assumed.append(f"{name}.{kind}")
+    low, high = found["q"].T
+    for name, least, most in zip(robot.motor_joints, low, high, strict=True):
+        if not least < most:
+            raise RobotError(
+                f"The limits of {name} leave it no room: [{least:g}, {most:g}]; state both ends."
+            )
     return Limits(
         joints=robot.motor_joints,
         low=low,
         high=high,
-        speed=filled["v"],
-        acceleration=filled["a"],
-        torque=_of_drives(robot, entry, "tau"),
-        power=_of_drives(robot, entry, "power"),
+        speed=found["v"],
+        acceleration=found["a"],
+        torque=found["tau"],
+        power=found["power"],
         boxes=tuple(_box(robot, body, box) for body, box in entry.workspace.items()),
         assumed=tuple(assumed),
     )
@@ -226,28 +239,19 @@ def doubt_assumed(limits: Limits, logs: Mapping[str, tuple[Array, Array]]) -> It
     """
     beyond: list[str] = []
     for name, (low, high) in logs.items():
-        fast = np.maximum(-low[1], high[1])
         for k, joint in enumerate(limits.joints):
-            if f"{joint}.v" in limits.assumed and fast[k] > limits.speed[k]:
-                beyond.append(f"{joint} goes at {fast[k]:.3g} in {name} ({limits.speed[k]:.3g})")
-            elif f"{joint}.q" in limits.assumed and (
-                low[0, k] < limits.low[k] or high[0, k] > limits.high[k]
-            ):
-                span = f"{low[0, k]:.3g} … {high[0, k]:.3g}"
-                room = f"{limits.low[k]:.3g} … {limits.high[k]:.3g}"
-                beyond.append(f"{joint} moves over {span} in {name} ({room})")
+            fast = max(-low[1, k], high[1, k])
+            if f"{joint}.v" in limits.assumed and fast > limits.speed[k]:
+                beyond.append(f"{joint} goes at {fast:.3g} in {name} ({limits.speed[k]:.3g})")
+            far = low[0, k] < limits.low[k] or high[0, k] > limits.high[k]
+            if f"{joint}.q" in limits.assumed and far:
+                beyond.append(f"{joint} moves over {low[0, k]:.3g} … {high[0, k]:.3g} in {name}")
     if beyond:
         yield (
             f"Limits that were assumed (in brackets) are too narrow: {listing(beyond, 4)}; state "
             "what the joints may do in the sidecar's [limits] or by --limits, or the motion found "
             "says less than it could."
         )
-
-
-def _of_drives(robot: Robot, entry: LimitsFile, kind: str) -> Array:
-    """Return a limit of the drives, (n,); infinite where it is not stated."""
-    found = [getattr(entry.limits.get(name), kind, None) for name in robot.motor_joints]
-    return np.array([np.inf if x is None else x for x in found])
 
 
 def _read(given: Mapping[str, Any] | str | Path | None) -> tuple[str, LimitsFile]:
@@ -260,23 +264,6 @@ def _read(given: Mapping[str, Any] | str | Path | None) -> tuple[str, LimitsFile
         return "The limits", LimitsFile.model_validate(dict(given))
     except ValidationError as problem:
         raise RobotError(f"The limits: {first_problem(problem, LimitsFile)}") from None
-
-
-def _check_names(source: str, what: str, given: Mapping[str, Any], known: tuple[str, ...]) -> None:
-    for name in given:
-        if name not in known:
-            raise RobotError(
-                f"{source}: '{name}' is no {'actuated joint' if what == 'joint' else what} of the "
-                f"robot{near_match(name, known)} Known are {listing(known)}."
-            )
-
-
-def _check_rising(robot: Robot, q: Array) -> None:
-    for name, (low, high) in zip(robot.motor_joints, q, strict=True):
-        if not low < high:
-            raise RobotError(
-                f"The limits of {name} leave it no room: [{low:g}, {high:g}]; state both ends."
-            )
 
 
 def _box(robot: Robot, body: str, entry: BoxEntry) -> Box:
@@ -321,14 +308,17 @@ class Clearance:
             return None, f"{robot.path.name} has no shapes that can collide, so {end}"
         if not len(shapes.collisionPairs):
             return None, ""  # bodies are all joined to each other
-        whole = Clearance(robot, shapes)
-        home = whole._distances(robot.home)
-        objects = shapes.geometryObjects
-        pairs = [(p.first, p.second) for p in shapes.collisionPairs]
-        bad = [pair for pair, d in zip(pairs, home, strict=True) if d < RULES.clearance]
-        for first, second in bad:
-            shapes.removeCollisionPair(pin.CollisionPair(first, second))
-        names = [" and ".join(sorted(body_of(objects[k]) for k in pair)) for pair in bad]
+        objects, data = shapes.geometryObjects, shapes.createData()
+        pin.computeDistances(robot.model, robot.model.createData(), shapes, data, robot.home)
+        touching = [
+            pair
+            for pair, found in zip(shapes.collisionPairs, data.distanceResults, strict=True)
+            if found.min_distance < RULES.clearance
+        ]
+        names = []
+        for pair in [(p.first, p.second) for p in touching]:
+            shapes.removeCollisionPair(pin.CollisionPair(*pair))
+            names.append(" and ".join(sorted(body_of(objects[k]) for k in pair)))
         if not len(shapes.collisionPairs):
             return None, f"All bodies of {robot.name} touch at home, so {end}"
         return Clearance(robot, shapes, tuple(dict.fromkeys(names))), ""
@@ -357,12 +347,6 @@ class Clearance:
             pin.computeDistances(model, data, shapes, found, row)
             out[k] = min(pair.min_distance for pair in found.distanceResults)
         return out
-
-    def _distances(self, q: Array) -> list[float]:
-        model, shapes = self.robot.model, self.geometry
-        found = shapes.createData()
-        pin.computeDistances(model, model.createData(), shapes, found, np.asarray(q, float))
-        return [float(pair.min_distance) for pair in found.distanceResults]
 
 
 def nearness(gaps: Array) -> Array:

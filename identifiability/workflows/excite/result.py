@@ -35,10 +35,9 @@ from identifiability.robot import Robot, complete_motion
 from identifiability.simulation.motion import PrescribedMotion, Trajectory, write_trajectory_bag
 from identifiability.workflows.answers import answer_next, note, sentence
 from identifiability.workflows.commands import name_logs, on_file, source_name
-from identifiability.workflows.excite.criteria import Criterion
-from identifiability.workflows.excite.limits import Clearance, Drive, Limits
+from identifiability.workflows.excite.criteria import Criterion, LogDet, Separation
+from identifiability.workflows.excite.limits import Clearance, Drive, Limits, survey
 from identifiability.workflows.excite.rules import RULES
-from identifiability.workflows.excite.search import End, Iteration
 
 # From a periodic motion to what a controller plays: from rest, into the periods, back to rest.
 #
@@ -132,13 +131,9 @@ def _keeps(
         whole = complete_motion(robot, motion.t, motion.q, motion.dq, motion.ddq)
     except ClosureError:
         return False
-    if len(whole) < len(motion.t) or whole.singular or whole.condition > limits.closure_bound:
-        return False
-    for box in limits.boxes:
-        at = robot.tree.positions(whole.q, box.point)
-        if np.any(at > box.high) or np.any(at < box.low):
-            return False
-    if drive is not None and float(drive.load(whole).max()) > SLACK:
+    step = float(motion.t[1] - motion.t[0])
+    space = survey(robot, limits, whole, len(motion.t), 1, step, drive)
+    if not space.kept(limits.closure_bound)[0]:
         return False
     return watched is None or float(watched.gaps(whole.q).min()) >= RULES.clearance / 2
 
@@ -194,13 +189,8 @@ class Excitation(Result):
         Largest condition number of the closure along the motion; 1 for an open chain.
     room : float [m]
         Least distance of the workspace's points from the walls of their boxes; infinite without.
-    history : tuple of Iteration
-        Of the search.
     evaluations : int
         Motions looked at.
-    seconds : float
-    end : {"converged", "evaluations", "time"}
-        What ended the search.
     seed : int
     gap : float [m]
         Least distance at any sample of bodies that are not joined; infinite where none is watched.
@@ -227,20 +217,12 @@ class Excitation(Result):
     limits: Limits
     closure: float
     room: float
-    history: tuple[Iteration, ...]
     evaluations: int
-    seconds: float
-    end: End
     seed: int
     gap: float = np.inf
     hints: tuple[str, ...] = ()
     provenance: Mapping[str, str] = field(default_factory=dict)
     preparation: Preparation = Preparation()
-
-    @property
-    def reproducible(self) -> bool:
-        """Whether the same seed gives the same motion, however fast the machine is."""
-        return self.end != "time"
 
     @property
     def beside(self) -> str:
@@ -280,10 +262,6 @@ class Excitation(Result):
     def parameters_frame(self) -> pd.DataFrame:
         """Return one row a column: how its standard deviation changes."""
         return pd.DataFrame({"name": self.names, "unit": self.units, "sigma_ratio": self.gain})
-
-    def to_log_frame(self) -> pd.DataFrame:
-        """Return one period of the motion, which begins at speed, as a table."""
-        return _motion_frame(self.limits.joints, PrescribedMotion(*self.motion))
 
     def play(self, rate: float = 500.0, periods: int = 1) -> PrescribedMotion:
         """Return what a controller plays: from rest, through whole periods, back to rest.
@@ -326,10 +304,10 @@ class Excitation(Result):
             **({"gap": self.gap} if np.isfinite(self.gap) else {}),
             "joints": self.to_frame().to_dict("records"),
             "parameters": self.parameters_frame().to_dict("records"),
-            "complete": self.end == "converged",
-            "ended_by": self.end,
+            "complete": False,
+            "ended_by": "evaluations",
             "evaluations": self.evaluations,
-            "reproducible": self.reproducible,
+            "reproducible": True,
             "seed": self.seed,
             "hints": list(self.hints),
             "provenance": dict(self.provenance),
@@ -378,20 +356,32 @@ class Excitation(Result):
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        said = self.worth
-        if self.reproducible:
-            return f"{said} {self.limits_statement}"
-        return (
-            f"{said} {self.limits_statement} The time limit ended the search, so the same seed may "
-            "give another motion; limit the evaluations instead."
-        )
+        return f"{self.worth} {self.limits_statement}"
 
     @property
     def worth(self) -> str:
         """What the motion tells, in words."""
-        words = {"information": self._information, "separate": self._separation}
-        words["discriminate"] = self._discrimination
-        return words.get(self.criterion.name, self._condition)()
+        about = listing(self.chosen, 4) if self.chosen else f"all {len(self.names)} parameters"
+        text = (
+            f"With this motion of {self.trajectory.period:g} s the {self.criterion.title}, of "
+            f"{about}, is {self.after.figure:.3g}; with {self.beside} it is "
+            f"{self.before.figure:.3g}."
+        )
+        if isinstance(self.criterion, LogDet):
+            rise = self.after.figure - self.before.figure
+            share = float(np.exp(-rise / (2 * len(self.criterion.chosen))))
+            text += f" Standard deviations become {percent(share, 2)} of those (geometric mean)."
+        for name, share in zip(self.chosen, self.after.visible, strict=False):
+            if share < RULES.visible:
+                text += f" {name} leaves only {percent(share, 2)} outside the model."
+        if self.alike:
+            text += " Within these limits a diagnosis would still give both names."
+        return text
+
+    @property
+    def alike(self) -> bool:
+        """Whether two effects that are to be separated are still alike."""
+        return isinstance(self.criterion, Separation) and self.after.figure > CONFUSABLE
 
     @property
     def limits_statement(self) -> str:
@@ -400,7 +390,7 @@ class Excitation(Result):
         if self.robot.closed:
             told += [
                 f"Its loops close at all {self.trajectory.samples} samples",
-                f"The condition number of the closure stays below {_ceil(self.closure)} (bound "
+                f"The condition number of the closure stays below {self.closure:.2g} (bound "
                 f"{self.limits.closure_bound:g})",
             ]
         if np.isfinite(self.gap):
@@ -411,56 +401,6 @@ class Excitation(Result):
             told.append(f"Nobody stated the {self.limits.state_assumed()}, so these were assumed")
         return " ".join(f"{text}." for text in told)
 
-    def _condition(self) -> str:
-        together = " together with the logs" if self.logs else ""
-        return (
-            f"This motion of {self.trajectory.period:g} s gives the {len(self.names)} base columns "
-            f"a column-normalised condition number of {self.after.figure:.3g}{together}; "
-            f"{self.beside} gives {self.before.figure:.3g}."
-        )
-
-    def _discrimination(self) -> str:
-        return (
-            f"Of {listing(self.chosen, 4)} neither the model nor a rival explains "
-            f"{self.after.figure:.3g} standard deviations with this motion of "
-            f"{self.trajectory.period:g} s; {self.beside} gives {self.before.figure:.3g}."
-        )
-
-    def _information(self) -> str:
-        about = listing(self.chosen, 4) if self.chosen else f"all {len(self.names)} parameters"
-        rise = self.after.figure - self.before.figure
-        count = len(self.chosen) or len(self.names)
-        share = float(np.exp(-rise / (2 * count)))
-        if share > RULES.better:
-            return (
-                f"No motion was found that says more about {about} than {self.beside}. The best "
-                f"has a log-det of {self.after.figure:.4g} against {self.before.figure:.4g}."
-            )
-        return (
-            f"Measured next, this motion of {self.trajectory.period:g} s says more about {about} "
-            f"than {self.beside}. The log-det of the information is {rise:.3g} higher, so standard "
-            f"deviations shrink to {percent(share, 2)} (geometric mean)."
-        )
-
-    def _separation(self) -> str:
-        first, second = self.chosen
-        hidden = [
-            f"{name} leaves only {percent(share, 2)} outside the model"
-            for name, share in zip(self.chosen, self.after.visible, strict=True)
-            if share < RULES.visible
-        ]
-        if hidden:
-            why = " and ".join(hidden)
-            return f"No motion was found that separates {first} from {second}: {why}."
-        text = (
-            f"The similarity of {first} and {second} beside the model is "
-            f"{self.after.figure:.2f} with this motion of {self.trajectory.period:g} s and "
-            f"{self.before.figure:.2f} with {self.beside}."
-        )
-        if self.after.figure > CONFUSABLE:
-            text += " Within these limits a diagnosis would still give both names."
-        return text
-
 
 def _motion_frame(joints: tuple[str, ...], motion: PrescribedMotion) -> pd.DataFrame:
     columns = {"t": motion.t}
@@ -468,12 +408,6 @@ def _motion_frame(joints: tuple[str, ...], motion: PrescribedMotion) -> pd.DataF
         for kind, x in (("q", motion.q), ("dq", motion.dq), ("ddq", motion.ddq)):
             columns[f"{joint}.{kind}"] = x[:, k]
     return pd.DataFrame(columns)
-
-
-def _ceil(x: float) -> str:
-    """Return a number rounded up to two digits."""
-    power = 10.0 ** (np.floor(np.log10(x)) - 1)
-    return f"{np.ceil(x / power) * power:g}"
 
 
 def _motion(result: Excitation) -> Answer:
@@ -549,12 +483,8 @@ def _limits_table(result: Excitation) -> Table:
 
 def _notes(result: Excitation) -> list[Note]:
     notes = []
-    if result.end == "evaluations":
-        notes.append(note("evaluations", motions=result.evaluations))
-    if not result.reproducible:
-        notes.append(note("time"))
     if result.limits.assumed:
         notes.append(note("assumed", names=result.limits.state_assumed()))
-    if result.criterion.name == "separate" and result.after.figure > CONFUSABLE:
+    if result.alike:
         notes.append(note("alike"))
     return notes

@@ -1,15 +1,13 @@
 """Candidate motions, what they keep by construction and cost, and the search among them.
 
-Many random starts, the best few improved, these to their ends, the best first.
+Many random candidates, the best of them improved one after the other.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from contextlib import suppress
 from functools import cached_property
-from typing import Literal, cast, get_args
 
 import numpy as np
 from scipy.optimize import minimize
@@ -18,7 +16,7 @@ from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.robot import Motion, Robot, complete_motion
+from identifiability.robot import Motion, complete_motion
 from identifiability.simulation.motion import Trajectory
 from identifiability.workflows.excite.criteria import Known, Question
 from identifiability.workflows.excite.limits import (
@@ -79,24 +77,18 @@ class Series:
     @property
     def looks(self) -> int:
         """Samples at which a search looks at a candidate."""
-        # Samples at which the search looks, for each harmonic; the regressor has
-        # harmonics of its own.
+        # The regressor has harmonics of its own.
         return 12 * self.harmonics
-
-    @property
-    def joints(self) -> int:
-        """Number of joints n."""
-        return len(self.limits.joints)
 
     @property
     def size(self) -> int:
         """Numbers a candidate has, ``n (2H + 1)``."""
-        return self.joints * (2 * self.harmonics + 1)
+        return len(self.limits.joints) * (2 * self.harmonics + 1)
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         """Return random candidates (count, size); every second one fills its limits."""
         x = rng.standard_normal((count, self.size))
-        amplitudes = self.joints * 2 * self.harmonics
+        amplitudes = len(self.limits.joints) * 2 * self.harmonics
         level = np.exp(rng.uniform(-2.0, 0.5, count))
         level[::2] = 3.0  # beyond any limit, so scaled down to it
         x[:, :amplitudes] *= level[:, None]
@@ -104,7 +96,7 @@ class Series:
 
     def series(self, x: Array) -> tuple[Array, Array]:
         """Return offsets (m, n) and velocity amplitudes (m, n, 2H) of candidates (m, size)."""
-        m, n, H = len(x), self.joints, self.harmonics
+        m, n, H = len(x), len(self.limits.joints), self.harmonics
         limits = self.limits
         amplitude = x[:, : 2 * n * H].reshape(m, n, 2 * H) * limits.speed[:, None] / np.sqrt(H)
         if self.at_rest:
@@ -135,23 +127,8 @@ class Series:
         sin, cos = np.split(amplitude, 2, axis=1)
         return Trajectory(name, self.period, samples, offset, sin, cos)
 
-    def complete(self, robot: Robot, x: Array, samples: int) -> Motion | None:
-        """Return the motion of all joints of candidates one after the other, if loops close."""
-        q, v, a = (part.reshape(-1, self.joints) for part in self.motion(x, samples))
-        try:
-            return complete_motion(robot, np.arange(len(q), dtype=float), q, v, a)
-        except ClosureError:
-            return None
-
-    def survey(
-        self, robot: Robot, motion: Motion, x: Array, samples: int, drive: Drive | None
-    ) -> Workspace:
-        """Return what candidates do beyond the limits of single joints."""
-        step = self.period / samples
-        return survey(robot, self.limits, motion, samples, len(x), step, drive)
-
     def _motion(self, offset: Array, amplitude: Array, samples: int) -> tuple[Array, Array, Array]:
-        m, n, H = len(offset), self.joints, self.harmonics
+        (m, n), H = offset.shape, self.harmonics
         sin, cos = np.split(amplitude.reshape(m * n, 2 * H), 2, axis=1)
         many = Trajectory("", self.period, samples, offset.reshape(-1), sin, cos)
         q, v, a = (x.reshape(samples, m, n).transpose(1, 0, 2) for x in many.motion(many.times()))
@@ -224,11 +201,8 @@ class Objective:
         if self.watched[0] is None:
             return float(cost[0]), slope
         gaps = self.gaps(x[None], self.samples)
-        # Bodies farther apart than so many clearances do not come near each other by
-        # that.
-        near = (
-            gaps[0] < 3.0 * RULES.clearance
-        )  # a neighbour is not far: the others stay where they are
+        # Bodies farther apart than so many clearances do not come near each other by that.
+        near = gaps[0] < 3.0 * RULES.clearance
         total = TOUCHING * float(nearness(gaps).sum())
         if near.any():
             moved = self.gaps(x + NUDGE * np.eye(len(x)), self.samples, near)
@@ -252,7 +226,13 @@ class Objective:
 
     def _complete(self, x: Array, samples: int) -> Motion | None:
         """Return the motion of all joints of candidates one after the other, where there is one."""
-        return self.series.complete(self.question.structure.robot, x, samples)
+        q, v, a = (np.concatenate(part) for part in self.series.motion(x, samples))
+        try:
+            return complete_motion(
+                self.question.structure.robot, np.arange(len(q), dtype=float), q, v, a
+            )
+        except ClosureError:
+            return None
 
     def look(self, x: Array, samples: int) -> tuple[Array, Workspace]:
         """Return Gram matrices of logs and candidates together (m, k, k), and the workspace."""
@@ -265,10 +245,12 @@ class Objective:
             nowhere = np.full(m, np.inf)
             G = np.repeat(known.G[None], m, 0)
             return G, Workspace(missing, nowhere, missing, nowhere, nowhere)
-        space = self.series.survey(robot, motion, x, samples, self.drive)
+        step = self.series.period / samples
+        space = survey(robot, self.limits, motion, samples, m, step, self.drive)
         W = self.question.model.regressor(robot, motion)[:, :, self.question.columns]
         W = W * np.sqrt(known.weights * known.samples / samples)[:, None]
-        full = W if len(motion) == m * samples else _padded(W, motion.kept, m * samples)
+        full = np.zeros((m * samples, *W.shape[1:]))
+        full[motion.kept] = W
         rows = full.reshape(m, samples * n, -1)
         return known.G + rows.transpose(0, 2, 1) @ rows, space
 
@@ -281,34 +263,16 @@ class Objective:
         return closed
 
 
-def _padded(W: Array, kept: np.ndarray, rows: int) -> Array:
-    full = np.zeros((rows, *W.shape[1:]))
-    full[kept] = W
-    return full
-
-
-# `search`: many random starts, the best few improved, these to their ends, the best first.
+# `search`: many random candidates, the best of them improved one after the other.
 #
 # BFGS copes with the kinks that peaks and singular values make [Lewis 2013]; its curvature is
 # thrown away when it gets stuck at one, and found again from there.
 
 
-End = Literal["converged", "evaluations", "time"]
-
-#: Random candidates that are tried, and how many of them are improved.
+#: Random candidates that are tried.
 DRAWS = 128
-STARTS = 3
-#: Rounds of BFGS on the best start, or the next one where that has converged.
-ROUNDS = 4
-
-
-@frozen
-class Iteration:
-    """One iteration: which start, how many iterations before it, and the cost so far."""
-
-    start: int
-    iteration: int
-    cost: float
+#: Fall of the cost below which a start is stuck: the next one may get further.
+STUCK: Tolerance = 2e-3
 
 
 @frozen
@@ -323,73 +287,25 @@ class Search:
         Random candidates.
     costs : (DRAWS,)
         Theirs.
-    steps : tuple of Iteration
     evaluations : int
         Candidates whose cost was computed.
-    end : {"converged", "evaluations", "time"}
-        What ended it; only time makes it depend on the machine.
     """
 
     found: tuple[tuple[float, Array], ...]
     draws: Array
     costs: Array
-    steps: tuple[Iteration, ...]
     evaluations: int
-    end: End
 
 
-class _StoppedError(Exception):
-    """Where a search was ended from outside."""
-
-
-@dataclass
-class _Run:
-    """The best candidate of one start so far."""
-
-    objective: Objective
-    number: int
-    x: Array
-    cost: float
-    deadline: float
-    say: Callable[[float], None]
-    allowed: float = 0.0
-    iterations: int = 0
-    evaluations: int = 0
-    steps: list[Iteration] = field(default_factory=list)
-
-    def improve(self, iterations: int) -> End:
-        """Go on for some iterations of BFGS; return what ended them."""
-        how = {"jac": True, "method": "BFGS", "options": {"maxiter": iterations, "gtol": 1e-4}}
-        try:
-            minimize(self._gradient, self.x, callback=self._count, **how)
-        except _StoppedError as stop:
-            return cast("End", str(stop))
-        return "converged"
-
-    def _gradient(self, x: Array) -> tuple[float, Array]:
-        if time.monotonic() > self.deadline:
-            raise _StoppedError("time")
-        if self.evaluations + len(x) + 1 > self.allowed:
-            raise _StoppedError("evaluations")
-        cost, slope = self.objective.gradient(x)
-        self.evaluations += len(x) + 1
-        if cost < self.cost:
-            self.cost, self.x = cost, x.copy()
-        return cost, slope
-
-    def _count(self, _x: Array) -> None:
-        self.iterations += 1
-        self.steps.append(Iteration(self.number, self.iterations, self.cost))
-        self.say(self.cost)
+class _SpentError(Exception):
+    """Where no evaluations are left."""
 
 
 def search(
     objective: Objective,
     rng: np.random.Generator,
     *,
-    iterations: int,
-    evaluations: float,
-    time_limit: float,
+    evaluations: int,
     say: Callable[[float, float], None],
 ) -> Search:
     """Return the best candidates.
@@ -399,52 +315,35 @@ def search(
     objective : Objective
     rng : numpy.random.Generator
         Draws the starts.
-    iterations : int
-        Of BFGS a round.
-    evaluations : float
+    evaluations : int
         Candidates whose cost may be computed, after the random ones.
-    time_limit : float [s]
-        After it the search stops wherever it is, and depends on the machine.
     say : callable(cost, share)
-        Called after every iteration.
+        Called after every step.
     """
-    begin = time.monotonic()
     draws = objective.series.draw(DRAWS, rng)
     costs = objective(draws)
-    # Share of the iterations that each start gets before the best is chosen.
-    first = max(5, int(0.25 * iterations))
-    total = STARTS * first + ROUNDS * iterations
+    found: list[tuple[float, Array]] = []
+    spent = 0
 
-    def spent() -> int:
-        return sum(r.evaluations for r in runs)
+    def look(x: Array) -> tuple[float, Array]:
+        nonlocal spent
+        if spent + len(x) + 1 > evaluations:
+            raise _SpentError
+        spent += len(x) + 1
+        cost, slope = objective.gradient(x)
+        if cost < found[-1][0]:
+            found[-1] = cost, x.copy()
+        say(min(cost for cost, _ in found), spent / evaluations)
+        return cost, slope
 
-    def tell(cost: float) -> None:
-        done = sum(r.iterations for r in runs) / total
-        say(cost, max(done, spent() / evaluations, (time.monotonic() - begin) / time_limit))
-
-    runs = [
-        _Run(objective, k, draws[at], float(costs[at]), begin + time_limit, tell)
-        for k, at in enumerate(np.argsort(costs)[:STARTS])
-        if costs[at] < OPEN  # where loops do not close there is no slope
-    ]
-    if not runs:
-        return Search((), draws, costs, (), DRAWS, "converged")
-    ends: list[End] = []
-    for run in runs:  # half of the evaluations for choosing a start
-        run.allowed = 0.5 * evaluations / len(runs)
-        ends.append(run.improve(first))
-    waiting = sorted(runs, key=lambda r: r.cost)
-    for _ in range(ROUNDS):
-        best = waiting[0]
-        best.allowed = best.evaluations + evaluations - spent()
-        before = best.cost
-        ends.append(best.improve(iterations))
-        # Fall of the cost of a whole round below which the search has converged.
-        if before - best.cost < 2e-3:  # stuck at a kink: the next start may get further
-            waiting = waiting[1:]
-        if ends[-1] != "converged" or not waiting:
-            break
-    found = tuple(sorted(((r.cost, r.x) for r in runs), key=lambda pair: pair[0]))
-    steps = tuple(step for r in runs for step in r.steps)
-    end = max(ends, key=get_args(End).index)
-    return Search(found, draws, costs, steps, DRAWS + spent(), end)
+    with suppress(_SpentError):
+        for k in np.argsort(costs):
+            if costs[k] >= OPEN:  # where loops do not close there is no slope
+                break
+            found.append((float(costs[k]), draws[k]))
+            before = np.inf
+            while before - found[-1][0] > STUCK:
+                before, x = found[-1]
+                minimize(look, x, jac=True, method="BFGS", options={"gtol": 1e-4})
+    found.sort(key=lambda pair: pair[0])
+    return Search(tuple(found), draws, costs, DRAWS + spent)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated
@@ -16,15 +15,14 @@ from identifiability.foundation.options import (
     MOST_SAMPLES,
     Count,
     Duration,
-    ExciteCriterion,
     Harmonics,
     Names,
     OptionError,
-    Positive,
     Seed,
     check_option,
     checked,
     counted,
+    renamed,
 )
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs.prepare import Preparation
@@ -58,6 +56,7 @@ PERIOD: Tolerance = 7.5
 EVALUATIONS = 15_000
 
 
+@renamed(criterion="", iterations="evaluations", time_limit="evaluations")
 @checked
 def excite(
     robot: RobotLike,
@@ -67,15 +66,12 @@ def excite(
     duration: Duration | None = None,
     samples: int = 750,
     limits: LimitsLike | None = None,
-    criterion: ExciteCriterion | None = None,
     parameters: Names | None = None,
     model: ModelLike | None = None,
     start_from: Logs | None = None,
     separate: Names | None = None,
     preparation: Preparation | None = None,
-    iterations: Count = 80,
-    evaluations: Count | None = None,
-    time_limit: Positive | None = None,
+    evaluations: Count = EVALUATIONS,
     seed: Seed = 0,
     name: str = "excite",
     progress: Progress | None = None,
@@ -98,16 +94,12 @@ def excite(
         Replaces limits of the robot file: ``{"joint1": {"q": [-1, 1], "v": 2, "a": 10}}``, or a
         TOML file with JOINT = {q = [low, high], v = speed, a = acceleration, tau = torque,
         power = power} and [workspace.BODY] x, y, z = [low, high].
-    criterion : {"condition", "information", "separate"}, optional
-        Make small the column-normalised condition number of the base columns; make large the
-        log-determinant of the information about `parameters`; or separate two effects. By
-        default what the other options suggest.
     parameters : sequence of str, optional
-        Base parameters that the information is about; by default all.
+        Base parameters about which the log-determinant of the information is made large; by
+        default all.
     model : Model, sequence of str, path of a model file or result of `prune`, optional
         Effects of the model; what a model file leaves out, holds or ties is free. By default rigid
-        bodies alone for the condition number, else also viscous and Coulomb friction and actuator
-        inertia.
+        bodies, viscous and Coulomb friction and actuator inertia.
     start_from : log, path, DataFrame, or several
         Log that was measured already: the motion is the best one to measure next.
     separate : two of str
@@ -115,14 +107,9 @@ def excite(
         (``joint_stiffness@joint1``); two are given.
     preparation : Preparation, optional
         How derivatives of the logs are made.
-    iterations : int
-        Of the optimiser a round.
     evaluations : int
-        Motions that are looked at, at most, after the first random ones; by default 15 000.
-        The same number gives the same motion on every machine of a kind.
-    time_limit : float [s], optional
-        Wall-clock time after which the search stops all the same; the result is then not
-        reproducible, and says so.
+        Motions that are looked at, at most, after the first random ones. The same number gives the
+        same motion on every machine of a kind.
     seed : int
     name : str
         Of the trajectory in its file.
@@ -137,8 +124,8 @@ def excite(
 
     Example
     -------
-    >>> motion = excite("two-link", iterations=5, seed=1)
-    >>> motion.after.figure < motion.before.figure
+    >>> motion = excite("two-link", evaluations=200, seed=1)
+    >>> motion.after.figure > motion.before.figure
     True
     """
     say = progress or quiet
@@ -148,25 +135,20 @@ def excite(
     with one_thread("blas"):
         robot = Robot.of(robot)
         robot.check_stands("designing a motion")
-        rule = criterion or _suggested(parameters, start_from, separate)
         say("reading logs", 0.0)
         bounds = find_limits(robot, limits)
-        question = pose_question(robot, rule, model, parameters, separate)
+        question = pose_question(robot, model, parameters, separate)
         logs, wrong = _start(question, start_from, preparation, engine)
         low = tuple(doubt_assumed(bounds, _reached(logs)))
         hints = (*low, *wrong, *free_again(model), *unused_ladder(robot, model))
         series = Series(bounds, duration or PERIOD, harmonics, at_rest)
-        evaluations = evaluations or EVALUATIONS
-        asked = {"iterations": iterations, "evaluations": evaluations, "time_limit": time_limit}
-        options = {**asked, "preparation": preparation or Preparation()}
+        options = {"evaluations": evaluations, "preparation": preparation or Preparation()}
         found = find_motion(
             question,
             gather_known(question, logs, samples),
             series,
             samples=samples,
-            iterations=iterations,
             evaluations=evaluations,
-            time_limit=time_limit,
             seed=seed,
             name=name,
             say=say,
@@ -202,9 +184,7 @@ def find_motion(
     series: Series,
     *,
     samples: int,
-    iterations: int,
     evaluations: int,
-    time_limit: float | None,
     seed: int,
     name: str,
     say: Progress,
@@ -220,7 +200,7 @@ def find_motion(
         What was measured already.
     series : Series
         All motions that may be found.
-    samples, iterations, evaluations, time_limit, seed, name
+    samples, evaluations, seed, name
         As for `excite`.
     say : callable(str, float)
     hints : sequence of str
@@ -231,7 +211,7 @@ def find_motion(
     IdentifiabilityError
         If no candidate keeps the workspace.
     """
-    begin, robot = time.monotonic(), question.structure.robot
+    robot = question.structure.robot
     objective = Objective(question, known, series, min(samples, series.looks))
     aim = question.criterion
 
@@ -241,9 +221,7 @@ def find_motion(
     found = search(
         objective,
         np.random.default_rng(seed),
-        iterations=iterations,
         evaluations=evaluations,
-        time_limit=np.inf if time_limit is None else time_limit,
         say=show,
     )
     x, G, space, gap = _best(objective, found, samples)
@@ -263,21 +241,11 @@ def find_motion(
         closure=float(space.condition[0]),
         room=float(-space.outside[0]),
         gap=gap,
-        history=found.steps,
         evaluations=found.evaluations,
-        seconds=time.monotonic() - begin,
-        end=found.end,
         seed=seed,
         hints=(*hints, *filter(None, (unwatched, watched.said if watched else ""))),
         provenance=provenance or {},
     )
-
-
-def _suggested(parameters: object, start_from: object, separate: object) -> str:
-    """Return the criterion that the other arguments ask for."""
-    if separate:
-        return "separate"
-    return "information" if parameters or start_from is not None else "condition"
 
 
 def _best(
