@@ -102,7 +102,7 @@ def test_the_report_is_whole_and_states_the_answer(which, request, tmp_path):
 
 def test_reports_of_the_other_criteria_warn_where_they_must(two_link, find, tmp_path):
     alike = find(two_link, separate=["torque_offset", "coulomb_asymmetry"], evaluations=1)
-    assert "still look alike" in alike.write_report(tmp_path / "a.html").read_text()
+    assert "would still give both names" in alike.write_report(tmp_path / "a.html").read_text()
 
 
 def test_the_command_writes_what_it_is_asked_for(tmp_path):

@@ -5,9 +5,9 @@ A question says which columns a motion should tell apart, and what logs say of t
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -40,31 +40,8 @@ FLOOR: Tolerance = 1e-14
 IDLE: Tolerance = 1e-12
 
 
-class Criterion(ABC):
-    """A figure of merit of Gram matrices.
-
-    Attributes
-    ----------
-    name : str
-        Public name.
-    title : str
-        What the figure is.
-    """
-
-    name: str
-    title: str
-
-    @abstractmethod
-    def cost(self, G: Array) -> Array:
-        """Return what is made small for Gram matrices (m, k, k), (m,)."""
-
-    @abstractmethod
-    def figure(self, cost: float) -> float:
-        """Return the figure that belongs to a cost."""
-
-
 @frozen
-class LogDet(Criterion):
+class LogDet:
     """Log-determinant of the information about some parameters, all others unknown.
 
     Attributes
@@ -93,7 +70,7 @@ class LogDet(Criterion):
 
 
 @frozen
-class Separation(Criterion):
+class Separation:
     """Similarity of two effects: their largest canonical correlation beside the model.
 
     Attributes
@@ -165,7 +142,7 @@ class Ask:
 
 
 @frozen
-class Discrimination(Criterion):
+class Discrimination:
     """What of true effects of known size neither the model nor a rival explains.
 
     T-optimality [Atkinson & Fedorov 1975]: half of these squares, the non-centrality, is the
@@ -204,6 +181,11 @@ class Discrimination(Criterion):
         S = S - cross.transpose(0, 2, 1) @ np.linalg.solve(base + 1e-12 * np.eye(len(rest)), cross)
         squares: Array = np.maximum(np.einsum("mi,mij,mj->m", size, S, size), 0.0)
         return squares
+
+
+#: A figure of merit of Gram matrices (m, k, k): its `cost` (m,) is made small, its `figure` is what
+#: a reader knows a cost by.
+Criterion: TypeAlias = LogDet | Separation | Discrimination
 
 
 def scaled(G: Array) -> tuple[Array, Array]:

@@ -238,19 +238,18 @@ def doubt_assumed(limits: Limits, logs: Mapping[str, tuple[Array, Array]]) -> It
         Name of a log to the least and the largest position, velocity and acceleration, (3, n) each.
     """
     beyond: list[str] = []
-    for name, (low, high) in logs.items():
+    for log, (low, high) in logs.items():
         for k, joint in enumerate(limits.joints):
-            fast = max(-low[1, k], high[1, k])
-            if f"{joint}.v" in limits.assumed and fast > limits.speed[k]:
-                beyond.append(f"{joint} goes at {fast:.3g} in {name} ({limits.speed[k]:.3g})")
+            fast = max(-low[1, k], high[1, k]) > limits.speed[k]
             far = low[0, k] < limits.low[k] or high[0, k] > limits.high[k]
-            if f"{joint}.q" in limits.assumed and far:
-                beyond.append(f"{joint} moves over {low[0, k]:.3g} … {high[0, k]:.3g} in {name}")
+            wrong = {name for name, is_so in ((f"{joint}.v", fast), (f"{joint}.q", far)) if is_so}
+            if wrong & set(limits.assumed):
+                beyond.append(f"{joint} in {log}")
     if beyond:
         yield (
-            f"Limits that were assumed (in brackets) are too narrow: {listing(beyond, 4)}; state "
-            "what the joints may do in the sidecar's [limits] or by --limits, or the motion found "
-            "says less than it could."
+            f"Limits that were assumed are too narrow, joints went beyond them: "
+            f"{listing(beyond, 4)}; state what the joints may do in the sidecar's [limits] or by "
+            "--limits, or the motion found says less than it could."
         )
 
 
@@ -286,17 +285,14 @@ class Clearance:
     ----------
     robot : Robot
     geometry : pinocchio.GeometryModel
-    touching : tuple of str
-        Pairs of bodies that touch at home already, and so are not watched.
     """
 
     robot: Robot
     geometry: Any
-    touching: tuple[str, ...] = ()
 
     @staticmethod
     def of(robot: Robot) -> tuple[Clearance | None, str]:
-        """Return what to watch, or why nothing is watched: a sentence."""
+        """Return what to watch, and a sentence on what is not watched, and why."""
         end = "collisions were not looked for: look at the motion before the robot goes through it."
         if robot.cables:
             return None, f"{robot.path.name} has tendons that push, and {end}"
@@ -310,33 +306,26 @@ class Clearance:
             return None, ""  # bodies are all joined to each other
         objects, data = shapes.geometryObjects, shapes.createData()
         pin.computeDistances(robot.model, robot.model.createData(), shapes, data, robot.home)
-        touching = [
-            pair
+        near = [
+            (pair.first, pair.second)
             for pair, found in zip(shapes.collisionPairs, data.distanceResults, strict=True)
             if found.min_distance < RULES.clearance
         ]
-        names = []
-        for pair in [(p.first, p.second) for p in touching]:
+        for pair in near:
             shapes.removeCollisionPair(pin.CollisionPair(*pair))
-            names.append(" and ".join(sorted(body_of(objects[k]) for k in pair)))
-        if not len(shapes.collisionPairs):
-            return None, f"All bodies of {robot.name} touch at home, so {end}"
-        return Clearance(robot, shapes, tuple(dict.fromkeys(names))), ""
+        names = [" and ".join(sorted(body_of(objects[k]) for k in pair)) for pair in near]
+        said = (
+            f"At home {listing(dict.fromkeys(names), 4)} are nearer than "
+            f"{1000 * RULES.clearance:g} mm already (as drawn), so collisions of these are not "
+            "watched."
+        )
+        watched = Clearance(robot, shapes) if len(shapes.collisionPairs) else None
+        return watched, said if near else ""
 
     @property
     def pairs(self) -> int:
         """Pairs of shapes that are watched."""
         return len(self.geometry.collisionPairs)
-
-    @property
-    def said(self) -> str:
-        """The sentence on what is not watched; empty if nothing is left out."""
-        if not self.touching:
-            return ""
-        return (
-            f"At home {listing(self.touching, 4)} are nearer than {1000 * RULES.clearance:g} mm "
-            "already (as drawn), so collisions of these are not watched."
-        )
 
     def gaps(self, q: Array) -> Array:
         """Return the least distance of any pair at configurations (N, nq), (N,) [m]; < 0 inside."""

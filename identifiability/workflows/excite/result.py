@@ -14,26 +14,20 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
+from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.errors import ClosureError, LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import MOST_SAMPLES
 from identifiability.foundation.output import csv_text, write_text
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import (
-    digits,
-    exact,
-    format_count,
-    format_number,
-    whole_percent,
-)
+from identifiability.foundation.rounding import digits, exact, format_count, format_number
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation.motion import PrescribedMotion, Trajectory, write_trajectory_bag
-from identifiability.workflows.answers import answer_next, note, sentence
+from identifiability.workflows.answers import answer_next, sentence
 from identifiability.workflows.commands import name_logs, on_file, source_name
 from identifiability.workflows.excite.criteria import Criterion, LogDet, Separation
 from identifiability.workflows.excite.limits import Clearance, Drive, Limits, survey
@@ -53,45 +47,6 @@ RISES: tuple[Tolerance, Tolerance, Tolerance, Tolerance, Tolerance] = (0.25, 0.5
 
 #: What rounding and the harmonics between samples may add to a limit.
 SLACK: Tolerance = 1.01
-
-
-def play(
-    robot: Robot, trajectory: Trajectory, limits: Limits, rate: float, periods: int
-) -> PrescribedMotion:
-    """Return a motion from rest to rest with whole periods in the middle.
-
-    Parameters
-    ----------
-    robot : Robot
-    trajectory : Trajectory
-        Within the limits.
-    limits : Limits
-    rate : float [Hz]
-        Samples a second.
-    periods : int
-        Whole periods between rise and fall.
-
-    Raises
-    ------
-    LogError
-        If it would have too many samples, or no rise keeps the limits.
-    """
-    longest = trajectory.period * (periods + 2 * RISES[-1])
-    if longest * rate > MOST_SAMPLES:
-        raise LogError(
-            f"{longest:g} s at {rate:g} Hz are more than {MOST_SAMPLES:,} samples; give a lower "
-            "rate or fewer periods."
-        )
-    drive, (watched, _) = Drive.of(robot, limits), Clearance.of(robot)
-    for rise in RISES:
-        motion = _windowed(trajectory, rise * trajectory.period, rate, periods)
-        if _keeps(robot, motion, limits, drive, watched):
-            return motion
-    raise LogError(
-        f"No way from rest into {trajectory.name} was found that keeps the limits of {robot.name} "
-        "and its bodies apart; search with slightly narrower limits of position, speed, "
-        "acceleration or workspace."
-    )
 
 
 def _windowed(path: Trajectory, rise: float, rate: float, periods: int) -> PrescribedMotion:
@@ -276,9 +231,25 @@ class Excitation(Result):
         Raises
         ------
         LogError
-            If no lead-in keeps the limits.
+            If it would have too many samples, or no lead-in keeps the limits.
         """
-        return play(self.robot, self.trajectory, self.limits, rate, periods)
+        path, limits = self.trajectory, self.limits
+        longest = path.period * (periods + 2 * RISES[-1])
+        if longest * rate > MOST_SAMPLES:
+            raise LogError(
+                f"{longest:g} s at {rate:g} Hz are more than {MOST_SAMPLES:,} samples; give a "
+                "lower rate or fewer periods."
+            )
+        drive, (watched, _) = Drive.of(self.robot, limits), Clearance.of(self.robot)
+        for rise in RISES:
+            motion = _windowed(path, rise * path.period, rate, periods)
+            if _keeps(self.robot, motion, limits, drive, watched):
+                return motion
+        raise LogError(
+            f"No way from rest into {path.name} was found that keeps the limits of "
+            f"{self.robot.name} and its bodies apart; search with slightly narrower limits of "
+            "position, speed, acceleration or workspace."
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return a trajectory file with what is known of the trajectory beside it."""
@@ -313,10 +284,6 @@ class Excitation(Result):
             "provenance": dict(self.provenance),
         }
 
-    def to_json(self, path: str | Path) -> Path:
-        """Write a trajectory file: ``identifiability simulate ROBOT FILE.json`` follows it."""
-        return super().to_json(path)
-
     def write_motion(self, path: str | Path, rate: float = 500.0, periods: int = 1) -> Path:
         """Write the motion as a controller plays it, from rest to rest (`play`).
 
@@ -347,11 +314,8 @@ class Excitation(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""
-        return (_limits_table(self),)
-
-    def cautions(self) -> tuple[Note, ...]:
-        """Return what is to be kept in mind."""
-        return tuple(_notes(self))
+        caption = "What each joint does, and may do [SI units]"
+        return (Table.of(caption, LIMITS, self.to_frame().itertuples()),)
 
     @property
     def statement(self) -> str:
@@ -374,14 +338,9 @@ class Excitation(Result):
         for name, share in zip(self.chosen, self.after.visible, strict=False):
             if share < RULES.visible:
                 text += f" {name} leaves only {percent(share, 2)} outside the model."
-        if self.alike:
+        if isinstance(self.criterion, Separation) and self.after.figure > CONFUSABLE:
             text += " Within these limits a diagnosis would still give both names."
         return text
-
-    @property
-    def alike(self) -> bool:
-        """Whether two effects that are to be separated are still alike."""
-        return isinstance(self.criterion, Separation) and self.after.figure > CONFUSABLE
 
     @property
     def limits_statement(self) -> str:
@@ -429,9 +388,7 @@ def _worth(result: Excitation) -> Answer:
 
 
 def _safe(result: Excitation) -> Answer:
-    frame, question = result.to_frame(), "May the robot play it?"
-    fast = float((frame["speed"] / frame["speed_limit"]).max())
-    text = f"{result.limits_statement} The fastest joint uses {whole_percent(fast)} of its speed."
+    question, text = "May the robot play it?", result.limits_statement
     if result.limits.assumed:
         return Answer(question, "Check the limits first: some were assumed.", text, "amber")
     return Answer(question, "Yes, as far as its limits say.", text, "green")
@@ -473,18 +430,3 @@ LIMITS = (
     Column("acceleration", digits(3), "acceleration"),
     Column("limit", digits(3), "acceleration_limit", "Of the acceleration."),
 )
-
-
-def _limits_table(result: Excitation) -> Table:
-    """Return one row a joint."""
-    caption = "What each joint does, and may do [SI units]"
-    return Table.of(caption, LIMITS, result.to_frame().itertuples())
-
-
-def _notes(result: Excitation) -> list[Note]:
-    notes = []
-    if result.limits.assumed:
-        notes.append(note("assumed", names=result.limits.state_assumed()))
-    if result.alike:
-        notes.append(note("alike"))
-    return notes

@@ -139,7 +139,8 @@ def excite(
         bounds = find_limits(robot, limits)
         question = pose_question(robot, model, parameters, separate)
         logs, wrong = _start(question, start_from, preparation, engine)
-        low = tuple(doubt_assumed(bounds, _reached(logs)))
+        reached = {log.name: (log.survey.low, log.survey.high) for log in logs}
+        low = doubt_assumed(bounds, reached)
         hints = (*low, *wrong, *free_again(model), *unused_ladder(robot, model))
         series = Series(bounds, duration or PERIOD, harmonics, at_rest)
         options = {"evaluations": evaluations, "preparation": preparation or Preparation()}
@@ -156,11 +157,6 @@ def excite(
             provenance=state_provenance(robot, logs, seed, None, options),
         )
         return replace(found, preparation=preparation or Preparation())
-
-
-def _reached(logs: Sequence[Prepared]) -> dict[str, tuple[Array, Array]]:
-    """Return how far, how fast and how hard joints that motors drive moved in logs."""
-    return {s.name: (s.survey.low, s.survey.high) for s in logs}
 
 
 def _start(
@@ -225,7 +221,6 @@ def find_motion(
         say=show,
     )
     x, G, space, gap = _best(objective, found, samples)
-    watched, unwatched = objective.watched
     return Excitation(
         robot=robot,
         trajectory=series.trajectory(x, samples, name),
@@ -243,7 +238,7 @@ def find_motion(
         gap=gap,
         evaluations=found.evaluations,
         seed=seed,
-        hints=(*hints, *filter(None, (unwatched, watched.said if watched else ""))),
+        hints=(*hints, *filter(None, (objective.watched[1],))),
         provenance=provenance or {},
     )
 
@@ -262,17 +257,12 @@ def _best(
         if space.kept(objective.limits.closure_bound)[0] and gap >= RULES.clearance / 2:
             return x, G[0], space, gap
     robot, limits = objective.question.structure.robot, objective.limits
-    demands = []
-    if robot.closed:
-        bound = f"{limits.closure_bound:g}"
-        demands.append(f"loops that close everywhere with a condition number below {bound}")
-    if limits.boxes:
-        demands.append(f"{listing([b.body for b in limits.boxes])} within the box")
-    if objective.watched[0] is not None:
-        demands.append(f"bodies that keep {500 * RULES.clearance:g} mm from each other")
+    bodies = [box.body for box in limits.boxes]
     raise ClosureError(
-        f"No motion of {robot.name} was found that stays within the workspace "
-        f"({' and '.join(demands)}); give narrower limits of the joints about its home position "
+        f"No motion of {robot.name} was found that stays within the workspace (loops that close "
+        f"everywhere with a condition number below {limits.closure_bound:g}, bodies that keep "
+        f"{500 * RULES.clearance:g} mm from each other, {listing(bodies) or 'points'} within the "
+        "box); give narrower limits of the joints about its home position "
         f"{robot.describe_home()}, a wider workspace, or a longer motion."
     )
 
