@@ -8,34 +8,28 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, field, replace
+from functools import partial
 from pathlib import Path
 from statistics import median
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_type_hints
+from typing import Any, ClassVar, Literal, get_type_hints
 from urllib.parse import quote
 
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
+from identifiability.foundation.answers import Cell, Column, Note, Table
 from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing, near_match
 from identifiability.foundation.numbers import percent
-from identifiability.foundation.options import (
-    Expected,
-    FilePath,
-    OptionError,
-    check_option,
-    checked,
-)
+from identifiability.foundation.options import FilePath, OptionError, check_option, checked
 from identifiability.foundation.output import temporary_folder, write_bytes
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import NONE, error_text, format_count
 from identifiability.foundation.values import frozen
 from identifiability.logs.formats.bags import BAGS, is_bag
-from identifiability.logs.formats.reader import find_reader
 from identifiability.logs.tables import write_table
 from identifiability.robot import Robot
 from identifiability.robot.locate import ENDINGS
@@ -46,45 +40,19 @@ from identifiability.workflows.opening import Progress, quiet, running
 from identifiability.workflows.prune import prune
 
 Verb = Literal["analyze", "prune", "diagnose"]
-Robots: TypeAlias = Sequence[FilePath] | Mapping[str, tuple[Any, ...]]
-RobotsLike = Annotated[
-    Robots, Expected("folders, or a mapping from names to a robot, its logs and those held out")
-]
 
 #: What stands in the folder of the answers.
 PAGE, TABLE, JSON, ROBOTS = "index.html", "table.csv", "table.json", "robots"
 
-#: Names that are files of every system.
-_NAME = re.compile(r"\w[\w .+,=@()-]{0,99}")
 
-
-@frozen(kw_only=True)
+@frozen
 class Task:
-    """What is asked of one robot: all that leads to its answer, or why it cannot be asked."""
+    """What is asked of the robot in a folder, with the digest of all that leads to an answer."""
 
-    name: str
+    folder: Path
     verb: str
     options: Mapping[str, Any]
-    robot: str = ""
-    logs: tuple[str, ...] = ()
-    held: tuple[str, ...] = ()
-    digest: str = ""
-    refusal: str = ""
-
-
-def _plan(name: str, source: Any, verb: str, options: Mapping[str, Any]) -> Task:
-    """Return what is asked of a robot that lies in a folder, or is given with its logs."""
-    if not _NAME.fullmatch(name):
-        raise OptionError(f"'{name}' cannot be the name of a page; give letters and digits.")
-    task = Task(name=name, verb=verb, options=options)
-    try:
-        robot, *logs = source if isinstance(source, tuple) else _find(Path(source))
-        several = [[each] if isinstance(each, (str, Path)) else each for each in (*logs, (), ())]
-        fitted, held = (tuple(map(str, each)) for each in several[:2])
-        task = replace(task, robot=str(robot), logs=fitted, held=held)
-        return replace(task, digest=_digest(task))
-    except (IdentifiabilityError, OSError) as error:
-        return replace(task, refusal=str(error))
+    digest: str
 
 
 def _find(folder: Path) -> tuple[Path, list[Path], list[Path]]:
@@ -110,18 +78,15 @@ def _find(folder: Path) -> tuple[Path, list[Path], list[Path]]:
     return files[0], fitted, logs[len(fitted) :]
 
 
-def _digest(task: Task) -> str:
+def _digest(folder: Path, options: Mapping[str, Any]) -> str:
     """Return a digest of the content of all files that lead to an answer."""
-    robot = Robot.of(task.robot)
-    digest = hashlib.sha256(robot.sha256.encode())
-    logs = [Path(text) for text in (*task.logs, *task.held)]
-    readers = [find_reader(log) for log in logs]
-    places = [p if r is None else r.place(p) for p, r in zip(logs, readers, strict=True)]
-    places += [Path(v) for v in task.options.values() if isinstance(v, (str, Path))]
-    places += [robot.path.with_name("ladder.toml")]  # analyze takes it without being told
-    for place in places:
+    digest = hashlib.sha256()
+    with suppress(IdentifiabilityError):  # which is said where the robot is asked
+        digest.update(Robot.of(_find(folder)[0]).sha256.encode())
+    for place in (folder, *(Path(v) for v in options.values() if isinstance(v, (str, Path)))):
         for path in sorted(place.rglob("*")) if place.is_dir() else [place]:
             if path.is_file():
+                digest.update(path.name.encode())
                 with path.open("rb") as stream:
                     digest.update(hashlib.file_digest(stream, "sha256").digest())
     return digest.hexdigest()
@@ -134,14 +99,9 @@ def _function(verb: str) -> Any:
 def _check_options(verb: str, given: Mapping[str, Any]) -> None:
     """Refuse what is no option of a verb."""
     kinds = get_type_hints(_function(verb), include_extras=True)
-    ours = ("robot", "logs", "validate", "engine", "progress", "return")
-    known = [name for name in kinds if name not in ours]
     for name, value in given.items():
-        if name not in known:
-            raise OptionError(
-                f"'{name}' is no option of {verb}{near_match(name, known)} "
-                f"Its options are {listing(sorted(known), 40)}."
-            )
+        if name not in kinds:
+            raise OptionError(f"'{name}' is no option of {verb}{near_match(name, kinds)}")
         check_option(name, value, kinds[name])
 
 
@@ -190,17 +150,15 @@ class Row:
 
 def run_task(task: Task) -> tuple[Row, bytes, bytes]:
     """Return the row of a robot, its JSON and its page; whatever goes wrong stands in the row."""
-    logs, held = (tuple(Path(log).name for log in each) for each in (task.logs, task.held))
-    row, said = Row(robot=task.name, logs=logs, held=held), task.refusal
+    row = Row(robot=task.folder.name)
     try:
-        if not said:
-            result: Result = _function(task.verb)(
-                task.robot, list(task.logs), list(task.held), engine=Serial(), **task.options
-            )
-            with temporary_folder() as folder:
-                told = result.to_json(Path(folder, f"{task.name}.json")).read_bytes()
-                page = result.write_report(Path(folder, f"{task.name}.html")).read_bytes()
-            return _fill(row, json.loads(told)), told, page
+        robot, fitted, held = _find(task.folder)
+        row = replace(row, logs=tuple(p.name for p in fitted), held=tuple(p.name for p in held))
+        result: Result = _function(task.verb)(robot, fitted, held, engine=Serial(), **task.options)
+        with temporary_folder() as folder:
+            told = result.to_json(Path(folder, f"{row.robot}.json")).read_bytes()
+            page = result.write_report(Path(folder, f"{row.robot}.html")).read_bytes()
+        return _fill(row, json.loads(told)), told, page
     except IdentifiabilityError as error:
         said = str(error)
     except MemoryError:  # of all that run at once: the whole run says so
@@ -214,25 +172,26 @@ def _fill(row: Row, told: Mapping[str, Any]) -> Row:
     """Return a row with what the JSON of a result says."""
     row = replace(row, warnings=tuple(told["hints"]))
     if "models" not in told:  # a diagnosis
-        named = [" or ".join([e["effect"], *e["or"]]) for e in told["effects"]]
-        where = [", ".join(e["joints"]) for e in told["effects"]]
+        names = (
+            f"{' or '.join([e['effect'], *e['or']])}@{', '.join(e['joints'])}".rstrip("@")
+            for e in told["effects"]
+        )
         return replace(
             row,
             model=told["fit"]["model"]["name"],
             parameters=len(told["fit"]["names"]),
-            missing=tuple(f"{n}@{j}" if j else n for n, j in zip(named, where, strict=True)),
+            missing=tuple(names),
             error=told["after"]["error_ra"],
             error_unseen=told["after"]["error_ra_validation"],
         )
     chosen = next(m for m in told["models"] if m["name"] == told["selected"])
-    unseen = (chosen.get("error_ra_validation"), chosen.get("error_ra_unseen"))
     return replace(
         row,
         model=chosen["name"],
         parameters=len(told["parameters"]),
         verdicts=dict(Counter(p["verdict"] for p in told["parameters"])),
         error=chosen["error_ra"],
-        error_unseen=next((e for e in unseen if e is not None), None),
+        error_unseen=chosen.get("error_ra_validation") or chosen.get("error_ra_unseen"),
         missing=tuple(f"{f['of']}, {f['joint']}" for f in told["missing_functions"]),
     )
 
@@ -262,15 +221,14 @@ class Fleet(Result):
         return [self.folder / name for name in (TABLE, JSON, PAGE)]
 
     @property
+    def kinds(self) -> list[str]:
+        """All verdicts that there are."""
+        return sorted({kind for row in self.rows for kind in row.verdicts})
+
+    @property
     def failed(self) -> tuple[Row, ...]:
         """Robots without an answer."""
         return tuple(row for row in self.rows if row.failed)
-
-    @property
-    def errors(self) -> dict[str, float]:
-        """Errors on unseen motion where they are known, by robot, the largest first."""
-        known = {r.robot: r.error_unseen for r in self.rows if r.error_unseen is not None}
-        return dict(sorted(known.items(), key=lambda item: -item[1]))
 
     @property
     def heading(self) -> tuple[str, str, str]:
@@ -284,20 +242,6 @@ class Fleet(Result):
         odd = [Note("note", row.robot, " ".join(row.warnings)) for row in self.rows if row.warnings]
         return (*failed, *odd)
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return whether every robot has an answer, and how well they are described."""
-        total, names = len(self.rows), [row.robot for row in self.failed]
-        short = f"{total - len(names)} of {total}." if names else f"Yes, all {total}."
-        text = f"Without one: {listing(names)}; why is said below." if names else ""
-        done = Answer("Has every robot an answer?", short, text, "amber" if names else "green")
-        each = [f"{name} ({percent(error, 2)})" for name, error in self.errors.items()]
-        size = "Not known."
-        if each:
-            size = f"The median error is {percent(median(self.errors.values()), 2)}."
-        worst = f"The largest: {listing(each[:3])}." if each else ""
-        tone = "blue" if each else "grey"
-        return done, Answer("How well is unseen motion predicted?", size, worst, tone)
-
     def tables(self) -> tuple[Table, ...]:
         """Return one row a robot."""
         own = with_hints(
@@ -306,9 +250,9 @@ class Fleet(Result):
             Column("held out", "text", lambda r: ", ".join(r.held) or NONE),
             Column("model", "text", "model"),
             Column("size", "number", "parameters"),
-            *map(_count, sorted({kind for row in self.rows for kind in row.verdicts})),
-            _error("error", "error"),
-            _error("unseen", "error_unseen"),
+            *(Column(kind, "number", partial(_count, kind=kind)) for kind in self.kinds),
+            Column("error", _error, "error"),
+            Column("unseen", _error, "error_unseen"),
             Column("missing", "text", lambda r: "; ".join(r.missing) or NONE),
             Column("warnings", "number", lambda r: len(r.warnings)),
         )
@@ -319,19 +263,23 @@ class Fleet(Result):
         """The answer in plain words."""
         done = f"{len(self.rows) - len(self.failed)} of {len(self.rows)} robots have an answer."
         failed = [f"{row.robot} has none: {row.failed}" for row in self.failed[:3]]
-        unseen = self.answers()[1]
-        error = [f"Of torque on unseen motion: {unseen.short} {unseen.text}"] if self.errors else []
-        return " ".join([done, *failed, *error])
+        errors = {r.error_unseen: r.robot for r in self.rows if r.error_unseen is not None}
+        if errors:
+            worst = max(errors)
+            failed.append(
+                f"The median error of torque on unseen motion is {percent(median(errors), 2)}, the "
+                f"largest {percent(worst, 2)} ({errors[worst]})."
+            )
+        return " ".join([done, *failed])
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a robot; errors are fractions."""
-        kinds = sorted({kind for row in self.rows for kind in row.verdicts})
         frame = pd.DataFrame(self._told())
         for name in ("logs", "held", "missing", "warnings"):
             frame[name] = frame[name].map("; ".join)
-        for kind in kinds:
-            frame[kind] = [row.verdicts.get(kind, 0) if row.verdicts else None for row in self.rows]
-        whole = dict.fromkeys(("parameters", *kinds), "Int64")
+        for kind in self.kinds:
+            frame[kind] = [_count(row, kind) for row in self.rows]
+        whole = dict.fromkeys(("parameters", *self.kinds), "Int64")
         return frame.drop(columns="verdicts").astype(whole)
 
     def to_dict(self) -> dict[str, Any]:
@@ -345,7 +293,7 @@ class Fleet(Result):
 
 @checked
 def analyze_many(
-    robots: RobotsLike,
+    robots: Sequence[FilePath],
     out: FilePath,
     verb: Verb = "analyze",
     *,
@@ -357,10 +305,9 @@ def analyze_many(
 
     Parameters
     ----------
-    robots : sequence of path, or mapping
+    robots : sequence of path
         Folders, each with a robot file (``robot.xml``, ``robot.urdf`` or the only one), its sidecar
-        and its logs, of which the last of several, by name, is held out. Or by name: path or
-        shipped name of the robot, logs to fit, and logs held out, as paths.
+        and its logs, of which the last of several, by name, is held out.
     out : path
         Folder of the answers: new, empty, or that of an earlier time.
     verb : {"analyze", "prune", "diagnose"}
@@ -377,19 +324,14 @@ def analyze_many(
     """
     say, folder = progress or quiet, Path(out)
     _check_options(verb, options)
-    named = (
-        robots.items()
-        if isinstance(robots, Mapping)
-        else [(Path(place).resolve().name, place) for place in robots]
-    )
-    if not named:
+    places = [Path(place).resolve() for place in robots]
+    if not places:
         raise OptionError("No robot is given; give folders with a robot file and logs.")
-    counts = Counter(name.casefold() for name, _ in named)
-    twice = next((name for name, _ in named if counts[name.casefold()] > 1), None)
-    if twice is not None:
-        raise OptionError(f"Two robots are called '{twice}'; rename the folder of one.")
+    counts = Counter(place.name.casefold() for place in places)
+    if twice := [place.name for place in places if counts[place.name.casefold()] > 1]:
+        raise OptionError(f"Two robots are called '{twice[0]}'; rename the folder of one.")
     say("looking at robots and logs", 0.0)
-    tasks = [_plan(name, source, verb, options) for name, source in named]
+    tasks = [Task(p, verb, options, _digest(p, options)) for p in places]
     _open(folder)
     rows: list[Row] = []
     with running(engine) as runner:
@@ -415,26 +357,20 @@ def _open(folder: Path) -> None:
         If it is none, or has other things in it.
     """
     try:
-        for path in folder.rglob("*") if folder.is_dir() else ():
-            own = path.parent == folder and path.name in (PAGE, TABLE, JSON, ROBOTS)
-            own |= path.parent == folder / ROBOTS and path.suffix in (".html", ".json")
-            if not own and not path.name.startswith("."):
-                raise OutputError(
-                    f"'{folder}' holds '{path.name}', which is no answer about many robots; give a "
-                    "new folder (--out)."
-                )
+        there = list(folder.iterdir()) if folder.exists() else []
+        if there and not (folder / JSON).is_file():
+            raise OutputError(
+                f"'{folder}' holds '{there[0].name}' and no answer about many robots; give a new "
+                "folder (--out)."
+            )
         (folder / ROBOTS).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"'{folder}' cannot be used: {error.strerror or error}.") from None
 
 
-def _count(kind: str) -> Column:
-    return Column(kind, "number", lambda r: r.verdicts.get(kind, 0) if r.verdicts else None)
+def _count(row: Row, kind: str) -> int | None:
+    return row.verdicts.get(kind, 0) if row.verdicts else None
 
 
-def _error(title: str, name: str) -> Column:
-    def of(row: Row) -> Cell:
-        error = getattr(row, name)
-        return Cell(NONE, float("nan")) if error is None else Cell(error_text(error), error)
-
-    return Column(title, "number", of)
+def _error(error: float | None) -> str:
+    return NONE if error is None else error_text(error)

@@ -142,8 +142,10 @@ def _shipped(robot: str, log: str) -> Path:
 
 def _fleet(folder: Path) -> object:
     """Two robots, of which one cannot be asked."""
-    log = _shipped("cart-arm", "pushed.csv")
-    robots = {name: (name, log) for name in ("cart-arm", "two-link")}
+    (folder / "two-link").mkdir()
+    arm = shutil.copytree(locate_robot("cart-arm").parent, folder / "cart-arm")
+    shutil.copy(_shipped("cart-arm", "pushed.csv"), arm)
+    robots = [arm, folder / "two-link"]
     return analyze_many(robots, folder / "fleet", quick=True, engine=Serial())
 
 
