@@ -48,7 +48,7 @@ from identifiability.simulation import (
 )
 from identifiability.workflows.analyze import Analysis, analyze
 from identifiability.workflows.calibrate.outcome import Experiment, Outcome, count_outcomes
-from identifiability.workflows.calibrate.world import EVERYTHING, World
+from identifiability.workflows.calibrate.world import World
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[1]
@@ -136,7 +136,7 @@ def measure_red(
         say(f"AR(1) noise, {method.upper()}", k / len(streams))
         noise = ResidualNoise.first_order(level * world.noise.sd, rho)
         repeat = replace(world, noise=noise).repeat
-        outcomes, truth = zip(*(repeat(EVERYTHING, s) for s in own.spawn(trials)), strict=True)
+        outcomes, truth = zip(*(repeat(s) for s in own.spawn(trials)), strict=True)
         names = analysis.chosen.submodel.columns
         cells.append(count(outcomes, np.array(truth), names, level, rho))
     return tuple(cells)

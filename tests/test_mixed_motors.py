@@ -67,7 +67,7 @@ def test_pruning_makes_levels_equal_that_are_equal(mixed, noisy):
 @pytest.mark.everything
 def test_default_calibration_runs(mixed, noisy):
     analysis = analyze(mixed, noisy, replicates=0)
-    found = calibrate(analysis, replicates=8, refits=20, sbc=0, names=0)
+    found = calibrate(analysis, replicates=8, refits=20, names=0)
     assert found.model == analysis.chosen.name == "no torque offset"
     full = len(find_base_parameters(mixed, Model.of(*DEFAULT_EFFECTS)))
     assert len(found.cell.names) == full - len(mixed.joints)  # an offset a joint

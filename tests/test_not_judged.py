@@ -87,7 +87,7 @@ def test_pruning_calls_nothing_identifiable_that_is_not_judged(slow):
 
 
 def test_calibration_says_in_how_many_repetitions_nothing_is_judged(analysis):
-    found = calibrate(analysis, replicates=8, refits=20, sbc=0, names=0)
+    found = calibrate(analysis, replicates=8, refits=20, names=0)
     share = found.cell.not_judged
     assert share > 0
     assert f"In {100 * share:.0f} % of the repetitions nothing is judged" in found.statement

@@ -182,7 +182,7 @@ def test_a_torque_that_never_changes_beside_others_that_do_is_said_everywhere(ca
         analysis,
         prune("two-link", log, replicates=2),
         diagnose("two-link", log, effects=["torque_offset", "joint_stiffness"]),
-        calibrate(analysis, replicates=8, refits=20, sbc=0, names=0),
+        calibrate(analysis, replicates=8, refits=20, names=0),
     ]
     for out in results:
         content = out.to_dict()

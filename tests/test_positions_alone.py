@@ -114,7 +114,6 @@ def test_auto_takes_it_in_every_verb(exact):
         replicates=8,
         refits=0,
         engine=Serial(),
-        sbc=0,
         names=0,
     )
     assert len(answer.cell.held) == 8

@@ -28,7 +28,6 @@ def calibrate(
     derived: options.Derived,
     place: options.Place,
     own: Options,
-    sbc: bool = True,
     ladder: options.Ladder = None,
     estimator: options.Estimator = "auto",
     prior: options.Prior = None,
@@ -54,7 +53,6 @@ def calibrate(
         )
         result = run(
             analysis,
-            sbc=None if sbc else 0,  # of how many experiments is the library's
             **vars(own),
             progress=lambda text, share: say(text, 0.2 + 0.8 * share),
             engine=runner,

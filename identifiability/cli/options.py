@@ -77,6 +77,8 @@ GONE = {
     ("prune", "--no-propose"): "symmetries of the robot are always tried: leave it out",
     ("prune", "--propose"): "symmetries of the robot are always tried: leave it out",
     ("prune", "--reach"): "it did nothing: leave it out",
+    ("calibrate", "--no-sbc"): "the posterior is no longer checked: leave it out",
+    ("calibrate", "--sbc"): "the posterior is no longer checked: leave it out",
     ("diagnose", "--replicates"): "log odds need no simulated noises: leave it out",
     ("", "--patience"): "a scheduler that is lost ends the work: leave it out",
     ("diagnose", "--from"): "give all logs: identifiability diagnose ROBOT LOG LOG NEW_LOG",

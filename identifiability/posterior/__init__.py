@@ -2,12 +2,12 @@
 
 What to use when:
 
-- `target.Target` states the posterior: data, `prior.Prior`, physical set, autocorrelation;
+- `target.Target` states the posterior: data, `Prior`, physical set, autocorrelation;
 - `ensemble.sample_posterior` draws from it with emcee, and `diagnostics.diagnose_convergence` says
   whether the draws may be shown;
-- `edges.measure_prior_sensitivity` asks whether the likelihood decides, or the prior at an edge;
+- `diagnostics.measure_prior_sensitivity` asks whether the likelihood decides, or the prior at an
+  edge;
 - `exact.ExactSampler` walks without emcee;
-- `calibration.calibrate_posterior` checks the sampler by simulation.
 
 The samplers need a start inside the set: ``physical.project.project(..., margin=1e-3).phi``.
 """

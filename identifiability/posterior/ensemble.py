@@ -1,9 +1,8 @@
-"""The posterior by emcee: exact transitions as proposals, mixed with preconditioned Crank–Nicolson.
+"""The posterior by emcee, with exact transitions as proposals.
 
 The exact sampler is a proposal that emcee accepts or rejects (`MHMove`). Its transition is
 reversible with respect to the model of `Target`, so the Metropolis ratio is exact, and acceptance
-is 1 as long as that model is the whole truth. A few Crank–Nicolson steps share no code with the
-trajectories and keep moving where those are refused.
+is 1 as long as that model is the whole truth.
 
 Several independent ensembles start at different points. emcee's `DESnookerMove` has no place here:
 at 37 dimensions its standard deviations are 27 % too small in emcee 3.1.6.
@@ -15,16 +14,12 @@ import numpy as np
 
 from identifiability.foundation.engines.mapping import one_thread
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.posterior.exact import ExactSampler, Progress, build_sampler, interior
 from identifiability.posterior.target import Target
 
 #: Independent ensembles: walkers of one ensemble say nothing about its own convergence.
 ENSEMBLES = 4
-
-#: Weight of the exact move in the mix; the rest is Crank–Nicolson.
-EXACT: Tolerance = 0.9
 
 #: Draws a walker after which it is asked whether they are enough.
 ROUND = 4
@@ -91,15 +86,11 @@ def sample_posterior(
     Raises
     ------
     ValueError
-        For an odd number of walkers, or a start outside the physical set.
+        For a start outside the physical set.
     """
     # emcee brings all of scipy.stats along, which nothing else of an analysis needs.
-    from identifiability.posterior.moves import Exact, crank_nicolson, walk  # noqa: PLC0415
+    from identifiability.posterior.moves import Exact, walk  # noqa: PLC0415
 
-    if walkers < 2 or walkers % 2:
-        raise ValueError(
-            f"posterior: {walkers} walkers were given; expected an even number of at least 2."
-        )
     sampler = build_sampler(target)
     sampler, centre = sampler.centred(interior(target, sampler, start))
     density = _log_density(sampler)
@@ -108,12 +99,11 @@ def sample_posterior(
         starts = sampler.disperse(centre, ENSEMBLES, rng)
         (child,) = rng.spawn(1)
         own = Exact(sampler, child)
-        mix = [(own, EXACT), (crank_nicolson(sampler, centre, child), 1 - EXACT)]
-        # These moves know no other walker: independent ensembles walk as one batch, whose steps
+        # This move knows no other walker: independent ensembles walk as one batch, whose steps
         # cost little more than those of one.
         first = np.concatenate([_spread(sampler, eta, walkers, child) for eta in starts])
         stopped = ""
-        for i, eta in enumerate(walk(density, mix, first, warmup + draws, child)):
+        for i, eta in enumerate(walk(density, own, first, warmup + draws, child)):
             done = i + 1 - warmup
             if done > 0:
                 kept[:, :, done - 1] = target.to_phi(eta).reshape(*kept.shape[:2], -1)

@@ -1,19 +1,15 @@
-"""The moves of an ensemble in emcee's words, and the walk: the one module that imports emcee."""
+"""The move of an ensemble in emcee's words, and the walk: the one module that imports emcee."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import emcee
 import numpy as np
 
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.posterior.exact import ExactSampler
-
-#: Size of a Crank–Nicolson step, as a share of the Gaussian.
-STEP: Tolerance = 0.1
 
 
 class Exact(emcee.moves.MHMove):  # type: ignore[misc]
@@ -43,30 +39,15 @@ class Exact(emcee.moves.MHMove):  # type: ignore[misc]
         return self.accepted / max(self.proposed, 1)
 
 
-def crank_nicolson(
-    sampler: ExactSampler, centre: Array, rng: np.random.Generator
-) -> emcee.moves.MHMove:
-    """Autoregressive step that keeps the Gaussian at a typical noise unchanged [Cotter 2013]."""
-    mean, sd = sampler.model.conditional(sampler.model.typical_variance(centre[None]))
-
-    def propose(coords: Array, _: Any) -> tuple[Array, Array]:
-        old = (coords - mean) / sd
-        new = np.sqrt(1 - STEP**2) * old + STEP * rng.standard_normal(old.shape)
-        ratio = (np.einsum("kp,kp->k", new, new) - np.einsum("kp,kp->k", old, old)) / 2
-        return mean + sd * new, ratio
-
-    return emcee.moves.MHMove(propose)
-
-
 def walk(
     density: Callable[[Array], Array],
-    mix: Sequence[tuple[emcee.moves.Move, float]],
+    move: emcee.moves.Move,
     first: Array,
     steps: int,
     rng: np.random.Generator,
 ) -> Iterator[Array]:
     """Walkers (K, p) after each step."""
-    engine = emcee.EnsembleSampler(*first.shape, density, moves=mix, vectorize=True)
+    engine = emcee.EnsembleSampler(*first.shape, density, moves=move, vectorize=True)
     # emcee copies NumPy's global state unless it is given one: ours comes from rng.
     own = np.random.RandomState(int(rng.integers(2**32)))
     before = emcee.State(first, random_state=own.get_state())

@@ -32,29 +32,10 @@ class Prior:
     ----------
     mean : (p,)
     sd : (p,) > 0, may be infinite where the data determine the parameter
-
-    Raises
-    ------
-    ValueError
-        When shapes disagree or an sd is not positive.
     """
 
     mean: Array
     sd: Array
-
-    def __post_init__(self) -> None:
-        """Check and freeze."""
-        mean, sd = self.mean, self.sd
-        if mean.ndim != 1 or mean.shape != sd.shape:
-            raise ValueError(
-                f"prior: mean {mean.shape} and sd {sd.shape} were given; "
-                "expected one of each per parameter."
-            )
-        if not (np.isfinite(mean).all() and (sd > 0).all()):
-            raise ValueError(
-                f"prior: mean or sd of parameters {_bad(mean, sd)} is not usable; "
-                "expected a finite mean and sd > 0; use sd = inf where nothing is known."
-            )
 
     @classmethod
     def flat(cls, size: int) -> Self:
@@ -101,10 +82,6 @@ class Prior:
         size[:, [0, 3, 5]] = np.maximum(inertia, THIN * second)
         sd[bodies] = relative * size
         return cls(phi, sd)
-
-
-def _bad(mean: Array, sd: Array) -> str:
-    return ", ".join(str(j) for j in np.flatnonzero(~np.isfinite(mean) | ~(sd > 0))[:8])
 
 
 # The posterior of the parameters, in the coordinates where its Gaussian is diagonal.
@@ -219,19 +196,6 @@ class Target:
     iact: float = 1.0
     variance: float | None = None
     fixed: Fixed | None = None
-
-    def __post_init__(self) -> None:
-        """Check that all parts speak of the same parameters."""
-        sizes = (self.data.R.shape[1], self.prior.mean.size, self.region.size)
-        if len(set(sizes)) != 1:
-            raise ValueError(
-                f"posterior: data, prior and physical set of {sizes} parameters were given; "
-                "expected the same number; build them from one model."
-            )
-        if not self.iact > 0:
-            raise ValueError(
-                f"posterior: IACT {self.iact:g} was given; expected a positive number."
-            )
 
     @property
     def size(self) -> int:

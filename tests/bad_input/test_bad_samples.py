@@ -104,9 +104,7 @@ def test_the_command_line_says_it_on_the_page_and_in_the_file(frame, command, wr
     (hint,) = json.loads(result.read_text())["hints"]
     assert named in hint
     assert f"data row {ROW}" in page.read_text()
-    out = command(
-        "calibrate", "two-link", path, "--replicates", 4, "--no-sbc", "--names", 0, "--quick"
-    )
+    out = command("calibrate", "two-link", path, "--replicates", 4, "--names", 0, "--quick")
     assert out.exit_code == 0, out.output
     assert "log.csv: one value lies far" in out.output
 

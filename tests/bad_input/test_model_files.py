@@ -47,7 +47,7 @@ def test_a_pruned_model_is_one_model_that_is_judged_beside_the_full_model(pruned
 
 def test_calibration_is_about_the_model_of_a_model_file(pruned, log):
     analysis = analyze("two-link", log, ladder=pruned, replicates=0)
-    found = calibrate(analysis, replicates=2, refits=20, sbc=0, names=0)
+    found = calibrate(analysis, replicates=2, refits=20, names=0)
     assert found.model == pruned.chosen.name
     assert found.to_dict()["provenance"]["replicates"] == "2"
 

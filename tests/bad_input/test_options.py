@@ -84,7 +84,6 @@ CALIBRATE = {
     "analysis": ({"analysis": 3}, "analysis must be an Analysis, not 3"),
     "model": ({"model": "fll model"}, "model must be 'full model' or 'no torque offset', not"),
     "replicates": ({"replicates": 1}, "a whole number of at least 2 or None, not 1"),
-    "sbc": ({"sbc": -1}, "sbc must be a whole number of at least 0 or None, not -1"),
     "seed": ({"seed": -1}, SEED),
 }
 EXCITE = {

@@ -110,7 +110,7 @@ def reports(tmp_path_factory, few_draws, study) -> Pages:
         with few_draws():
             return analyze(robot, log, replicates=100, posterior=True)
 
-    few = {"replicates": 8, "refits": 20, "sbc": 0, "names": 0}
+    few = {"replicates": 8, "refits": 20, "names": 0}
     return Pages(
         folder,
         {

@@ -126,5 +126,5 @@ def test_coulomb_friction_that_was_left_out_is_named(case):
 
 @ONE
 def test_intervals_hold_the_truth(fitted):
-    first = calibrate(fitted, replicates=16, refits=50, sbc=0, names=0).cell
+    first = calibrate(fitted, replicates=16, refits=50, names=0).cell
     assert first.coverage > 0.95 - 4 * first.coverage_se - 0.05

@@ -32,11 +32,10 @@ def test_seeds_of_a_calibration_do_not_depend_on_who_does_it(log, two):
     analysis = analyze("two-link", log, replicates=0)
     small = {"replicates": 12, "refits": 10, "names": 0}
     here, there = (
-        calibrate(analysis, **small, sbc=20, seed=3, engine=engine).to_dict()
-        for engine in (None, two)
+        calibrate(analysis, **small, seed=3, engine=engine).to_dict() for engine in (None, two)
     )
     assert here == there
-    other = calibrate(analysis, **small, sbc=0, seed=4).to_dict()
+    other = calibrate(analysis, **small, seed=4).to_dict()
     assert other["cells"] != here["cells"]
 
 
@@ -53,7 +52,7 @@ def test_seeds_of_pruning_do_not_depend_on_who_does_it(log, two):
 
 def test_a_calibration_is_taken_up_again(log, tmp_path):
     path = log.write(tmp_path / "log.csv")
-    words = ["calibrate", "two-link", str(path), "--quick", "--engine", "serial", "--no-sbc"]
+    words = ["calibrate", "two-link", str(path), "--quick", "--engine", "serial"]
     words += ["--names", "0", "--replicates", "4", "--resume", str(tmp_path / "work"), "--json"]
     first, again = tmp_path / "first.json", tmp_path / "again.json"
     run = CliRunner().invoke(app, [*words, str(first)])
@@ -104,7 +103,7 @@ def test_ctrl_c_ends_a_calibration_and_its_workers_at_once(log, spawn, group, tm
         path.write_text("old")
     running = spawn(
         "-m", "identifiability", "calibrate", "two-link", log.write(tmp_path / "log.csv"),
-        "--replicates", 60, "--quick", "--no-sbc", "--names", 0, "--workers", 2, "--resume", work,
+        "--replicates", 60, "--quick", "--names", 0, "--workers", 2, "--resume", work,
         "--report", report, "--json", result,
     )  # fmt: skip
     until = time.monotonic() + 1200

@@ -84,7 +84,7 @@ def make(robot: Robot, verb: str, seed: int) -> dict[str, Any]:
     if verb == "calibrate":
         from identifiability.workflows.calibrate.calibration import calibrate
 
-        return json_of(calibrate(result, replicates=16, refits=50, sbc=0, names=0, seed=seed))
+        return json_of(calibrate(result, replicates=16, refits=50, names=0, seed=seed))
     return json_of(result)
 
 

@@ -81,7 +81,7 @@ def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, 
     assert "only if nothing is missing" in found.statement
     assert "identifiability diagnose" in next_commands(found)[0][1]
     assert found.to_dict()["missing_functions"][0]["joint"] == "elbow"
-    few = {"replicates": 20, "refits": 40, "sbc": 0, "names": 0}
+    few = {"replicates": 20, "refits": 40, "names": 0}
     asked = calibrate(found, **few)
     assert asked.word != "yes" or "diagnose" in asked.statement
     verdict = {v.name: v for v in found.chosen.verdicts}["elbow.Fc"]

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from identifiability.estimation.rules import RULES
 from identifiability.foundation.rounding import (
     format_count,
     format_measured,
@@ -17,10 +16,10 @@ from identifiability.foundation.rounding import (
 )
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares
-from identifiability.posterior.diagnostics import Calibration, calibrate_posterior
 from identifiability.posterior.exact import ExactSampler
 from identifiability.posterior.target import Prior, Target
-from identifiability.workflows.calibrate.outcome import RankCheck
+
+from ..posterior.ranking import Calibration, calibrate_posterior
 
 
 @pytest.mark.parametrize(
@@ -90,26 +89,6 @@ def test_ranks_are_compared_with_bins_of_the_size_that_they_have():
     assert found[0] > 0.01 > found[1]
     even = Calibration(np.tile(np.arange(32), 20)[:, None], draws)
     assert even.p_values(bins)[0] == pytest.approx(1.0)
-
-
-def check(*p):
-    counts = np.full((len(p), 8), 50.0)
-    return RankCheck(tuple(f"x{k}" for k in range(len(p))), counts, np.array(p), 400)
-
-
-def test_one_bad_parameter_of_many_must_be_worse_by_their_number():
-    """Holm: the smallest p of k counts k times."""
-    assert RULES.unasked_level == 0.01
-    assert check(0.02, 0.5).uniform
-    assert not check(0.004, 0.5).uniform
-    assert check(0.004, *[0.5] * 4).uniform
-    assert check(0.004, *[0.5] * 4).adjusted[0] == pytest.approx(0.02)
-    bad = check(0.9, 1e-5, 0.5)
-    assert bad.worst == 1
-    assert "is not calibrated" in bad.statement
-    assert "3e-05, x1" in bad.statement
-    assert "is calibrated" in check(0.9, 0.5).statement
-    assert bad.to_dict()["parameters"][1]["adjusted"] == pytest.approx(3e-5)
 
 
 def test_a_half_goes_to_the_even_digit():

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from identifiability.posterior.diagnostics import Calibration, calibrate_posterior
+from .ranking import Calibration, calibrate_posterior
 
 
 def assert_uniform(calibration):

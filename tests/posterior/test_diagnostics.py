@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from identifiability.posterior import ensemble
+from identifiability.posterior import exact
 from identifiability.posterior.diagnostics import autocorrelation_time, diagnose_convergence
 from identifiability.posterior.ensemble import Posterior, sample_posterior
 from identifiability.posterior.rules import Thresholds
@@ -34,7 +34,7 @@ def test_few_short_or_refused_draws_may_not(rng):
 def test_an_ensemble_that_has_not_converged_is_found_out(posteriors, rng, monkeypatch):
     target, start = posteriors.sign_target(rng, size=12)
     with monkeypatch.context() as slowed:
-        slowed.setattr(ensemble, "EXACT", 0.0)
+        slowed.setattr(exact, "TURN", (0.02, 0.03))
         slow = sample_posterior(target, start, rng, draws=60, warmup=0)
     assert not diagnose_convergence(slow).trustworthy
     good = sample_posterior(target, start, rng, draws=150)

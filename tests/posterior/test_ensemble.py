@@ -51,15 +51,6 @@ def test_emcee_corrects_when_the_model_is_not_the_whole_truth(posteriors, rng, m
     posteriors.assert_same_distribution(chains(found), other)
 
 
-@pytest.mark.everything
-def test_crank_nicolson_alone_samples_the_same_posterior(posteriors, rng, monkeypatch):
-    target, start = posteriors.sign_target(rng)
-    other = sample_exact(target, start, 400, rng, chains=128)
-    monkeypatch.setattr(ensemble, "EXACT", 0.0)
-    only_cn = sample_posterior(target, start, rng, draws=2000, warmup=400, walkers=64)
-    posteriors.assert_same_distribution(chains(only_cn), other)
-
-
 def test_no_source_of_the_library_makes_a_snooker_move():
     folder = Path(identifiability.posterior.__file__).parents[1]
     for path in folder.rglob("*.py"):
@@ -99,13 +90,6 @@ def test_ensembles_are_independent_of_each_other(posteriors, rng):
     target, start = posteriors.sign_target(rng)
     draws = sample_posterior(target, start, rng, draws=5, walkers=8).draws
     assert len(np.unique(draws[:, 0, 0, 0])) == 4
-
-
-@pytest.mark.parametrize("walkers", [0, 7])
-def test_an_odd_number_of_walkers_is_refused(walkers, posteriors, rng):
-    target, start = posteriors.sign_target(rng)
-    with pytest.raises(ValueError, match=f"{walkers} walkers were given; expected an even number"):
-        sample_posterior(target, start, rng, walkers=walkers)
 
 
 def test_progress_is_told(posteriors, rng):

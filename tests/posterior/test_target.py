@@ -1,4 +1,3 @@
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -84,31 +83,6 @@ def test_a_flat_prior_where_the_data_are_blind_is_refused():
         ValueError, match=r"determine the parameters \[0, 1\], so it does not exist"
     ):
         target.diagonal  # noqa: B018
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"prior": Prior.flat(4)}, r"of \(5, 4, 5\) parameters were given"),
-        ({"iact": 0.0}, "IACT 0 was given; expected a positive number"),
-    ],
-)
-def test_parts_that_do_not_fit_are_refused(change, said, rng):
-    with pytest.raises(ValueError, match=said):
-        replace(free_target(rng), **change)
-
-
-@pytest.mark.parametrize(
-    ("mean", "sd", "said"),
-    [
-        ([0, 0], [1], "expected one of each per parameter"),
-        ([0, np.nan], [1, 1], "parameters 1 is not usable"),
-        ([0, 0], [1, -1], "expected a finite mean and sd > 0"),
-    ],
-)
-def test_a_prior_checks_its_numbers(mean, sd, said):
-    with pytest.raises(ValueError, match=said):
-        Prior(np.array(mean, float), np.array(sd, float))
 
 
 def test_a_prior_around_cad_takes_its_scale_from_the_body():

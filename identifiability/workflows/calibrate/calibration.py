@@ -8,7 +8,6 @@ one, with what the model leaves out; noise is like the residual; the motion errs
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -37,9 +36,9 @@ from identifiability.foundation.values import frozen
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.answers import answer_next
 from identifiability.workflows.calibrate.false_names import FalseNames, measure_false_names
-from identifiability.workflows.calibrate.outcome import Cell, RankCheck, check_ranks, count_outcomes
+from identifiability.workflows.calibrate.outcome import Cell, count_outcomes
 from identifiability.workflows.calibrate.rules import RULES
-from identifiability.workflows.calibrate.world import EVERYTHING, Cause, World
+from identifiability.workflows.calibrate.world import World
 from identifiability.workflows.commands import (
     given_paths,
     held_back,
@@ -50,43 +49,6 @@ from identifiability.workflows.commands import (
 from identifiability.workflows.opening import Progress, quiet, require_signal, share
 
 Word = Literal["yes", "no", "not enough trials"]
-
-#: What a cause is called, and what to do about it.
-WORDS = {
-    Cause.NOISE_MEMORY: ("noise that remembers", "Give longer logs"),
-    Cause.LEFT_OUT: ("left-out parameters", "Use a model that leaves out less (--model)"),
-    Cause.MOTION: (
-        "errors of the measured motion",
-        "Use instrumental variables (--estimator auto), for which the motion is repeated or "
-        "commands are logged; else low-pass it more (--cutoff)",
-    ),
-}
-
-
-@frozen
-class Effect:
-    """What switching off one cause does.
-
-    Attributes
-    ----------
-    cause : Cause
-    cell : Cell
-        What was counted without it.
-    gain, gain_se : float
-        By how much fewer intervals miss the truth in the same repetitions, of the parameters whose
-        intervals are too narrow beyond chance (of all where there are none), and its Monte-Carlo
-        standard error.
-    """
-
-    cause: Cause
-    cell: Cell
-    gain: float
-    gain_se: float
-
-    @property
-    def harmful(self) -> bool:
-        """Whether the cause does harm beyond Monte-Carlo error."""
-        return self.gain > REACH * self.gain_se and self.gain > 0
 
 
 def decide(cell: Cell) -> Word:
@@ -114,12 +76,8 @@ class Calibration(Result):
     model : str
     cell : Cell
         What was counted, with all causes.
-    effects : tuple of Effect
-        What noise memory, left-out parameters and errors of the motion do, where the answer is no.
     noise : ResidualNoise
         Of the torque in the repetitions.
-    ranks : RankCheck or None
-        Simulation-based calibration of the posterior, where it was asked for.
     false_names : FalseNames or None
         Names that a diagnosis gives where nothing is missing, where that was asked for.
     hints : tuple of str
@@ -133,9 +91,7 @@ class Calibration(Result):
     analysis: Analysis
     model: str
     cell: Cell
-    effects: tuple[Effect, ...]
     noise: ResidualNoise
-    ranks: RankCheck | None
     false_names: FalseNames | None
     hints: tuple[str, ...]
     provenance: Mapping[str, str]
@@ -168,7 +124,7 @@ class Calibration(Result):
     def statement(self) -> str:
         """The answer in plain words, what else was measured, and what is odd about the logs."""
         told = [f"{a.short} {a.text}".strip() for a in self.answers()[:3]]
-        told += [x.statement for x in (self.ranks, self.false_names) if x is not None]
+        told += [self.false_names.statement] if self.false_names is not None else []
         return "\n".join([*told, *self.hints])
 
     def noise_rows(self) -> list[dict[str, Any]]:
@@ -188,12 +144,9 @@ class Calibration(Result):
             "answer": self.word,
             "statement": self.statement,
             "cells": [self.cell.to_dict()],
-            "causes": [
-                {"without": e.cause.name, "gain": e.gain, "gain_se": e.gain_se, **e.cell.to_dict()}
-                for e in self.effects
-            ],
+            "causes": [],
             "noise": self.noise_rows(),
-            "posterior": None if self.ranks is None else self.ranks.to_dict(),
+            "posterior": None,
             "diagnosis": None if self.false_names is None else self.false_names.to_dict(),
             "hints": list(self.hints),
             "seed": int(self.provenance["seed"]),
@@ -201,7 +154,7 @@ class Calibration(Result):
         }
 
 
-@renamed(trials="replicates", diagnoses="names", logs="")
+@renamed(trials="replicates", diagnoses="names", logs="", sbc="")
 @checked
 def calibrate(
     analysis: Analysis,
@@ -209,7 +162,6 @@ def calibrate(
     model: str | None = None,
     replicates: Repeated | None = None,
     refits: Replicates = 200,
-    sbc: Whole | None = None,
     names: Whole | None = None,
     seed: Seed = 0,
     progress: Progress | None = None,
@@ -228,9 +180,6 @@ def calibrate(
         Simulated repetitions; by default 240, or 32 if `quick`.
     refits : int
         Of the bootstrap in each.
-    sbc : int, optional
-        Simulated experiments for the simulation-based calibration of the posterior, 0 for none; by
-        default 1000, or 200 if `quick`.
     names : int, optional
         Simulated repetitions of the logs that are diagnosed with nothing missing, 0 for none; by
         default 40, or 4 if `quick`.
@@ -250,50 +199,31 @@ def calibrate(
     """
     analysis.robot.check_stands("calibration")
     trials = settle_count(replicates, 240, 32, quick=quick)
-    sbc = settle_count(sbc, 1000, 200, quick=quick)
     names = settle_count(names, 40, 4, quick=quick)
     require_signal(analysis.samples, "calibrated")
     entry = None if analysis.source is None else analysis.source.entry.models
     alone = entry[0].name if entry and len(entry) == 1 else analysis.chosen.name
     result = analysis.models[analysis.find_model(model or alone)]
-    repeating, ranking, making = np.random.SeedSequence(seed).spawn(3)
-    runner, say, columns = engine or Serial(), progress or quiet, result.submodel.columns
+    repeating, making = np.random.SeedSequence(seed).spawn(2)
+    runner, say = engine or Serial(), progress or quiet
     world = World.of(analysis, result, refits, np.random.default_rng(making))
-    seeds = repeating.spawn(trials)
-
-    def repeat(causes: Cause, text: str, start: float) -> Cell:
-        steps = share(say, text, start, start + 0.2)
-        found = runner.map(partial(world.repeat, causes), seeds, progress=steps)
-        outcomes, truth = zip(*found, strict=True)
-        return count_outcomes(outcomes, np.array(truth), columns)
-
-    effects: list[Effect] = []
-    cell = repeat(EVERYTHING, "simulating repetitions", 0.0)
-    at = np.isin(columns, cell.below or columns)
-    for cause in Cause if not analysis.nothing and decide(cell) == "no" else ():
-        better = repeat(EVERYTHING & ~cause, "looking for the cause", 0.2 * len(effects) + 0.2)
-        gain = better.held[:, at].mean(1) - cell.held[:, at].mean(1)
-        error = float(gain.std(ddof=1) / np.sqrt(trials))
-        effects.append(Effect(cause, better, float(gain.mean()), error))
-    ranks, named, hints = None, None, analysis.hints
-    if sbc:
-        say("ranking planted values", 0.8)
-        part, rng = result.submodel.reduce(analysis.information), np.random.default_rng(ranking)
-        ranks = check_ranks(result, part, rng, sbc)
+    steps = share(say, "simulating repetitions", 0.0, 0.6)
+    found = runner.map(world.repeat, repeating.spawn(trials), progress=steps)
+    outcomes, truth = zip(*found, strict=True)
+    cell = count_outcomes(outcomes, np.array(truth), result.submodel.columns)
+    named, hints = None, analysis.hints
     if names:
-        steps = share(say, "diagnosing repetitions", 0.9, 1.0)
+        steps = share(say, "diagnosing repetitions", 0.6, 1.0)
         try:
             named = measure_false_names(analysis, names, seed, runner, steps)
         except LogError as error:  # too short a log has no part to verify names on
             hints = (*hints, f"How often a name is false was not measured: {error}")
-    numbers = {"seed": seed, "replicates": trials, "refits": refits, "sbc": sbc, "names": names}
+    numbers = {"seed": seed, "replicates": trials, "refits": refits, "names": names}
     return Calibration(
         analysis=analysis,
         model=result.name,
         cell=cell,
-        effects=tuple(effects),
         noise=world.noise,
-        ranks=ranks,
         false_names=named,
         hints=hints,
         provenance=analysis.provenance | {k: str(v) for k, v in numbers.items()},
@@ -357,12 +287,11 @@ def _reason(calibration: Calibration) -> str:
         return f"But {missing}: diagnose." if missing else usual
     if word == "not enough trials":
         return f"Repeat with more trials (--replicates {4 * len(calibration.cell.held)})."
-    blamed = sorted((e for e in calibration.effects if e.harmful), key=lambda e: -e.gain)
-    if not blamed:
-        return "No single cause explains it: give longer or other logs."
-    why = ", then ".join(WORDS[e.cause][0] for e in blamed)
-    without, remedy = f"{100 * blamed[0].cell.coverage:.0f} % hold", WORDS[blamed[0].cause][1]
-    return f"Why: {why}; without it {without}. {remedy}."
+    return (
+        "The noise may remember longer than the log, the model leave out what moves, or the "
+        "measured motion err: give longer logs, a larger model (--model) or instruments "
+        "(--estimator auto)."
+    )
 
 
 def _next_commands(calibration: Calibration) -> list[tuple[str, str]]:

@@ -1,7 +1,4 @@
-"""Simulated experiments with known truth, fitted and judged, and what many of them come to.
-
-`check_ranks` asks whether the posterior is right on the user's own motion.
-"""
+"""Simulated experiments with known truth, fitted and judged, and what many of them come to."""
 
 from __future__ import annotations
 
@@ -13,30 +10,16 @@ import numpy as np
 
 from identifiability.estimation.decide import decide_submodel, find_left_out
 from identifiability.estimation.estimate import Method, find_estimator, fit_whole, settle_noise
-from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.names import Array
-from identifiability.foundation.numbers import (
-    LEVEL,
-    REACH,
-    Share,
-    clustered_share,
-    each_share,
-    holm,
-)
-from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.numbers import LEVEL, REACH, Share, clustered_share, each_share
 from identifiability.foundation.values import frozen
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import LeastSquares
-from identifiability.posterior.diagnostics import calibrate_posterior
-from identifiability.posterior.target import Prior, Target
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
-from identifiability.workflows.analyze.assessment import ModelResult
 
 # Simulated experiments with known truth, fitted and judged; and what many of them come to.
 #
@@ -252,108 +235,3 @@ def count_outcomes(trials: Sequence[Outcome], truth: Array, names: Sequence[str]
         wrong=clustered_share(off > 0.5 * np.abs(truth), called, ~held),
         not_judged=float(np.mean([not t.judged for t in trials])),
     )
-
-
-# Is the posterior right on the user's own motion? Simulation-based calibration of one model.
-#
-# Truth is drawn from a prior around the fitted values, data from the truth, and the truth is
-# ranked among draws of its posterior with signs: the ranks are uniform if the posterior is right.
-
-
-#: Width of the prior in robust σ: data and prior both matter, and so do signs near zero.
-PRIOR_WIDTH: Tolerance = 3.0
-
-#: Draws of each posterior, and bins of the histogram of ranks; the bins divide the ranks.
-DRAWS, BINS = 31, 8
-
-
-@frozen
-class RankCheck:
-    """Ranks of planted values among draws of their posterior.
-
-    Attributes
-    ----------
-    names : (p,) str
-    counts : (p, b)
-        Ranks in each of b equal bins.
-    p_values : (p,)
-        Chi-square test that the ranks of a parameter are uniform.
-    replicates : int
-    """
-
-    names: tuple[str, ...]
-    counts: Array
-    p_values: Array
-    replicates: int
-
-    @property
-    def adjusted(self) -> Array:
-        """p-values adjusted for their number by Holm's method, (p,)."""
-        return holm(self.p_values)
-
-    @property
-    def worst(self) -> int:
-        """The parameter with the smallest p-value."""
-        return int(np.argmin(self.p_values))
-
-    @property
-    def uniform(self) -> bool:
-        """Whether no parameter's ranks are other than uniform."""
-        return bool(self.adjusted.min(initial=1.0) > ESTIMATION_RULES.unasked_level)
-
-    @property
-    def statement(self) -> str:
-        """The answer in plain words."""
-        least = f"smallest adjusted p-value {self.adjusted.min():.2g}, {self.names[self.worst]}"
-        verdict, ranked = ("is", "rank") if self.uniform else ("is not", "do not rank")
-        return (
-            f"The posterior {verdict} calibrated on this motion: over {self.replicates} simulated "
-            f"experiments planted values {ranked} uniformly among its draws ({least})."
-        )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the result for JSON."""
-        columns = zip(self.names, self.p_values, self.adjusted, self.counts, strict=True)
-        return {
-            "replicates": self.replicates,
-            "uniform": self.uniform,
-            "parameters": [
-                {"name": n, "p_value": float(p), "adjusted": float(a), "counts": [*map(int, c)]}
-                for n, p, a, c in columns
-            ],
-        }
-
-
-def check_ranks(
-    result: ModelResult, information: Information, rng: np.random.Generator, replicates: int
-) -> RankCheck:
-    """Rank planted values among draws of the posterior of a model's parameters, with signs.
-
-    Parameters
-    ----------
-    result : ModelResult
-    information : Information
-        About the model's columns.
-    rng : numpy.random.Generator
-    replicates : int
-        Simulated experiments.
-    """
-    target, start = build_target(result, information)
-    found = calibrate_posterior(target, start, rng, replicates=replicates, draws=DRAWS)
-    names = result.submodel.columns
-    return RankCheck(names, found.counts(BINS), found.p_values(BINS), replicates)
-
-
-def build_target(result: ModelResult, information: Information) -> tuple[Target, Array]:
-    """Return the posterior that is checked, and a point inside it."""
-    fit = result.estimate
-    data = LeastSquares.likelihood(information, fit)
-    region = PhysicalSet(
-        np.empty((0, 10), int), result.submodel.nonnegative, columns=result.submodel.columns
-    )
-    mean = np.where(fit.determined, fit.value, 0.0)
-    sd = PRIOR_WIDTH * result.uncertainty.robust
-    # What the data leave open has any prior: its posterior is the same.
-    sd = np.where(np.isfinite(sd) & (sd > 0), sd, np.maximum(np.abs(mean), 1.0))
-    start = np.where(result.submodel.nonnegative, np.maximum(mean, 0.01 * sd), mean)
-    return Target(data, Prior(mean, sd), region), start

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from enum import Flag, auto
 from typing import Any
 
 import numpy as np
@@ -271,8 +270,7 @@ def make_possible(theta: Array, like: Array) -> Array:
 # `World`: simulated repetitions of an experiment, as like the real one as the log can tell.
 #
 # Torque is that of a true robot, with what the model leaves out, along the measured motion, and
-# noise like the residual's; the motion that is fitted has errors like the log's. Each of the three
-# can be switched off, with all other random numbers the same, to see which of them does harm.
+# noise like the residual's; the motion that is fitted has errors like the log's.
 
 
 #: Drawings of the errors of the motion by which the torque that they make is measured.
@@ -280,17 +278,6 @@ DRAWS = 8
 
 #: Share of the residual's variance that noise of the torque keeps at least.
 LEAST: Tolerance = 0.01
-
-
-class Cause(Flag):
-    """What can take an interval from the truth."""
-
-    NOISE_MEMORY = auto()
-    LEFT_OUT = auto()
-    MOTION = auto()
-
-
-EVERYTHING = Cause.NOISE_MEMORY | Cause.LEFT_OUT | Cause.MOTION
 
 
 @frozen
@@ -361,20 +348,16 @@ class World:
                 noise = replace(noise, innovation=rest * noise.innovation)
         return World(experiment, robots, motion, noise, runs)
 
-    def repeat(self, causes: Cause, seed: np.random.SeedSequence) -> tuple[Outcome, Array]:
+    def repeat(self, seed: np.random.SeedSequence) -> tuple[Outcome, Array]:
         """Return one repetition, fitted and judged, and what the labels meant in it, (k,)."""
         of_robot, of_noise, of_motion, of_fit = map(np.random.default_rng, seed.spawn(4))
-        e, noise, submodel = self.experiment, self.noise, self.experiment.submodel
+        e, submodel = self.experiment, self.experiment.submodel
         beta = self.robots.draw(of_robot)
         truth = np.linalg.lstsq(submodel.M, beta - submodel.fixed, rcond=None)[0]
-        if Cause.LEFT_OUT not in causes:
-            beta = submodel.expand(truth)
-        if Cause.NOISE_MEMORY not in causes:
-            noise = ResidualNoise(tuple(np.empty(0) for _ in noise.pacf), noise.sd)
         # Sticking joints say nothing.
-        tau = e.W @ beta + noise.simulate(self.runs, of_noise) * e.moves
+        tau = e.W @ beta + self.noise.simulate(self.runs, of_noise) * e.moves
         W, V, echo = e.W, None, None
-        if Cause.MOTION in causes and any(m.sd.any() for m in self.motion):
+        if any(m.sd.any() for m in self.motion):
             W, V = measure_anew(self.robots.structure, self.motion, of_motion)
             echo = e.echo
         return e.judge(replace(e.gather(tau, W, V), echo=echo), tau, W, of_fit), truth
