@@ -15,7 +15,6 @@ from typing import Any
 import mujoco
 import numpy as np
 import pinocchio as pin
-from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import INERTIAL_KINDS, Array
@@ -25,7 +24,6 @@ from identifiability.robot import Robot
 from identifiability.robot.closure import count_independent
 from identifiability.robot.kinematics import Point
 from identifiability.robot.mjcf import bolt_down, leave_out, quiet
-from identifiability.robot.parts import Coupling
 from identifiability.robot.servo import UNLIMITED, Servo
 from identifiability.robot.write import write_robot
 from identifiability.simulation.forces import JointTerms, both_directions
@@ -34,8 +32,8 @@ from identifiability.simulation.rules import RULES
 
 # The MuJoCo model that is simulated forward: the robot file with other values, and its sidecar.
 #
-# Axes that mix joints and motors that do are fixed tendons in it, and so are couplings of several
-# joints; a tendon that drives the robot has a motor of unit gain.
+# Axes that mix joints and motors that do are fixed tendons in it; a tendon that drives the robot
+# has a motor of unit gain.
 
 
 #: Parts of an MJCF file that have no share in the free motion of the bodies.
@@ -51,9 +49,6 @@ _MOTOR = {
     "ctrllimited": False,
     "forcelimited": False,
 }
-
-#: Highest power in a coupling of MuJoCo.
-_DEGREE = 4
 
 
 def mixed_axes(robot: Robot) -> dict[str, dict[str, float]]:
@@ -84,6 +79,12 @@ def compile_forward(
     RobotError
         If MuJoCo refuses the robot, or a joint follows others in a way that it does not have.
     """
+    for coupling in robot.couplings:
+        if coupling.more:
+            raise RobotError(
+                f"The joint '{coupling.joint}' follows several others, and MuJoCo's couplings have "
+                "one: it is not simulated forward."
+            )
     with temporary_folder() as folder:
         path = Path(folder) / f"robot{robot.path.suffix}"
         bodies = {b: np.array([values[f"{b}.{k}"] for k in INERTIAL_KINDS]) for b in robot.bodies}
@@ -109,14 +110,11 @@ def compile_forward(
         if servo is not None:
             for k, joint in enumerate(robot.joints):
                 _add_servo(spec, joint, servo, k)
-        couplings = {c.joint: _add_coupling(spec, c) for c in robot.couplings if c.more}
         model = spec.compile()
     except ValueError as error:
         raise RobotError(
             f"MuJoCo cannot simulate {robot.path} with these values: {reason_of(error)}."
         ) from None
-    for joint, curve in couplings.items():
-        _set_coupling(model, joint, curve)
     model.jnt_actfrclimited[:] = 0  # logged torque acted as it is, and servos have limits of theirs
     return model
 
@@ -154,7 +152,7 @@ def _add_closures(spec: Any, robot: Robot) -> None:
         _equate(spec, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE, names)
     present = {e.name1 for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_JOINT}
     for coupling in robot.couplings:
-        if coupling.joint in present or coupling.more:
+        if coupling.joint in present:
             continue
         data = np.zeros(11)
         data[: len(coupling.polynomial)] = coupling.polynomial
@@ -214,60 +212,6 @@ def _add_tendon(spec: Any, name: str, weights: Mapping[str, float]) -> None:
     tendon = spec.add_tendon(name=name)
     for joint, coefficient in weights.items():
         tendon.wrap_joint(joint, coefficient)
-
-
-def _ends(joint: str) -> tuple[str, str]:
-    """Return the tendons between which the coupling of a joint is an equality."""
-    return f"coupling of {joint}", f"what {joint} follows"
-
-
-def _add_coupling(spec: Any, coupling: Coupling) -> Polynomial:
-    """Add the coupling of a joint that follows several; return its curve over the second tendon.
-
-    What is linear in joints is one tendon with the joint, and what the curve is over another.
-
-    Raises
-    ------
-    RobotError
-        If there are several curves, or one of a power that is too high.
-    """
-    joint = coupling.joint
-    first, constant = {joint: 1.0}, 0.0
-    bent = []
-    for term in coupling.terms:
-        poly = Polynomial(term.polynomial).trim()
-        if not term.weights or poly.degree() == 0:
-            constant += float(poly(0.0))
-        elif poly.degree() == 1:
-            constant += float(poly.coef[0])
-            for of, w in term.weights.items():
-                first[of] = first.get(of, 0.0) - w * float(poly.coef[1])
-        else:
-            bent.append((term.weights, poly))
-    if len(bent) > 1 or any(poly.degree() > _DEGREE for _, poly in bent):
-        raise RobotError(
-            f"The joint '{joint}' follows others by "
-            f"{'several curves' if len(bent) > 1 else 'a curve of a high power'}, and MuJoCo has "
-            f"one, up to the power {_DEGREE}, beside a sum: it is not simulated forward."
-        )
-    names = _ends(joint)
-    _add_tendon(spec, names[0], first)
-    ends = [names[0], names[1] if bent else ""]
-    if bent:
-        _add_tendon(spec, names[1], bent[0][0])
-    _equate(spec, mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON, ends, name=names[0])
-    return constant + (bent[0][1] if bent else Polynomial([0.0]))
-
-
-def _set_coupling(model: Any, joint: str, curve: Polynomial) -> None:
-    """Set an equality of tendons: MuJoCo counts both from where its joints are drawn."""
-    first, second = _ends(joint)
-    names = [model.tendon(t).name for t in range(model.ntendon)]
-    start = model.tendon_length0[names.index(second)] if second in names else 0.0
-    moved = curve(Polynomial([start, 1.0])) - model.tendon_length0[names.index(first)]
-    data = np.zeros(_DEGREE + 1)
-    data[: len(moved.coef)] = moved.coef
-    model.eq_data[model.equality(first).id, : len(data)] = data
 
 
 # Where motors of a robot that is simulated forward act: at joints, or along straight tendons.

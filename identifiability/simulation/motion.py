@@ -15,6 +15,7 @@ from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import MOST_SAMPLES, Period
 from identifiability.foundation.output import check_writable, temporary_folder, write_bytes
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.conventions import Conventions
@@ -179,6 +180,18 @@ def shipped_trajectory(robot: Robot, name: str) -> Trajectory:
     return known[name]
 
 
+#: Reach about home, speed and acceleration of joints without limits: (rotary [rad], sliding [m]).
+USUAL: dict[str, tuple[Tolerance, Tolerance]] = {"q": (1.0, 0.1), "v": (2.0, 0.3), "a": (10.0, 1.0)}
+
+
+def usual_limits(robot: Robot) -> dict[str, Array]:
+    """Return what actuated joints without limits may do: positions (n, 2), the others (n,)."""
+    slides = np.array([robot.is_prismatic(int(k)) for k in robot.actuated], int)
+    found = {kind: np.array(values)[slides] for kind, values in USUAL.items()}
+    home, reach = robot.actuated_positions(robot.home[None])[0], found["q"]
+    return {**found, "q": np.stack([home - reach, home + reach], 1)}
+
+
 def random_trajectory(
     robot: Robot,
     rng: np.random.Generator,
@@ -193,15 +206,11 @@ def random_trajectory(
     10 rad/s² or 1 m/s².
     """
     n = len(robot.actuated)
-    slides = np.array([robot.is_prismatic(int(k)) for k in robot.actuated])
-    home = robot.actuated_positions(robot.home[None])[0]
-    low, high = robot.limits.T
-    reach = np.where(slides, 0.1, 1.0)
-    low = np.where(np.isfinite(low), low, home - reach)
-    high = np.where(np.isfinite(high), high, home + reach)
-    speed = np.where(np.isfinite(robot.speed_limits), robot.speed_limits, np.where(slides, 0.3, 2))
+    usual = usual_limits(robot)
+    low, high = np.where(np.isfinite(robot.limits), robot.limits, usual["q"]).T
+    speed = np.where(np.isfinite(robot.speed_limits), robot.speed_limits, usual["v"])
     most = robot.acceleration_limits
-    most = np.where(np.isfinite(most), most, np.where(slides, 1.0, 10.0))
+    most = np.where(np.isfinite(most), most, usual["a"])
     sin, cos = rng.standard_normal((2, n, harmonics))
     shape = Trajectory(
         name="random", period=period, samples=samples, offset=np.zeros(n), sin=sin, cos=cos

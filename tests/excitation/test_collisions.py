@@ -6,10 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from identifiability import Log, Robot, excite
+from identifiability import Robot, excite
 from identifiability.workflows.excite import search as candidates
-from identifiability.workflows.excite.limits import Clearance
-from identifiability.workflows.excite.rules import RULES as EXCITE_RULES
+from identifiability.workflows.excite.limits import CLEARANCE, Clearance
 
 INERTIA = '<inertia ixx=".01" iyy=".02" izz=".02" ixy="0" ixz="0" iyz="0"/>'
 LINK = '<link name="{}"><inertial><mass value="1"/>' + INERTIA + "</inertial>{}</link>"
@@ -87,7 +86,7 @@ def test_shapes_touch_where_mujoco_says_so(curling, world):
 
 def test_nothing_touches_along_what_is_played(curling, world, monkeypatch):
     found = excite(curling, evaluations=2000, seed=1, samples=200)
-    assert found.gap >= EXCITE_RULES.clearance / 2
+    assert found.gap >= CLEARANCE / 2
     assert "Bodies that are not joined keep" in found.statement
     played = found.play(100)
     assert not any(world(row) for row in played.q)
@@ -106,7 +105,7 @@ def test_the_cost_of_coming_near_has_the_slope_that_it_says(curling):
     objective = Objective(question, gather_known(question, [], 60), series, 60)
     draws = series.draw(400, np.random.default_rng(2))
     least = objective.gaps(draws, 60).min(1)
-    chosen = draws[np.flatnonzero(np.abs(least) < EXCITE_RULES.clearance)[0]]
+    chosen = draws[np.flatnonzero(np.abs(least) < CLEARANCE)[0]]
     cost, slope = objective.gradient(chosen)
     assert cost == pytest.approx(objective(chosen[None])[0])
     along = slope / np.linalg.norm(slope)
@@ -130,21 +129,3 @@ def test_pairs_that_touch_at_home_are_named_and_left_out(tmp_path):
     watched, said = Clearance.of(Robot.load(path))
     assert watched.pairs == 2
     assert "l0 and l2 are nearer than 10 mm already" in said
-
-
-@pytest.mark.parametrize("speed", [1.0, 3.0])
-def test_assumed_limits_that_a_log_goes_beyond_are_named(speed, tmp_path):
-    path = tmp_path / "curling.xml"
-    path.write_text(MJCF)
-    t = np.arange(0, 8, 0.01)
-    q = np.stack([np.sin(speed * t + k) for k in range(3)], 1)
-    tau = np.random.default_rng(0).standard_normal(q.shape)
-    log = Log.from_arrays(t, q, tau, joints=("j1", "j2", "j3"), name="run.csv")
-    options = {"limits": {"j1": {"v": 50.0}}, "evaluations": 1}
-    motion = excite(Robot.load(path), start_from=log, **options)
-    told = [text for text in motion.hints if text.startswith("Limits that were assumed")]
-    assert "j2.v" in motion.limits.assumed
-    assert bool(told) == (speed == 3)  # 2 rad/s are assumed
-    for text in told:
-        assert "j2 in run.csv" in text
-        assert "j1" not in text

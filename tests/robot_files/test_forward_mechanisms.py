@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_robots import CLOSURES, arm, coupled, parallelogram
+from made_robots import CLOSURES, arm, parallelogram
 
 from identifiability.foundation.errors import RobotError
 from identifiability.regression.regression import Model
@@ -98,18 +98,6 @@ def test_jaws_of_which_only_the_rotors_of_mixing_motors_weigh_stick_as_they_shou
     follows_its_torque(Robot.load("dvrk-psm"))
 
 
-@pytest.mark.parametrize("bent", [True, False])
-def test_a_joint_that_follows_several_moves_with_them(bent, load_text):
-    """Whatever the file's defaults are."""
-    follows = FOLLOWS if bent else FOLLOWS.replace("0.5, 0.2]", "0.5]")
-    idle = '<default><equality active="false"/></default>'
-    follows_its_torque(load_text(arm(before=idle, inside=BODY), sidecar=follows))
-
-
-def test_an_equality_of_tendons_is_kept(load_text):
-    follows_its_torque(load_text(coupled(w='ref="0.3"', elbow='ref="-0.2"')), spread=0.1)
-
-
 def test_legs_that_are_tendons_drive_a_platform(load_text):
     """Whatever the file's motors are: torque is that of the legs."""
     text = Robot.load("six-actuators").path.read_text()
@@ -117,16 +105,9 @@ def test_legs_that_are_tendons_drive_a_platform(load_text):
     assert follows_its_torque(load_text(text.replace(*motors)), spread=0.02) > 0.02
 
 
-@pytest.mark.parametrize(
-    ("follows", "reason"),
-    [
-        (FOLLOWS.replace("[0, -0.3]", "[0, 0, 1]"), "several curves"),
-        (FOLLOWS.replace("0.2]", "0, 0, 0, 1]"), "a curve of a high power"),
-    ],
-)
-def test_a_coupling_that_mujoco_does_not_have_is_refused(follows, reason, load_text):
-    robot = load_text(arm(inside=BODY), sidecar=follows)
-    with pytest.raises(RobotError, match=f"'w' follows others by {reason}, and MuJoCo has one"):
+def test_a_coupling_that_mujoco_does_not_have_is_refused(load_text):
+    robot = load_text(arm(inside=BODY), sidecar=FOLLOWS)
+    with pytest.raises(RobotError, match="'w' follows several others, and MuJoCo"):
         ForwardRobot(robot, {})
 
 

@@ -9,6 +9,7 @@ limits there, so what is wrong in the file is wrong in that, too: begin with les
 from __future__ import annotations
 
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from typing import Annotated
 
@@ -27,8 +28,13 @@ from identifiability.logs.commands import acting
 from identifiability.robot import Robot, RobotLike
 from identifiability.simulation.motion import write_command_bag
 from identifiability.simulation.rollout import NO_SERVO, CommandedRobot
-from identifiability.workflows.excite.limits import Clearance, Limits, LimitsLike, find_limits
-from identifiability.workflows.excite.rules import RULES
+from identifiability.workflows.excite.limits import (
+    CLEARANCE,
+    Clearance,
+    Limits,
+    LimitsLike,
+    find_limits,
+)
 
 #: Share of its range that a joint swings at most, and of the limits that are used.
 SWING: Tolerance = 0.3
@@ -57,10 +63,8 @@ class Commands:
     t : (N,) [s]
     targets : (N, n) [rad or m]
         What each servo is told; the first and last rows are at rest.
-    positions : (N, n) [rad or m]
-        What the joints of the robot file do.
-    shares : mapping of str to (n,)
-        Of the limits of position, speed and torque that are used in that simulation.
+    shares : (n,)
+        Most that each joint uses of its limits of position, speed and torque when it is moved so.
     unwatched : str
         Why collisions were not looked for; empty if they were.
     """
@@ -69,8 +73,7 @@ class Commands:
     limits: Limits
     t: Array
     targets: Array
-    positions: Array
-    shares: dict[str, Array]
+    shares: Array
     unwatched: str
 
     def to_frame(self) -> pd.DataFrame:
@@ -92,35 +95,25 @@ class Commands:
         if path.suffix.lower() == ".mcap":
             return write_command_bag(path, self.t, self.targets)
         if path.suffix.lower() == ".npz":
-            return write_bytes(path, _packed(self.t, self.targets, self.robot.joints))
+            packed = BytesIO()
+            np.savez(packed, t=self.t, cmd=self.targets, joints=np.array(self.robot.joints))
+            return write_bytes(path, packed.getvalue())
         return write_text(path, csv_text(self.to_frame()))
 
     @property
     def statement(self) -> str:
         """What they ask of the robot, in words."""
-        most = {
-            kind: (self.robot.joints[int(np.argmax(x))], 100 * float(x.max()))
-            for kind, x in self.shares.items()
-            if np.isfinite(x).all() and x.max() > 0
-        }
-        told = [f"{kind} {share:.0f} % ({joint})" for kind, (joint, share) in most.items()]
+        k = int(np.argmax(self.shares))
         text = (
             f"Commands of {self.t[-1]:.3g} s from rest to rest (multi-sine, chirp, steps); moved "
-            f"by them, the robot of the file uses of its limits at most: {listing(told, 4)}."
+            f"by them, the robot of the file uses at most {100 * self.shares[k]:.0f} % of its "
+            f"limits ({self.robot.joints[k]})."
         )
         if self.limits.assumed:
             text += f" Assumed, as nobody stated them: {self.limits.state_assumed()}."
         pairs = zip(self.robot.joints, self.targets[0], strict=True)
         rest = listing([f"{j} = {x:.4g}" for j, x in pairs], 12)
         return f"{text} They begin and end at {rest}. {self.unwatched}".strip()
-
-
-def _packed(t: Array, targets: Array, joints: tuple[str, ...]) -> bytes:
-    from io import BytesIO  # noqa: PLC0415
-
-    buffer = BytesIO()
-    np.savez(buffer, t=t, cmd=targets, joints=np.array(joints))
-    return buffer.getvalue()
 
 
 @checked
@@ -172,7 +165,7 @@ def excite_commands(
             wanted = middle + np.einsum("stn,sn->tn", signals, sizes)
             targets = home + edge[:, None] * (wanted - home)
             positions, torque = _follow(machine, t, targets)
-            shares, worst = _shares(robot, known, t, positions, torque)
+            worst = _shares(robot, known, t, positions, torque)
             least = 1.0 if watched is None else _gap(robot, watched, positions)
             if worst.max() <= USED and least > 0 and not scaled:
                 sizes, scaled = scale * sizes, True
@@ -183,8 +176,7 @@ def excite_commands(
                     limits=known,
                     t=t,
                     targets=targets,
-                    positions=positions,
-                    shares=shares,
+                    shares=worst.max(0),
                     unwatched=why,
                 )
             thirds = np.array_split(worst, 3)
@@ -240,21 +232,15 @@ def _follow(machine: CommandedRobot, t: Array, targets: Array) -> tuple[Array, A
     return q, torque
 
 
-def _shares(
-    robot: Robot, limits: Limits, t: Array, q: Array, torque: Array
-) -> tuple[dict[str, Array], Array]:
-    """Return largest shares of limits by kind, (n,) each, and of any at every time, (N, n)."""
+def _shares(robot: Robot, limits: Limits, t: Array, q: Array, torque: Array) -> Array:
+    """Return the largest share of any limit at every time, (N, n)."""
     assert robot.servo is not None
     q = np.nan_to_num(q, nan=1e6)
-    half, middle = limits.half_range, limits.middle
     most = np.minimum(np.minimum(-robot.servo.low, robot.servo.high), limits.torque)
-    each = {
-        "position": np.abs(q - middle) / half,
-        "speed": np.abs(np.gradient(q, t, axis=0)) / limits.speed,
-        "torque": np.nan_to_num(np.abs(torque), nan=1e6) / most,
-    }
-    worst = np.max(list(each.values()), axis=0)
-    return {kind: x.max(0) for kind, x in each.items()}, worst
+    far = np.abs(q - limits.middle) / limits.half_range
+    fast = np.abs(np.gradient(q, t, axis=0)) / limits.speed
+    hard = np.nan_to_num(np.abs(torque), nan=1e6) / most
+    return np.asarray(np.maximum(np.maximum(far, fast), hard))
 
 
 def _gap(robot: Robot, watched: Clearance, q: Array) -> float:
@@ -262,4 +248,4 @@ def _gap(robot: Robot, watched: Clearance, q: Array) -> float:
     rows = np.unique(np.linspace(0, len(q) - 1, POSES).astype(int))
     poses = np.tile(robot.home, (len(rows), 1))
     poses[:, [robot.tree.single[joint].iq for joint in robot.joints]] = np.nan_to_num(q[rows])
-    return float(watched.gaps(poses).min()) - RULES.clearance
+    return float(watched.gaps(poses).min()) - CLEARANCE

@@ -23,7 +23,6 @@ from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choos
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import BaseParameters, Structure
 from identifiability.robot import Robot
-from identifiability.workflows.excite.rules import RULES
 
 # What an exciting motion is good for: the criteria, on Gram matrices ``WᵀW``.
 #
@@ -36,6 +35,8 @@ from identifiability.workflows.excite.rules import RULES
 
 #: Scaled eigenvalues of a Gram matrix below this are rounding.
 FLOOR: Tolerance = 1e-14
+#: Share of an effect beside the model that a motion shows.
+VISIBLE: Tolerance = 0.03
 #: Columns shorter than this share of the longest never act.
 IDLE: Tolerance = 1e-12
 
@@ -88,7 +89,7 @@ class Separation:
         """Return ``−log sin θ`` of the smallest angle, more where an effect is hardly visible."""
         similarity, remaining = self.angles(G)
         sine2 = np.maximum(1 - similarity**2, 1e-12)
-        hidden = np.maximum(np.log(2 * RULES.visible / np.maximum(remaining, 1e-9)), 0.0)
+        hidden = np.maximum(np.log(2 * VISIBLE / np.maximum(remaining, 1e-9)), 0.0)
         cost: Array = -0.5 * np.log(sine2) + hidden.sum(1)
         return cost
 

@@ -7,7 +7,7 @@ model, and bodies may come near each other.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -33,7 +33,7 @@ from identifiability.robot.files import body_of, read_geometry
 from identifiability.robot.kinematics import Point
 from identifiability.robot.rules import RULES as ROBOT_RULES
 from identifiability.robot.sidecar import LimitEntry, Span
-from identifiability.workflows.excite.rules import RULES
+from identifiability.simulation.motion import usual_limits
 
 # `Limits`: how far, how fast and how hard the joints may move, and where bodies may be.
 #
@@ -45,10 +45,6 @@ from identifiability.workflows.excite.rules import RULES
 # [workspace.platform] # body: where one of its points may be [m] point = [0.2, 0.1, 0.0] # in the
 # body's frame (default: its origin) z = [0.5, 0.9] # world coordinates; x, y and z
 
-
-#: Reach, speed and acceleration of joints without limits: (rotary [rad], sliding [m]), as those
-#: of random trajectories.
-ASSUMED = {"q": (1.0, 0.1), "v": (2.0, 0.3), "a": (10.0, 1.0)}
 
 #: What these limits are called.
 KINDS = {"q": "range", "v": "speed", "a": "acceleration"}
@@ -188,8 +184,7 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
                     f"are {listing(known)}."
                 )
     motors = slice(len(robot.joints) - len(robot.motor_joints), None)
-    slides = np.array([robot.is_prismatic(int(k)) for k in robot.actuated[motors]]).astype(int)
-    home = robot.actuated_positions(robot.home[None])[0, motors]
+    usual = usual_limits(robot)
     own = {
         "q": robot.limits,
         "v": stated_speeds(robot),
@@ -204,9 +199,8 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
             stated = getattr(entry.limits.get(name), kind, None)
             if stated is not None:
                 found[kind][k] = stated
-            elif kind in ASSUMED and not np.isfinite(found[kind][k]).all():
-                reach = ASSUMED[kind][slides[k]]
-                likely = home[k] + np.array([-reach, reach]) if kind == "q" else reach
+            elif kind in usual and not np.isfinite(found[kind][k]).all():
+                likely = usual[kind][motors][k]
                 found[kind][k] = np.where(np.isfinite(found[kind][k]), found[kind][k], likely)
                 assumed.append(f"{name}.{kind}")
     low, high = found["q"].T
@@ -228,31 +222,6 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
     )
 
 
-def doubt_assumed(limits: Limits, logs: Mapping[str, tuple[Array, Array]]) -> Iterator[str]:
-    """Give a sentence for assumed limits that the logs to start from go beyond.
-
-    Parameters
-    ----------
-    limits : Limits
-    logs : mapping
-        Name of a log to the least and the largest position, velocity and acceleration, (3, n) each.
-    """
-    beyond: list[str] = []
-    for log, (low, high) in logs.items():
-        for k, joint in enumerate(limits.joints):
-            fast = max(-low[1, k], high[1, k]) > limits.speed[k]
-            far = low[0, k] < limits.low[k] or high[0, k] > limits.high[k]
-            wrong = {name for name, is_so in ((f"{joint}.v", fast), (f"{joint}.q", far)) if is_so}
-            if wrong & set(limits.assumed):
-                beyond.append(f"{joint} in {log}")
-    if beyond:
-        yield (
-            f"Limits that were assumed are too narrow, joints went beyond them: "
-            f"{listing(beyond, 4)}; state what the joints may do in the sidecar's [limits] or by "
-            "--limits, or the motion found says less than it could."
-        )
-
-
 def _read(given: Mapping[str, Any] | str | Path | None) -> tuple[str, LimitsFile]:
     """Return where limits come from and what they are."""
     if given is None:
@@ -272,6 +241,10 @@ def _box(robot: Robot, body: str, entry: BoxEntry) -> Box:
     free = (-np.inf, np.inf)
     span = np.array([free if s is None else s for s in (entry.x, entry.y, entry.z)])
     return Box(body, Point(joint, np.array(entry.point)), span[:, 0], span[:, 1])
+
+
+#: Twice the distance that bodies keep at every sample [m].
+CLEARANCE: Tolerance = 0.01
 
 
 # How near bodies of a robot that are not joined come to each other along a motion.
@@ -309,14 +282,14 @@ class Clearance:
         near = [
             (pair.first, pair.second)
             for pair, found in zip(shapes.collisionPairs, data.distanceResults, strict=True)
-            if found.min_distance < RULES.clearance
+            if found.min_distance < CLEARANCE
         ]
         for pair in near:
             shapes.removeCollisionPair(pin.CollisionPair(*pair))
         names = [" and ".join(sorted(body_of(objects[k]) for k in pair)) for pair in near]
         said = (
             f"At home {listing(dict.fromkeys(names), 4)} are nearer than "
-            f"{1000 * RULES.clearance:g} mm already (as drawn), so collisions of these are not "
+            f"{1000 * CLEARANCE:g} mm already (as drawn), so collisions of these are not "
             "watched."
         )
         watched = Clearance(robot, shapes) if len(shapes.collisionPairs) else None
@@ -340,7 +313,7 @@ class Clearance:
 
 def nearness(gaps: Array) -> Array:
     """Return what each sample costs: nothing from twice the margin on, 1 at contact."""
-    near: Array = np.maximum(1.0 - np.asarray(gaps) / (2 * RULES.clearance), 0.0) ** 2
+    near: Array = np.maximum(1.0 - np.asarray(gaps) / (2 * CLEARANCE), 0.0) ** 2
     return near
 
 

@@ -22,16 +22,15 @@ from identifiability.foundation.options import MOST_SAMPLES
 from identifiability.foundation.output import csv_text, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import digits, exact, format_count, format_number
-from identifiability.foundation.rules import RuleTable, Tolerance
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation.motion import PrescribedMotion, Trajectory, write_trajectory_bag
-from identifiability.workflows.answers import answer_next, sentence
+from identifiability.workflows.answers import answer_next
 from identifiability.workflows.commands import name_logs, on_file, source_name
-from identifiability.workflows.excite.criteria import Criterion, LogDet, Separation
-from identifiability.workflows.excite.limits import Clearance, Drive, Limits, survey
-from identifiability.workflows.excite.rules import RULES
+from identifiability.workflows.excite.criteria import VISIBLE, Criterion, LogDet, Separation
+from identifiability.workflows.excite.limits import CLEARANCE, Clearance, Drive, Limits, survey
 
 # From a periodic motion to what a controller plays: from rest, into the periods, back to rest.
 #
@@ -90,12 +89,14 @@ def _keeps(
     space = survey(robot, limits, whole, len(motion.t), 1, step, drive)
     if not space.kept(limits.closure_bound)[0]:
         return False
-    return watched is None or float(watched.gaps(whole.q).min()) >= RULES.clearance / 2
+    return watched is None or float(watched.gaps(whole.q).min()) >= CLEARANCE / 2
 
 
 # `Excitation`: a motion to measure, what it is good for, and what it keeps.
 
 
+#: A σ is better up to this share of before.
+BETTER: Tolerance = 0.95
 #: Similarity above which a diagnosis gives both names.
 CONFUSABLE: Tolerance = 0.9
 
@@ -305,12 +306,8 @@ class Excitation(Result):
         return write_text(path, csv_text(_motion_frame(self.limits.joints, motion)))
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return what the robot should do, what it tells, whether it may play it, what next."""
-        return _motion(self), _worth(self), _safe(self), answer_next(_next_commands(self))
-
-    def decided_by(self) -> tuple[RuleTable, ...]:
-        """Return the numbers by which it was decided, the verb's own first."""
-        return (RULES,)
+        """Return what the motion tells, whether the robot may play it, what next."""
+        return _worth(self), _safe(self), answer_next(_next_commands(self))
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""
@@ -336,7 +333,7 @@ class Excitation(Result):
             share = float(np.exp(-rise / (2 * len(self.criterion.chosen))))
             text += f" Standard deviations become {percent(share, 2)} of those (geometric mean)."
         for name, share in zip(self.chosen, self.after.visible, strict=False):
-            if share < RULES.visible:
+            if share < VISIBLE:
                 text += f" {name} leaves only {percent(share, 2)} outside the model."
         if isinstance(self.criterion, Separation) and self.after.figure > CONFUSABLE:
             text += " Within these limits a diagnosis would still give both names."
@@ -369,16 +366,9 @@ def _motion_frame(joints: tuple[str, ...], motion: PrescribedMotion) -> pd.DataF
     return pd.DataFrame(columns)
 
 
-def _motion(result: Excitation) -> Answer:
-    joints = format_count(len(result.limits.joints), "joint")
-    seconds = format_number(result.trajectory.period, 3)
-    short = f"Move {joints} along this motion of {seconds} s, several times."
-    return Answer("What should the robot do?", short, sentence("excitation.files"), "blue")
-
-
 def _worth(result: Excitation) -> Answer:
     gain = result.gain[np.isfinite(result.gain)]
-    better = int((gain < RULES.better).sum())
+    better = int((gain < BETTER).sum())
     short = (
         f"{better} of {format_count(len(result.gain), 'parameter')} are known better than from "
         f"{result.beside}."

@@ -37,14 +37,8 @@ from identifiability.workflows.excite.criteria import (
     pose_question,
     scaled,
 )
-from identifiability.workflows.excite.limits import (
-    LimitsLike,
-    Workspace,
-    doubt_assumed,
-    find_limits,
-)
+from identifiability.workflows.excite.limits import CLEARANCE, LimitsLike, Workspace, find_limits
 from identifiability.workflows.excite.result import Excitation, Merit
-from identifiability.workflows.excite.rules import RULES
 from identifiability.workflows.excite.search import OPEN, Objective, Search, Series, search
 from identifiability.workflows.opening import Logs, Progress, list_logs, quiet, state_provenance
 from identifiability.workflows.session import Session
@@ -73,7 +67,6 @@ def excite(
     preparation: Preparation | None = None,
     evaluations: Count = EVALUATIONS,
     seed: Seed = 0,
-    name: str = "excite",
     progress: Progress | None = None,
     engine: Engine | None = None,
 ) -> Excitation:
@@ -111,8 +104,6 @@ def excite(
         Motions that are looked at, at most, after the first random ones. The same number gives the
         same motion on every machine of a kind.
     seed : int
-    name : str
-        Of the trajectory in its file.
     progress : callable(str, float), optional
     engine : Engine, optional
         Where logs to start from are read, if they are long; here by default.
@@ -139,9 +130,7 @@ def excite(
         bounds = find_limits(robot, limits)
         question = pose_question(robot, model, parameters, separate)
         logs, wrong = _start(question, start_from, preparation, engine)
-        reached = {log.name: (log.survey.low, log.survey.high) for log in logs}
-        low = doubt_assumed(bounds, reached)
-        hints = (*low, *wrong, *free_again(model), *unused_ladder(robot, model))
+        hints = (*wrong, *free_again(model), *unused_ladder(robot, model))
         series = Series(bounds, duration or PERIOD, harmonics, at_rest)
         options = {"evaluations": evaluations, "preparation": preparation or Preparation()}
         found = find_motion(
@@ -151,7 +140,7 @@ def excite(
             samples=samples,
             evaluations=evaluations,
             seed=seed,
-            name=name,
+            name="excite",
             say=say,
             hints=hints,
             provenance=state_provenance(robot, logs, seed, None, options),
@@ -254,14 +243,14 @@ def _best(
     for x in [*(x for _, x in found.found), *found.draws[order]]:
         G, space = objective.look(x, samples)
         gap = float(objective.gaps(x, samples).min())
-        if space.kept(objective.limits.closure_bound)[0] and gap >= RULES.clearance / 2:
+        if space.kept(objective.limits.closure_bound)[0] and gap >= CLEARANCE / 2:
             return x, G[0], space, gap
     robot, limits = objective.question.structure.robot, objective.limits
     bodies = [box.body for box in limits.boxes]
     raise ClosureError(
         f"No motion of {robot.name} was found that stays within the workspace (loops that close "
         f"everywhere with a condition number below {limits.closure_bound:g}, bodies that keep "
-        f"{500 * RULES.clearance:g} mm from each other, {listing(bodies) or 'points'} within the "
+        f"{500 * CLEARANCE:g} mm from each other, {listing(bodies) or 'points'} within the "
         "box); give narrower limits of the joints about its home position "
         f"{robot.describe_home()}, a wider workspace, or a longer motion."
     )
@@ -271,9 +260,8 @@ def _before(objective: Objective, found: Search, samples: int) -> Array:
     """Return the Gram matrix to compare with: the logs twice, or the middle of random motions."""
     if objective.known.logs:
         return objective.known.repeated
-    usable = np.flatnonzero(found.costs < OPEN)
-    fills = usable[usable % 2 == 0]  # those that fill the limits
-    order = sorted(fills if len(fills) else usable, key=lambda k: found.costs[k])
+    order = np.argsort(found.costs)
+    order = order[found.costs[order] < OPEN]
     middle = order[len(order) // 2]
     G: Array = objective.look(found.draws[middle], samples)[0][0]
     return G
