@@ -27,7 +27,8 @@ from identifiability.report.drawing import (
 )
 from identifiability.report.skeleton import Part, actuated_pose, sketch_parts
 from identifiability.workflows.answers import sentence, words
-from identifiability.workflows.excite.result import BETTER, Excitation
+from identifiability.workflows.excite.result import Excitation
+from identifiability.workflows.excite.rules import RULES
 
 # An exciting motion: each joint within its limits, the search, and what it gains.
 
@@ -99,7 +100,7 @@ def sketch(result: Excitation) -> Sketch | None:
     owners: dict[str, list[str]] = {}
     known = dict.fromkeys(n.rpartition(".")[0] for n in result.names)
     for name, gain in zip(result.names, result.gain, strict=True):
-        if gain < BETTER:
+        if gain < RULES.better:
             owners.setdefault(name.rpartition(".")[0], []).append(name)
     parts = {
         owner: Part("green", f"better known: {join(owners[owner])}")

@@ -88,21 +88,14 @@ CALIBRATE = {
 }
 EXCITE = {
     "robot": ({"robot": 3}, ROBOT),
-    "criterion": (
-        {"criterion": "conditon"},
-        "'separate' or None, not 'conditon', did you",
-    ),
     "harmonics": ({"harmonics": 0}, "harmonics must be a whole number between 1 and 50, not 0"),
     "duration": (
         {"duration": -1},
         "duration must be a number between 0.001 and 1e+06 or None, not -1",
     ),
     "samples": ({"samples": "many"}, "samples must be a whole number"),
-    "evaluations": (
-        {"evaluations": 0},
-        "evaluations must be a whole number of at least 1 or None, not 0",
-    ),
-    "time limit": ({"time_limit": 0}, "time_limit must be a number above 0 or None, not 0"),
+    "evaluations": ({"evaluations": 0}, "evaluations must be a whole number of at least 1, not 0"),
+    "time limit": ({"time_limit": 9}, "'time_limit' of excite is called 'evaluations' now"),
     "seed": ({"seed": -1}, SEED),
     "parameters": ({"parameters": "link1.mx"}, "parameters must be a list of names or None"),
 }

@@ -28,13 +28,8 @@ from identifiability.logs.commands import acting
 from identifiability.robot import Robot, RobotLike
 from identifiability.simulation.motion import write_command_bag
 from identifiability.simulation.rollout import NO_SERVO, CommandedRobot
-from identifiability.workflows.excite.limits import (
-    CLEARANCE,
-    Clearance,
-    Limits,
-    LimitsLike,
-    find_limits,
-)
+from identifiability.workflows.excite.limits import Clearance, Limits, LimitsLike, find_limits
+from identifiability.workflows.excite.rules import RULES
 
 #: Share of its range that a joint swings at most, and of the limits that are used.
 SWING: Tolerance = 0.3
@@ -248,4 +243,4 @@ def _gap(robot: Robot, watched: Clearance, q: Array) -> float:
     rows = np.unique(np.linspace(0, len(q) - 1, POSES).astype(int))
     poses = np.tile(robot.home, (len(rows), 1))
     poses[:, [robot.tree.single[joint].iq for joint in robot.joints]] = np.nan_to_num(q[rows])
-    return float(watched.gaps(poses).min()) - CLEARANCE
+    return float(watched.gaps(poses).min()) - RULES.clearance

@@ -23,6 +23,7 @@ from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choos
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import BaseParameters, Structure
 from identifiability.robot import Robot
+from identifiability.workflows.excite.rules import RULES
 
 # What an exciting motion is good for: the criteria, on Gram matrices ``WᵀW``.
 #
@@ -35,8 +36,6 @@ from identifiability.robot import Robot
 
 #: Scaled eigenvalues of a Gram matrix below this are rounding.
 FLOOR: Tolerance = 1e-14
-#: Share of an effect beside the model that a motion shows.
-VISIBLE: Tolerance = 0.03
 #: Columns shorter than this share of the longest never act.
 IDLE: Tolerance = 1e-12
 
@@ -89,7 +88,7 @@ class Separation:
         """Return ``−log sin θ`` of the smallest angle, more where an effect is hardly visible."""
         similarity, remaining = self.angles(G)
         sine2 = np.maximum(1 - similarity**2, 1e-12)
-        hidden = np.maximum(np.log(2 * VISIBLE / np.maximum(remaining, 1e-9)), 0.0)
+        hidden = np.maximum(np.log(2 * RULES.visible / np.maximum(remaining, 1e-9)), 0.0)
         cost: Array = -0.5 * np.log(sine2) + hidden.sum(1)
         return cost
 
@@ -354,22 +353,13 @@ def _place_effect(robot: Robot, text: str) -> Effect:
 
 def _find_parameters(base: BaseParameters, names: Sequence[str] | None) -> np.ndarray:
     """Return the base columns of parameters, all for None."""
-    if not names:
-        return np.arange(len(base))
-    every = [p.name for p in base.parameters]
-    found = []
-    wanted = (find_named(text, base.names) or [text] for text in names)
-    for name in dict.fromkeys(name for several in wanted for name in several):
-        if name not in every:
+    found = list(base.names) if not names else []
+    for text in names or ():
+        named = find_named(text, base.names)
+        if not named:
             raise ModelError(
-                f"There is no parameter '{name}'{near_match(name, every)} "
+                f"'{text}' is no base parameter{near_match(text, base.names)} "
                 f"The base parameters are {listing(base.names)}."
             )
-        if name not in base.names:
-            members = [base.names[r] for r in np.flatnonzero(base.G[:, every.index(name)])]
-            raise ModelError(
-                f"No motion can determine '{name}' by itself: it acts only together with "
-                f"{listing(members) or 'nothing'}; choose that."
-            )
-        found.append(base.names.index(name))
-    return np.array(found, int)
+        found += named
+    return np.array([base.names.index(name) for name in dict.fromkeys(found)], int)

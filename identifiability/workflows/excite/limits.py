@@ -34,6 +34,7 @@ from identifiability.robot.kinematics import Point
 from identifiability.robot.rules import RULES as ROBOT_RULES
 from identifiability.robot.sidecar import LimitEntry, Span
 from identifiability.simulation.motion import usual_limits
+from identifiability.workflows.excite.rules import RULES
 
 # `Limits`: how far, how fast and how hard the joints may move, and where bodies may be.
 #
@@ -243,10 +244,6 @@ def _box(robot: Robot, body: str, entry: BoxEntry) -> Box:
     return Box(body, Point(joint, np.array(entry.point)), span[:, 0], span[:, 1])
 
 
-#: Twice the distance that bodies keep at every sample [m].
-CLEARANCE: Tolerance = 0.01
-
-
 # How near bodies of a robot that are not joined come to each other along a motion.
 
 
@@ -282,14 +279,14 @@ class Clearance:
         near = [
             (pair.first, pair.second)
             for pair, found in zip(shapes.collisionPairs, data.distanceResults, strict=True)
-            if found.min_distance < CLEARANCE
+            if found.min_distance < RULES.clearance
         ]
         for pair in near:
             shapes.removeCollisionPair(pin.CollisionPair(*pair))
         names = [" and ".join(sorted(body_of(objects[k]) for k in pair)) for pair in near]
         said = (
             f"At home {listing(dict.fromkeys(names), 4)} are nearer than "
-            f"{1000 * CLEARANCE:g} mm already (as drawn), so collisions of these are not "
+            f"{1000 * RULES.clearance:g} mm already (as drawn), so collisions of these are not "
             "watched."
         )
         watched = Clearance(robot, shapes) if len(shapes.collisionPairs) else None
@@ -313,7 +310,7 @@ class Clearance:
 
 def nearness(gaps: Array) -> Array:
     """Return what each sample costs: nothing from twice the margin on, 1 at contact."""
-    near: Array = np.maximum(1.0 - np.asarray(gaps) / (2 * CLEARANCE), 0.0) ** 2
+    near: Array = np.maximum(1.0 - np.asarray(gaps) / (2 * RULES.clearance), 0.0) ** 2
     return near
 
 

@@ -22,15 +22,16 @@ from identifiability.foundation.options import MOST_SAMPLES
 from identifiability.foundation.output import csv_text, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import digits, exact, format_count, format_number
-from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation.motion import PrescribedMotion, Trajectory, write_trajectory_bag
 from identifiability.workflows.answers import answer_next
 from identifiability.workflows.commands import name_logs, on_file, source_name
-from identifiability.workflows.excite.criteria import VISIBLE, Criterion, LogDet, Separation
-from identifiability.workflows.excite.limits import CLEARANCE, Clearance, Drive, Limits, survey
+from identifiability.workflows.excite.criteria import Criterion, LogDet, Separation
+from identifiability.workflows.excite.limits import Clearance, Drive, Limits, survey
+from identifiability.workflows.excite.rules import RULES
 
 # From a periodic motion to what a controller plays: from rest, into the periods, back to rest.
 #
@@ -89,14 +90,12 @@ def _keeps(
     space = survey(robot, limits, whole, len(motion.t), 1, step, drive)
     if not space.kept(limits.closure_bound)[0]:
         return False
-    return watched is None or float(watched.gaps(whole.q).min()) >= CLEARANCE / 2
+    return watched is None or float(watched.gaps(whole.q).min()) >= RULES.clearance / 2
 
 
 # `Excitation`: a motion to measure, what it is good for, and what it keeps.
 
 
-#: A σ is better up to this share of before.
-BETTER: Tolerance = 0.95
 #: Similarity above which a diagnosis gives both names.
 CONFUSABLE: Tolerance = 0.9
 
@@ -309,6 +308,10 @@ class Excitation(Result):
         """Return what the motion tells, whether the robot may play it, what next."""
         return _worth(self), _safe(self), answer_next(_next_commands(self))
 
+    def decided_by(self) -> tuple[RuleTable, ...]:
+        """Return the numbers by which it was decided, the verb's own first."""
+        return (RULES,)
+
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""
         caption = "What each joint does, and may do [SI units]"
@@ -333,7 +336,7 @@ class Excitation(Result):
             share = float(np.exp(-rise / (2 * len(self.criterion.chosen))))
             text += f" Standard deviations become {percent(share, 2)} of those (geometric mean)."
         for name, share in zip(self.chosen, self.after.visible, strict=False):
-            if share < VISIBLE:
+            if share < RULES.visible:
                 text += f" {name} leaves only {percent(share, 2)} outside the model."
         if isinstance(self.criterion, Separation) and self.after.figure > CONFUSABLE:
             text += " Within these limits a diagnosis would still give both names."
@@ -368,7 +371,7 @@ def _motion_frame(joints: tuple[str, ...], motion: PrescribedMotion) -> pd.DataF
 
 def _worth(result: Excitation) -> Answer:
     gain = result.gain[np.isfinite(result.gain)]
-    better = int((gain < BETTER).sum())
+    better = int((gain < RULES.better).sum())
     short = (
         f"{better} of {format_count(len(result.gain), 'parameter')} are known better than from "
         f"{result.beside}."

@@ -20,7 +20,6 @@ from identifiability.robot import Motion, complete_motion
 from identifiability.simulation.motion import Trajectory
 from identifiability.workflows.excite.criteria import Known, Question
 from identifiability.workflows.excite.limits import (
-    CLEARANCE,
     Clearance,
     Drive,
     Limits,
@@ -28,6 +27,7 @@ from identifiability.workflows.excite.limits import (
     nearness,
     survey,
 )
+from identifiability.workflows.excite.rules import RULES
 
 # Candidate motions: what a series keeps by construction, what it does, and what it costs.
 #
@@ -202,7 +202,7 @@ class Objective:
             return float(cost[0]), slope
         gaps = self.gaps(x[None], self.samples)
         # Bodies farther apart than so many clearances do not come near each other by that.
-        near = gaps[0] < 3.0 * CLEARANCE
+        near = gaps[0] < 3.0 * RULES.clearance
         total = TOUCHING * float(nearness(gaps).sum())
         if near.any():
             moved = self.gaps(x + NUDGE * np.eye(len(x)), self.samples, near)

@@ -37,8 +37,9 @@ from identifiability.workflows.excite.criteria import (
     pose_question,
     scaled,
 )
-from identifiability.workflows.excite.limits import CLEARANCE, LimitsLike, Workspace, find_limits
+from identifiability.workflows.excite.limits import LimitsLike, Workspace, find_limits
 from identifiability.workflows.excite.result import Excitation, Merit
+from identifiability.workflows.excite.rules import RULES
 from identifiability.workflows.excite.search import OPEN, Objective, Search, Series, search
 from identifiability.workflows.opening import Logs, Progress, list_logs, quiet, state_provenance
 from identifiability.workflows.session import Session
@@ -243,14 +244,14 @@ def _best(
     for x in [*(x for _, x in found.found), *found.draws[order]]:
         G, space = objective.look(x, samples)
         gap = float(objective.gaps(x, samples).min())
-        if space.kept(objective.limits.closure_bound)[0] and gap >= CLEARANCE / 2:
+        if space.kept(objective.limits.closure_bound)[0] and gap >= RULES.clearance / 2:
             return x, G[0], space, gap
     robot, limits = objective.question.structure.robot, objective.limits
     bodies = [box.body for box in limits.boxes]
     raise ClosureError(
         f"No motion of {robot.name} was found that stays within the workspace (loops that close "
         f"everywhere with a condition number below {limits.closure_bound:g}, bodies that keep "
-        f"{500 * CLEARANCE:g} mm from each other, {listing(bodies) or 'points'} within the "
+        f"{500 * RULES.clearance:g} mm from each other, {listing(bodies) or 'points'} within the "
         "box); give narrower limits of the joints about its home position "
         f"{robot.describe_home()}, a wider workspace, or a longer motion."
     )
