@@ -2,20 +2,50 @@
 
 from __future__ import annotations
 
-from identifiability.foundation.names import shorten_paths
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from identifiability.foundation.names import Array, shorten_paths
+from identifiability.foundation.numbers import measured
 from identifiability.foundation.rounding import digits, join
 from identifiability.report.blocks import Section, Sketch, picture, section
-from identifiability.report.comparison_report import draw_intervals
+from identifiability.report.drawing import DASHED, INK, drawn, row_canvas, row_lines, whiskers
 from identifiability.report.skeleton import Part, sketch_parts
 from identifiability.workflows.answers import sentence
-from identifiability.workflows.payload import Load, value_text
+from identifiability.workflows.payload import Load
+
+# Values of several things with their intervals, a row each.
+
+
+@drawn
+def draw_intervals(
+    names: Sequence[str], values: Array, halves: Array, xlabel: str, line: float = 0.0
+) -> Figure:
+    """Draw values with half widths of intervals along x, and a line to compare them with.
+
+    Parameters
+    ----------
+    names : sequence of str
+    values, halves : (k,)
+    xlabel : str
+    line : float
+    """
+    figure, axes = row_canvas(names, row=26, top=14, xlabel=xlabel)
+    whiskers(axes, values, np.arange(len(names), dtype=float), halves)
+    axes.axvline(line, color=INK, **DASHED)
+    row_lines(axes, len(names))
+    return figure
+
 
 # What a payload answers first: how heavy and where, how well known, may I trust it, what next.
 
 
 def sketch(result: Load) -> Sketch | None:
     """Return the robot with what was found drawn on it, if it can be drawn."""
-    text = value_text(result.mass) if result.mass.told else "the load would hang here"
+    mass = result.mass
+    text = measured(mass.value, mass.half, "kg") if result.mass.told else "the load would hang here"
     return sketch_parts(result.robot, {result.body: Part("vermilion", text)}, "decision.loaded")
 
 

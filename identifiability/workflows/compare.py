@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 from shlex import quote
 from typing import Any, ClassVar, Literal
@@ -20,31 +19,27 @@ import pandas as pd
 
 from identifiability.effects import title_of
 from identifiability.estimation.differences import (
-    EXCERPT,
     Cause,
     Differences,
     Known,
-    LogModel,
     LogRows,
     find_causes,
-    find_lacks,
     load_bodies,
     pooled_values,
     relative_scale,
 )
-from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.mixed_model import EVERYWHERE, Term, Terms
 from identifiability.estimation.noise import JointNoise, JointRuns
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
-from identifiability.foundation.answers import Answer, Column, Table, measured_cells
+from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.engines.mapping import Engine, one_thread
-from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
+from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import digits, join, rough_percent
+from identifiability.foundation.rounding import digits, rough_percent
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
@@ -57,10 +52,10 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import OfStructure, Structure, random_motion
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.answers import answer_next, sentence, with_hints
+from identifiability.workflows.answers import answer_next, sentence, state_answers, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.opening import Logs
-from identifiability.workflows.pairs import find_pairs, share_noise
+from identifiability.workflows.pairs import find_differences, find_pairs, look
 from identifiability.workflows.predict import Fit, Predicts, find_fit
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
@@ -69,10 +64,9 @@ from identifiability.workflows.session import Session
 
 
 #: What is less than this share is the same; values that hang together are known by rounding where
-#: their square is less than the next; what a motion does not tell has a square beyond the last.
+#: their correlation is within the next of one.
 SAME: Tolerance = 1e-6
 WHITE: Tolerance = 1e-12
-UNTOLD: Tolerance = 1e8
 #: Where something is that is at all places.
 ALL_JOINTS = "all joints"
 
@@ -263,8 +257,6 @@ class Comparison(OfStructure, Result):
         By which share friction differs between any two logs.
     lacks : tuple of str
         What the model lacks in all logs alike.
-    values : (3, k)
-        Parameters before and after, and the standard deviation of their difference.
     hints : tuple of str
     preparation : Preparation
         How logs were asked to be turned into motion.
@@ -283,7 +275,6 @@ class Comparison(OfStructure, Result):
     found_from: Mapping[str, float]
     drift: float
     lacks: tuple[str, ...]
-    values: Array
     hints: tuple[str, ...] = ()
     preparation: Preparation = Preparation()
 
@@ -295,25 +286,30 @@ class Comparison(OfStructure, Result):
     @property
     def answer(self) -> str:
         """What changed, in one sentence."""
-        if not self.changes:
-            blind = f", {self.blindness}" if self.blindness else "."
-            return f"Nothing changed that can be told from chance{blind}"
-        found = [describe(change) for change in self.changes[:NAMED]]
-        more = len(self.changes) - NAMED
-        text = "; ".join([*found, *([f"{more} more"] if more > 0 else [])])
-        return f"{text[0].upper()}{text[1:]}."
-
-    @property
-    def blindness(self) -> str:
-        """That only large changes could have been told, after a comma; empty if it is not so."""
+        if self.changes:
+            text = "; ".join([describe(change) for change in self.changes[:NAMED]])
+            return f"{text[0].upper()}{text[1:]}."
         known = [share for share in self.found_from.values() if np.isfinite(share)]
         # Where friction must change by more than this share everywhere, an unchanged
         # robot is no news.
-        return BUT_BLIND if known and min(known) > 0.5 else ""
+        blind = f", {BUT_BLIND}" if known and min(known) > 0.5 else "."
+        return f"Nothing changed that can be told from chance{blind}"
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what changed, how small a change shows, whether to trust it, what next."""
-        return _changed(self), _least(self), _trust(self), answer_next(_next_commands(self))
+        every, k = shorten_paths((*self.before, *self.after)), len(self.before)
+        sides = f"{listing(every[:k], 3)} and {listing(every[k:], 3)}"
+        tone = "vermilion" if any(c.sure for c in self.changes) else "amber"
+        changed = Answer(
+            f"What changed between {sides}?",
+            self.answer,
+            f"{self.tested} changes were asked for between {sides}. {self.nuisances}".strip(),
+            tone if self.changes else "green",
+        )
+        short, tone = TRUST[self.kind]
+        text = f"{sentence('comparison.how', self.kind)} {sentence('comparison.how', 'odds')}"
+        trust = Answer("May I trust it?", short, text, tone)
+        return changed, _least(self), trust, answer_next(_next_commands(self))
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
@@ -326,17 +322,7 @@ class Comparison(OfStructure, Result):
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        one, other = _sides(self)
-        sides = f"{listing(one, 3)} and {listing(other, 3)}"
-        tested = f"Between {sides} {self.tested} changes were asked for."
-        least = _least(self).short if self.found_from else ""
-        texts = (self.answer, tested, self.how, self.nuisances, least, *self.hints)
-        return " ".join(t for t in texts if t)
-
-    @property
-    def how(self) -> str:
-        """What the comparison rests on, and what it cannot tell."""
-        return sentence("comparison.how", self.kind)
+        return state_answers(self.answer, self.answers(), self.hints)
 
     @property
     def nuisances(self) -> str:
@@ -351,54 +337,13 @@ class Comparison(OfStructure, Result):
     def to_frame(self) -> pd.DataFrame:
         """Return one row a number that changed: what, by how much, interval, log odds."""
         rows = [
-            {
-                "what": change.what,
-                "kind": change.kind,
-                "name": name,
-                "change": size,
-                "low": size - REACH * sd,
-                "high": size + REACH * sd,
-                "unit": unit,
-                "share": change.share,
-                "share_sd": change.share_sd,
-                "log_odds": change.odds,
-                "logs": ", ".join(change.logs),
-                "or": "; ".join(change.others),
-                "p": np.nan,
-            }
-            for change in self.changes
-            for name, unit, size, sd in zip(
-                change.names, change.units, change.sizes, change.sd, strict=True
-            )
+            [c.what, c.kind, name, size, size - REACH * sd, size + REACH * sd, unit, *rest]
+            for c in self.changes
+            for rest in [(c.share, c.share_sd, c.odds, ", ".join(c.logs), "; ".join(c.others))]
+            for name, size, sd, unit in zip(c.names, c.sizes, c.sd, c.units, strict=True)
         ]
-        columns = "what kind name change low high unit share share_sd log_odds logs or p"
+        columns = "what kind name change low high unit share share_sd log_odds logs or"
         return pd.DataFrame(rows, columns=columns.split())
-
-    @cached_property
-    def _parameters(self) -> pd.DataFrame:
-        before, after, sd = self.values
-        known = np.isfinite(sd)
-        frame = pd.DataFrame(
-            {
-                "name": self.submodel.columns,
-                "label": self.submodel.labels,
-                "unit": self.submodel.units,
-                "before": before,
-                "after": after,
-                "change": after - before,
-                "sd": sd,
-                "sigmas": (after - before) / sd,
-            }
-        )
-        shown: pd.DataFrame = frame[known].reset_index(drop=True)
-        return shown
-
-    def parameters_frame(self) -> pd.DataFrame:
-        """Return one row a parameter: before, after, change and its standard deviation.
-
-        Changes in σ are those of each parameter by itself: of many, some are beyond 2 by chance.
-        """
-        return self._parameters.copy()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison in the documented JSON schema."""
@@ -411,14 +356,12 @@ class Comparison(OfStructure, Result):
             "after": list(self.after),
             "kind": self.kind,
             "pairs": [list(p) for p in self.pairs],
-            "level": None,
             "tested": self.tested,
             "changed": bool(self.changes),
             "found_from": dict(self.found_from),
             "drift": self.drift,
             "lacks": list(self.lacks),
             "changes": self.to_frame().to_dict("records"),
-            "parameters": self._parameters.to_dict("records"),
         }
 
 
@@ -507,14 +450,8 @@ def _is_result(side: Any) -> bool:
 
 
 def _compare_results(robot: Robot, before: Any, after: Any) -> Comparison:
-    fits = [find_fit(side, robot) for side in (before, after)]
-    one, other = fits
-    same = one.names == other.names and one.submodel.M.shape == other.submodel.M.shape
-    if (
-        not same
-        or not np.allclose(one.submodel.M, other.submodel.M)
-        or one.submodel.labels != other.submodel.labels
-    ):
+    one, other = (find_fit(side, robot) for side in (before, after))
+    if (one.names, one.submodel.labels) != (other.names, other.submodel.labels):
         raise IdentifiabilityError(
             f"The results have different models, '{one.submodel.name}' with {len(one.names)} and "
             f"'{other.submodel.name}' with {len(other.names)} parameters, whose values stand for "
@@ -522,25 +459,19 @@ def _compare_results(robot: Robot, before: Any, after: Any) -> Comparison:
             "logs."
         )
     names = [
-        str(side) if isinstance(side, (str, Path)) else f"{word} result"
+        (str(side) if isinstance(side, (str, Path)) else f"{word} result",)
         for side, word in ((before, "the first"), (after, "the second"))
     ]
-    sizes = [np.diag(fit.covariance) for fit in fits]
-    sd = np.where(np.minimum(*sizes) > 0, np.sqrt(np.add(*sizes)), np.nan)
-    rows = rows_of_results(one, other)
+    base = np.zeros(len(one.structure.base))
     found = Differences(
-        rows=rows,
-        known=Known.nothing(
-            np.zeros((len(one.structure.base), 0)), np.zeros(len(one.structure.base))
-        ),
+        rows=rows_of_results(one, other),
+        known=Known.nothing(base[:, None][:, :0], base),
         logs=2,
         patterns=(np.array([0.0, 1.0]),),
         noise=(JointNoise(np.empty(0), 1.0),),
     )
-    values = np.array([one.values, other.values, sd])
-    return _conclude(
-        "results", one.structure, one.submodel, found, ((names[0],), (names[1],)), values
-    )
+    sides = {"before": names[0], "after": names[1]}
+    return _conclude(one.structure, one.submodel, found, (), kind="results", pairs=(), **sides)
 
 
 def rows_of_results(one: Fit, other: Fit) -> LogRows:
@@ -552,8 +483,8 @@ def rows_of_results(one: Fit, other: Fit) -> LogRows:
     known = np.flatnonzero(np.minimum(np.diag(one.covariance), np.diag(other.covariance)) > 0)
     covariance = (one.covariance + other.covariance)[np.ix_(known, known)]
     size = np.sqrt(np.diag(covariance))
-    square, turn = np.linalg.eigh(covariance / np.outer(size, size))
-    whiten = (turn / np.sqrt(np.maximum(square, WHITE * square[-1]))).T / size
+    alike = covariance / np.outer(size, size) + WHITE * np.eye(len(size))
+    whiten = np.linalg.inv(np.linalg.cholesky(alike)) / size
     motion = random_motion(structure.robot, np.random.default_rng(0))
     X = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
     torque = X @ one.base
@@ -594,85 +525,45 @@ def _compare_logs(
     structure = Structure.of(robot, ladder_model(source.entry))
     submodel = build_ladder(source.entry, structure)[0]
     sides = Session.read_sides(structure, before, after, preparation, engine)
-    first, second = (side.recordings.fitted for side in sides)
-    names = given_paths(first), given_paths(second)
-    session = sides[0].beside(sides[1])
+    earlier, later = (side.recordings.fitted for side in sides)
+    session = sides[1].beside(sides[0])
     opening = session.open("compared")
-    seen = Excerpt.of(structure.regression(opening.samples), EXCERPT)
-    counts = np.bincount(seen.log, minlength=len(opening.samples))
-    if counts.min() * len(robot.joints) <= len(submodel):
-        raise LogError(
-            f"{counts.min()} samples are too few to compare {len(submodel)} values; give longer or "
-            "more logs, or a smaller model (--ladder)."
-        )
+    seen = look(structure, opening.samples, len(submodel))
     base, bodies = pooled_values(seen.X, seen.y, submodel.M, submodel.fixed), load_bodies(structure)
-    own = [s.name for s in opening.samples]
-    asked = np.repeat([0.0, 1.0], [len(first), len(second)])
-    logs = np.arange(len(own))
-    whole = Differences(
-        rows=LogRows.of(structure, seen, base, bodies),
-        known=Known.nothing(submodel.M, submodel.fixed),
-        logs=len(own),
-        patterns=_patterns(asked, logs),
-        lacks=find_lacks(structure, seen),
+    pairs = find_pairs(robot, (*later, *earlier), len(later), session.how)
+    # Along one motion what the values are wrong by cancels; else nothing is known of them.
+    sure = Known.of(base, submodel.M, np.zeros((len(submodel),) * 2), submodel.M[:0].T)
+    known = sure if pairs else Known.nothing(submodel.M, submodel.fixed)
+    asked = np.repeat([1.0, 0.0], [len(later), len(earlier)])
+    patterns = _patterns(asked, len(later) if pairs else len(asked))
+    found = find_differences(structure, seen, base, bodies, pairs, known=known, patterns=patterns)
+    paths = given_paths((*later, *earlier))
+    return _conclude(
+        structure,
+        submodel,
+        found,
+        [s.name for s in opening.samples],
+        kind="pairs" if pairs else "logs",
+        before=paths[len(later) :],
+        after=paths[: len(later)],
+        pairs=tuple((paths[p.at[1]], paths[p.at[0]]) for p in pairs),
+        hints=opening.hints,
+        preparation=preparation or Preparation(),
     )
-    values = _parameters(whole.model, len(submodel), logs < len(first))
-    pairs = find_pairs(robot, second, first, session.how)
-    hints, how = opening.hints, preparation
-    if len(pairs) < len(second):  # one that has none may be the odd one
-        return _conclude("logs", structure, submodel, whole, names, values, (), own, hints, how)
-    _, value, covariance = whole.model.of_logs(np.arange(len(first))).values()
-    k = len(submodel)
-    known = Known.of(
-        submodel.fixed + submodel.M @ value[:k], submodel.M, covariance[:k, :k], np.zeros((k, 0))
-    )
-    given = [p.rows(structure, base, bodies, (len(first) + p.at[0], p.at[1])) for p in pairs]
-    paired = Differences(
-        rows=LogRows.join(given),
-        known=known,
-        logs=len(own),
-        patterns=_patterns(asked, np.array([len(first) + p.at[0] for p in pairs])),
-        shared=share_noise(pairs),
-    )
-    chosen = tuple((names[0][p.at[1]], names[1][p.at[0]]) for p in pairs)
-    return _conclude("pairs", structure, submodel, paired, names, values, chosen, own, hints, how)
 
 
-def _patterns(asked: Array, logs: np.ndarray) -> tuple[Array, ...]:
-    """Return in which logs a change may be: those after, or any single one of three and more."""
-    single = [np.eye(len(asked))[k] for k in logs] if len(logs) > 2 else []
+def _patterns(asked: Array, count: int) -> tuple[Array, ...]:
+    """Return in which logs a change may be: those after, or any one of the first so many."""
+    single = np.eye(len(asked))[: count if count > 2 else 0]
     told = [x for x in single if not any(np.array_equal(x, y) for y in (asked, 1.0 - asked))]
     return (asked, *told)
 
 
-def _parameters(model: LogModel, count: int, before: np.ndarray) -> Array:
-    """Return values of the model before and after, and the sd of their difference, (3, k)."""
-    sides = [model.of_logs(np.flatnonzero(side)) for side in (before, ~before)]
-    values, variance, told = [], np.zeros(count), np.ones(count, bool)
-    for side in sides:
-        _, value, covariance = side.values()
-        values.append(value[:count])
-        own = np.diag(covariance)[:count]
-        variance += own
-        # What a motion does not tell is as open as the ridge of the equations leaves it.
-        told &= own * model.scale[:count] ** 2 < UNTOLD
-    return np.array([*values, np.where(told, np.sqrt(variance), np.nan)])
-
-
 def _conclude(
-    kind: Literal["pairs", "logs", "results"],
-    structure: Structure,
-    submodel: Submodel,
-    found: Differences,
-    names: tuple[tuple[str, ...], tuple[str, ...]],
-    values: Array,
-    pairs: tuple[tuple[str, str], ...] = (),
-    logs: Sequence[str] = (),
-    hints: tuple[str, ...] = (),
-    how: Preparation | None = None,
+    structure: Structure, submodel: Submodel, found: Differences, logs: Sequence[str], **said: Any
 ) -> Comparison:
-    model = found.model
-    terms = model.search()
+    """Return what logs of some names, or results, differ by; all else is `said` as it is."""
+    terms = found.model.search()
     which = [
         tuple(logs[int(k)] for k in np.flatnonzero(pattern)) if w else ()
         for w, pattern in enumerate(found.patterns)
@@ -681,23 +572,13 @@ def _conclude(
     return Comparison(
         structure=structure,
         submodel=submodel,
-        kind=kind,
-        before=names[0],
-        after=names[1],
-        pairs=pairs,
         changes=find_changes(structure, found, terms, which),
         tested=sum(bool(own) for _, (own, _) in found.said.values()),
         found_from=found_from(found, terms),
-        drift=float(np.sqrt(2.0)) * model.drift(terms),
+        drift=float(np.sqrt(2.0)) * found.model.drift(terms),
         lacks=tuple(text.removesuffix(" that the model lacks") for text in lacks),
-        values=values,
-        hints=hints,
-        preparation=how or Preparation(),
+        **said,
     )
-
-
-#: Changes that the first line names.
-SHOWN_NAMES = 3
 
 
 #: What may be trusted, by what was compared.
@@ -708,45 +589,15 @@ TRUST = {
 }
 
 
-def _sides(result: Comparison) -> tuple[list[str], list[str]]:
-    """Return what is compared, as it is called in print."""
-    every, k = shorten_paths((*result.before, *result.after)), len(result.before)
-    return every[:k], every[k:]
-
-
-def _changed(result: Comparison) -> Answer:
-    before, after = _sides(result)
-    sides = f"from {join(before, SHOWN_NAMES)} to {join(after, SHOWN_NAMES)}"
-    question = f"What changed {sides}?"
-    if not result.changes:
-        tone = "amber" if result.blindness else "green"
-        short = "Nothing that can be told from chance."
-        return Answer(question, short, result.blindness.capitalize(), tone)
-    named = [describe(change) for change in result.changes]
-    short = join(named, SHOWN_NAMES)
-    sure = any(change.sure for change in result.changes)
-    short = f"{short[0].upper()}{short[1:]}."
-    return Answer(question, short, result.nuisances, "vermilion" if sure else "amber")
-
-
 def _least(result: Comparison) -> Answer:
     question = "How small a change would have been found?"
     known = {j: share for j, share in result.found_from.items() if np.isfinite(share)}
-    tested = f"{result.tested} changes were asked for."
     if not known:
-        return Answer(question, "That is not known.", tested)
-    least, most = min(known, key=known.__getitem__), max(known, key=known.__getitem__)
-    short = f"Friction that changes by {rough_percent(known[least])} ({least})"
-    if most != least:
-        short += f" to {rough_percent(known[most])} ({most})"
-    return Answer(question, f"{short}.", f"Nine times in ten; {tested}", "blue")
-
-
-def _trust(result: Comparison) -> Answer:
-    short, tone = TRUST[result.kind]
-    return Answer(
-        "May I trust it?", short, f"{result.how} {sentence('comparison.how', 'odds')}", tone
-    )
+        return Answer(question, "That is not known.")
+    order = sorted(known, key=known.__getitem__)
+    ends = [f"{rough_percent(known[j])} ({j})" for j in dict.fromkeys((order[0], order[-1]))]
+    short = f"Friction that changes by {' to '.join(ends)}, nine times in ten."
+    return Answer(question, short, tone="blue")
 
 
 def _next_commands(result: Comparison) -> list[tuple[str, str]]:
@@ -755,29 +606,19 @@ def _next_commands(result: Comparison) -> list[tuple[str, str]]:
         again = f"identifiability compare {robot} before.csv after.csv --report changed.html"
         text = "Log the same motion before and after, and compare these logs, to be surer:"
         return [(text, again)]
-    how = result.preparation
-    before = name_logs(result.robot, result.before, how=how)
-    after = name_logs(result.robot, result.after, how=how)
-    kinds = {c.kind for c in result.changes}
-    out = []
-    if "load" in kinds:
+    before, after = (
+        name_logs(result.robot, paths, how=result.preparation)
+        for paths in (result.before, result.after)
+    )
+    loads = [c.place for c in result.changes if c.kind == "load"]
+    if loads:
         fitted = f"identifiability analyze {robot} {before} --json analyze.json"
-        options = "".join(f" --without {quote(path)}" for path in dict.fromkeys(result.before))
-        places = [c.place for c in result.changes if c.kind == "load"]
-        weigh = f"{name_logs(result.robot, result.after)}{options} --body {places[0]}"
+        without = "".join(f" --without {quote(path)}" for path in dict.fromkeys(result.before))
+        weigh = f"{name_logs(result.robot, result.after)}{without} --body {loads[0]}"
         call = f"{fitted} && identifiability payload {robot} analyze.json {weigh}"
-        out.append(("Fit the robot without the load, and weigh the load:", call))
-    elif result.changes or result.kind == "pairs":
-        both = name_logs(result.robot, (*result.before, *result.after), how=how)
-        text = "Fit the robot as it is now:" if result.changes else "Fit all logs together:"
-        fit = f"identifiability analyze {robot} {after if result.changes else both}"
-        out.append((text, f"{fit} --json analyze.json --report report.html"))
-    if result.kind == "logs":
-        more = "--before another.csv --report changed.html"
-        text = "Log once more as before (another.csv), to see how logs of one side scatter:"
-        files = name_logs(result.robot, (result.before[0], result.after[0]), how=how)
-        out.append((text, f"identifiability compare {robot} {files} {more}"))
-    return out
+        return [("Fit the robot without the load, and weigh the load:", call)]
+    fit = f"identifiability analyze {robot} {after} --json analyze.json --report report.html"
+    return [("Fit the robot as it is now:", fit)]
 
 
 def _change_table(result: Comparison) -> Table:
@@ -787,8 +628,9 @@ def _change_table(result: Comparison) -> Table:
         "changes",
         Column("what", get="what"),
         Column("number", "code", "name"),
-        Column("change", "number", lambda r: measured_cells(r.change, _half(r))[0]),
-        Column("± 95 %", "error", lambda r: measured_cells(r.change, _half(r))[1]),
+        Column("change", digits(3), "change"),
+        Column("from", digits(3), "low"),
+        Column("to", digits(3), "high"),
         Column("unit", get="unit"),
         Column("share", rough_percent, "share"),
         Column("log odds", digits(2), "log_odds"),
@@ -796,7 +638,3 @@ def _change_table(result: Comparison) -> Table:
         Column("or", get="or_"),
     )
     return Table.of("What changed, with 95 % intervals", own, rows)
-
-
-def _half(row: Any) -> float:
-    return 0.5 * float(row.high - row.low)
