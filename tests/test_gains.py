@@ -6,6 +6,7 @@ from typer.testing import CliRunner
 
 from identifiability import Robot, analyze, payload, simulate
 from identifiability.cli import app
+from identifiability.foundation.errors import RobotError
 from identifiability.foundation.options import OptionError
 from identifiability.simulation import Noise
 from identifiability.simulation.motion import find_motion
@@ -87,7 +88,7 @@ def test_without_a_load_in_the_logs_nothing_is_told(made):
 
 def test_what_cannot_be_is_refused(made):
     robot, empty, loaded = made
-    with pytest.raises(OptionError, match="three numbers"):
+    with pytest.raises(RobotError, match="three numbers"):
         payload(robot, empty, loaded, mass=1.0, centre=(1.0, 2.0))
     with pytest.raises(OptionError, match="mass"):
         payload(robot, empty, loaded, mass=-1.0)

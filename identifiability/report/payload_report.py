@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.numbers import measured
-from identifiability.foundation.rounding import digits, join
+from identifiability.foundation.rounding import join
 from identifiability.report.blocks import Section, Sketch, picture, section
 from identifiability.report.drawing import DASHED, INK, drawn, row_canvas, row_lines, whiskers
 from identifiability.report.skeleton import Part, sketch_parts
@@ -85,9 +85,7 @@ def section_logs(result: Load) -> Section | None:
 
 
 def section_how(result: Load) -> Section:
-    """Return how the load was found, and what it leaves of the torque."""
-    rows = zip(result.robot.joints, result.estimate.rms, result.robot.torque_units, strict=True)
-    left = join([f"{joint} {digits(3)(rms)} {unit}" for joint, rms, unit in rows], 12)
+    """Return how the load was found."""
     every = (*result.logs, *result.without)
     called = dict(zip(every, shorten_paths(every), strict=True))
     pairs = join([f"{called[one]} with {called[other]}" for one, other in result.pairs])
@@ -96,5 +94,4 @@ def section_how(result: Load) -> Section:
         "payload.method",
         sentence(words, "plain", body=result.body),
         sentence(words, "pairs", pairs=pairs) if pairs else None,
-        sentence(words, "left", rms=left),
     )

@@ -8,6 +8,7 @@ covariance of these, which sees less.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,33 +17,42 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pandas as pd
+from scipy.interpolate import CubicSpline
 
 from identifiability.effects import title_of
 from identifiability.estimation.differences import (
+    EXCERPT,
     Cause,
     Differences,
     Known,
     LogRows,
     find_causes,
+    find_lacks,
     load_bodies,
     pooled_values,
     relative_scale,
 )
+from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.mixed_model import EVERYWHERE, Term, Terms
 from identifiability.estimation.noise import JointNoise, JointRuns
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
-from identifiability.foundation.answers import Answer, Column, Table
+from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.engines.mapping import Engine, one_thread
-from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
 from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import digits, rough_percent
+from identifiability.foundation.rounding import rough_percent
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Preparation
+from identifiability.logs import Log, signals
+from identifiability.logs.prepare import Preparation, Samples, prepare_samples
+from identifiability.logs.prepare.instruments import find_lag
+from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.repeats import Recording
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.reduction import (
     LadderLike,
     Submodel,
@@ -55,10 +65,142 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.answers import answer_next, sentence, state_answers, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.opening import Logs
-from identifiability.workflows.pairs import find_differences, find_pairs, look
 from identifiability.workflows.predict import Fit, Predicts, find_fit
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
+
+# Logs of several sides as one question. What a model leaves out is a function of the motion: where
+# that is made again, the difference of the torques, on one clock, has none of it.
+
+
+@frozen
+class Pair:
+    """A motion and its repetition, prepared on one clock.
+
+    Attributes
+    ----------
+    first, second : Samples
+    at : (int, int)
+        Which of the logs they are.
+    """
+
+    first: Samples
+    second: Samples
+    at: tuple[int, int]
+
+
+def look(structure: Structure, samples: Sequence[Prepared], values: int) -> Excerpt:
+    """Return the rows of logs, if there are enough for so many values.
+
+    Raises
+    ------
+    LogError
+    """
+    seen = Excerpt.of(structure.regression(samples), EXCERPT)
+    fewest = int(np.bincount(seen.log, minlength=len(samples)).min())
+    if fewest < LOG_RULES.fewest or fewest * len(structure.robot.joints) <= values:
+        raise LogError(
+            f"{fewest} samples are too few to say how {values} values scatter; give longer or "
+            "more logs, or a smaller model (--ladder)."
+        )
+    return seen
+
+
+def find_differences(
+    structure: Structure,
+    seen: Excerpt,
+    base: Array,
+    bodies: Sequence[str],
+    pairs: Sequence[Pair],
+    **asked: Any,
+) -> Differences:
+    """Return what may differ between logs, by pairs alone where there are some.
+
+    Parameters
+    ----------
+    structure, seen, base, bodies
+        As of `LogRows.of`; the rows of all logs.
+    pairs : sequence of Pair
+    asked
+        `known`, `patterns` and `always` of `Differences`.
+    """
+    serves = Counter(p.at[1] for p in pairs)
+    return Differences(
+        rows=subtract(structure, base, bodies, pairs)
+        if pairs
+        else LogRows.of(structure, seen, base, bodies),
+        logs=len(asked["patterns"][0]),
+        lacks=None if pairs else find_lacks(structure, seen),
+        # Those that share a log share its noise.
+        shared=(max(serves.values(), default=1) + 1) / 2,
+        **asked,
+    )
+
+
+def subtract(
+    structure: Structure, base: Array, bodies: Sequence[str], pairs: Sequence[Pair]
+) -> LogRows:
+    """Return what the rows of logs differ by from those of their repetitions."""
+    numbers = np.array([p.at for p in pairs]).T
+    sides = [p.first for p in pairs], [p.second for p in pairs]
+    plain = [[replace(s, instrument=None, echoes=()) for s in side] for side in sides]
+    seen = [Excerpt.of(structure.regression(side), EXCERPT) for side in plain]
+    rows = [
+        replace(LogRows.of(structure, x, base, bodies), log=own[x.log])
+        for x, own in zip(seen, numbers, strict=True)
+    ]
+    one, other = (x.log + 1j * x.t for x in seen)
+    _, at, there = np.intersect1d(one, other, return_indices=True)
+    t, log = seen[0].t[at], seen[0].log[at]
+    apart = (np.diff(at) != 1) | (np.diff(there) != 1) | (np.diff(log) != 0) | signals.has_gap(t)
+    starts = np.flatnonzero(np.concatenate([[True], apart])).tolist()
+    runs = list(zip(starts, [*starts[1:], len(at)], strict=True))
+    both = JointRuns.of(runs, seen[0].data[at] & seen[1].data[there])
+    return rows[0].take(at, both).minus(rows[1].take(there, both))
+
+
+def find_pairs(robot: Robot, logs: Sequence[Recording], later: int, how: Preparation) -> list[Pair]:
+    """Return the first so many logs with one of the rest that repeats its motion, if all have one.
+
+    Of several repetitions the one is taken that served least so far. Logs that are too long for
+    memory have none.
+    """
+    known = {
+        k: prepare_samples(robot, x, how)
+        for k, x in enumerate(logs)
+        if isinstance(x, Log) and k >= later
+    }
+    pairs: list[Pair] = []
+    for k, log in enumerate(logs[:later]):
+        if not isinstance(log, Log) or not known:
+            return []
+        own = prepare_samples(robot, log, how)
+        serves = Counter(p.at[1] for p in pairs)
+        for at in sorted(known, key=serves.__getitem__):
+            shift = find_lag(own.motion, known[at].motion)
+            found = None if shift is None else _on_one_clock(robot, log, logs[at], shift, how)
+            if found is not None:
+                pairs.append(Pair(*found, (k, at)))
+                break
+        else:
+            return []
+    return pairs
+
+
+def _on_one_clock(
+    robot: Robot, log: Log, other: Recording, later: float, how: Preparation
+) -> tuple[Samples, Samples] | None:
+    """Return both logs over the time that they share; None where that is too little."""
+    assert isinstance(other, Log)
+    at = log.t + later
+    inside = np.flatnonzero((at >= other.t[0]) & (at <= other.t[-1]))
+    if len(inside) < max(LOG_RULES.fewest, LOG_RULES.nearly_all * len(log)):
+        return None
+    log = log.rows(int(inside[0]), int(inside[-1]) + 1)
+    same = other.each(lambda x: CubicSpline(other.t, x)(log.t + later), t=log.t)
+    first, second = (prepare_samples(robot, x, how) for x in (log, same))
+    return first, second
+
 
 # `Change`: what differs, of which size, in which logs; and what it may be instead.
 
@@ -67,6 +209,8 @@ from identifiability.workflows.session import Session
 #: their correlation is within the next of one.
 SAME: Tolerance = 1e-6
 WHITE: Tolerance = 1e-12
+#: Follows what no log differs by.
+LACKING = " that the model lacks"
 #: Where something is that is at all places.
 ALL_JOINTS = "all joints"
 
@@ -143,14 +287,11 @@ def find_changes(
     for (kind, place, pattern), which in together.items():
         parts = [causes[c] for k in which for c in found.said[terms[k].key][1][0]]
         asked = [terms[k].columns for k in which]
-        places = {int(c): i for i, c in enumerate(columns)}
-        at = np.array([places[int(c)] for c in np.concatenate(asked)])
+        at = [columns.tolist().index(c) for c in np.concatenate(asked)]
         sizes, spread = value[at], covariance[np.ix_(at, at)]
-        names = [(n, u) for c in parts for n, u in zip(c.names, c.units, strict=True)][: len(at)]
         before = [unchanged.get(c.names[0]) or c.before[0] for c in parts]
         share, share_sd = _share(parts, np.array(before), sizes, spread)
-        families = list(dict.fromkeys(c.family for c in parts))
-        family = families[0] if len(families) == 1 else kind
+        family = parts[0].family if len({c.family for c in parts}) == 1 else kind
         others = [_what(found, r) for k in which for r in model.rivals(terms, k) if r.odds > 0]
         out.append(
             Change(
@@ -158,8 +299,8 @@ def find_changes(
                 what=f"{family} of {place}",
                 place=place,
                 logs=patterns[pattern],
-                names=tuple(n for n, _ in names),
-                units=tuple(u for _, u in names),
+                names=tuple(n for c in parts for n in c.names)[: len(at)],
+                units=tuple(u for c in parts for u in c.units)[: len(at)],
                 sizes=sizes,
                 sd=np.sqrt(np.diag(spread)),
                 share=share,
@@ -178,9 +319,14 @@ def _place(term: Term) -> str:
 def _what(found: Differences, term: Term) -> str:
     """Return what a group is, in words."""
     own, _ = found.said[term.key][1]
-    if own:
-        return f"{found.rows.causes[own[0]].family} of {_place(term)}"
-    return f"a {title_of(term.group.family)} of {_place(term)} that the model lacks"
+    family = found.rows.causes[own[0]].family if own else title_of(term.group.family)
+    return f"{family} of {_place(term)}" + ("" if own else LACKING)
+
+
+def find_lacking(found: Differences, terms: Terms) -> tuple[str, ...]:
+    """Return what the model lacks in all logs alike."""
+    every = [_what(found, term) for term in terms]
+    return tuple(text.removesuffix(LACKING) for text in every if text.endswith(LACKING))
 
 
 def _share(
@@ -226,6 +372,8 @@ def found_from(found: Differences, terms: Terms) -> dict[str, float]:
 BUT_BLIND = (
     "but only large changes could be: compare logs of the same motion, or several on each side."
 )
+
+TABLE = "What changed, with 95 % intervals"
 
 #: Changes that a sentence names.
 NAMED = 6
@@ -279,11 +427,6 @@ class Comparison(OfStructure, Result):
     preparation: Preparation = Preparation()
 
     @property
-    def rung(self) -> Submodel:
-        """`submodel`, by the name of earlier releases."""
-        return self.submodel
-
-    @property
     def answer(self) -> str:
         """What changed, in one sentence."""
         if self.changes:
@@ -317,7 +460,9 @@ class Comparison(OfStructure, Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a number that changed."""
-        return (_change_table(self),)
+        own = self.to_frame().drop(columns=["kind", "share_sd"])
+        table = frame_table(own.rename(columns={"log_odds": "log odds", "logs": "in"}), TABLE)
+        return (replace(table, columns=with_hints("changes", *table.columns)),)
 
     @property
     def statement(self) -> str:
@@ -347,20 +492,14 @@ class Comparison(OfStructure, Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison in the documented JSON schema."""
+        own = ["statement", "before", "after", "kind", "pairs", "tested", "drift", "lacks"]
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
             "model": self.submodel.name,
-            "statement": self.statement,
-            "before": list(self.before),
-            "after": list(self.after),
-            "kind": self.kind,
-            "pairs": [list(p) for p in self.pairs],
-            "tested": self.tested,
+            **{name: getattr(self, name) for name in own},
             "changed": bool(self.changes),
             "found_from": dict(self.found_from),
-            "drift": self.drift,
-            "lacks": list(self.lacks),
             "changes": self.to_frame().to_dict("records"),
         }
 
@@ -377,19 +516,16 @@ def describe(change: Change) -> str:
 
 def _described(change: Change) -> str:
     """Return what a change is; of one everywhere what is sure, where its sum is not."""
-    if np.isfinite(change.share) and abs(change.share) > REACH * change.share_sd:
-        word = "rose" if change.share > 0 else "fell"
-        size = measured(100 * abs(change.share), 100 * REACH * change.share_sd, "%")
-        return f"{change.what} {word} by {size}"
-    half = REACH * change.sd
-    if change.kind == "load" and abs(change.sizes[0]) > half[0]:
-        word = "grew" if change.sizes[0] > 0 else "shrank"
-        return f"{change.what} {word} by {measured(abs(change.sizes[0]), half[0], 'kg')}"
-    every = zip(change.names, change.units, change.sizes, half, strict=True)
-    told = [x for x in every if abs(x[2]) > x[3]]
-    shown = [(n, 100 * x, 100 * w, "%") if u == "1" else (n, x, w, u) for n, u, x, w in told]
-    parts = [f"{name} by {measured(*numbers)}" for name, *numbers in shown]
-    return f"{change.what} changed{': ' if parts else ''}{listing(parts, NAMED)}"
+    what, half = change.what, REACH * change.sd
+    size, reach, unit = 100 * change.share, 100 * REACH * change.share_sd, "%"
+    words = "rose", "fell"
+    if change.kind == "load":
+        size, reach, unit, words = change.sizes[0], half[0], "kg", ("grew", "shrank")
+    if abs(size) > reach:
+        return f"{what} {words[size < 0]} by {measured(abs(size), reach, unit)}"
+    every = zip(change.names, change.sizes, half, change.units, strict=True)
+    parts = [f"{n} by {measured(x, h, u)}" for n, x, h, u in every if abs(x) > h]
+    return f"{what} changed{': ' if parts else ''}{listing(parts, NAMED)}"
 
 
 # `compare`: what changed between two results, or between logs of one robot.
@@ -433,18 +569,16 @@ def compare(
     """
     with one_thread("blas"):
         robot = Robot.of(robot)
-        results = [_is_result(side) for side in (before, after)]
+        results = [is_result(side) for side in (before, after)]
         if any(results):
             if not all(results):
-                raise OptionError(
-                    "A result cannot be compared with a log; give two results (.json), or logs on "
-                    "both sides."
-                )
+                raise OptionError("A result cannot be compared with a log; give two of one kind.")
             return _compare_results(robot, before, after)
         return _compare_logs(robot, before, after, ladder, preparation, engine)
 
 
-def _is_result(side: Any) -> bool:
+def is_result(side: Any) -> bool:
+    """Return whether it is a result rather than logs."""
     path = isinstance(side, (str, Path)) and str(side).lower().endswith(".json")
     return path or isinstance(side, (Fit, Predicts))
 
@@ -453,10 +587,8 @@ def _compare_results(robot: Robot, before: Any, after: Any) -> Comparison:
     one, other = (find_fit(side, robot) for side in (before, after))
     if (one.names, one.submodel.labels) != (other.names, other.submodel.labels):
         raise IdentifiabilityError(
-            f"The results have different models, '{one.submodel.name}' with {len(one.names)} and "
-            f"'{other.submodel.name}' with {len(other.names)} parameters, whose values stand for "
-            "different things: analyze both with one model (--ladder model.toml), or compare the "
-            "logs."
+            f"The results have different models, '{one.submodel.name}' and "
+            f"'{other.submodel.name}': analyze both with one (--ladder model.toml)."
         )
     names = [
         (str(side) if isinstance(side, (str, Path)) else f"{word} result",)
@@ -568,7 +700,6 @@ def _conclude(
         tuple(logs[int(k)] for k in np.flatnonzero(pattern)) if w else ()
         for w, pattern in enumerate(found.patterns)
     ]
-    lacks = [_what(found, t) for t in terms if not found.said[t.key][1][0]]
     return Comparison(
         structure=structure,
         submodel=submodel,
@@ -576,7 +707,7 @@ def _conclude(
         tested=sum(bool(own) for _, (own, _) in found.said.values()),
         found_from=found_from(found, terms),
         drift=float(np.sqrt(2.0)) * found.model.drift(terms),
-        lacks=tuple(text.removesuffix(" that the model lacks") for text in lacks),
+        lacks=find_lacking(found, terms),
         **said,
     )
 
@@ -604,12 +735,9 @@ def _next_commands(result: Comparison) -> list[tuple[str, str]]:
     robot = source_name(result.robot)
     if result.kind == "results":
         again = f"identifiability compare {robot} before.csv after.csv --report changed.html"
-        text = "Log the same motion before and after, and compare these logs, to be surer:"
-        return [(text, again)]
-    before, after = (
-        name_logs(result.robot, paths, how=result.preparation)
-        for paths in (result.before, result.after)
-    )
+        return [("Log the same motion before and after, and compare these logs:", again)]
+    sides, how = (result.before, result.after), result.preparation
+    before, after = (name_logs(result.robot, paths, how=how) for paths in sides)
     loads = [c.place for c in result.changes if c.kind == "load"]
     if loads:
         fitted = f"identifiability analyze {robot} {before} --json analyze.json"
@@ -619,22 +747,3 @@ def _next_commands(result: Comparison) -> list[tuple[str, str]]:
         return [("Fit the robot without the load, and weigh the load:", call)]
     fit = f"identifiability analyze {robot} {after} --json analyze.json --report report.html"
     return [("Fit the robot as it is now:", fit)]
-
-
-def _change_table(result: Comparison) -> Table:
-    """Return one row a change."""
-    rows: list[Any] = list(result.to_frame().rename(columns={"or": "or_"}).itertuples())
-    own = with_hints(
-        "changes",
-        Column("what", get="what"),
-        Column("number", "code", "name"),
-        Column("change", digits(3), "change"),
-        Column("from", digits(3), "low"),
-        Column("to", digits(3), "high"),
-        Column("unit", get="unit"),
-        Column("share", rough_percent, "share"),
-        Column("log odds", digits(2), "log_odds"),
-        Column("in", get="logs"),
-        Column("or", get="or_"),
-    )
-    return Table.of("What changed, with 95 % intervals", own, rows)

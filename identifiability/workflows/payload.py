@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
-from pathlib import Path
 from shlex import quote
 from typing import Any, ClassVar, cast
 
@@ -30,14 +29,13 @@ from identifiability.estimation.differences import (
 from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.noise import JointRuns
 from identifiability.estimation.rules import Thresholds
-from identifiability.foundation.answers import Answer, Cell, Column, Table
+from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import listing, near_match
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array, shorten_paths
 from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, Positive, checked
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import digits, format_number
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -57,10 +55,17 @@ from identifiability.robot.changed import Point, ten_parameters
 from identifiability.workflows.analyze.workflow import analyze
 from identifiability.workflows.answers import answer_next, sentence, state_answers, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
-from identifiability.workflows.compare import Change, describe, find_changes
+from identifiability.workflows.compare import (
+    Change,
+    describe,
+    find_changes,
+    find_differences,
+    find_pairs,
+    is_result,
+    look,
+)
 from identifiability.workflows.opening import LogLike, Logs, list_logs
-from identifiability.workflows.pairs import find_differences, find_pairs, look
-from identifiability.workflows.predict import Fit, FitLike, Predicts, find_fit, state_missing
+from identifiability.workflows.predict import Fit, FitLike, find_fit, state_missing
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
 
@@ -147,7 +152,7 @@ def estimate_load(found: Differences, structure: Structure) -> LoadEstimate:
         masses=masses,
         sd=sd,
         spread=wider,
-        rms=np.sqrt(np.mean(left**2, axis=0)) / (np.sqrt(2.0) if found.rows.off else 1.0),
+        rms=np.sqrt(np.mean(left**2, axis=0)),
         changes=find_changes(structure, found, terms, [()]),
     )
 
@@ -231,7 +236,7 @@ def find_gains(
         sure = sd <= Thresholds().sigma_share * abs(x)
         verdict = "identifiable" if sure else "not identifiable"
         gain = robot.torque.gain.get(joint, robot.torque.gain.get("", 1.0))
-        out.append(Gain(joint, 1.0 / x, *ends, verdict, gain / x))
+        out.append(Gain(joint, 1.0 / x, ends[0], ends[1], verdict, gain / x))
     return tuple(out)
 
 
@@ -268,7 +273,7 @@ class Quantity:
     name, unit : str
     value : float
     low, high : float
-        95 % interval, of which nothing that no body can have is part.
+        95 % interval, of a mass or a moment about an axis not below zero.
     why : str
         Why the logs do not tell it; empty where they do.
     """
@@ -355,6 +360,8 @@ def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Q
     return tuple(out)
 
 
+GAINS_OF = "By which factor torque is larger than it was read as"
+
 # `Load`: mass, centre and inertia of what hangs on a body, in numbers and words.
 
 
@@ -377,10 +384,10 @@ class Load(Result):
         What the logs say by themselves.
     parameters : (10,)
         Of the nearest real body, in the order of `GROUPED_KINDS`, about the origin of the frame.
+    worse : (n,)
+        How many times more is left of each joint's torque than in the result's own logs.
     quantities : tuple of Quantity
         Mass, centre, and moments of inertia about it.
-    usual : (n,) [N·m or N]
-        What the result left of the torque.
     arm : (float, float, float)
         What the arm weighs by its file [kg], by which factor its torque says more, and the standard
         deviation of that; NaN where nothing says it.
@@ -403,8 +410,8 @@ class Load(Result):
     pairs: tuple[tuple[str, str], ...]
     estimate: LoadEstimate
     parameters: Array
+    worse: Array
     quantities: tuple[Quantity, ...]
-    usual: Array
     arm: tuple[float, float, float]
     gains: tuple[Gain, ...] = ()
     known: float | None = None
@@ -449,8 +456,10 @@ class Load(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a quantity, and one a joint whose gain a known load tells."""
-        gains = () if self.known is None else (Table.of(GAINS_OF, GAINS, self.gains),)
-        return (_quantity_table(self), *gains)
+        what = frame_table(self.to_frame(), "Mass, centre, and moments about the centre")
+        what = replace(what, columns=with_hints("load", *what.columns))
+        gains = frame_table(pd.DataFrame([asdict(g) for g in self.gains]), GAINS_OF)
+        return (what,) if self.known is None else (what, gains)
 
     @property
     def statement(self) -> str:
@@ -483,12 +492,11 @@ class Load(Result):
     @property
     def caveats(self) -> tuple[str, ...]:
         """What makes the answer doubtful, and what to do."""
-        ratio = self.estimate.rms / np.maximum(self.usual, 1e-300)
-        if self.pairs or ratio.max() < RULES.grows:
+        k = int(np.argmax(self.worse))
+        if self.pairs or self.worse[k] < RULES.grows:
             return ()
-        k = int(np.argmax(ratio))
-        joint, often = self.robot.joints[k], format_number(ratio[k], 2)
-        return (sentence(WORDS_OF, "changed", joint=joint, ratio=often),)
+        own = {"joint": self.robot.joints[k], "ratio": f"{self.worse[k]:.2g}"}
+        return (sentence(WORDS_OF, "changed", **own),)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a quantity: ``name``, value, interval, unit, whether it is told, why."""
@@ -502,25 +510,18 @@ class Load(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the load in the documented JSON schema."""
-        theta = dict(zip(GROUPED_KINDS, self.parameters.tolist(), strict=True))
-        alone = dict(zip(GROUPED_KINDS, self.estimate.theta.tolist(), strict=True))
+        own = ["model", "body", "statement", "logs", "without", "pairs", "caveats"]
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
-            "model": self.model,
-            "body": self.body,
-            "statement": self.statement,
+            **{name: getattr(self, name) for name in own},
             "quantities": self.to_frame().to_dict("records"),
-            "parameters": theta,
-            "estimate": alone,
+            "parameters": dict(zip(GROUPED_KINDS, self.parameters.tolist(), strict=True)),
+            "estimate": dict(zip(GROUPED_KINDS, self.estimate.theta.tolist(), strict=True)),
             "covariance": self.estimate.covariance.tolist(),
             "order": list(GROUPED_KINDS),
-            "logs": list(self.logs),
-            "without": list(self.without),
-            "pairs": [list(p) for p in self.pairs],
             "by_log": self.log_frame().to_dict("records"),
-            "caveats": list(self.caveats),
-            "friction_changed": list(self.rubbing),
+            "friction_changed": self.rubbing,
             "arm": dict(zip(("mass", "factor", "sd"), self.arm, strict=True)),
             "gains": [asdict(g) for g in self.gains],
         }
@@ -577,7 +578,7 @@ def payload(
         robot = Robot.of(robot)
         if mass is None and (centre is not None or inertia is not None):
             raise OptionError("A centre or moments of a known load need its mass; give --mass.")
-        empty = _logs_among(result) if mass is not None else []
+        empty = [] if mass is None or is_result(result) else list_logs(cast("Logs", result))
         fit = _unknown_gains(robot, empty) if empty else find_fit(cast("FitLike", result), robot)
         without = [*empty, *list_logs(without)]
         structure, place = fit.structure, choose_body(fit.structure, body)
@@ -599,7 +600,7 @@ def payload(
         found = find_differences(structure, seen, fit.base, (place,), pairs, **asked)
         alone = replace(found, known=free if other else known, lacks=None)
         gains: tuple[Gain, ...] = ()
-        if not fit.origin:
+        if mass is not None and not fit.origin:
             gains = find_gains(alone, structure, seen, place, _known(mass, centre, inertia))
             seen = _rescaled(seen, gains)
             base = pooled_values(seen.X, seen.y, free.directions, free.base)
@@ -622,20 +623,14 @@ def payload(
         pairs=tuple((paths[0][p.at[0]], paths[1][p.at[1] - len(given)]) for p in pairs),
         estimate=estimate,
         parameters=nearest,
+        worse=estimate.rms / (np.maximum(fit.spread.low, 1e-300) if fit.origin else np.inf),
         quantities=state_quantities(estimate, nearest, length),
-        usual=fit.spread.low,
         arm=weigh_arm(fit, seen),
         gains=gains,
         known=mass,
         hints=tuple(dict.fromkeys(filter(None, (state_missing(fit.missing), *hints)))),
         origin=fit.origin,
     )
-
-
-def _logs_among(result: Any) -> list[LogLike]:
-    """Return logs that stand where a result does; none where one stands there."""
-    path = isinstance(result, (str, Path)) and str(result).lower().endswith(".json")
-    return [] if path or isinstance(result, (Fit, Predicts)) else list_logs(result)
 
 
 def _unknown_gains(robot: Robot, logs: Sequence[LogLike]) -> Fit:
@@ -662,19 +657,18 @@ def _rescaled(seen: Excerpt, gains: Sequence[Gain]) -> Excerpt:
     return replace(seen, X=seen.X * np.array(sure)[:, None], y=y, raw=raw, runs=JointRuns(runs))
 
 
-def _known(mass: float | None, centre: Point | None, inertia: Point | None) -> Array:
+def _known(mass: float, centre: Point | None, inertia: Point | None) -> Array:
     """Return the ten parameters of a known load in the order of `KINDS`.
 
     Raises
     ------
-    OptionError
+    RobotError
     """
-    c, own = (np.asarray(x or (0.0, 0.0, 0.0), float) for x in (centre, inertia))
-    if c.shape != (3,) or own.shape != (3,) or not np.isfinite([*c, *own]).all() or own.min() < 0:
-        raise OptionError("centre and inertia are three numbers each, x, y and z, of real bodies.")
-    ten = ten_parameters(mass or 0.0, c, own).tolist()
-    theta = dict(zip(INERTIAL_KINDS, ten, strict=True))
-    return np.array([theta[kind] for kind in KINDS])
+    nothing = np.zeros(3)
+    ten = ten_parameters(
+        mass, nothing if centre is None else centre, nothing if inertia is None else inertia
+    )
+    return ten[[INERTIAL_KINDS.index(kind) for kind in KINDS]]
 
 
 def weigh_arm(fit: Fit, seen: Excerpt) -> tuple[float, float, float]:
@@ -749,26 +743,21 @@ def _trust(result: Load) -> Answer:
     if not result.estimate.agree:
         short, tone = "With care: intervals are widened to hold all logs.", "amber"
         text = f"The logs disagree ({each})."
+    if changes := [describe(change) for change in result.estimate.changes]:
+        text += f" Beside the load {listing(changes)}, which the intervals hold."
     if result.caveats:
         short, tone = "With care: the robot changed since.", "amber"
-        text += f" {result.caveats[0]}"
-    changes = listing([describe(change) for change in result.estimate.changes])
-    more = f" Beside the load {changes}, which the intervals hold." if changes else ""
-    return Answer("May I trust it?", short, text + more, tone)
+    return Answer("May I trust it?", short, " ".join([text, *result.caveats]), tone)
 
 
 def _next_commands(result: Load) -> list[tuple[str, str]]:
     robot, logs = source_name(result.robot), name_logs(result.robot, result.logs)
     call = f"identifiability payload {robot} {quote(result.origin)} {logs} --body {result.body}"
-    out = []
-    if not result.pairs:
-        text = "Weigh it against a log of the same motion without the load (empty.csv):"
-        out.append((text, f"{call} --without empty.csv --report payload.html"))
-    if not all(q.told for q in result.quantities):
-        begun = name_logs(result.robot, result.logs, "--start-from")
-        text = "Find a motion that tells more:"
-        out.append((text, f"identifiability excite {robot} {begun} --out next.json"))
-    return out
+    text = "Weigh it against a log of the same motion without the load (empty.csv):"
+    paired = [] if result.pairs else [(text, f"{call} --without empty.csv --report payload.html")]
+    begun = name_logs(result.robot, result.logs, "--start-from")
+    more = f"identifiability excite {robot} {begun} --out next.json"
+    return [*paired, ("Find a motion that tells more:", more)]
 
 
 def _gains(result: Load) -> Answer:
@@ -782,28 +771,3 @@ def _gains(result: Load) -> Answer:
     if lost := [g.joint for g in result.gains if g not in sure]:
         text += f" {sentence(WORDS_OF, 'untold', joints=listing(lost, 12))}"
     return Answer("What is one unit of each torque column?", short, text, tone)
-
-
-def _quantity_table(result: Load) -> Table:
-    """Return one row a quantity."""
-    own = with_hints(
-        "load",
-        Column("quantity", get="name"),
-        Column("value", digits(3), "value"),
-        Column("from", digits(3), "low"),
-        Column("to", digits(3), "high"),
-        Column("unit", get="unit"),
-        Column("told", get=lambda q: Cell("yes" if q.told else "no", note=q.why)),
-    )
-    return Table.of("Mass, centre, and moments about the centre", own, result.quantities)
-
-
-GAINS_OF = "By which factor torque is larger than it was read as"
-GAINS = (
-    Column("joint", get="joint"),
-    Column("factor", digits(4), "value"),
-    Column("from", digits(4), "low"),
-    Column("to", digits(4), "high"),
-    Column("verdict", get="verdict"),
-    Column("gain of the sidecar", digits(4), "column"),
-)
