@@ -77,7 +77,7 @@ class Cause:
         Body, joint or passive joint.
     names, units : tuple of str
     before : (k,)
-        What all logs together say of the values; NaN where the model has none.
+        What all logs together say of the values, or the file of gains; NaN where nothing does.
     torque : mapping
         What a unit of each does along rows.
     size : (k,)
@@ -139,7 +139,7 @@ def find_causes(
         own = {j: every[:, [j]]} if every[:, j].any() else {}
         out += [
             Cause("offset", "torque offset", joint, (f"{joint}.off",), (unit,), nothing, ones),
-            Cause("gain", "torque gain", joint, (f"{joint}.gain",), ("1",), nothing, own),
+            Cause("gain", "torque gain", joint, (f"{joint}.gain",), ("1",), np.ones(1), own),
         ]
     return out
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from identifiability.foundation.answers import Column, Table
 from identifiability.foundation.rounding import rough_percent
 from identifiability.report.blocks import Section, Sketch, section
@@ -46,8 +44,7 @@ def section_changes(result: Comparison) -> Section | None:
 
 def section_friction(result: Comparison) -> Section | None:
     """Return how small a change of friction would have been found; None where none is told."""
-    rows = [(joint, share) for joint, share in result.found_from.items() if np.isfinite(share)]
-    if not rows:
+    if not (rows := list(result.found_from.items())):
         return None
     own = (Column("joint"), Column("found from", rough_percent))
     return section("comparison.friction", Table.of("Smallest change that is found", own, rows))

@@ -170,12 +170,6 @@ def answer_next(commands: Sequence[tuple[str, str]]) -> Answer:
     return Answer("What next?", short, commands=tuple(commands))
 
 
-def state_answers(answer: str, answers: Sequence[Answer], hints: Sequence[str]) -> str:
-    """Return what answers but the last say in one text, which begins with one, and hints."""
-    said = [x for a in answers[:-1] for x in (a.short, a.text) if x != answer]
-    return " ".join(filter(None, (answer, *said, *hints)))
-
-
 def answer_quality(error: float, joints: Sequence[str], each: Array, kind: str) -> Answer:
     """Return how good the predictions are, in words, and where they are best and worst.
 

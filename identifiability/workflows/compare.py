@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 from scipy.interpolate import CubicSpline
 
-from identifiability.effects import title_of
+from identifiability.estimation.alternatives import describe_term, place_of
 from identifiability.estimation.differences import (
     EXCERPT,
     Cause,
@@ -33,10 +33,9 @@ from identifiability.estimation.differences import (
     relative_scale,
 )
 from identifiability.estimation.groups import Excerpt
-from identifiability.estimation.mixed_model import EVERYWHERE, Term, Terms
+from identifiability.estimation.mixed_model import Term, Terms
 from identifiability.estimation.noise import JointNoise, JointRuns
-from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.estimation.rules import Thresholds
+from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
@@ -62,11 +61,10 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import OfStructure, Structure, random_motion
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.answers import answer_next, sentence, state_answers, with_hints
+from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.opening import Logs
 from identifiability.workflows.predict import Fit, Predicts, find_fit
-from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
 
 # Logs of several sides as one question. What a model leaves out is a function of the motion: where
@@ -137,14 +135,19 @@ def find_differences(
     )
 
 
+def find_patterns(asked: Array, count: int) -> tuple[Array, ...]:
+    """Return in which logs a change may be: those asked about, or any one of the first so many."""
+    single = [x for x in np.eye(len(asked))[:count] if np.ptp(np.abs(x - asked))]
+    return (asked, *single)
+
+
 def subtract(
     structure: Structure, base: Array, bodies: Sequence[str], pairs: Sequence[Pair]
 ) -> LogRows:
     """Return what the rows of logs differ by from those of their repetitions."""
     numbers = np.array([p.at for p in pairs]).T
     sides = [p.first for p in pairs], [p.second for p in pairs]
-    plain = [[replace(s, instrument=None, echoes=()) for s in side] for side in sides]
-    seen = [Excerpt.of(structure.regression(side), EXCERPT) for side in plain]
+    seen = [Excerpt.of(structure.regression(side), EXCERPT) for side in sides]
     rows = [
         replace(LogRows.of(structure, x, base, bodies), log=own[x.log])
         for x, own in zip(seen, numbers, strict=True)
@@ -165,20 +168,14 @@ def find_pairs(robot: Robot, logs: Sequence[Recording], later: int, how: Prepara
     Of several repetitions the one is taken that served least so far. Logs that are too long for
     memory have none.
     """
-    known = {
-        k: prepare_samples(robot, x, how)
-        for k, x in enumerate(logs)
-        if isinstance(x, Log) and k >= later
-    }
+    whole = {k: x for k, x in enumerate(logs) if isinstance(x, Log)}
+    own = {k: prepare_samples(robot, x, how) for k, x in whole.items()}
     pairs: list[Pair] = []
-    for k, log in enumerate(logs[:later]):
-        if not isinstance(log, Log) or not known:
-            return []
-        own = prepare_samples(robot, log, how)
+    for k in range(later):
         serves = Counter(p.at[1] for p in pairs)
-        for at in sorted(known, key=serves.__getitem__):
-            shift = find_lag(own.motion, known[at].motion)
-            found = None if shift is None else _on_one_clock(robot, log, logs[at], shift, how)
+        for at in sorted(own.keys() - range(later), key=lambda at: (serves[at], at)):
+            shift = find_lag(own[k].motion, own[at].motion) if k in own else None
+            found = None if shift is None else _on_one_clock(robot, whole[k], whole[at], shift, how)
             if found is not None:
                 pairs.append(Pair(*found, (k, at)))
                 break
@@ -188,10 +185,9 @@ def find_pairs(robot: Robot, logs: Sequence[Recording], later: int, how: Prepara
 
 
 def _on_one_clock(
-    robot: Robot, log: Log, other: Recording, later: float, how: Preparation
+    robot: Robot, log: Log, other: Log, later: float, how: Preparation
 ) -> tuple[Samples, Samples] | None:
     """Return both logs over the time that they share; None where that is too little."""
-    assert isinstance(other, Log)
     at = log.t + later
     inside = np.flatnonzero((at >= other.t[0]) & (at <= other.t[-1]))
     if len(inside) < max(LOG_RULES.fewest, LOG_RULES.nearly_all * len(log)):
@@ -209,8 +205,8 @@ def _on_one_clock(
 #: their correlation is within the next of one.
 SAME: Tolerance = 1e-6
 WHITE: Tolerance = 1e-12
-#: Follows what no log differs by.
-LACKING = " that the model lacks"
+#: Standard deviation that a share has of which nothing is known.
+WIDE: Tolerance = 1e3
 #: Where something is that is at all places.
 ALL_JOINTS = "all joints"
 
@@ -224,8 +220,8 @@ class Change:
     kind : {"load", "friction", "offset", "gain"}
     what, place : str
         In words, and the body or joint; ``all joints`` where it is everywhere.
-    logs : tuple of str
-        In which it is, where that is one of several after, or one before; else empty.
+    log : str
+        In which alone it is; empty where it is in all of those that are asked about.
     names, units : tuple of str
         Of its q numbers.
     sizes, sd : (q,)
@@ -241,7 +237,7 @@ class Change:
     kind: str
     what: str
     place: str
-    logs: tuple[str, ...]
+    log: str
     names: tuple[str, ...]
     units: tuple[str, ...]
     sizes: Array
@@ -251,27 +247,19 @@ class Change:
     odds: float
     others: tuple[str, ...]
 
-    @property
-    def sure(self) -> bool:
-        """Whether the odds are those of fitted and unseen rows together."""
-        return self.odds >= ESTIMATION_RULES.name + ESTIMATION_RULES.keep
-
 
 def find_changes(
-    structure: Structure,
-    found: Differences,
-    terms: Terms,
-    patterns: Sequence[tuple[str, ...]],
+    structure: Structure, found: Differences, terms: Terms, names: Sequence[str]
 ) -> tuple[Change, ...]:
-    """Return what terms say, the surest first; kinds of friction at one place together.
+    """Return what terms say of logs, the surest first; kinds of friction at one place together.
 
     Parameters
     ----------
     structure : Structure
     found : Differences
     terms : tuple of Term
-    patterns : sequence of tuple of str
-        Names of the logs of each pattern; none of the one that is asked about.
+    names : sequence of str
+        Of the logs.
     """
     model, causes = found.model, found.rows.causes
     columns, value, covariance = model.values(terms)
@@ -282,7 +270,7 @@ def find_changes(
     for k, term in enumerate(terms):
         own, pattern = found.said[term.key][1]
         if own:
-            together.setdefault((causes[own[0]].kind, _place(term), pattern), []).append(k)
+            together.setdefault((causes[own[0]].kind, place_of(term), pattern), []).append(k)
     out = []
     for (kind, place, pattern), which in together.items():
         parts = [causes[c] for k in which for c in found.said[terms[k].key][1][0]]
@@ -292,13 +280,15 @@ def find_changes(
         before = [unchanged.get(c.names[0]) or c.before[0] for c in parts]
         share, share_sd = _share(parts, np.array(before), sizes, spread)
         family = parts[0].family if len({c.family for c in parts}) == 1 else kind
-        others = [_what(found, r) for k in which for r in model.rivals(terms, k) if r.odds > 0]
+        others = [
+            _what(found, r, names) for k in which for r in model.rivals(terms, k) if r.odds > 0
+        ]
         out.append(
             Change(
                 kind=kind,
                 what=f"{family} of {place}",
                 place=place,
-                logs=patterns[pattern],
+                log=_log(found, pattern, names),
                 names=tuple(n for c in parts for n in c.names)[: len(at)],
                 units=tuple(u for c in parts for u in c.units)[: len(at)],
                 sizes=sizes,
@@ -312,31 +302,25 @@ def find_changes(
     return tuple(sorted(out, key=lambda c: -c.odds))
 
 
-def _place(term: Term) -> str:
-    return ALL_JOINTS if term.group.place == EVERYWHERE else term.group.place
-
-
-def _what(found: Differences, term: Term) -> str:
+def _what(found: Differences, term: Term, names: Sequence[str]) -> str:
     """Return what a group is, in words."""
-    own, _ = found.said[term.key][1]
-    family = found.rows.causes[own[0]].family if own else title_of(term.group.family)
-    return f"{family} of {_place(term)}" + ("" if own else LACKING)
+    own, pattern = found.said[term.key][1]
+    if not own:
+        return f"a {describe_term(term)} that the model lacks"
+    where = f" in {_log(found, pattern, names)}" if pattern else ""
+    return f"{found.rows.causes[own[0]].family} of {place_of(term)}{where}"
 
 
-def find_lacking(found: Differences, terms: Terms) -> tuple[str, ...]:
-    """Return what the model lacks in all logs alike."""
-    every = [_what(found, term) for term in terms]
-    return tuple(text.removesuffix(LACKING) for text in every if text.endswith(LACKING))
+def _log(found: Differences, pattern: int, names: Sequence[str]) -> str:
+    """Return in which log alone a change is; nothing where it is in those that are asked about."""
+    return names[int(np.argmax(found.patterns[pattern]))] if pattern else ""
 
 
 def _share(
     parts: Sequence[Cause], before: Array, sizes: Array, spread: Array
 ) -> tuple[float, float]:
     """Return by which share the torque of a change grew, and its standard deviation."""
-    if parts[0].kind == "gain":
-        slope = np.full(len(sizes), 1.0 / len(sizes))
-        return float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))
-    if not all(c.relative for c in parts):
+    if parts[0].kind == "offset" or not (np.abs(before) > 0).all():
         return float("nan"), float("nan")
     rms = np.array([np.sqrt(sum(np.mean(x**2) for x in c.torque.values())) for c in parts])
     slope = rms * np.sign(before) / float(np.abs(before) @ rms)
@@ -348,30 +332,25 @@ def found_from(found: Differences, terms: Terms) -> dict[str, float]:
     model, out = found.model, dict[str, float]()
     weights, models = model.by_size(terms)
     likeliest = models[int(np.argmax(weights))]
-    said = [(t, set(found.said[t.key][1][0])) for t in terms]
     z = np.linspace(0.0, 20.0, 401)[:, None]
     for group, (own, pattern) in found.said.values():
         if len(own) != 1 or pattern or not found.rows.causes[own[0]].relative:
             continue
-        beside = tuple(t for t, those in said if not those & set(own))
-        information = float(likeliest.information(beside, group.members[0])[0, 0])
-        ratio = model.sizes**2 * information
+        beside = [t for t in terms if not set(own) & set(found.said[t.key][1][0])]
+        solved = likeliest.solve((*beside, Term(group, 0, WIDE**2, 0.0)))
+        sd = float(np.sqrt(solved.covariance[-1, -1]))
+        ratio = (model.sizes / sd) ** 2
         rise = 0.5 * (z**2 * ratio / (1.0 + ratio) - np.log1p(ratio))
         odds = np.log(np.mean(np.exp(rise), axis=1)) - group.price
         needed = float(z[int(np.argmax(odds >= model.name)), 0])
         # Standard deviations above what is needed at which nine of ten are found.
-        share = (needed + 1.28) / np.sqrt(information) if information > 0 else np.nan
-        place = group.place
-        out[place] = float(np.nanmin([out.get(place, np.nan), share]))
+        share = (needed + 1.28) * sd
+        out[group.place] = min(out.get(group.place, share), share)
     return out
 
 
 # `Comparison`: what changed, in numbers and words.
 
-
-BUT_BLIND = (
-    "but only large changes could be: compare logs of the same motion, or several on each side."
-)
 
 TABLE = "What changed, with 95 % intervals"
 
@@ -397,14 +376,10 @@ class Comparison(OfStructure, Result):
         Logs that were compared sample by sample.
     changes : tuple of Change
         The surest first.
-    tested : int
-        Groups that might have been named.
     found_from : mapping
         Share by which the friction of each joint must change to be found nine times in ten.
     drift : float
         By which share friction differs between any two logs.
-    lacks : tuple of str
-        What the model lacks in all logs alike.
     hints : tuple of str
     preparation : Preparation
         How logs were asked to be turned into motion.
@@ -419,12 +394,15 @@ class Comparison(OfStructure, Result):
     after: tuple[str, ...]
     pairs: tuple[tuple[str, str], ...]
     changes: tuple[Change, ...]
-    tested: int
     found_from: Mapping[str, float]
     drift: float
-    lacks: tuple[str, ...]
     hints: tuple[str, ...] = ()
     preparation: Preparation = Preparation()
+
+    @property
+    def rung(self) -> Submodel:
+        """`submodel`, by the name of earlier releases."""
+        return self.submodel
 
     @property
     def answer(self) -> str:
@@ -432,72 +410,56 @@ class Comparison(OfStructure, Result):
         if self.changes:
             text = "; ".join([describe(change) for change in self.changes[:NAMED]])
             return f"{text[0].upper()}{text[1:]}."
-        known = [share for share in self.found_from.values() if np.isfinite(share)]
         # Where friction must change by more than this share everywhere, an unchanged
         # robot is no news.
-        blind = f", {BUT_BLIND}" if known and min(known) > 0.5 else "."
-        return f"Nothing changed that can be told from chance{blind}"
+        blind = min(self.found_from.values(), default=0.0) > 0.5
+        return sentence("comparison.how", "blind" if blind else "nothing")
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what changed, how small a change shows, whether to trust it, what next."""
         every, k = shorten_paths((*self.before, *self.after)), len(self.before)
         sides = f"{listing(every[:k], 3)} and {listing(every[k:], 3)}"
-        tone = "vermilion" if any(c.sure for c in self.changes) else "amber"
-        changed = Answer(
-            f"What changed between {sides}?",
-            self.answer,
-            f"{self.tested} changes were asked for between {sides}. {self.nuisances}".strip(),
-            tone if self.changes else "green",
-        )
-        short, tone = TRUST[self.kind]
-        text = f"{sentence('comparison.how', self.kind)} {sentence('comparison.how', 'odds')}"
-        trust = Answer("May I trust it?", short, text, tone)
+        text = ""
+        if self.kind != "results" and np.isfinite(self.drift):
+            text = f"Friction differs by about {100 * self.drift:.2g} % between any two logs."
+        tone = "vermilion" if self.changes else "green"
+        changed = Answer(f"What changed between {sides}?", self.answer, text, tone)
+        short, *why = (sentence(name, self.kind) for name in ("comparison.trust", "comparison.how"))
+        why += [sentence("comparison.how", "odds")]
+        tone = "green" if self.kind == "pairs" else "amber"
+        trust = Answer("May I trust it?", short, " ".join(why), tone)
         return changed, _least(self), trust, answer_next(_next_commands(self))
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
-        return (RULES, Thresholds(), ESTIMATION_RULES)
+        return (RULES, Thresholds())
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a number that changed."""
-        own = self.to_frame().drop(columns=["kind", "share_sd"])
+        own = self.to_frame().drop(columns=["kind", "share_sd", "p"])
         table = frame_table(own.rename(columns={"log_odds": "log odds", "logs": "in"}), TABLE)
         return (replace(table, columns=with_hints("changes", *table.columns)),)
-
-    @property
-    def statement(self) -> str:
-        """The answer in plain words."""
-        return state_answers(self.answer, self.answers(), self.hints)
-
-    @property
-    def nuisances(self) -> str:
-        """What differs between any two logs, and what the model lacks in all."""
-        out = []
-        if self.kind != "results" and np.isfinite(self.drift):
-            out.append(f"Friction differs by about {100 * self.drift:.2g} % between any two logs.")
-        if self.lacks:
-            out.append(f"The model lacks {listing(self.lacks, 3)}, in all logs alike (diagnose).")
-        return " ".join(out)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a number that changed: what, by how much, interval, log odds."""
         rows = [
             [c.what, c.kind, name, size, size - REACH * sd, size + REACH * sd, unit, *rest]
             for c in self.changes
-            for rest in [(c.share, c.share_sd, c.odds, ", ".join(c.logs), "; ".join(c.others))]
+            for rest in [(c.share, c.share_sd, c.odds, c.log, "; ".join(c.others))]
             for name, size, sd, unit in zip(c.names, c.sizes, c.sd, c.units, strict=True)
         ]
         columns = "what kind name change low high unit share share_sd log_odds logs or"
-        return pd.DataFrame(rows, columns=columns.split())
+        return pd.DataFrame(rows, columns=columns.split()).assign(p=np.nan)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison in the documented JSON schema."""
-        own = ["statement", "before", "after", "kind", "pairs", "tested", "drift", "lacks"]
+        own = ["statement", "before", "after", "kind", "pairs", "drift"]
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
             "model": self.submodel.name,
             **{name: getattr(self, name) for name in own},
+            **dict.fromkeys(("level", "tested", "parameters")),  # of earlier releases
             "changed": bool(self.changes),
             "found_from": dict(self.found_from),
             "changes": self.to_frame().to_dict("records"),
@@ -507,11 +469,12 @@ class Comparison(OfStructure, Result):
 def describe(change: Change) -> str:
     """Return what a change is, without a capital letter, and what it may be instead."""
     text = _described(change)
-    if change.logs:
-        text += f" in {listing(change.logs)}"
+    if change.log:
+        text += f" in {change.log}"
     if change.others:
         text += f", or {' or '.join(change.others[:NAMED])}"
-    return text if change.sure else f"perhaps {text}"
+    # As sure as what fitted and unseen rows together name.
+    return text if change.odds >= RULES.name + RULES.keep else f"perhaps {text}"
 
 
 def _described(change: Change) -> str:
@@ -522,7 +485,7 @@ def _described(change: Change) -> str:
     if change.kind == "load":
         size, reach, unit, words = change.sizes[0], half[0], "kg", ("grew", "shrank")
     if abs(size) > reach:
-        return f"{what} {words[size < 0]} by {measured(abs(size), reach, unit)}"
+        return f"{what} {words[int(size < 0)]} by {measured(abs(size), reach, unit)}"
     every = zip(change.names, change.sizes, half, change.units, strict=True)
     parts = [f"{n} by {measured(x, h, u)}" for n, x, h, u in every if abs(x) > h]
     return f"{what} changed{': ' if parts else ''}{listing(parts, NAMED)}"
@@ -569,10 +532,10 @@ def compare(
     """
     with one_thread("blas"):
         robot = Robot.of(robot)
-        results = [is_result(side) for side in (before, after)]
-        if any(results):
-            if not all(results):
-                raise OptionError("A result cannot be compared with a log; give two of one kind.")
+        results = is_result(before)
+        if results != is_result(after):
+            raise OptionError("A result cannot be compared with a log; give two of one kind.")
+        if results:
             return _compare_results(robot, before, after)
         return _compare_logs(robot, before, after, ladder, preparation, engine)
 
@@ -663,12 +626,16 @@ def _compare_logs(
     seen = look(structure, opening.samples, len(submodel))
     base, bodies = pooled_values(seen.X, seen.y, submodel.M, submodel.fixed), load_bodies(structure)
     pairs = find_pairs(robot, (*later, *earlier), len(later), session.how)
-    # Along one motion what the values are wrong by cancels; else nothing is known of them.
-    sure = Known.of(base, submodel.M, np.zeros((len(submodel),) * 2), submodel.M[:0].T)
-    known = sure if pairs else Known.nothing(submodel.M, submodel.fixed)
+    what, k = (structure, seen, base, bodies), len(submodel)
     asked = np.repeat([1.0, 0.0], [len(later), len(earlier)])
-    patterns = _patterns(asked, len(later) if pairs else len(asked))
-    found = find_differences(structure, seen, base, bodies, pairs, known=known, patterns=patterns)
+    free, patterns = Known.nothing(submodel.M, submodel.fixed), find_patterns(asked, len(asked))
+    found = find_differences(*what, (), known=free, patterns=patterns)
+    if pairs:  # whose differences say nothing of the values themselves
+        _, value, covariance = found.model.of_logs(np.flatnonzero(asked == 0)).values()
+        before = submodel.fixed + submodel.M @ value[:k]
+        known = Known.of(before, submodel.M, covariance[:k, :k], np.zeros((k, 0)))
+        patterns = find_patterns(asked, len(later))
+        found = find_differences(*what, pairs, known=known, patterns=patterns)
     paths = given_paths((*later, *earlier))
     return _conclude(
         structure,
@@ -684,45 +651,23 @@ def _compare_logs(
     )
 
 
-def _patterns(asked: Array, count: int) -> tuple[Array, ...]:
-    """Return in which logs a change may be: those after, or any one of the first so many."""
-    single = np.eye(len(asked))[: count if count > 2 else 0]
-    told = [x for x in single if not any(np.array_equal(x, y) for y in (asked, 1.0 - asked))]
-    return (asked, *told)
-
-
 def _conclude(
     structure: Structure, submodel: Submodel, found: Differences, logs: Sequence[str], **said: Any
 ) -> Comparison:
     """Return what logs of some names, or results, differ by; all else is `said` as it is."""
     terms = found.model.search()
-    which = [
-        tuple(logs[int(k)] for k in np.flatnonzero(pattern)) if w else ()
-        for w, pattern in enumerate(found.patterns)
-    ]
     return Comparison(
         structure=structure,
         submodel=submodel,
-        changes=find_changes(structure, found, terms, which),
-        tested=sum(bool(own) for _, (own, _) in found.said.values()),
+        changes=find_changes(structure, found, terms, logs),
         found_from=found_from(found, terms),
         drift=float(np.sqrt(2.0)) * found.model.drift(terms),
-        lacks=find_lacking(found, terms),
         **said,
     )
 
 
-#: What may be trusted, by what was compared.
-TRUST = {
-    "pairs": ("Yes: the motions are the same.", "green"),
-    "logs": ("With care: the motions differ.", "amber"),
-    "results": ("With care: the motions are not compared.", "amber"),
-}
-
-
 def _least(result: Comparison) -> Answer:
-    question = "How small a change would have been found?"
-    known = {j: share for j, share in result.found_from.items() if np.isfinite(share)}
+    question, known = "How small a change would have been found?", result.found_from
     if not known:
         return Answer(question, "That is not known.")
     order = sorted(known, key=known.__getitem__)

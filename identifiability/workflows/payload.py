@@ -8,14 +8,13 @@ known tells the torque gains instead, joint by joint.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from shlex import quote
 from typing import Any, ClassVar, cast
 
 import numpy as np
 import pandas as pd
-from scipy.stats import chi2
 
 from identifiability.estimation.differences import (
     KINDS,
@@ -27,12 +26,12 @@ from identifiability.estimation.differences import (
     tool_bodies,
 )
 from identifiability.estimation.groups import Excerpt
-from identifiability.estimation.noise import JointRuns
+from identifiability.estimation.prediction import TorqueUncertainty
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.engines.mapping import Engine, one_thread
-from identifiability.foundation.errors import listing, near_match
-from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array, shorten_paths
+from identifiability.foundation.errors import listing
+from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
 from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, Positive, checked
 from identifiability.foundation.result import Result
@@ -48,12 +47,12 @@ from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import LeastSquares
 from identifiability.physical.project import project
 from identifiability.physical.pseudo_inertia import entry_scale, natural_scale, to_matrix
-from identifiability.regression.reduction import default_ladder
+from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.changed import Point, ten_parameters
-from identifiability.workflows.analyze.workflow import analyze
-from identifiability.workflows.answers import answer_next, sentence, state_answers, with_hints
+from identifiability.robot.changed import Point, body_of, ten_parameters
+from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.compare import (
     Change,
@@ -61,10 +60,11 @@ from identifiability.workflows.compare import (
     find_changes,
     find_differences,
     find_pairs,
+    find_patterns,
     is_result,
     look,
 )
-from identifiability.workflows.opening import LogLike, Logs, list_logs
+from identifiability.workflows.opening import Logs, list_logs
 from identifiability.workflows.predict import Fit, FitLike, find_fit, state_missing
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
@@ -98,10 +98,6 @@ class LoadEstimate:
         ``|root (θ − theta)|²`` is the distance of another load from this one, in σ².
     unknown : (10, d)
         Directions that the logs do not tell, orthonormal.
-    masses, sd : (l,) [kg]
-        By each log with the load alone, where they are several.
-    spread : float
-        By how much masses scatter more than their variance, which is counted.
     rms : (n,) [N·m or N]
         What is left of the torque.
     changes : tuple of Change
@@ -112,20 +108,12 @@ class LoadEstimate:
     covariance: Array
     root: Array
     unknown: Array
-    masses: Array
-    sd: Array
-    spread: float
     rms: Array
     changes: tuple[Change, ...]
 
-    @property
-    def agree(self) -> bool:
-        """Whether the logs say the same mass."""
-        return self.spread <= 1.0
 
-
-def estimate_load(found: Differences, structure: Structure) -> LoadEstimate:
-    """Return the load that is in every hypothesis."""
+def estimate_load(found: Differences, structure: Structure, names: Sequence[str]) -> LoadEstimate:
+    """Return the load that is in every hypothesis, of logs of some names."""
     model = found.model
     terms = model.search()
     theta, spread = model.widened(terms, found.always_at()[ORDER])
@@ -136,108 +124,15 @@ def estimate_load(found: Differences, structure: Structure) -> LoadEstimate:
     size = np.sqrt(np.maximum(square[~open_], np.finfo(float).tiny))
     told = turn[:, ~open_] * size / scale[:, None]
     unknown = np.linalg.qr(turn[:, open_] / scale[:, None])[0]
-    loaded = np.flatnonzero(found.patterns[0])
-    mass = found.always_at()[0]
-    several = loaded if len(loaded) > 1 else loaded[:0]
-    alone = [model.of_logs(several[[k]]).values(terms)[1:] for k in range(len(several))]
-    masses = np.array([v[mass] for v, _ in alone])
-    sd = np.array([np.sqrt(c[mass, mass]) for _, c in alone])
-    wider = _scatter(masses, sd)
-    left = found.residual(terms)[np.isin(found.rows.log, loaded)]
+    left = found.residual(terms)[found.patterns[0][found.rows.log] > 0]
     return LoadEstimate(
         theta=theta,
-        covariance=told @ told.T * max(wider, 1.0),
+        covariance=told @ told.T,
         root=(turn[:, ~open_] / size).T * scale,
         unknown=unknown,
-        masses=masses,
-        sd=sd,
-        spread=wider,
         rms=np.sqrt(np.mean(left**2, axis=0)),
-        changes=find_changes(structure, found, terms, [()]),
+        changes=find_changes(structure, found, terms, names),
     )
-
-
-def _scatter(masses: Array, sd: Array) -> float:
-    """Return by how much masses scatter more than their variance, if surely; 1 if not."""
-    if len(masses) < 2:
-        return 1.0
-    weights = sd**-2.0
-    square = float(weights @ (masses - weights @ masses / weights.sum()) ** 2)
-    sure = chi2.sf(square, len(masses) - 1) < Thresholds.sign_level
-    return square / (len(masses) - 1) if sure else 1.0
-
-
-# `Gain`: what one unit of a torque column is, by a load that is known.
-#
-# Torque that was read by wrong gains is a load by the same factor wrong. So each joint by itself,
-# in units of its column: ``τ = W b + s W_load φ``, of which s is one over the gain and b is free,
-# as parameters of the robot take the gain up [Gautier & Briot 2014].
-
-
-@frozen
-class Gain:
-    """By which factor a joint's torque is larger than it was read as.
-
-    Attributes
-    ----------
-    joint : str
-    value : float
-        NaN where nothing can be told.
-    low, high : float
-        95 %; infinite where zero is among what the column may be.
-    verdict : str
-        ``identifiable`` or ``not identifiable``.
-    column : float
-        What the sidecar must state as `gain` for torque to be right.
-    """
-
-    joint: str
-    value: float
-    low: float
-    high: float
-    verdict: str
-    column: float
-
-
-def find_gains(
-    found: Differences, structure: Structure, seen: Excerpt, place: str, theta: Array
-) -> tuple[Gain, ...]:
-    """Return the gain of each joint's torque from a known load.
-
-    Parameters
-    ----------
-    found : Differences
-        What is known of the robot, and which logs have the load.
-    structure : Structure
-    seen : Excerpt
-        Rows of all logs.
-    place : str
-    theta : (10,)
-        In the order of `KINDS`.
-    """
-    out = []
-    robot, known = structure.robot, found.known
-    for j, joint in enumerate(robot.joints):
-        base = pooled_values(seen.X[:, [j]], seen.y[:, [j]], known.directions, known.base)
-        rows = LogRows.of(structure, seen, base, (place,)).of_joint(j)
-        x, sd = np.nan, np.inf
-        by = {c.kind: c for c in rows.causes}
-        if "load" in by:
-            unit = replace(by["gain"], torque={0: by["load"].torque[0] @ theta[:, None]})
-            friction = (c for c in rows.causes if c.kind == "friction")
-            rows = replace(rows, causes=(unit, *friction))
-            own = replace(found, rows=rows, lacks=None, shared=1.0)
-            _, solved, covariance = own.model.values(own.model.search())
-            (at,) = own.always_at()
-            x, sd = float(solved[at]), float(np.sqrt(covariance[at, at]))
-        ends = [-np.inf, np.inf]
-        if abs(x) > REACH * sd:
-            ends = sorted(1.0 / (x + side * REACH * sd) for side in (-1, 1))
-        sure = sd <= Thresholds().sigma_share * abs(x)
-        verdict = "identifiable" if sure else "not identifiable"
-        gain = robot.torque.gain.get(joint, robot.torque.gain.get("", 1.0))
-        out.append(Gain(joint, 1.0 / x, ends[0], ends[1], verdict, gain / x))
-    return tuple(out)
 
 
 # `Quantity`: mass, centre and inertia of a real body near what logs say, with their intervals.
@@ -254,9 +149,6 @@ QUANTITIES = {
     **dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), "kg·m²"),
 }
 
-#: Those that no body has below zero.
-MOMENTS = ("Ixx", "Iyy", "Izz")
-
 #: Rows and columns of these moments in a tensor.
 _ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
@@ -266,14 +158,14 @@ LIGHTEST: Tolerance = 1e-3
 
 @frozen
 class Quantity:
-    """One number about a load.
+    """One number about a load, or what one unit of a joint's torque column is.
 
     Attributes
     ----------
     name, unit : str
     value : float
     low, high : float
-        95 % interval, of a mass or a moment about an axis not below zero.
+        95 % interval, of which nothing that no body can have is part.
     why : str
         Why the logs do not tell it; empty where they do.
     """
@@ -343,24 +235,78 @@ def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Q
     along = np.abs(slopes * TYPICAL @ found.unknown).max(1, initial=0.0)
     open_ = along > TOUCHED * np.linalg.norm(slopes * TYPICAL, axis=1)
     half = np.where(open_, np.inf, half)
-    heavy = values[0] > half[0]
+    low, high = values - half, values + half
+    heavy = low[0] > 0
+    low[[0, 4, 5, 6]] = np.maximum(low[[0, 4, 5, 6]], 0.0)
+    most = 0.5 * high[6:3:-1]  # of a product of inertia: half of the moment about the third axis
+    low[7:], high[7:] = np.maximum(low[7:], -most), np.minimum(high[7:], most)
     out = []
-    for (name, unit), value, reach in zip(QUANTITIES.items(), values, half, strict=True):
-        low, why = value - reach, ""
-        if name == "mass" or name in MOMENTS:
-            why = "" if low > 0 else f"at most {value + reach:.3g} {unit}"
-            low = max(low, 0.0)
-        elif name.startswith("centre") and reach > length:
+    for k, (name, unit) in enumerate(QUANTITIES.items()):
+        why = ""
+        if low[k] <= 0 and k in (0, 4, 5, 6):
+            why = f"at most {high[k]:.3g} {unit}"
+        elif half[k] > length and k in (1, 2, 3):
             why = f"less certain than ± {length:.2g} m"
-        if not np.isfinite(reach):
+        elif low[k] == -high[k]:
+            why = "no more than its moments allow by themselves"
+        if not np.isfinite(half[k]):
             why = "this motion does not tell it"
-        elif not heavy and name != "mass":
+        elif not heavy and k:
             why = "no mass is told"
-        out.append(Quantity(name, unit, float(value), float(low), float(value + reach), why))
+        out.append(Quantity(name, unit, float(values[k]), float(low[k]), float(high[k]), why))
     return tuple(out)
 
 
-GAINS_OF = "By which factor torque is larger than it was read as"
+QUANTITIES_OF = "Mass, centre, and moments about the centre"
+GAINS_OF = "What one unit of each torque column is: its gain in the sidecar"
+
+# Gains: what one unit of a torque column is, by a load that is known.
+#
+# Torque that was read by wrong gains is a load by the same factor wrong. So each joint by itself,
+# in units of its column: ``τ = W b + s W_load φ``, of which s is one over the gain and b is free,
+# as parameters of the robot take the gain up [Gautier & Briot 2014].
+
+
+def find_gains(
+    found: Differences, structure: Structure, seen: Excerpt, place: str, theta: Array
+) -> tuple[Quantity, ...]:
+    """Return the gain of each joint's torque from a known load.
+
+    Parameters
+    ----------
+    found : Differences
+        What is known of the robot, and which logs have the load.
+    structure : Structure
+    seen : Excerpt
+        Rows of all logs.
+    place : str
+    theta : (10,)
+        In the order of `KINDS`.
+    """
+    out = []
+    robot, known = structure.robot, found.known
+    for j, joint in enumerate(robot.joints):
+        base = pooled_values(seen.X[:, [j]], seen.y[:, [j]], known.directions, known.base)
+        rows = LogRows.of(structure, seen, base, (place,)).of_joint(j)
+        x, sd = np.nan, np.inf
+        by = {c.kind: c for c in rows.causes}
+        if "load" in by:
+            # Torque that was read by a gain is that of the load by this over the right one.
+            read = robot.torque.gain.get(joint, robot.torque.gain.get("", 1.0))
+            unit = replace(by["gain"], torque={0: read * by["load"].torque[0] @ theta[:, None]})
+            friction = (c for c in rows.causes if c.kind == "friction")
+            rows = replace(rows, causes=(unit, *friction))
+            own = replace(found, rows=rows, lacks=None, shared=1.0)
+            _, solved, covariance = own.model.values(own.model.search())
+            (at,) = own.always_at()
+            x, sd = float(solved[at]) or np.nan, float(np.sqrt(covariance[at, at]))
+        ends = [-np.inf, np.inf]
+        if abs(x) > REACH * sd:
+            ends = sorted(1.0 / (x + side * REACH * sd) for side in (-1, 1))
+        why = "" if sd <= Thresholds().sigma_share * abs(x) else "the load does not tell it"
+        out.append(Quantity(joint, robot.torque_units[j], 1.0 / x, ends[0], ends[1], why))
+    return tuple(out)
+
 
 # `Load`: mass, centre and inertia of what hangs on a body, in numbers and words.
 
@@ -391,8 +337,8 @@ class Load(Result):
     arm : (float, float, float)
         What the arm weighs by its file [kg], by which factor its torque says more, and the standard
         deviation of that; NaN where nothing says it.
-    gains : tuple of Gain
-        Of each joint's torque, where the load's mass is known.
+    gains : tuple of Quantity
+        Of each joint's torque column, for the sidecar, where the load's mass is known.
     known : float or None
         That mass [kg].
     hints : tuple of str
@@ -413,58 +359,56 @@ class Load(Result):
     worse: Array
     quantities: tuple[Quantity, ...]
     arm: tuple[float, float, float]
-    gains: tuple[Gain, ...] = ()
+    gains: tuple[Quantity, ...] = ()
     known: float | None = None
     hints: tuple[str, ...] = ()
     origin: str = "result.json"
 
     @property
-    def of(self) -> Mapping[str, Quantity]:
-        """The quantities by name."""
-        return {q.name: q for q in self.quantities}
-
-    @property
     def mass(self) -> Quantity:
         """Of the load [kg]."""
-        return self.of["mass"]
+        return self.quantities[0]
 
     @property
     def answer(self) -> str:
-        """Mass and where, in one sentence."""
+        """Mass and where, or gains by a mass that is known, in one sentence."""
         mass = self.mass
+        if self.known is not None:
+            sure = [g for g in self.gains if g.told]
+            each = [
+                f"{g.value:.4g} ({g.low:.4g} … {g.high:.4g}) {g.unit} at {g.name}" for g in sure
+            ]
+            if not sure:
+                return "The logs do not tell the gain of any torque column."
+            return f"By {self.known:g} kg one unit of the torque columns is {listing(each, 12)}."
         if not np.isfinite(mass.half):
             return f"These logs do not tell the mass of what hangs on {self.body}."
         if not mass.told:
             return f"Nothing surely hangs on {self.body}: at most {mass.high:.3g} kg."
         text = f"{measured(mass.value, mass.half, 'kg')} at body {self.body}"
-        centre = [self.of[f"centre {axis}"] for axis in "xyz"]
+        centre = self.quantities[1:4]
         if all(q.told for q in centre):
             at = ", ".join(measured(q.value, q.half) for q in centre)
             text += f", its centre at ({at}) m in the frame of {self.body}"
         return f"{text} (95 %)."
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return how heavy and where, how well known, whether to trust it, what next."""
-        gains = () if self.known is None else (_gains(self),)
+        """Return how heavy and where, or gains; how well known, whether to trust it, what next."""
+        following = answer_next(_next_commands(self))
+        if self.known is not None:
+            return _gains(self), following
         tone = "blue" if self.mass.told else "amber"
         what = Answer(f"What hangs on {self.body}?", self.answer, self.proportional, tone)
-        return *gains, what, _told_of(self), _trust(self), answer_next(_next_commands(self))
+        return what, _told_of(self), _trust(self), following
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
         return (RULES, Thresholds())
 
     def tables(self) -> tuple[Table, ...]:
-        """Return one row a quantity, and one a joint whose gain a known load tells."""
-        what = frame_table(self.to_frame(), "Mass, centre, and moments about the centre")
-        what = replace(what, columns=with_hints("load", *what.columns))
-        gains = frame_table(pd.DataFrame([asdict(g) for g in self.gains]), GAINS_OF)
-        return (what,) if self.known is None else (what, gains)
-
-    @property
-    def statement(self) -> str:
-        """The answer in plain words."""
-        return state_answers(self.answer, self.answers(), self.hints)
+        """Return one row a quantity, or a joint whose gain a known load tells."""
+        table = frame_table(self.to_frame(), QUANTITIES_OF if self.known is None else GAINS_OF)
+        return (replace(table, columns=with_hints("load", *table.columns)),)
 
     @property
     def proportional(self) -> str:
@@ -479,15 +423,9 @@ class Load(Result):
 
     @property
     def sidecar(self) -> str:
-        """Lines for the robot's sidecar; nothing if no gain is identifiable."""
-        sure = [g for g in self.gains if g.verdict == "identifiable"]
-        pairs = ", ".join(f'"{g.joint}" = {g.column:.6g}' for g in sure)
-        return f"[torque]\ngain = {{{pairs}}}\n" if sure else ""
-
-    @property
-    def rubbing(self) -> tuple[str, ...]:
-        """Joints whose friction is another one than without the load."""
-        return tuple(c.place for c in self.estimate.changes if c.kind == "friction")
+        """Lines for the robot's sidecar; nothing if no gain is told."""
+        pairs = ", ".join(f'"{g.name}" = {g.value:.6g}' for g in self.gains if g.told)
+        return f"[torque]\ngain = {{{pairs}}}\n" if pairs else ""
 
     @property
     def caveats(self) -> tuple[str, ...]:
@@ -499,14 +437,12 @@ class Load(Result):
         return (sentence(WORDS_OF, "changed", **own),)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row a quantity: ``name``, value, interval, unit, whether it is told, why."""
-        return pd.DataFrame([{**asdict(q), "told": q.told} for q in self.quantities])
+        """Return one row a quantity: ``name``, value, interval, unit, whether it is told, why.
 
-    def log_frame(self) -> pd.DataFrame:
-        """Return the mass by each log alone, with half of its interval; none of one."""
-        found = self.estimate
-        names = shorten_paths(self.logs) if len(found.masses) else []
-        return pd.DataFrame({"log": names, "mass": found.masses, "half": REACH * found.sd})
+        Of a load that is known one row a joint: its gain.
+        """
+        shown = self.quantities if self.known is None else self.gains
+        return pd.DataFrame([{**asdict(q), "told": q.told} for q in shown])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the load in the documented JSON schema."""
@@ -515,15 +451,15 @@ class Load(Result):
             "schema": self.schema,
             "robot": self.robot.identity,
             **{name: getattr(self, name) for name in own},
-            "quantities": self.to_frame().to_dict("records"),
+            **dict.fromkeys(("possible", "by_log")),  # of earlier releases
+            "quantities": [{**asdict(q), "told": q.told} for q in self.quantities],
             "parameters": dict(zip(GROUPED_KINDS, self.parameters.tolist(), strict=True)),
             "estimate": dict(zip(GROUPED_KINDS, self.estimate.theta.tolist(), strict=True)),
             "covariance": self.estimate.covariance.tolist(),
             "order": list(GROUPED_KINDS),
-            "by_log": self.log_frame().to_dict("records"),
-            "friction_changed": self.rubbing,
+            "friction_changed": [c.place for c in self.estimate.changes if c.kind == "friction"],
             "arm": dict(zip(("mass", "factor", "sd"), self.arm, strict=True)),
-            "gains": [asdict(g) for g in self.gains],
+            "gains": [{**asdict(g), "told": g.told} for g in self.gains],
         }
 
 
@@ -569,61 +505,59 @@ def payload(
 
     Raises
     ------
-    OptionError
+    RobotError
         If there is no such body, or several can carry the load and none was named.
     IdentifiabilityError
         If the result is about another robot, or a log does not fit it.
     """
     with one_thread("blas"):
         robot = Robot.of(robot)
-        if mass is None and (centre is not None or inertia is not None):
-            raise OptionError("A centre or moments of a known load need its mass; give --mass.")
+        if (mass is None and centre is not None) or (centre is None and inertia is not None):
+            raise OptionError("Moments of a load need its centre, and this its mass (--mass).")
         empty = [] if mass is None or is_result(result) else list_logs(cast("Logs", result))
-        fit = _unknown_gains(robot, empty) if empty else find_fit(cast("FitLike", result), robot)
-        without = [*empty, *list_logs(without)]
+        fit = _unknown_gains(robot) if empty else find_fit(cast("FitLike", result), robot)
         structure, place = fit.structure, choose_body(fit.structure, body)
         session, second = Session.read_sides(
-            structure, logs, without, fit.preparation, engine, alone=True
+            structure, logs, [*empty, *list_logs(without)], fit.preparation, engine, alone=True
         )
-        given, other = session.recordings.fitted, second.recordings.fitted
-        both = session.beside(second)
+        both, loaded = session.beside(second).recordings, len(session.recordings.fitted)
         # What hangs on the robot is odd by its file, so that nothing odd is looked for.
-        samples = session.prepare((*given, *other), "weighed")
-        hints = [*both.recordings.hints, *_tell_noise(robot, given, session.how)]
+        samples = session.prepare(both.fitted, "weighed")
+        hints = [*both.hints, *_tell_noise(robot, both.fitted[:loaded], session.how)]
         hints += [text for s in samples for text in s.hints]
-        pairs = find_pairs(robot, (*given, *other), len(given), session.how) if fit.origin else []
+        pairs = find_pairs(robot, both.fitted, loaded, session.how)
         seen = look(structure, samples, 0)
         known = Known.of(fit.base, fit.submodel.M, fit.covariance, fit.spread.unknown)
-        free = Known.nothing(fit.submodel.M, fit.submodel.fixed)
-        pattern = np.repeat([1.0, 0.0], [len(given), len(other)])
-        asked = {"known": known, "patterns": (pattern,), "always": (0,)}
+        carries = (np.arange(len(samples)) < loaded).astype(float)
+        asked = {"known": known, "patterns": find_patterns(carries, loaded), "always": (0,)}
         found = find_differences(structure, seen, fit.base, (place,), pairs, **asked)
-        alone = replace(found, known=free if other else known, lacks=None)
-        gains: tuple[Gain, ...] = ()
-        if mass is not None and not fit.origin:
-            gains = find_gains(alone, structure, seen, place, _known(mass, centre, inertia))
-            seen = _rescaled(seen, gains)
-            base = pooled_values(seen.X, seen.y, free.directions, free.base)
-            found = replace(alone, rows=LogRows.of(structure, seen, base, (place,)))
-        estimate = estimate_load(found, structure)
+        estimate = estimate_load(found, structure, [s.name for s in samples])
         nearest = nearest_body(estimate)
-        if mass is not None and fit.origin:
-            theta = nearest[np.argsort(ORDER)] * mass / nearest[9]
-            theta = theta if centre is None else _known(mass, centre, inertia)
-            gains = find_gains(alone, structure, seen, place, theta)
+        gains: tuple[Quantity, ...] = ()
+        if mass is not None:
+            kinds, theta = GROUPED_KINDS, nearest * mass / nearest[9]
+            if centre is not None:
+                moments = np.zeros(3) if inertia is None else inertia
+                kinds, theta = INERTIAL_KINDS, ten_parameters(mass, centre, moments)
+            if (
+                second.recordings.fitted
+            ):  # torque without the load tells more than values by other gains
+                found = replace(found, known=Known.nothing(fit.submodel.M, fit.submodel.fixed))
+            theta = theta[[kinds.index(kind) for kind in KINDS]]
+            gains = find_gains(found, structure, seen, place, theta)
         bodies = draw_bodies(structure).phi[structure.inertial]
         length = float(np.median(natural_scale(bodies)[1]))
-    paths = given_paths(given), given_paths(other)
+    paths = given_paths(both.fitted)
     return Load(
         robot=robot,
         body=place,
         model=fit.submodel.name,
-        logs=paths[0],
-        without=paths[1],
-        pairs=tuple((paths[0][p.at[0]], paths[1][p.at[1] - len(given)]) for p in pairs),
+        logs=paths[:loaded],
+        without=paths[loaded:],
+        pairs=tuple((paths[p.at[0]], paths[p.at[1]]) for p in pairs),
         estimate=estimate,
         parameters=nearest,
-        worse=estimate.rms / (np.maximum(fit.spread.low, 1e-300) if fit.origin else np.inf),
+        worse=estimate.rms / np.maximum(fit.spread.low, 1e-300),
         quantities=state_quantities(estimate, nearest, length),
         arm=weigh_arm(fit, seen),
         gains=gains,
@@ -633,42 +567,32 @@ def payload(
     )
 
 
-def _unknown_gains(robot: Robot, logs: Sequence[LogLike]) -> Fit:
-    """Return a fit to logs of a robot whose torque columns are taken as they are.
+def _unknown_gains(robot: Robot) -> Fit:
+    """Return a fit of nothing, of a robot whose torque columns may be in units of their own.
 
     Raises
     ------
     OptionError
     """
     if robot.known_torque:  # in N·m, and what the columns are in is what is asked
-        raise OptionError(
-            "Gains are identified without [[known_torque]]: take it out of the sidecar."
-        )
-    one = replace(robot, torque=replace(robot.torque, gain={"": 1.0}, ratio={"": 1.0}, sign={}))
-    return replace(analyze(one, logs, ladder=default_ladder(one), replicates=0).fit, origin="")
-
-
-def _rescaled(seen: Excerpt, gains: Sequence[Gain]) -> Excerpt:
-    """Return rows with torque by the gains that were found; without joints where there is none."""
-    sure = [g.verdict == "identifiable" for g in gains]
-    factors = np.where(sure, [np.nan_to_num(g.value) for g in gains], 0.0)
-    runs = tuple(own if s else () for own, s in zip(seen.runs.each, sure, strict=True))
-    raw, y = seen.raw * factors, seen.y * factors
-    return replace(seen, X=seen.X * np.array(sure)[:, None], y=y, raw=raw, runs=JointRuns(runs))
-
-
-def _known(mass: float, centre: Point | None, inertia: Point | None) -> Array:
-    """Return the ten parameters of a known load in the order of `KINDS`.
-
-    Raises
-    ------
-    RobotError
-    """
-    nothing = np.zeros(3)
-    ten = ten_parameters(
-        mass, nothing if centre is None else centre, nothing if inertia is None else inertia
+        raise OptionError("[[known_torque]] of the sidecar is in N·m: take it out to find gains.")
+    read = robot.torque
+    gain, ratio = {"": 1.0, **read.gain}, {"": 1.0, **read.ratio}
+    one = replace(robot, torque=replace(read, gain=gain, ratio=ratio))
+    structure = Structure.of(one, Model.of(*DEFAULT_EFFECTS))
+    submodel, n = full_model(structure.base), len(robot.joints)
+    none, every = np.zeros((len(submodel),) * 2), np.eye(len(submodel))
+    open_ = dict.fromkeys(("low", "raw", "dof"), np.full(n, np.inf))
+    return Fit(
+        structure=structure,
+        submodel=submodel,
+        values=none[0],
+        spread=TorqueUncertainty(covariance=none, unknown=every, **open_),
+        preparation=Preparation(),
+        base_covariance=none,
+        base_unknown=every,
+        origin="EMPTY.csv",
     )
-    return ten[[INERTIAL_KINDS.index(kind) for kind in KINDS]]
 
 
 def weigh_arm(fit: Fit, seen: Excerpt) -> tuple[float, float, float]:
@@ -703,71 +627,55 @@ def choose_body(structure: Structure, body: str | None) -> str:
 
     Raises
     ------
+    RobotError
+        If there is no such body, or several can carry the load and none was named.
     OptionError
+        If the model has no bodies.
     """
-    robot, best = structure.robot, tool_bodies(structure)
-    if body is None and len(best) > 1:
-        raise OptionError(f"The load may hang on {listing(best, 8)}; name its body (--body).")
-    body = body or (*best, robot.bodies[-1])[0]
-    if body not in robot.bodies:
-        raise OptionError(
-            f"'{body}' is no moving body of {robot.name}{near_match(body, robot.bodies)} A load "
-            f"can hang on {listing(robot.bodies, 12)}."
-        )
-    if f"{body}." not in structure.bodies:
+    best = tool_bodies(structure)
+    place = body_of(structure.robot, best[0] if body is None and len(best) == 1 else body)
+    if f"{place}." not in structure.bodies:
         raise OptionError("The result's model has no bodies (rigid_body); fit one that has.")
-    return body
+    return place
 
 
 def _told_of(result: Load) -> Answer:
-    count = sum(q.told for q in result.quantities)
-    short = f"{count} of {len(result.quantities)} quantities are told."
-    by: dict[str, list[str]] = {}
-    for q in result.quantities:
-        if not q.told:
-            by.setdefault(q.why, []).append(q.name)
-    lost = "; ".join(f"{listing(names)} ({why})" for why, names in by.items())
-    text = f"Not told: {lost}." if lost else ""
+    lost = [q.name for q in result.quantities if not q.told]
+    count = len(result.quantities)
+    short = f"{count - len(lost)} of {count} quantities are told."
+    text = f"Not told: {listing(lost, count)}; the table says why." if lost else ""
     return Answer("How well is it known?", short, text, "green" if result.mass.told else "amber")
 
 
 def _trust(result: Load) -> Answer:
-    rows = result.log_frame().to_dict("records")
-    each = listing([f"{r['log']} {measured(r['mass'], r['half'], 'kg')}" for r in rows], 4)
-    short, text, tone = "Yes, within its intervals.", f"The logs agree ({each}).", "green"
+    short, text, tone = "Yes, within its intervals.", "The logs agree.", "green"
     if result.pairs:
         text = sentence(WORDS_OF, "cancels")
-    elif not rows:
+    elif len(result.logs) == 1:
         short, tone = "As far as one log can tell.", "amber"
         text = "One motion cannot show what another would change."
-    if not result.estimate.agree:
-        short, tone = "With care: intervals are widened to hold all logs.", "amber"
-        text = f"The logs disagree ({each})."
+    elif any(change.kind == "load" for change in result.estimate.changes):
+        short, text, tone = "With care: the logs have different loads.", "", "amber"
     if changes := [describe(change) for change in result.estimate.changes]:
-        text += f" Beside the load {listing(changes)}, which the intervals hold."
+        text += f" Found beside it: {listing(changes)}."
     if result.caveats:
         short, tone = "With care: the robot changed since.", "amber"
-    return Answer("May I trust it?", short, " ".join([text, *result.caveats]), tone)
+    return Answer("May I trust it?", short, " ".join([text, *result.caveats]).strip(), tone)
+
+
+def _gains(result: Load) -> Answer:
+    lost = [g.name for g in result.gains if not g.told]
+    text = sentence(WORDS_OF, "untold", joints=listing(lost, 12)) if lost else ""
+    question, tone = "What is one unit of each torque column?", "amber" if lost else "green"
+    return Answer(question, result.answer, text, tone)
 
 
 def _next_commands(result: Load) -> list[tuple[str, str]]:
     robot, logs = source_name(result.robot), name_logs(result.robot, result.logs)
     call = f"identifiability payload {robot} {quote(result.origin)} {logs} --body {result.body}"
     text = "Weigh it against a log of the same motion without the load (empty.csv):"
-    paired = [] if result.pairs else [(text, f"{call} --without empty.csv --report payload.html")]
+    paired = [(text, f"{call} --without empty.csv --report payload.html")]
     begun = name_logs(result.robot, result.logs, "--start-from")
     more = f"identifiability excite {robot} {begun} --out next.json"
+    paired = [] if result.without or result.gains else paired
     return [*paired, ("Find a motion that tells more:", more)]
-
-
-def _gains(result: Load) -> Answer:
-    sure = [g for g in result.gains if g.verdict == "identifiable"]
-    tone = "green" if len(sure) == len(result.gains) else "amber" if sure else "vermilion"
-    short = f"{len(sure)} of {len(result.gains)} are known."
-    said = [f"{g.joint} {g.value:.4g} ({g.low:.4g} … {g.high:.4g})" for g in sure]
-    text = f"By {result.known:g} kg torque is so many times what was read: {listing(said, 12)}."
-    if not sure:
-        text = "The logs do not tell the gain of any torque column."
-    if lost := [g.joint for g in result.gains if g not in sure]:
-        text += f" {sentence(WORDS_OF, 'untold', joints=listing(lost, 12))}"
-    return Answer("What is one unit of each torque column?", short, text, tone)
