@@ -50,6 +50,5 @@ def compare(
         say("comparing", 0.3)
         found = find(machine.load(recorded), *sides, preparation=derived.preparation(), **vars(own))
         written = outputs.write(found, say)
-    common.print_end([found.answer])
-    rest = [found.statement.removeprefix(found.answer).strip()]
-    common.print_result(found, rest, written)
+    common.print_end([found.statement])
+    common.print_result(found, found.hints, written)

@@ -36,7 +36,5 @@ def payload(
         say("reading logs", 0.0)
         found = weigh(machine.load(recorded), result, logs, **vars(own))
         written = outputs.write(found, say)
-    common.print_end([*filter(None, [found.sidecar]), found.answer])
-    title = f"What hangs on {found.body}; moments about its centre"
-    rest = [found.statement.removeprefix(found.answer).strip()]
-    common.print_result(found, rest, written, title)
+    common.print_end([*filter(None, [found.sidecar]), found.statement])
+    common.print_result(found, found.hints, written)

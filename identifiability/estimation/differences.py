@@ -77,7 +77,7 @@ class Cause:
         Body, joint or passive joint.
     names, units : tuple of str
     before : (k,)
-        What all logs together say of the values; NaN where the model has none.
+        What all logs together say of the values, or the file of gains; NaN where nothing does.
     torque : mapping
         What a unit of each does along rows.
     size : (k,)
@@ -139,7 +139,7 @@ def find_causes(
         own = {j: every[:, [j]]} if every[:, j].any() else {}
         out += [
             Cause("offset", "torque offset", joint, (f"{joint}.off",), (unit,), nothing, ones),
-            Cause("gain", "torque gain", joint, (f"{joint}.gain",), ("1",), nothing, own),
+            Cause("gain", "torque gain", joint, (f"{joint}.gain",), ("1",), np.ones(1), own),
         ]
     return out
 
@@ -265,24 +265,18 @@ class LogRows:
 
     def take(self, at: np.ndarray, runs: JointRuns) -> LogRows:
         """Return some of the rows, in other stretches."""
-        causes, off = (
-            tuple(replace(c, torque={j: x[at] for j, x in c.torque.items()}) for c in some)
-            for some in (self.causes, self.off)
-        )
+        torques = [{j: x[at] for j, x in c.torque.items()} for c in self.causes]
+        causes = tuple(replace(c, torque=x) for c, x in zip(self.causes, torques, strict=True))
         own = {name: getattr(self, name)[at] for name in ("X", "y", "log", "less")}
-        return replace(self, **own, runs=runs, causes=causes, off=off)
+        return replace(self, **own, runs=runs, causes=causes)
 
     def of_joint(self, joint: int) -> LogRows:
-        """Return the rows of one joint."""
-        causes, off = (
-            tuple(
-                replace(c, torque={0: c.torque[joint]} if joint in c.torque else {}) for c in some
-            )
-            for some in (self.causes, self.off)
-        )
+        """Return the rows of one joint, with what acts in it."""
+        acts = [(c, c.torque[joint]) for c in self.causes if joint in c.torque]
         own = {name: getattr(self, name)[:, [joint]] for name in ("X", "y")}
         runs, size = JointRuns((self.runs.each[joint],)), self.size[[joint]]
-        return replace(self, **own, runs=runs, size=size, causes=causes, off=off)
+        causes = tuple(replace(c, torque={0: x}) for c, x in acts)
+        return replace(self, **own, runs=runs, size=size, causes=causes)
 
     def minus(self, other: LogRows) -> LogRows:
         """Return what these rows differ by from as many others."""
@@ -290,52 +284,12 @@ class LogRows:
             self, X=self.X - other.X, y=self.y - other.y, less=other.log, off=other.causes
         )
 
-    @staticmethod
-    def join(parts: Sequence[LogRows]) -> LogRows:
-        """Return the rows of all of them."""
-        starts = np.cumsum([0, *(len(p.log) for p in parts)]).tolist()
-        runs = [
-            [(a + s, b + s) for p, s in zip(parts, starts, strict=False) for a, b in p.runs.each[j]]
-            for j in range(len(parts[0].size))
-        ]
-
-        def silent(part: LogRows) -> tuple[Cause, ...]:
-            return tuple(replace(c, torque={}) for c in part.causes)
-
-        def joined(several: Sequence[tuple[Cause, ...]]) -> tuple[Cause, ...]:
-            out = []
-            for same in zip(*several, strict=True):
-                joints = sorted({j for c in same for j in c.torque})
-                shape = (len(same[0].names),)
-                torque = {
-                    j: np.concatenate([
-                        c.torque.get(j, np.zeros((len(p.log), *shape)))
-                        for c, p in zip(same, parts, strict=True)
-                    ])
-                    for j in joints
-                }  # fmt: skip
-                out.append(replace(same[0], torque=torque))
-            return tuple(out)
-
-        own = {
-            name: np.concatenate([getattr(p, name) for p in parts])
-            for name in ("X", "y", "log", "less")
-        }
-        return replace(
-            parts[0],
-            **own,
-            runs=JointRuns(tuple(map(tuple, runs))),
-            causes=joined([p.causes for p in parts]),
-            off=joined([p.off or silent(p) for p in parts]) if any(p.off for p in parts) else (),
-        )
-
     def acting(self, cause: int, weights: Array) -> ByJoint:
         """Return the torque of a cause where logs have it with some weights (L,)."""
         out = {j: x * weights[self.log][:, None] for j, x in self.causes[cause].torque.items()}
         if self.off:
-            weight = np.where(self.less >= 0, weights[self.less], 0.0)[:, None]
             for j, x in self.off[cause].torque.items():
-                out[j] = out.get(j, 0.0) - x * weight
+                out[j] = out.get(j, 0.0) - x * weights[self.less][:, None]
         return out
 
 
@@ -564,12 +518,6 @@ class Differences:
                 out[g.key] = replace(g, members=tuple(at + shift for at in g.members)), ((), 0)
         return out
 
-    def _edges(self) -> tuple[list[int], np.ndarray]:
-        """Return rows at which blocks begin and end, and which log each block is of."""
-        log = self.rows.log
-        starts = np.flatnonzero(np.diff(log, prepend=-1)).tolist()
-        return [*starts, len(log)], log[starts]
-
     @cached_property
     def model(self) -> LogModel:
         """The mixed model of the rows."""
@@ -596,7 +544,8 @@ class Differences:
             must = np.column_stack([own[0], *apart.pop("always", [])])
             random = [np.column_stack(x) for x in apart.values()]
             noise.append(self._noise(j, [must, *random], y[:, j]))
-        edges, log = self._edges()
+        starts = np.flatnonzero(np.diff(rows.log, prepend=-1)).tolist()
+        edges, log = [*starts, len(rows.log)], rows.log[starts]
         products = Products.of(columns, blocks, tuple(noise), rows.runs, edges)
         level = self._levels(products, edges) * self.shared
         values = tuple(

@@ -8,23 +8,23 @@ covariance of these, which sees less.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 from shlex import quote
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pandas as pd
+from scipy.interpolate import CubicSpline
 
-from identifiability.effects import title_of
+from identifiability.estimation.alternatives import describe_term, place_of
 from identifiability.estimation.differences import (
     EXCERPT,
     Cause,
     Differences,
     Known,
-    LogModel,
     LogRows,
     find_causes,
     find_lacks,
@@ -33,21 +33,25 @@ from identifiability.estimation.differences import (
     relative_scale,
 )
 from identifiability.estimation.groups import Excerpt
-from identifiability.estimation.mixed_model import EVERYWHERE, Term, Terms
+from identifiability.estimation.mixed_model import Term, Terms
 from identifiability.estimation.noise import JointNoise, JointRuns
-from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.estimation.rules import Thresholds
-from identifiability.foundation.answers import Answer, Column, Table, measured_cells
+from identifiability.estimation.rules import RULES, Thresholds
+from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
 from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import digits, join, rough_percent
+from identifiability.foundation.rounding import rough_percent
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Preparation
+from identifiability.logs import Log, signals
+from identifiability.logs.prepare import Preparation, Samples, prepare_samples
+from identifiability.logs.prepare.instruments import find_lag
+from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.repeats import Recording
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.reduction import (
     LadderLike,
     Submodel,
@@ -60,19 +64,149 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.opening import Logs
-from identifiability.workflows.pairs import find_pairs, share_noise
 from identifiability.workflows.predict import Fit, Predicts, find_fit
-from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
+
+# Logs of several sides as one question. What a model leaves out is a function of the motion: where
+# that is made again, the difference of the torques, on one clock, has none of it.
+
+
+@frozen
+class Pair:
+    """A motion and its repetition, prepared on one clock.
+
+    Attributes
+    ----------
+    first, second : Samples
+    at : (int, int)
+        Which of the logs they are.
+    """
+
+    first: Samples
+    second: Samples
+    at: tuple[int, int]
+
+
+def look(structure: Structure, samples: Sequence[Prepared], values: int) -> Excerpt:
+    """Return the rows of logs, if there are enough for so many values.
+
+    Raises
+    ------
+    LogError
+    """
+    seen = Excerpt.of(structure.regression(samples), EXCERPT)
+    fewest = int(np.bincount(seen.log, minlength=len(samples)).min())
+    if fewest < LOG_RULES.fewest or fewest * len(structure.robot.joints) <= values:
+        raise LogError(
+            f"{fewest} samples are too few to say how {values} values scatter; give longer or "
+            "more logs, or a smaller model (--ladder)."
+        )
+    return seen
+
+
+def find_differences(
+    structure: Structure,
+    seen: Excerpt,
+    base: Array,
+    bodies: Sequence[str],
+    pairs: Sequence[Pair],
+    **asked: Any,
+) -> Differences:
+    """Return what may differ between logs, by pairs alone where there are some.
+
+    Parameters
+    ----------
+    structure, seen, base, bodies
+        As of `LogRows.of`; the rows of all logs.
+    pairs : sequence of Pair
+    asked
+        `known`, `patterns` and `always` of `Differences`.
+    """
+    serves = Counter(p.at[1] for p in pairs)
+    return Differences(
+        rows=subtract(structure, base, bodies, pairs)
+        if pairs
+        else LogRows.of(structure, seen, base, bodies),
+        logs=len(asked["patterns"][0]),
+        lacks=None if pairs else find_lacks(structure, seen),
+        # Those that share a log share its noise.
+        shared=(max(serves.values(), default=1) + 1) / 2,
+        **asked,
+    )
+
+
+def find_patterns(asked: Array, count: int) -> tuple[Array, ...]:
+    """Return in which logs a change may be: those asked about, or any one of the first so many."""
+    single = [x for x in np.eye(len(asked))[:count] if np.ptp(np.abs(x - asked))]
+    return (asked, *single)
+
+
+def subtract(
+    structure: Structure, base: Array, bodies: Sequence[str], pairs: Sequence[Pair]
+) -> LogRows:
+    """Return what the rows of logs differ by from those of their repetitions."""
+    numbers = np.array([p.at for p in pairs]).T
+    sides = [p.first for p in pairs], [p.second for p in pairs]
+    seen = [Excerpt.of(structure.regression(side), EXCERPT) for side in sides]
+    rows = [
+        replace(LogRows.of(structure, x, base, bodies), log=own[x.log])
+        for x, own in zip(seen, numbers, strict=True)
+    ]
+    one, other = (x.log + 1j * x.t for x in seen)
+    _, at, there = np.intersect1d(one, other, return_indices=True)
+    t, log = seen[0].t[at], seen[0].log[at]
+    apart = (np.diff(at) != 1) | (np.diff(there) != 1) | (np.diff(log) != 0) | signals.has_gap(t)
+    starts = np.flatnonzero(np.concatenate([[True], apart])).tolist()
+    runs = list(zip(starts, [*starts[1:], len(at)], strict=True))
+    both = JointRuns.of(runs, seen[0].data[at] & seen[1].data[there])
+    return rows[0].take(at, both).minus(rows[1].take(there, both))
+
+
+def find_pairs(robot: Robot, logs: Sequence[Recording], later: int, how: Preparation) -> list[Pair]:
+    """Return the first so many logs with one of the rest that repeats its motion, if all have one.
+
+    Of several repetitions the one is taken that served least so far. Logs that are too long for
+    memory have none.
+    """
+    whole = {k: x for k, x in enumerate(logs) if isinstance(x, Log)}
+    own = {k: prepare_samples(robot, x, how) for k, x in whole.items()}
+    pairs: list[Pair] = []
+    for k in range(later):
+        serves = Counter(p.at[1] for p in pairs)
+        for at in sorted(own.keys() - range(later), key=lambda at: (serves[at], at)):
+            shift = find_lag(own[k].motion, own[at].motion) if k in own else None
+            found = None if shift is None else _on_one_clock(robot, whole[k], whole[at], shift, how)
+            if found is not None:
+                pairs.append(Pair(*found, (k, at)))
+                break
+        else:
+            return []
+    return pairs
+
+
+def _on_one_clock(
+    robot: Robot, log: Log, other: Log, later: float, how: Preparation
+) -> tuple[Samples, Samples] | None:
+    """Return both logs over the time that they share; None where that is too little."""
+    at = log.t + later
+    inside = np.flatnonzero((at >= other.t[0]) & (at <= other.t[-1]))
+    if len(inside) < max(LOG_RULES.fewest, LOG_RULES.nearly_all * len(log)):
+        return None
+    log = log.rows(int(inside[0]), int(inside[-1]) + 1)
+    same = other.each(lambda x: CubicSpline(other.t, x)(log.t + later), t=log.t)
+    first, second = (prepare_samples(robot, x, how) for x in (log, same))
+    return first, second
+
 
 # `Change`: what differs, of which size, in which logs; and what it may be instead.
 
 
 #: What is less than this share is the same; values that hang together are known by rounding where
-#: their square is less than the next; what a motion does not tell has a square beyond the last.
+#: their correlation is within the next of one.
 SAME: Tolerance = 1e-6
 WHITE: Tolerance = 1e-12
-UNTOLD: Tolerance = 1e8
+#: Standard deviation that a share has of which nothing is known.
+WIDE: Tolerance = 1e3
 #: Where something is that is at all places.
 ALL_JOINTS = "all joints"
 
@@ -86,8 +220,8 @@ class Change:
     kind : {"load", "friction", "offset", "gain"}
     what, place : str
         In words, and the body or joint; ``all joints`` where it is everywhere.
-    logs : tuple of str
-        In which it is, where that is one of several after, or one before; else empty.
+    log : str
+        In which alone it is; empty where it is in all of those that are asked about.
     names, units : tuple of str
         Of its q numbers.
     sizes, sd : (q,)
@@ -103,7 +237,7 @@ class Change:
     kind: str
     what: str
     place: str
-    logs: tuple[str, ...]
+    log: str
     names: tuple[str, ...]
     units: tuple[str, ...]
     sizes: Array
@@ -113,27 +247,19 @@ class Change:
     odds: float
     others: tuple[str, ...]
 
-    @property
-    def sure(self) -> bool:
-        """Whether the odds are those of fitted and unseen rows together."""
-        return self.odds >= ESTIMATION_RULES.name + ESTIMATION_RULES.keep
-
 
 def find_changes(
-    structure: Structure,
-    found: Differences,
-    terms: Terms,
-    patterns: Sequence[tuple[str, ...]],
+    structure: Structure, found: Differences, terms: Terms, names: Sequence[str]
 ) -> tuple[Change, ...]:
-    """Return what terms say, the surest first; kinds of friction at one place together.
+    """Return what terms say of logs, the surest first; kinds of friction at one place together.
 
     Parameters
     ----------
     structure : Structure
     found : Differences
     terms : tuple of Term
-    patterns : sequence of tuple of str
-        Names of the logs of each pattern; none of the one that is asked about.
+    names : sequence of str
+        Of the logs.
     """
     model, causes = found.model, found.rows.causes
     columns, value, covariance = model.values(terms)
@@ -144,28 +270,27 @@ def find_changes(
     for k, term in enumerate(terms):
         own, pattern = found.said[term.key][1]
         if own:
-            together.setdefault((causes[own[0]].kind, _place(term), pattern), []).append(k)
+            together.setdefault((causes[own[0]].kind, place_of(term), pattern), []).append(k)
     out = []
     for (kind, place, pattern), which in together.items():
         parts = [causes[c] for k in which for c in found.said[terms[k].key][1][0]]
         asked = [terms[k].columns for k in which]
-        places = {int(c): i for i, c in enumerate(columns)}
-        at = np.array([places[int(c)] for c in np.concatenate(asked)])
+        at = [columns.tolist().index(c) for c in np.concatenate(asked)]
         sizes, spread = value[at], covariance[np.ix_(at, at)]
-        names = [(n, u) for c in parts for n, u in zip(c.names, c.units, strict=True)][: len(at)]
         before = [unchanged.get(c.names[0]) or c.before[0] for c in parts]
         share, share_sd = _share(parts, np.array(before), sizes, spread)
-        families = list(dict.fromkeys(c.family for c in parts))
-        family = families[0] if len(families) == 1 else kind
-        others = [_what(found, r) for k in which for r in model.rivals(terms, k) if r.odds > 0]
+        family = parts[0].family if len({c.family for c in parts}) == 1 else kind
+        others = [
+            _what(found, r, names) for k in which for r in model.rivals(terms, k) if r.odds > 0
+        ]
         out.append(
             Change(
                 kind=kind,
                 what=f"{family} of {place}",
                 place=place,
-                logs=patterns[pattern],
-                names=tuple(n for n, _ in names),
-                units=tuple(u for _, u in names),
+                log=_log(found, pattern, names),
+                names=tuple(n for c in parts for n in c.names)[: len(at)],
+                units=tuple(u for c in parts for u in c.units)[: len(at)],
                 sizes=sizes,
                 sd=np.sqrt(np.diag(spread)),
                 share=share,
@@ -177,26 +302,25 @@ def find_changes(
     return tuple(sorted(out, key=lambda c: -c.odds))
 
 
-def _place(term: Term) -> str:
-    return ALL_JOINTS if term.group.place == EVERYWHERE else term.group.place
-
-
-def _what(found: Differences, term: Term) -> str:
+def _what(found: Differences, term: Term, names: Sequence[str]) -> str:
     """Return what a group is, in words."""
-    own, _ = found.said[term.key][1]
-    if own:
-        return f"{found.rows.causes[own[0]].family} of {_place(term)}"
-    return f"a {title_of(term.group.family)} of {_place(term)} that the model lacks"
+    own, pattern = found.said[term.key][1]
+    if not own:
+        return f"a {describe_term(term)} that the model lacks"
+    where = f" in {_log(found, pattern, names)}" if pattern else ""
+    return f"{found.rows.causes[own[0]].family} of {place_of(term)}{where}"
+
+
+def _log(found: Differences, pattern: int, names: Sequence[str]) -> str:
+    """Return in which log alone a change is; nothing where it is in those that are asked about."""
+    return names[int(np.argmax(found.patterns[pattern]))] if pattern else ""
 
 
 def _share(
     parts: Sequence[Cause], before: Array, sizes: Array, spread: Array
 ) -> tuple[float, float]:
     """Return by which share the torque of a change grew, and its standard deviation."""
-    if parts[0].kind == "gain":
-        slope = np.full(len(sizes), 1.0 / len(sizes))
-        return float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))
-    if not all(c.relative for c in parts):
+    if parts[0].kind == "offset" or not (np.abs(before) > 0).all():
         return float("nan"), float("nan")
     rms = np.array([np.sqrt(sum(np.mean(x**2) for x in c.torque.values())) for c in parts])
     slope = rms * np.sign(before) / float(np.abs(before) @ rms)
@@ -208,30 +332,27 @@ def found_from(found: Differences, terms: Terms) -> dict[str, float]:
     model, out = found.model, dict[str, float]()
     weights, models = model.by_size(terms)
     likeliest = models[int(np.argmax(weights))]
-    said = [(t, set(found.said[t.key][1][0])) for t in terms]
     z = np.linspace(0.0, 20.0, 401)[:, None]
     for group, (own, pattern) in found.said.values():
         if len(own) != 1 or pattern or not found.rows.causes[own[0]].relative:
             continue
-        beside = tuple(t for t, those in said if not those & set(own))
-        information = float(likeliest.information(beside, group.members[0])[0, 0])
-        ratio = model.sizes**2 * information
+        beside = [t for t in terms if not set(own) & set(found.said[t.key][1][0])]
+        solved = likeliest.solve((*beside, Term(group, 0, WIDE**2, 0.0)))
+        sd = float(np.sqrt(solved.covariance[-1, -1]))
+        ratio = (model.sizes / sd) ** 2
         rise = 0.5 * (z**2 * ratio / (1.0 + ratio) - np.log1p(ratio))
         odds = np.log(np.mean(np.exp(rise), axis=1)) - group.price
         needed = float(z[int(np.argmax(odds >= model.name)), 0])
         # Standard deviations above what is needed at which nine of ten are found.
-        share = (needed + 1.28) / np.sqrt(information) if information > 0 else np.nan
-        place = group.place
-        out[place] = float(np.nanmin([out.get(place, np.nan), share]))
+        share = (needed + 1.28) * sd
+        out[group.place] = min(out.get(group.place, share), share)
     return out
 
 
 # `Comparison`: what changed, in numbers and words.
 
 
-BUT_BLIND = (
-    "but only large changes could be: compare logs of the same motion, or several on each side."
-)
+TABLE = "What changed, with 95 % intervals"
 
 #: Changes that a sentence names.
 NAMED = 6
@@ -255,16 +376,10 @@ class Comparison(OfStructure, Result):
         Logs that were compared sample by sample.
     changes : tuple of Change
         The surest first.
-    tested : int
-        Groups that might have been named.
     found_from : mapping
         Share by which the friction of each joint must change to be found nine times in ten.
     drift : float
         By which share friction differs between any two logs.
-    lacks : tuple of str
-        What the model lacks in all logs alike.
-    values : (3, k)
-        Parameters before and after, and the standard deviation of their difference.
     hints : tuple of str
     preparation : Preparation
         How logs were asked to be turned into motion.
@@ -279,11 +394,8 @@ class Comparison(OfStructure, Result):
     after: tuple[str, ...]
     pairs: tuple[tuple[str, str], ...]
     changes: tuple[Change, ...]
-    tested: int
     found_from: Mapping[str, float]
     drift: float
-    lacks: tuple[str, ...]
-    values: Array
     hints: tuple[str, ...] = ()
     preparation: Preparation = Preparation()
 
@@ -295,158 +407,88 @@ class Comparison(OfStructure, Result):
     @property
     def answer(self) -> str:
         """What changed, in one sentence."""
-        if not self.changes:
-            blind = f", {self.blindness}" if self.blindness else "."
-            return f"Nothing changed that can be told from chance{blind}"
-        found = [describe(change) for change in self.changes[:NAMED]]
-        more = len(self.changes) - NAMED
-        text = "; ".join([*found, *([f"{more} more"] if more > 0 else [])])
-        return f"{text[0].upper()}{text[1:]}."
-
-    @property
-    def blindness(self) -> str:
-        """That only large changes could have been told, after a comma; empty if it is not so."""
-        known = [share for share in self.found_from.values() if np.isfinite(share)]
+        if self.changes:
+            text = "; ".join([describe(change) for change in self.changes[:NAMED]])
+            return f"{text[0].upper()}{text[1:]}."
         # Where friction must change by more than this share everywhere, an unchanged
         # robot is no news.
-        return BUT_BLIND if known and min(known) > 0.5 else ""
+        blind = min(self.found_from.values(), default=0.0) > 0.5
+        return sentence("comparison.how", "blind" if blind else "nothing")
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what changed, how small a change shows, whether to trust it, what next."""
-        return _changed(self), _least(self), _trust(self), answer_next(_next_commands(self))
+        every, k = shorten_paths((*self.before, *self.after)), len(self.before)
+        sides = f"{listing(every[:k], 3)} and {listing(every[k:], 3)}"
+        text = ""
+        if self.kind != "results" and np.isfinite(self.drift):
+            text = f"Friction differs by about {100 * self.drift:.2g} % between any two logs."
+        tone = "vermilion" if self.changes else "green"
+        changed = Answer(f"What changed between {sides}?", self.answer, text, tone)
+        short, *why = (sentence(name, self.kind) for name in ("comparison.trust", "comparison.how"))
+        why += [sentence("comparison.how", "odds")]
+        tone = "green" if self.kind == "pairs" else "amber"
+        trust = Answer("May I trust it?", short, " ".join(why), tone)
+        return changed, _least(self), trust, answer_next(_next_commands(self))
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
-        return (RULES, Thresholds(), ESTIMATION_RULES)
+        return (RULES, Thresholds())
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a number that changed."""
-        return (_change_table(self),)
-
-    @property
-    def statement(self) -> str:
-        """The answer in plain words."""
-        one, other = _sides(self)
-        sides = f"{listing(one, 3)} and {listing(other, 3)}"
-        tested = f"Between {sides} {self.tested} changes were asked for."
-        least = _least(self).short if self.found_from else ""
-        texts = (self.answer, tested, self.how, self.nuisances, least, *self.hints)
-        return " ".join(t for t in texts if t)
-
-    @property
-    def how(self) -> str:
-        """What the comparison rests on, and what it cannot tell."""
-        return sentence("comparison.how", self.kind)
-
-    @property
-    def nuisances(self) -> str:
-        """What differs between any two logs, and what the model lacks in all."""
-        out = []
-        if self.kind != "results" and np.isfinite(self.drift):
-            out.append(f"Friction differs by about {100 * self.drift:.2g} % between any two logs.")
-        if self.lacks:
-            out.append(f"The model lacks {listing(self.lacks, 3)}, in all logs alike (diagnose).")
-        return " ".join(out)
+        own = self.to_frame().drop(columns=["kind", "share_sd", "p"])
+        table = frame_table(own.rename(columns={"log_odds": "log odds", "logs": "in"}), TABLE)
+        return (replace(table, columns=with_hints("changes", *table.columns)),)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a number that changed: what, by how much, interval, log odds."""
         rows = [
-            {
-                "what": change.what,
-                "kind": change.kind,
-                "name": name,
-                "change": size,
-                "low": size - REACH * sd,
-                "high": size + REACH * sd,
-                "unit": unit,
-                "share": change.share,
-                "share_sd": change.share_sd,
-                "log_odds": change.odds,
-                "logs": ", ".join(change.logs),
-                "or": "; ".join(change.others),
-                "p": np.nan,
-            }
-            for change in self.changes
-            for name, unit, size, sd in zip(
-                change.names, change.units, change.sizes, change.sd, strict=True
-            )
+            [c.what, c.kind, name, size, size - REACH * sd, size + REACH * sd, unit, *rest]
+            for c in self.changes
+            for rest in [(c.share, c.share_sd, c.odds, c.log, "; ".join(c.others))]
+            for name, size, sd, unit in zip(c.names, c.sizes, c.sd, c.units, strict=True)
         ]
-        columns = "what kind name change low high unit share share_sd log_odds logs or p"
-        return pd.DataFrame(rows, columns=columns.split())
-
-    @cached_property
-    def _parameters(self) -> pd.DataFrame:
-        before, after, sd = self.values
-        known = np.isfinite(sd)
-        frame = pd.DataFrame(
-            {
-                "name": self.submodel.columns,
-                "label": self.submodel.labels,
-                "unit": self.submodel.units,
-                "before": before,
-                "after": after,
-                "change": after - before,
-                "sd": sd,
-                "sigmas": (after - before) / sd,
-            }
-        )
-        shown: pd.DataFrame = frame[known].reset_index(drop=True)
-        return shown
-
-    def parameters_frame(self) -> pd.DataFrame:
-        """Return one row a parameter: before, after, change and its standard deviation.
-
-        Changes in σ are those of each parameter by itself: of many, some are beyond 2 by chance.
-        """
-        return self._parameters.copy()
+        columns = "what kind name change low high unit share share_sd log_odds logs or"
+        return pd.DataFrame(rows, columns=columns.split()).assign(p=np.nan)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison in the documented JSON schema."""
+        own = ["statement", "before", "after", "kind", "pairs", "drift"]
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
             "model": self.submodel.name,
-            "statement": self.statement,
-            "before": list(self.before),
-            "after": list(self.after),
-            "kind": self.kind,
-            "pairs": [list(p) for p in self.pairs],
-            "level": None,
-            "tested": self.tested,
+            **{name: getattr(self, name) for name in own},
+            **dict.fromkeys(("level", "tested", "parameters")),  # of earlier releases
             "changed": bool(self.changes),
             "found_from": dict(self.found_from),
-            "drift": self.drift,
-            "lacks": list(self.lacks),
             "changes": self.to_frame().to_dict("records"),
-            "parameters": self._parameters.to_dict("records"),
         }
 
 
 def describe(change: Change) -> str:
     """Return what a change is, without a capital letter, and what it may be instead."""
     text = _described(change)
-    if change.logs:
-        text += f" in {listing(change.logs)}"
+    if change.log:
+        text += f" in {change.log}"
     if change.others:
         text += f", or {' or '.join(change.others[:NAMED])}"
-    return text if change.sure else f"perhaps {text}"
+    # As sure as what fitted and unseen rows together name.
+    return text if change.odds >= RULES.name + RULES.keep else f"perhaps {text}"
 
 
 def _described(change: Change) -> str:
     """Return what a change is; of one everywhere what is sure, where its sum is not."""
-    if np.isfinite(change.share) and abs(change.share) > REACH * change.share_sd:
-        word = "rose" if change.share > 0 else "fell"
-        size = measured(100 * abs(change.share), 100 * REACH * change.share_sd, "%")
-        return f"{change.what} {word} by {size}"
-    half = REACH * change.sd
-    if change.kind == "load" and abs(change.sizes[0]) > half[0]:
-        word = "grew" if change.sizes[0] > 0 else "shrank"
-        return f"{change.what} {word} by {measured(abs(change.sizes[0]), half[0], 'kg')}"
-    every = zip(change.names, change.units, change.sizes, half, strict=True)
-    told = [x for x in every if abs(x[2]) > x[3]]
-    shown = [(n, 100 * x, 100 * w, "%") if u == "1" else (n, x, w, u) for n, u, x, w in told]
-    parts = [f"{name} by {measured(*numbers)}" for name, *numbers in shown]
-    return f"{change.what} changed{': ' if parts else ''}{listing(parts, NAMED)}"
+    what, half = change.what, REACH * change.sd
+    size, reach, unit = 100 * change.share, 100 * REACH * change.share_sd, "%"
+    words = "rose", "fell"
+    if change.kind == "load":
+        size, reach, unit, words = change.sizes[0], half[0], "kg", ("grew", "shrank")
+    if abs(size) > reach:
+        return f"{what} {words[int(size < 0)]} by {measured(abs(size), reach, unit)}"
+    every = zip(change.names, change.sizes, half, change.units, strict=True)
+    parts = [f"{n} by {measured(x, h, u)}" for n, x, h, u in every if abs(x) > h]
+    return f"{what} changed{': ' if parts else ''}{listing(parts, NAMED)}"
 
 
 # `compare`: what changed between two results, or between logs of one robot.
@@ -490,57 +532,41 @@ def compare(
     """
     with one_thread("blas"):
         robot = Robot.of(robot)
-        results = [_is_result(side) for side in (before, after)]
-        if any(results):
-            if not all(results):
-                raise OptionError(
-                    "A result cannot be compared with a log; give two results (.json), or logs on "
-                    "both sides."
-                )
+        results = is_result(before)
+        if results != is_result(after):
+            raise OptionError("A result cannot be compared with a log; give two of one kind.")
+        if results:
             return _compare_results(robot, before, after)
         return _compare_logs(robot, before, after, ladder, preparation, engine)
 
 
-def _is_result(side: Any) -> bool:
+def is_result(side: Any) -> bool:
+    """Return whether it is a result rather than logs."""
     path = isinstance(side, (str, Path)) and str(side).lower().endswith(".json")
     return path or isinstance(side, (Fit, Predicts))
 
 
 def _compare_results(robot: Robot, before: Any, after: Any) -> Comparison:
-    fits = [find_fit(side, robot) for side in (before, after)]
-    one, other = fits
-    same = one.names == other.names and one.submodel.M.shape == other.submodel.M.shape
-    if (
-        not same
-        or not np.allclose(one.submodel.M, other.submodel.M)
-        or one.submodel.labels != other.submodel.labels
-    ):
+    one, other = (find_fit(side, robot) for side in (before, after))
+    if (one.names, one.submodel.labels) != (other.names, other.submodel.labels):
         raise IdentifiabilityError(
-            f"The results have different models, '{one.submodel.name}' with {len(one.names)} and "
-            f"'{other.submodel.name}' with {len(other.names)} parameters, whose values stand for "
-            "different things: analyze both with one model (--ladder model.toml), or compare the "
-            "logs."
+            f"The results have different models, '{one.submodel.name}' and "
+            f"'{other.submodel.name}': analyze both with one (--ladder model.toml)."
         )
     names = [
-        str(side) if isinstance(side, (str, Path)) else f"{word} result"
+        (str(side) if isinstance(side, (str, Path)) else f"{word} result",)
         for side, word in ((before, "the first"), (after, "the second"))
     ]
-    sizes = [np.diag(fit.covariance) for fit in fits]
-    sd = np.where(np.minimum(*sizes) > 0, np.sqrt(np.add(*sizes)), np.nan)
-    rows = rows_of_results(one, other)
+    base = np.zeros(len(one.structure.base))
     found = Differences(
-        rows=rows,
-        known=Known.nothing(
-            np.zeros((len(one.structure.base), 0)), np.zeros(len(one.structure.base))
-        ),
+        rows=rows_of_results(one, other),
+        known=Known.nothing(base[:, None][:, :0], base),
         logs=2,
         patterns=(np.array([0.0, 1.0]),),
         noise=(JointNoise(np.empty(0), 1.0),),
     )
-    values = np.array([one.values, other.values, sd])
-    return _conclude(
-        "results", one.structure, one.submodel, found, ((names[0],), (names[1],)), values
-    )
+    sides = {"before": names[0], "after": names[1]}
+    return _conclude(one.structure, one.submodel, found, (), kind="results", pairs=(), **sides)
 
 
 def rows_of_results(one: Fit, other: Fit) -> LogRows:
@@ -552,8 +578,8 @@ def rows_of_results(one: Fit, other: Fit) -> LogRows:
     known = np.flatnonzero(np.minimum(np.diag(one.covariance), np.diag(other.covariance)) > 0)
     covariance = (one.covariance + other.covariance)[np.ix_(known, known)]
     size = np.sqrt(np.diag(covariance))
-    square, turn = np.linalg.eigh(covariance / np.outer(size, size))
-    whiten = (turn / np.sqrt(np.maximum(square, WHITE * square[-1]))).T / size
+    alike = covariance / np.outer(size, size) + WHITE * np.eye(len(size))
+    whiten = np.linalg.inv(np.linalg.cholesky(alike)) / size
     motion = random_motion(structure.robot, np.random.default_rng(0))
     X = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
     torque = X @ one.base
@@ -594,209 +620,75 @@ def _compare_logs(
     structure = Structure.of(robot, ladder_model(source.entry))
     submodel = build_ladder(source.entry, structure)[0]
     sides = Session.read_sides(structure, before, after, preparation, engine)
-    first, second = (side.recordings.fitted for side in sides)
-    names = given_paths(first), given_paths(second)
-    session = sides[0].beside(sides[1])
+    earlier, later = (side.recordings.fitted for side in sides)
+    session = sides[1].beside(sides[0])
     opening = session.open("compared")
-    seen = Excerpt.of(structure.regression(opening.samples), EXCERPT)
-    counts = np.bincount(seen.log, minlength=len(opening.samples))
-    if counts.min() * len(robot.joints) <= len(submodel):
-        raise LogError(
-            f"{counts.min()} samples are too few to compare {len(submodel)} values; give longer or "
-            "more logs, or a smaller model (--ladder)."
-        )
+    seen = look(structure, opening.samples, len(submodel))
     base, bodies = pooled_values(seen.X, seen.y, submodel.M, submodel.fixed), load_bodies(structure)
-    own = [s.name for s in opening.samples]
-    asked = np.repeat([0.0, 1.0], [len(first), len(second)])
-    logs = np.arange(len(own))
-    whole = Differences(
-        rows=LogRows.of(structure, seen, base, bodies),
-        known=Known.nothing(submodel.M, submodel.fixed),
-        logs=len(own),
-        patterns=_patterns(asked, logs),
-        lacks=find_lacks(structure, seen),
+    pairs = find_pairs(robot, (*later, *earlier), len(later), session.how)
+    what, k = (structure, seen, base, bodies), len(submodel)
+    asked = np.repeat([1.0, 0.0], [len(later), len(earlier)])
+    free, patterns = Known.nothing(submodel.M, submodel.fixed), find_patterns(asked, len(asked))
+    found = find_differences(*what, (), known=free, patterns=patterns)
+    if pairs:  # whose differences say nothing of the values themselves
+        _, value, covariance = found.model.of_logs(np.flatnonzero(asked == 0)).values()
+        before = submodel.fixed + submodel.M @ value[:k]
+        known = Known.of(before, submodel.M, covariance[:k, :k], np.zeros((k, 0)))
+        patterns = find_patterns(asked, len(later))
+        found = find_differences(*what, pairs, known=known, patterns=patterns)
+    paths = given_paths((*later, *earlier))
+    return _conclude(
+        structure,
+        submodel,
+        found,
+        [s.name for s in opening.samples],
+        kind="pairs" if pairs else "logs",
+        before=paths[len(later) :],
+        after=paths[: len(later)],
+        pairs=tuple((paths[p.at[1]], paths[p.at[0]]) for p in pairs),
+        hints=opening.hints,
+        preparation=preparation or Preparation(),
     )
-    values = _parameters(whole.model, len(submodel), logs < len(first))
-    pairs = find_pairs(robot, second, first, session.how)
-    hints, how = opening.hints, preparation
-    if len(pairs) < len(second):  # one that has none may be the odd one
-        return _conclude("logs", structure, submodel, whole, names, values, (), own, hints, how)
-    _, value, covariance = whole.model.of_logs(np.arange(len(first))).values()
-    k = len(submodel)
-    known = Known.of(
-        submodel.fixed + submodel.M @ value[:k], submodel.M, covariance[:k, :k], np.zeros((k, 0))
-    )
-    given = [p.rows(structure, base, bodies, (len(first) + p.at[0], p.at[1])) for p in pairs]
-    paired = Differences(
-        rows=LogRows.join(given),
-        known=known,
-        logs=len(own),
-        patterns=_patterns(asked, np.array([len(first) + p.at[0] for p in pairs])),
-        shared=share_noise(pairs),
-    )
-    chosen = tuple((names[0][p.at[1]], names[1][p.at[0]]) for p in pairs)
-    return _conclude("pairs", structure, submodel, paired, names, values, chosen, own, hints, how)
-
-
-def _patterns(asked: Array, logs: np.ndarray) -> tuple[Array, ...]:
-    """Return in which logs a change may be: those after, or any single one of three and more."""
-    single = [np.eye(len(asked))[k] for k in logs] if len(logs) > 2 else []
-    told = [x for x in single if not any(np.array_equal(x, y) for y in (asked, 1.0 - asked))]
-    return (asked, *told)
-
-
-def _parameters(model: LogModel, count: int, before: np.ndarray) -> Array:
-    """Return values of the model before and after, and the sd of their difference, (3, k)."""
-    sides = [model.of_logs(np.flatnonzero(side)) for side in (before, ~before)]
-    values, variance, told = [], np.zeros(count), np.ones(count, bool)
-    for side in sides:
-        _, value, covariance = side.values()
-        values.append(value[:count])
-        own = np.diag(covariance)[:count]
-        variance += own
-        # What a motion does not tell is as open as the ridge of the equations leaves it.
-        told &= own * model.scale[:count] ** 2 < UNTOLD
-    return np.array([*values, np.where(told, np.sqrt(variance), np.nan)])
 
 
 def _conclude(
-    kind: Literal["pairs", "logs", "results"],
-    structure: Structure,
-    submodel: Submodel,
-    found: Differences,
-    names: tuple[tuple[str, ...], tuple[str, ...]],
-    values: Array,
-    pairs: tuple[tuple[str, str], ...] = (),
-    logs: Sequence[str] = (),
-    hints: tuple[str, ...] = (),
-    how: Preparation | None = None,
+    structure: Structure, submodel: Submodel, found: Differences, logs: Sequence[str], **said: Any
 ) -> Comparison:
-    model = found.model
-    terms = model.search()
-    which = [
-        tuple(logs[int(k)] for k in np.flatnonzero(pattern)) if w else ()
-        for w, pattern in enumerate(found.patterns)
-    ]
-    lacks = [_what(found, t) for t in terms if not found.said[t.key][1][0]]
+    """Return what logs of some names, or results, differ by; all else is `said` as it is."""
+    terms = found.model.search()
     return Comparison(
         structure=structure,
         submodel=submodel,
-        kind=kind,
-        before=names[0],
-        after=names[1],
-        pairs=pairs,
-        changes=find_changes(structure, found, terms, which),
-        tested=sum(bool(own) for _, (own, _) in found.said.values()),
+        changes=find_changes(structure, found, terms, logs),
         found_from=found_from(found, terms),
-        drift=float(np.sqrt(2.0)) * model.drift(terms),
-        lacks=tuple(text.removesuffix(" that the model lacks") for text in lacks),
-        values=values,
-        hints=hints,
-        preparation=how or Preparation(),
+        drift=float(np.sqrt(2.0)) * found.model.drift(terms),
+        **said,
     )
-
-
-#: Changes that the first line names.
-SHOWN_NAMES = 3
-
-
-#: What may be trusted, by what was compared.
-TRUST = {
-    "pairs": ("Yes: the motions are the same.", "green"),
-    "logs": ("With care: the motions differ.", "amber"),
-    "results": ("With care: the motions are not compared.", "amber"),
-}
-
-
-def _sides(result: Comparison) -> tuple[list[str], list[str]]:
-    """Return what is compared, as it is called in print."""
-    every, k = shorten_paths((*result.before, *result.after)), len(result.before)
-    return every[:k], every[k:]
-
-
-def _changed(result: Comparison) -> Answer:
-    before, after = _sides(result)
-    sides = f"from {join(before, SHOWN_NAMES)} to {join(after, SHOWN_NAMES)}"
-    question = f"What changed {sides}?"
-    if not result.changes:
-        tone = "amber" if result.blindness else "green"
-        short = "Nothing that can be told from chance."
-        return Answer(question, short, result.blindness.capitalize(), tone)
-    named = [describe(change) for change in result.changes]
-    short = join(named, SHOWN_NAMES)
-    sure = any(change.sure for change in result.changes)
-    short = f"{short[0].upper()}{short[1:]}."
-    return Answer(question, short, result.nuisances, "vermilion" if sure else "amber")
 
 
 def _least(result: Comparison) -> Answer:
-    question = "How small a change would have been found?"
-    known = {j: share for j, share in result.found_from.items() if np.isfinite(share)}
-    tested = f"{result.tested} changes were asked for."
+    question, known = "How small a change would have been found?", result.found_from
     if not known:
-        return Answer(question, "That is not known.", tested)
-    least, most = min(known, key=known.__getitem__), max(known, key=known.__getitem__)
-    short = f"Friction that changes by {rough_percent(known[least])} ({least})"
-    if most != least:
-        short += f" to {rough_percent(known[most])} ({most})"
-    return Answer(question, f"{short}.", f"Nine times in ten; {tested}", "blue")
-
-
-def _trust(result: Comparison) -> Answer:
-    short, tone = TRUST[result.kind]
-    return Answer(
-        "May I trust it?", short, f"{result.how} {sentence('comparison.how', 'odds')}", tone
-    )
+        return Answer(question, "That is not known.")
+    order = sorted(known, key=known.__getitem__)
+    ends = [f"{rough_percent(known[j])} ({j})" for j in dict.fromkeys((order[0], order[-1]))]
+    short = f"Friction that changes by {' to '.join(ends)}, nine times in ten."
+    return Answer(question, short, tone="blue")
 
 
 def _next_commands(result: Comparison) -> list[tuple[str, str]]:
     robot = source_name(result.robot)
     if result.kind == "results":
         again = f"identifiability compare {robot} before.csv after.csv --report changed.html"
-        text = "Log the same motion before and after, and compare these logs, to be surer:"
-        return [(text, again)]
-    how = result.preparation
-    before = name_logs(result.robot, result.before, how=how)
-    after = name_logs(result.robot, result.after, how=how)
-    kinds = {c.kind for c in result.changes}
-    out = []
-    if "load" in kinds:
+        return [("Log the same motion before and after, and compare these logs:", again)]
+    sides, how = (result.before, result.after), result.preparation
+    before, after = (name_logs(result.robot, paths, how=how) for paths in sides)
+    loads = [c.place for c in result.changes if c.kind == "load"]
+    if loads:
         fitted = f"identifiability analyze {robot} {before} --json analyze.json"
-        options = "".join(f" --without {quote(path)}" for path in dict.fromkeys(result.before))
-        places = [c.place for c in result.changes if c.kind == "load"]
-        weigh = f"{name_logs(result.robot, result.after)}{options} --body {places[0]}"
+        without = "".join(f" --without {quote(path)}" for path in dict.fromkeys(result.before))
+        weigh = f"{name_logs(result.robot, result.after)}{without} --body {loads[0]}"
         call = f"{fitted} && identifiability payload {robot} analyze.json {weigh}"
-        out.append(("Fit the robot without the load, and weigh the load:", call))
-    elif result.changes or result.kind == "pairs":
-        both = name_logs(result.robot, (*result.before, *result.after), how=how)
-        text = "Fit the robot as it is now:" if result.changes else "Fit all logs together:"
-        fit = f"identifiability analyze {robot} {after if result.changes else both}"
-        out.append((text, f"{fit} --json analyze.json --report report.html"))
-    if result.kind == "logs":
-        more = "--before another.csv --report changed.html"
-        text = "Log once more as before (another.csv), to see how logs of one side scatter:"
-        files = name_logs(result.robot, (result.before[0], result.after[0]), how=how)
-        out.append((text, f"identifiability compare {robot} {files} {more}"))
-    return out
-
-
-def _change_table(result: Comparison) -> Table:
-    """Return one row a change."""
-    rows: list[Any] = list(result.to_frame().rename(columns={"or": "or_"}).itertuples())
-    own = with_hints(
-        "changes",
-        Column("what", get="what"),
-        Column("number", "code", "name"),
-        Column("change", "number", lambda r: measured_cells(r.change, _half(r))[0]),
-        Column("± 95 %", "error", lambda r: measured_cells(r.change, _half(r))[1]),
-        Column("unit", get="unit"),
-        Column("share", rough_percent, "share"),
-        Column("log odds", digits(2), "log_odds"),
-        Column("in", get="logs"),
-        Column("or", get="or_"),
-    )
-    return Table.of("What changed, with 95 % intervals", own, rows)
-
-
-def _half(row: Any) -> float:
-    return 0.5 * float(row.high - row.low)
+        return [("Fit the robot without the load, and weigh the load:", call)]
+    fit = f"identifiability analyze {robot} {after} --json analyze.json --report report.html"
+    return [("Fit the robot as it is now:", fit)]

@@ -8,51 +8,38 @@ known tells the torque gains instead, joint by joint.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
-from pathlib import Path
 from shlex import quote
 from typing import Any, ClassVar, cast
 
 import numpy as np
 import pandas as pd
-from scipy.stats import chi2, norm
 
 from identifiability.estimation.differences import (
-    EXCERPT,
     KINDS,
     OPEN,
     Differences,
     Known,
     LogRows,
-    find_lacks,
     pooled_values,
     tool_bodies,
 )
 from identifiability.estimation.groups import Excerpt
-from identifiability.estimation.noise import JointRuns
 from identifiability.estimation.prediction import TorqueUncertainty
 from identifiability.estimation.rules import Thresholds
-from identifiability.foundation.answers import Answer, Cell, Column, Table, measured_cells
+from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.engines.mapping import Engine, one_thread
-from identifiability.foundation.errors import LogError, listing, near_match
-from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array, shorten_paths
-from identifiability.foundation.numbers import REACH, holm, measured
+from identifiability.foundation.errors import listing
+from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
+from identifiability.foundation.numbers import REACH, measured
 from identifiability.foundation.options import OptionError, Positive, checked
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import (
-    digits,
-    format_measured,
-    format_number,
-    join,
-    percent,
-)
 from identifiability.foundation.rules import RuleTable, Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, Samples
+from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.instruments import noise_share
-from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.repeats import Recording
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.cad_prior import draw_bodies
@@ -62,14 +49,23 @@ from identifiability.physical.project import project
 from identifiability.physical.pseudo_inertia import entry_scale, natural_scale, to_matrix
 from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model
 from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure, random_motion
-from identifiability.robot import Robot, RobotLike, complete_motion
-from identifiability.robot.changed import Point, ten_parameters
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot, RobotLike
+from identifiability.robot.changed import Point, body_of, ten_parameters
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
-from identifiability.workflows.opening import LogLike, Logs, list_logs
-from identifiability.workflows.pairs import Pair, find_pairs, share_noise
-from identifiability.workflows.predict import Fit, FitLike, Predicts, find_fit, state_missing
+from identifiability.workflows.compare import (
+    Change,
+    describe,
+    find_changes,
+    find_differences,
+    find_pairs,
+    find_patterns,
+    is_result,
+    look,
+)
+from identifiability.workflows.opening import Logs, list_logs
+from identifiability.workflows.predict import Fit, FitLike, find_fit, state_missing
 from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Session
 
@@ -82,11 +78,8 @@ UNTOLD: Tolerance = 1e-2 * OPEN
 TOUCHED: Tolerance = 1e-3
 #: Its words.
 WORDS_OF = "payload.how"
-#: Poses at which an arm is weighed.
-POSES = 200
 #: Where each of `GROUPED_KINDS` stands among `KINDS`.
 ORDER = [KINDS.index(kind) for kind in GROUPED_KINDS]
-BACK = [GROUPED_KINDS.index(kind) for kind in KINDS]
 #: Sizes of the ten parameters of a body of 1 kg, by which their columns are compared.
 TYPICAL: Array = entry_scale(np.ones(1), np.full(1, 0.1))[0]
 
@@ -105,17 +98,9 @@ class LoadEstimate:
         ``|root (θ − theta)|²`` is the distance of another load from this one, in σ².
     unknown : (10, d)
         Directions that the logs do not tell, orthonormal.
-    logs : tuple of int
-        Logs of which each has a mass of its own: all with the load, where they are several.
-    masses, sd : (l,) [kg]
-        By each of these alone.
-    spread : float
-        By how much masses scatter more than their variance, which is counted.
     rms : (n,) [N·m or N]
         What is left of the torque.
-    rubbing : tuple of str
-        Joints whose friction is another one than without the load.
-    others : tuple of str
+    changes : tuple of Change
         What else differs.
     """
 
@@ -123,29 +108,12 @@ class LoadEstimate:
     covariance: Array
     root: Array
     unknown: Array
-    logs: tuple[int, ...]
-    masses: Array
-    sd: Array
-    spread: float
     rms: Array
-    rubbing: tuple[str, ...]
-    others: tuple[str, ...]
-
-    @property
-    def agree(self) -> bool:
-        """Whether the logs say the same mass."""
-        return self.spread <= 1.0
+    changes: tuple[Change, ...]
 
 
-def estimate_load(found: Differences, loaded: Sequence[int]) -> LoadEstimate:
-    """Return the load that is in every hypothesis.
-
-    Parameters
-    ----------
-    found : Differences
-    loaded : sequence of int
-        Numbers of the logs with it.
-    """
+def estimate_load(found: Differences, structure: Structure, names: Sequence[str]) -> LoadEstimate:
+    """Return the load that is in every hypothesis, of logs of some names."""
     model = found.model
     terms = model.search()
     theta, spread = model.widened(terms, found.always_at()[ORDER])
@@ -156,139 +124,15 @@ def estimate_load(found: Differences, loaded: Sequence[int]) -> LoadEstimate:
     size = np.sqrt(np.maximum(square[~open_], np.finfo(float).tiny))
     told = turn[:, ~open_] * size / scale[:, None]
     unknown = np.linalg.qr(turn[:, open_] / scale[:, None])[0]
-    several = tuple(loaded) if len(loaded) > 1 else ()
-    mass = found.always_at()[0]
-    alone = [model.of_logs(np.array([k])).values(terms)[1:] for k in several]
-    masses = np.array([v[mass] for v, _ in alone])
-    sd = np.array([np.sqrt(c[mass, mass]) for _, c in alone])
-    wider = _scatter(masses, sd)
-    said = [(t, found.said[t.key][1][0]) for t in terms]
-    causes = found.rows.causes
-    rubbing = [causes[k].place for _, own in said for k in own if causes[k].kind == "friction"]
-    others = [
-        f"{causes[own[0]].family} of {listing([causes[k].place for k in own], 4)}"
-        for _, own in said
-        if own and causes[own[0]].kind != "friction"
-    ]
-    left = found.residual(terms)[np.isin(found.rows.log, loaded)]
+    left = found.residual(terms)[found.patterns[0][found.rows.log] > 0]
     return LoadEstimate(
         theta=theta,
-        covariance=told @ told.T * max(wider, 1.0),
+        covariance=told @ told.T,
         root=(turn[:, ~open_] / size).T * scale,
         unknown=unknown,
-        logs=several,
-        masses=masses,
-        sd=sd,
-        spread=wider,
-        rms=np.sqrt(np.mean(left**2, axis=0)) / (np.sqrt(2.0) if found.rows.off else 1.0),
-        rubbing=tuple(dict.fromkeys(rubbing)),
-        others=tuple(others),
+        rms=np.sqrt(np.mean(left**2, axis=0)),
+        changes=find_changes(structure, found, terms, names),
     )
-
-
-def _scatter(masses: Array, sd: Array) -> float:
-    """Return by how much masses scatter more than their variance, if surely; 1 if not."""
-    if len(masses) < 2:
-        return 1.0
-    weights = sd**-2.0
-    square = float(weights @ (masses - weights @ masses / weights.sum()) ** 2)
-    sure = chi2.sf(square, len(masses) - 1) < Thresholds.sign_level
-    return square / (len(masses) - 1) if sure else 1.0
-
-
-# `Gain`: what one unit of a torque column is, by a load that is known.
-#
-# Torque that was read by wrong gains is a load by the same factor wrong. So each joint by itself,
-# in units of its column: ``τ = W b + s W_load φ``, of which s is one over the gain and b is free,
-# as parameters of the robot take the gain up [Gautier & Briot 2014].
-
-
-@frozen(kw_only=True)
-class Gain:
-    """By which factor a joint's torque is larger than it was read as.
-
-    Attributes
-    ----------
-    joint : str
-    value : float
-        NaN where nothing can be told.
-    low, high : float
-        95 %; infinite where zero is among what the column may be.
-    sigma_percent : float
-        Standard deviation of one over the factor, in percent of it.
-    verdict : str
-        ``identifiable``, ``weak`` (its sign is certain) or ``not identifiable``.
-    column : float
-        What the sidecar must state as `gain` for torque to be right.
-    """
-
-    joint: str
-    value: float
-    low: float
-    high: float
-    sigma_percent: float
-    verdict: str
-    column: float
-
-
-def find_gains(
-    found: Differences, structure: Structure, seen: Excerpt, place: str, theta: Array
-) -> tuple[Gain, ...]:
-    """Return the gain of each joint's torque from a known load.
-
-    Parameters
-    ----------
-    found : Differences
-        What is known of the robot, and which logs have the load.
-    structure : Structure
-    seen : Excerpt
-        Rows of all logs.
-    place : str
-    theta : (10,)
-        In the order of `KINDS`.
-    """
-    each: list[tuple[float, float]] = []
-    robot, known = structure.robot, found.known
-    for j in range(len(robot.joints)):
-        base = pooled_values(seen.X[:, [j]], seen.y[:, [j]], known.directions, known.base)
-        rows = LogRows.of(structure, seen, base, (place,)).of_joint(j)
-        load, *others = rows.causes
-        if not load.torque:
-            each.append((np.nan, np.inf))
-            continue
-        torque = {0: load.torque[0] @ theta[:, None]}
-        unit = next(c for c in others if c.kind == "gain")
-        friction = (c for c in others if c.kind == "friction" and c.torque)
-        rows = replace(rows, causes=(replace(unit, torque=torque), *friction))
-        own = replace(found, rows=rows, lacks=None, shared=1.0)
-        _, solved, covariance = own.model.values(own.model.search())
-        (at,) = own.always_at()
-        sd = float(np.sqrt(covariance[at, at]))
-        (scale,) = (p.scale[0] for p in own.parts if p.role == "always")
-        each.append((float(solved[at]), sd) if sd * scale < UNTOLD else (np.nan, np.inf))
-    p = [2 * norm.sf(abs(x) / sd) if np.isfinite(x) else 1.0 for x, sd in each]
-    out = []
-    for joint, (x, sd), level in zip(robot.joints, each, holm(np.array(p)), strict=True):
-        ends, relative = [-np.inf, np.inf], np.inf
-        if abs(x) > REACH * sd:
-            ends = sorted(1.0 / (x + side * REACH * sd) for side in (-1, 1))
-            relative = sd / abs(x)
-        verdict = "not identifiable"
-        if level < Thresholds.sign_level:
-            verdict = "identifiable" if relative <= Thresholds().sigma_share else "weak"
-        gain = robot.torque.gain.get(joint, robot.torque.gain.get("", 1.0))
-        out.append(
-            Gain(
-                joint=joint,
-                value=1.0 / x,
-                low=ends[0],
-                high=ends[1],
-                sigma_percent=100 * relative,
-                verdict=verdict,
-                column=gain / x,
-            )
-        )
-    return tuple(out)
 
 
 # `Quantity`: mass, centre and inertia of a real body near what logs say, with their intervals.
@@ -308,17 +152,13 @@ QUANTITIES = {
 #: Rows and columns of these moments in a tensor.
 _ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
-#: The moment that bounds a product of inertia, half of it on either side.
-_BOUNDS = {"Ixy": "Izz", "Ixz": "Iyy", "Iyz": "Ixx"}
-
-
 #: Least mass beside which moments are small or large [kg].
 LIGHTEST: Tolerance = 1e-3
 
 
-@frozen(kw_only=True)
+@frozen
 class Quantity:
-    """One number about a load.
+    """One number about a load, or what one unit of a joint's torque column is.
 
     Attributes
     ----------
@@ -326,10 +166,8 @@ class Quantity:
     value : float
     low, high : float
         95 % interval, of which nothing that no body can have is part.
-    told : bool
-        Whether the logs tell it.
     why : str
-        Why not, or what they do tell.
+        Why the logs do not tell it; empty where they do.
     """
 
     name: str
@@ -337,8 +175,12 @@ class Quantity:
     value: float
     low: float
     high: float
-    told: bool
     why: str = ""
+
+    @property
+    def told(self) -> bool:
+        """Whether the logs tell it."""
+        return not self.why
 
     @property
     def half(self) -> float:
@@ -393,38 +235,77 @@ def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Q
     along = np.abs(slopes * TYPICAL @ found.unknown).max(1, initial=0.0)
     open_ = along > TOUCHED * np.linalg.norm(slopes * TYPICAL, axis=1)
     half = np.where(open_, np.inf, half)
-    names = list(QUANTITIES)
-    ends = {n: (v - h, v + h) for n, v, h in zip(names, values, half, strict=True)}
-    heavy = ends["mass"][0] > 0
-    return tuple(
-        _judge(name, float(value), ends, heavy=heavy, length=length)
-        for name, value in zip(names, values, strict=True)
-    )
+    low, high = values - half, values + half
+    heavy = low[0] > 0
+    low[[0, 4, 5, 6]] = np.maximum(low[[0, 4, 5, 6]], 0.0)
+    most = 0.5 * high[6:3:-1]  # of a product of inertia: half of the moment about the third axis
+    low[7:], high[7:] = np.maximum(low[7:], -most), np.minimum(high[7:], most)
+    out = []
+    for k, (name, unit) in enumerate(QUANTITIES.items()):
+        why = ""
+        if low[k] <= 0 and k in (0, 4, 5, 6):
+            why = f"at most {high[k]:.3g} {unit}"
+        elif half[k] > length and k in (1, 2, 3):
+            why = f"less certain than ± {length:.2g} m"
+        elif low[k] == -high[k]:
+            why = "no more than its moments allow by themselves"
+        if not np.isfinite(half[k]):
+            why = "this motion does not tell it"
+        elif not heavy and k:
+            why = "no mass is told"
+        out.append(Quantity(name, unit, float(values[k]), float(low[k]), float(high[k]), why))
+    return tuple(out)
 
 
-def _judge(
-    name: str, value: float, ends: dict[str, tuple[float, float]], *, heavy: bool, length: float
-) -> Quantity:
-    """Return one quantity, kept to what a body can have, and whether it is told."""
-    low, high = ends[name]
-    unit, half, why = QUANTITIES[name], 0.5 * (high - low), ""
-    if name in _BOUNDS:
-        most = 0.5 * ends[_BOUNDS[name]][1]
-        physics, low, high = half >= most, max(low, -most), min(high, most)
-        why = "no more than its moments allow by themselves" if physics and low * high < 0 else ""
-    elif not name.startswith("centre"):
-        why = f"at most {high:.3g} {unit}" if low <= 0 else ""
-        low = max(low, 0.0)
-    elif half > length:
-        why = f"less certain than ± {length:.2g} m"
-    if not np.isfinite(half):
-        why = "this motion does not tell it"
-    elif not heavy and name != "mass":
-        why = "no mass is told"
-    return Quantity(name=name, unit=unit, value=value, low=low, high=high, told=not why, why=why)
+QUANTITIES_OF = "Mass, centre, and moments about the centre"
+GAINS_OF = "What one unit of each torque column is: its gain in the sidecar"
+
+# Gains: what one unit of a torque column is, by a load that is known.
+#
+# Torque that was read by wrong gains is a load by the same factor wrong. So each joint by itself,
+# in units of its column: ``τ = W b + s W_load φ``, of which s is one over the gain and b is free,
+# as parameters of the robot take the gain up [Gautier & Briot 2014].
 
 
-# `payload`: what hangs on a body of a robot that was fitted without it, as a `Load`.
+def find_gains(
+    found: Differences, structure: Structure, seen: Excerpt, place: str, theta: Array
+) -> tuple[Quantity, ...]:
+    """Return the gain of each joint's torque from a known load.
+
+    Parameters
+    ----------
+    found : Differences
+        What is known of the robot, and which logs have the load.
+    structure : Structure
+    seen : Excerpt
+        Rows of all logs.
+    place : str
+    theta : (10,)
+        In the order of `KINDS`.
+    """
+    out = []
+    robot, known = structure.robot, found.known
+    for j, joint in enumerate(robot.joints):
+        base = pooled_values(seen.X[:, [j]], seen.y[:, [j]], known.directions, known.base)
+        rows = LogRows.of(structure, seen, base, (place,)).of_joint(j)
+        x, sd = np.nan, np.inf
+        by = {c.kind: c for c in rows.causes}
+        if "load" in by:
+            # Torque that was read by a gain is that of the load by this over the right one.
+            read = robot.torque.gain.get(joint, robot.torque.gain.get("", 1.0))
+            unit = replace(by["gain"], torque={0: read * by["load"].torque[0] @ theta[:, None]})
+            friction = (c for c in rows.causes if c.kind == "friction")
+            rows = replace(rows, causes=(unit, *friction))
+            own = replace(found, rows=rows, lacks=None, shared=1.0)
+            _, solved, covariance = own.model.values(own.model.search())
+            (at,) = own.always_at()
+            x, sd = float(solved[at]) or np.nan, float(np.sqrt(covariance[at, at]))
+        ends = [-np.inf, np.inf]
+        if abs(x) > REACH * sd:
+            ends = sorted(1.0 / (x + side * REACH * sd) for side in (-1, 1))
+        why = "" if sd <= Thresholds().sigma_share * abs(x) else "the load does not tell it"
+        out.append(Quantity(joint, robot.torque_units[j], 1.0 / x, ends[0], ends[1], why))
+    return tuple(out)
 
 
 # `Load`: mass, centre and inertia of what hangs on a body, in numbers and words.
@@ -449,15 +330,15 @@ class Load(Result):
         What the logs say by themselves.
     parameters : (10,)
         Of the nearest real body, in the order of `GROUPED_KINDS`, about the origin of the frame.
+    worse : (n,)
+        How many times more is left of each joint's torque than in the result's own logs.
     quantities : tuple of Quantity
         Mass, centre, and moments of inertia about it.
-    usual : (n,) [N·m or N]
-        What the result left of the torque.
     arm : (float, float, float)
         What the arm weighs by its file [kg], by which factor its torque says more, and the standard
         deviation of that; NaN where nothing says it.
-    gains : tuple of Gain
-        Of each joint's torque, where the load's mass is known.
+    gains : tuple of Quantity
+        Of each joint's torque column, for the sidecar, where the load's mass is known.
     known : float or None
         That mass [kg].
     hints : tuple of str
@@ -475,83 +356,59 @@ class Load(Result):
     pairs: tuple[tuple[str, str], ...]
     estimate: LoadEstimate
     parameters: Array
+    worse: Array
     quantities: tuple[Quantity, ...]
-    usual: Array
     arm: tuple[float, float, float]
-    gains: tuple[Gain, ...] = ()
+    gains: tuple[Quantity, ...] = ()
     known: float | None = None
     hints: tuple[str, ...] = ()
     origin: str = "result.json"
 
     @property
-    def of(self) -> Mapping[str, Quantity]:
-        """The quantities by name."""
-        return {q.name: q for q in self.quantities}
-
-    @property
     def mass(self) -> Quantity:
         """Of the load [kg]."""
-        return self.of["mass"]
+        return self.quantities[0]
 
     @property
     def answer(self) -> str:
-        """Mass and where, in one sentence."""
+        """Mass and where, or gains by a mass that is known, in one sentence."""
         mass = self.mass
+        if self.known is not None:
+            sure = [g for g in self.gains if g.told]
+            each = [
+                f"{g.value:.4g} ({g.low:.4g} … {g.high:.4g}) {g.unit} at {g.name}" for g in sure
+            ]
+            if not sure:
+                return "The logs do not tell the gain of any torque column."
+            return f"By {self.known:g} kg one unit of the torque columns is {listing(each, 12)}."
         if not np.isfinite(mass.half):
             return f"These logs do not tell the mass of what hangs on {self.body}."
         if not mass.told:
             return f"Nothing surely hangs on {self.body}: at most {mass.high:.3g} kg."
         text = f"{measured(mass.value, mass.half, 'kg')} at body {self.body}"
-        centre = [self.of[f"centre {axis}"] for axis in "xyz"]
+        centre = self.quantities[1:4]
         if all(q.told for q in centre):
             at = ", ".join(measured(q.value, q.half) for q in centre)
             text += f", its centre at ({at}) m in the frame of {self.body}"
         return f"{text} (95 %)."
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return how heavy and where, how well known, whether to trust it, what next."""
-        gains = () if self.known is None else (_gains(self),)
-        return *gains, _what(self), _told_of(self), _trust(self), answer_next(_next_commands(self))
+        """Return how heavy and where, or gains; how well known, whether to trust it, what next."""
+        following = answer_next(_next_commands(self))
+        if self.known is not None:
+            return _gains(self), following
+        tone = "blue" if self.mass.told else "amber"
+        what = Answer(f"What hangs on {self.body}?", self.answer, self.proportional, tone)
+        return what, _told_of(self), _trust(self), following
 
     def decided_by(self) -> tuple[RuleTable, ...]:
         """Return the numbers by which it was decided, the verb's own first."""
         return (RULES, Thresholds())
 
     def tables(self) -> tuple[Table, ...]:
-        """Return one row a quantity, and one a joint whose gain a known load tells."""
-        gains = () if self.known is None else (Table.of(GAINS_OF, GAINS, self.gains),)
-        return (_quantity_table(self), *gains)
-
-    @property
-    def statement(self) -> str:
-        """The answer in plain words."""
-        texts = [self.answer, self._moments(), self._untold(), self._agreement(), self.friction]
-        texts += [*self.caveats, self.proportional, self.factors]
-        return " ".join(t for t in (*texts, *self.hints) if t)
-
-    def _moments(self) -> str:
-        told = [q for q in self.quantities if q.name.startswith("I") and q.told]
-        texts = [f"{q.name} {measured(q.value, q.half)}" for q in told]
-        return f"Moments about its centre: {listing(texts)} kg·m²." if texts else ""
-
-    def _untold(self) -> str:
-        if not (self.mass.told and np.isfinite(self.mass.half)):
-            return ""
-        by: dict[str, list[str]] = {}
-        for q in self.quantities:
-            if not q.told:
-                by.setdefault(q.why, []).append(q.name)
-        texts = [f"{listing(names)} ({why})" for why, names in by.items()]
-        return f"Not told: {'; '.join(texts)}." if texts else ""
-
-    def _agreement(self) -> str:
-        if not self.estimate.logs:
-            return "" if self.pairs else "One motion cannot show what another would change."
-        rows = self.log_frame().to_dict("records")
-        each = listing([f"{r['log']} {measured(r['mass'], r['half'], 'kg')}" for r in rows], 4)
-        if self.estimate.agree:
-            return f"The logs agree ({each})."
-        return f"The logs disagree ({each}): intervals are widened to hold all of them."
+        """Return one row a quantity, or a joint whose gain a known load tells."""
+        table = frame_table(self.to_frame(), QUANTITIES_OF if self.known is None else GAINS_OF)
+        return (replace(table, columns=with_hints("load", *table.columns)),)
 
     @property
     def proportional(self) -> str:
@@ -565,96 +422,45 @@ class Load(Result):
         return f"{text} {sentence(WORDS_OF, 'arm', **own)}"
 
     @property
-    def factors(self) -> str:
-        """Gains by a known load, in words; empty without."""
-        if self.known is None:
-            return ""
-        sure = [g for g in self.gains if g.verdict == "identifiable"]
-        said = [f"{g.joint} {g.value:.4g} ({g.low:.4g} … {g.high:.4g})" for g in sure]
-        lost = [g.joint for g in self.gains if g not in sure]
-        text = f"By {self.known:g} kg torque is so many times what was read: {listing(said, 12)}."
-        if not sure:
-            text = "The logs do not tell the gain of any torque column."
-        more = sentence(WORDS_OF, "untold", joints=listing(lost, 12)) if lost else ""
-        return f"{text} {more}".strip()
-
-    @property
     def sidecar(self) -> str:
-        """Lines for the robot's sidecar; nothing if no gain is identifiable."""
-        sure = [g for g in self.gains if g.verdict == "identifiable"]
-        pairs = ", ".join(f'"{g.joint}" = {g.column:.6g}' for g in sure)
-        return f"[torque]\ngain = {{{pairs}}}\n" if sure else ""
-
-    @property
-    def rubbing(self) -> tuple[str, ...]:
-        """Joints whose friction is another one than without the load."""
-        return self.estimate.rubbing
-
-    @property
-    def friction(self) -> str:
-        """What became of friction, in a sentence; empty where it did not change for sure."""
-        others = listing(self.estimate.others)
-        if not self.rubbing:
-            return f"Beside the load {others} changed, which the intervals hold." if others else ""
-        many = "differ" if len(self.rubbing) > 1 else "differs"
-        return (
-            f"Friction of {listing(self.rubbing, 6)} {many} from that without the load, which the "
-            "intervals hold."
-        )
+        """Lines for the robot's sidecar; nothing if no gain is told."""
+        pairs = ", ".join(f'"{g.name}" = {g.value:.6g}' for g in self.gains if g.told)
+        return f"[torque]\ngain = {{{pairs}}}\n" if pairs else ""
 
     @property
     def caveats(self) -> tuple[str, ...]:
         """What makes the answer doubtful, and what to do."""
-        ratio = self.estimate.rms / np.maximum(self.usual, 1e-300)
-        if len(self.pairs) == len(self.logs) or ratio.max() < RULES.grows:
+        k = int(np.argmax(self.worse))
+        if self.pairs or self.worse[k] < RULES.grows:
             return ()
-        k = int(np.argmax(ratio))
-        joint, often = self.robot.joints[k], format_number(ratio[k], 2)
-        return (sentence(WORDS_OF, "changed", joint=joint, ratio=often),)
+        own = {"joint": self.robot.joints[k], "ratio": f"{self.worse[k]:.2g}"}
+        return (sentence(WORDS_OF, "changed", **own),)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row a quantity: ``name``, value, interval, unit, whether it is told, why."""
-        return pd.DataFrame([asdict(q) for q in self.quantities])
+        """Return one row a quantity: ``name``, value, interval, unit, whether it is told, why.
 
-    def log_frame(self) -> pd.DataFrame:
-        """Return the mass by each log alone, with half of its interval; none of one."""
-        short, found = shorten_paths(self.logs), self.estimate
-        names = [short[k] for k in found.logs]
-        return pd.DataFrame({"log": names, "mass": found.masses, "half": REACH * found.sd})
-
-    @property
-    def possible(self) -> bool:
-        """Whether the estimate is a real body by itself."""
-        return bool(np.allclose(self.parameters, self.estimate.theta, rtol=1e-6, atol=1e-12))
+        Of a load that is known one row a joint: its gain.
+        """
+        shown = self.quantities if self.known is None else self.gains
+        return pd.DataFrame([{**asdict(q), "told": q.told} for q in shown])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the load in the documented JSON schema."""
-        theta = dict(zip(GROUPED_KINDS, self.parameters.tolist(), strict=True))
-        alone = dict(zip(GROUPED_KINDS, self.estimate.theta.tolist(), strict=True))
+        own = ["model", "body", "statement", "logs", "without", "pairs", "caveats"]
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
-            "model": self.model,
-            "body": self.body,
-            "statement": self.statement,
-            "quantities": [asdict(q) for q in self.quantities],
-            "parameters": theta,
-            "estimate": alone,
+            **{name: getattr(self, name) for name in own},
+            **dict.fromkeys(("possible", "by_log")),  # of earlier releases
+            "quantities": [{**asdict(q), "told": q.told} for q in self.quantities],
+            "parameters": dict(zip(GROUPED_KINDS, self.parameters.tolist(), strict=True)),
+            "estimate": dict(zip(GROUPED_KINDS, self.estimate.theta.tolist(), strict=True)),
             "covariance": self.estimate.covariance.tolist(),
             "order": list(GROUPED_KINDS),
-            "possible": self.possible,
-            "logs": list(self.logs),
-            "without": list(self.without),
-            "pairs": [list(p) for p in self.pairs],
-            "by_log": self.log_frame().to_dict("records"),
-            "caveats": list(self.caveats),
-            "friction_changed": list(self.rubbing),
+            "friction_changed": [c.place for c in self.estimate.changes if c.kind == "friction"],
             "arm": dict(zip(("mass", "factor", "sd"), self.arm, strict=True)),
-            "gains": [asdict(g) for g in self.gains],
+            "gains": [{**asdict(g), "told": g.told} for g in self.gains],
         }
-
-
-# `payload`: what hangs on a body of a robot that was fitted without it.
 
 
 @checked
@@ -699,61 +505,61 @@ def payload(
 
     Raises
     ------
-    OptionError
+    RobotError
         If there is no such body, or several can carry the load and none was named.
     IdentifiabilityError
         If the result is about another robot, or a log does not fit it.
     """
     with one_thread("blas"):
         robot = Robot.of(robot)
-        if mass is None and (centre is not None or inertia is not None):
-            raise OptionError("A centre or moments of a known load need its mass; give --mass.")
-        empty = _logs_among(result) if mass is not None else []
+        if (mass is None and centre is not None) or (centre is None and inertia is not None):
+            raise OptionError("Moments of a load need its centre, and this its mass (--mass).")
+        empty = [] if mass is None or is_result(result) else list_logs(cast("Logs", result))
         fit = _unknown_gains(robot) if empty else find_fit(cast("FitLike", result), robot)
-        without = [*empty, *list_logs(without)]
         structure, place = fit.structure, choose_body(fit.structure, body)
         session, second = Session.read_sides(
-            structure, logs, without, fit.preparation, engine, alone=True
+            structure, logs, [*empty, *list_logs(without)], fit.preparation, engine, alone=True
         )
-        sides = session.recordings, second.recordings
-        given, other = (side.fitted for side in sides)
-        pairs = find_pairs(robot, given, other, session.how) if fit.origin else []
+        both, loaded = session.beside(second).recordings, len(session.recordings.fitted)
         # What hangs on the robot is odd by its file, so that nothing odd is looked for.
-        samples, bare = (session.prepare(side, "weighed") for side in (given, other))
-        hints = [text for side in sides for text in side.hints]
-        hints += _tell_noise(robot, given, session.how)
-        hints += [text for s in (*samples, *bare) for text in s.hints]
-        pairs = pairs if len(pairs) == len(given) else []
-        seen = _look([*samples, *bare], structure)
-        found = _differences(fit, place, len(given), bare, pairs, seen)
-        free = Known.nothing(fit.submodel.M, fit.submodel.fixed)
-        alone = replace(found, known=free if bare else found.known, lacks=None)
-        gains: tuple[Gain, ...] = ()
-        if not fit.origin:
-            gains = find_gains(alone, structure, seen, place, _known(mass, centre, inertia))
-            seen = _rescaled(seen, gains)
-            base = pooled_values(seen.X, seen.y, free.directions, free.base)
-            found = replace(alone, rows=LogRows.of(structure, seen, base, (place,)))
-        estimate = estimate_load(found, range(len(given)))
+        samples = session.prepare(both.fitted, "weighed")
+        hints = [*both.hints, *_tell_noise(robot, both.fitted[:loaded], session.how)]
+        hints += [text for s in samples for text in s.hints]
+        pairs = find_pairs(robot, both.fitted, loaded, session.how)
+        seen = look(structure, samples, 0)
+        known = Known.of(fit.base, fit.submodel.M, fit.covariance, fit.spread.unknown)
+        carries = (np.arange(len(samples)) < loaded).astype(float)
+        asked = {"known": known, "patterns": find_patterns(carries, loaded), "always": (0,)}
+        found = find_differences(structure, seen, fit.base, (place,), pairs, **asked)
+        estimate = estimate_load(found, structure, [s.name for s in samples])
         nearest = nearest_body(estimate)
-        if mass is not None and fit.origin:
-            theta = nearest[BACK] * mass / nearest[9]
-            theta = theta if centre is None else _known(mass, centre, inertia)
-            gains = find_gains(alone, structure, seen, place, theta)
-        length = float(np.median(natural_scale(_bodies(structure))[1]))
-    paths = given_paths(given), given_paths(other)
+        gains: tuple[Quantity, ...] = ()
+        if mass is not None:
+            kinds, theta = GROUPED_KINDS, nearest * mass / nearest[9]
+            if centre is not None:
+                moments = np.zeros(3) if inertia is None else inertia
+                kinds, theta = INERTIAL_KINDS, ten_parameters(mass, centre, moments)
+            if (
+                second.recordings.fitted
+            ):  # torque without the load tells more than values by other gains
+                found = replace(found, known=Known.nothing(fit.submodel.M, fit.submodel.fixed))
+            theta = theta[[kinds.index(kind) for kind in KINDS]]
+            gains = find_gains(found, structure, seen, place, theta)
+        bodies = draw_bodies(structure).phi[structure.inertial]
+        length = float(np.median(natural_scale(bodies)[1]))
+    paths = given_paths(both.fitted)
     return Load(
         robot=robot,
         body=place,
         model=fit.submodel.name,
-        logs=paths[0],
-        without=paths[1],
-        pairs=tuple((paths[0][p.at[0]], paths[1][p.at[1]]) for p in pairs),
+        logs=paths[:loaded],
+        without=paths[loaded:],
+        pairs=tuple((paths[p.at[0]], paths[p.at[1]]) for p in pairs),
         estimate=estimate,
         parameters=nearest,
+        worse=estimate.rms / np.maximum(fit.spread.low, 1e-300),
         quantities=state_quantities(estimate, nearest, length),
-        usual=fit.spread.low,
-        arm=weigh_arm(fit, samples),
+        arm=weigh_arm(fit, seen),
         gains=gains,
         known=mass,
         hints=tuple(dict.fromkeys(filter(None, (state_missing(fit.missing), *hints)))),
@@ -761,146 +567,48 @@ def payload(
     )
 
 
-def _logs_among(result: Any) -> list[LogLike]:
-    """Return logs that stand where a result does; none where one stands there."""
-    path = isinstance(result, (str, Path)) and str(result).lower().endswith(".json")
-    return [] if path or isinstance(result, (Fit, Predicts)) else list_logs(result)
-
-
 def _unknown_gains(robot: Robot) -> Fit:
-    """Return a fit of nothing, of a robot whose torque columns are in units of their own.
+    """Return a fit of nothing, of a robot whose torque columns may be in units of their own.
 
     Raises
     ------
     OptionError
     """
     if robot.known_torque:  # in N·m, and what the columns are in is what is asked
-        raise OptionError(
-            "Gains are identified without [[known_torque]]: take it out of the sidecar."
-        )
-    one = replace(robot, torque=replace(robot.torque, gain={"": 1.0}, ratio={"": 1.0}, sign={}))
+        raise OptionError("[[known_torque]] of the sidecar is in N·m: take it out to find gains.")
+    read = robot.torque
+    gain, ratio = {"": 1.0, **read.gain}, {"": 1.0, **read.ratio}
+    one = replace(robot, torque=replace(read, gain=gain, ratio=ratio))
     structure = Structure.of(one, Model.of(*DEFAULT_EFFECTS))
     submodel, n = full_model(structure.base), len(robot.joints)
-    k = len(submodel)
+    none, every = np.zeros((len(submodel),) * 2), np.eye(len(submodel))
     open_ = dict.fromkeys(("low", "raw", "dof"), np.full(n, np.inf))
-    nothing = TorqueUncertainty(covariance=np.zeros((k, k)), unknown=np.eye(k), **open_)
     return Fit(
         structure=structure,
         submodel=submodel,
-        values=np.zeros(k),
-        spread=nothing,
+        values=none[0],
+        spread=TorqueUncertainty(covariance=none, unknown=every, **open_),
         preparation=Preparation(),
-        base_covariance=np.zeros((k, k)),
-        base_unknown=np.eye(k),
-        origin="",
+        base_covariance=none,
+        base_unknown=every,
+        origin="EMPTY.csv",
     )
 
 
-def _rescaled(seen: Excerpt, gains: Sequence[Gain]) -> Excerpt:
-    """Return rows with torque by the gains that were found; without joints where there is none."""
-    sure = [g.verdict == "identifiable" for g in gains]
-    factors = np.where(sure, [np.nan_to_num(g.value) for g in gains], 0.0)
-    runs = tuple(own if s else () for own, s in zip(seen.runs.each, sure, strict=True))
-    raw, y = seen.raw * factors, seen.y * factors
-    return replace(seen, X=seen.X * np.array(sure)[:, None], y=y, raw=raw, runs=JointRuns(runs))
-
-
-def _differences(
-    fit: Fit,
-    place: str,
-    loaded: int,
-    bare: Sequence[Prepared],
-    pairs: Sequence[Pair],
-    seen: Excerpt,
-) -> Differences:
-    """Return what may differ, the load always, along logs with and without it.
-
-    Parameters
-    ----------
-    fit : Fit
-    place : str
-    loaded : int
-        How many logs with the load there are.
-    bare : sequence of Samples or LongSamples
-    pairs : sequence of Pair
-        Those that are compared sample by sample: of all logs with the load, or none.
-    seen : Excerpt
-        Rows of all logs.
-    """
-    what = fit.structure, fit.base, (place,)
-    known = {p.at[1] for p in pairs}
-    rows = [p.rows(*what, (p.at[0], loaded + p.at[1])) for p in pairs]
-    rows += [
-        LogRows.of(fit.structure, _look([s], fit.structure), fit.base, (place,), loaded + k)
-        for k, s in enumerate(bare)
-        if pairs and k not in known
-    ]
-    pattern = np.repeat([1.0, 0.0], [loaded, len(bare)])
-    return Differences(
-        rows=LogRows.join(rows) if rows else LogRows.of(fit.structure, seen, fit.base, (place,)),
-        known=Known.of(fit.base, fit.submodel.M, fit.covariance, fit.spread.unknown),
-        logs=len(pattern),
-        patterns=(pattern,),
-        always=(0,),
-        lacks=None if rows else find_lacks(fit.structure, seen),
-        shared=share_noise(pairs),
-    )
-
-
-def _look(samples: Sequence[Prepared], structure: Structure) -> Excerpt:
-    """Return the rows of logs, if there are enough.
-
-    Raises
-    ------
-    LogError
-    """
-    seen = Excerpt.of(structure.regression(samples), EXCERPT)
-    fewest = int(np.bincount(seen.log, minlength=len(samples)).min())
-    if fewest < LOG_RULES.fewest:
-        raise LogError(
-            f"{fewest} samples are too few to say how a load's numbers scatter; give longer "
-            "or more logs."
-        )
-    return seen
-
-
-def _known(mass: float | None, centre: Point | None, inertia: Point | None) -> Array:
-    """Return the ten parameters of a known load in the order of `KINDS`.
-
-    Raises
-    ------
-    OptionError
-    """
-    c, own = (np.asarray(x or (0.0, 0.0, 0.0), float) for x in (centre, inertia))
-    if c.shape != (3,) or own.shape != (3,) or not np.isfinite([*c, *own]).all() or own.min() < 0:
-        raise OptionError("centre and inertia are three numbers each, x, y and z, of real bodies.")
-    ten = ten_parameters(mass or 0.0, c, own).tolist()
-    theta = dict(zip(INERTIAL_KINDS, ten, strict=True))
-    return np.array([theta[kind] for kind in KINDS])
-
-
-def weigh_arm(fit: Fit, samples: Sequence[Prepared]) -> tuple[float, float, float]:
+def weigh_arm(fit: Fit, seen: Excerpt) -> tuple[float, float, float]:
     """Return what the arm weighs by its file [kg], and by which factor its torque says more.
 
-    At rest in poses of a log, with the standard deviation of the factor; NaN where the file or
-    gravity says nothing.
+    With the standard deviation of the factor; NaN where the file says nothing.
     """
-    structure, robot = fit.structure, fit.robot
-    mass = sum(robot.nominal.get(f"{b}.m", 0.0) for b in robot.bodies)
-    whole = [s.motion for s in samples if isinstance(s, Samples)]
-    own = whole[0] if whole else random_motion(robot, np.random.default_rng(0), POSES)
-    q = own.actuated_q[:: -(-len(own.actuated_q) // POSES)]
-    still = np.zeros_like(q)
-    motion = complete_motion(robot, np.arange(len(q), dtype=float), q, still, still)
-    W = structure.model.regressor(robot, motion)[:, :, structure.base.kept]
+    structure, M = fit.structure, fit.submodel.M
+    mass = sum(fit.robot.nominal.get(f"{b}.m", 0.0) for b in fit.robot.bodies)
     rigid = [structure.parameters[k].group == "rigid_body" for k in structure.base.kept]
-    W = (W * np.array(rigid)).reshape(-1, len(rigid))
+    W = (seen.X * np.array(rigid)).reshape(-1, len(rigid))
     stated = W @ structure.nominal_base
     square = float(stated @ stated)
     if not (mass > 0 and square > 0):
         return mass, float("nan"), float("nan")
     slope = stated @ W / square
-    M = fit.submodel.M
     variance = float(slope @ M @ fit.covariance @ M.T @ slope)
     blind = np.abs(slope @ M @ fit.spread.unknown).max(initial=0.0) > TOUCHED
     return mass, float(slope @ fit.base), float("nan") if blind else float(np.sqrt(variance))
@@ -908,25 +616,10 @@ def weigh_arm(fit: Fit, samples: Sequence[Prepared]) -> tuple[float, float, floa
 
 def _tell_noise(robot: Robot, logs: Sequence[Recording], how: Preparation) -> list[str]:
     """Return what noise of the motion does to the load, where it does."""
-    loud = {
-        log.name: share
-        for log in logs
-        if isinstance(log, Log)
-        and (share := noise_share(robot, log, _cutoff(log, how))) > LOG_RULES.noise_share**0.5
-    }
-    if not loud:
-        return []
-    return [
-        f"{listing(loud, 4)}: noise of the measured motion has up to "
-        f"{percent(max(loud.values()), 2)} of an acceleration (rms), which pulls the load's "
-        "numbers off, and intervals do not hold that; measure '<joint>.dq' and '<joint>.ddq', or "
-        "lower the cut-off of the result (analyze --cutoff)."
-    ]
-
-
-def _cutoff(log: Log, how: Preparation) -> float | None:
-    """Return the low-pass of computed derivatives; None where they were measured."""
-    return None if {"dq", "ddq"} <= set(log.channels) else how.outputs or how.cutoff
+    computed = [x for x in logs if isinstance(x, Log) and not {"dq", "ddq"} <= set(x.channels)]
+    share = {x.name: noise_share(robot, x, how.outputs or how.cutoff) for x in computed}
+    loud = [name for name, own in share.items() if own > LOG_RULES.noise_share**0.5]
+    return [sentence(WORDS_OF, "noise", logs=listing(loud, 4))] if loud else []
 
 
 def choose_body(structure: Structure, body: str | None) -> str:
@@ -934,144 +627,55 @@ def choose_body(structure: Structure, body: str | None) -> str:
 
     Raises
     ------
+    RobotError
+        If there is no such body, or several can carry the load and none was named.
     OptionError
+        If the model has no bodies.
     """
-    robot = structure.robot
-    if body is None:
-        best = tool_bodies(structure)
-        if len(best) > 1:
-            raise OptionError(
-                f"The load may hang on {listing(best, 8)}; name its body (--body, body=…)."
-            )
-        body = best[0] if best else robot.bodies[-1]
-    if body not in robot.bodies:
-        raise OptionError(
-            f"'{body}' is no moving body of {robot.name}{near_match(body, robot.bodies)} A load "
-            f"can hang on {listing(robot.bodies, 12)}."
-        )
-    if f"{body}." not in structure.bodies:
-        raise OptionError(
-            "The result's model has no bodies to which a load could be added (rigid_body); fit one "
-            "that has."
-        )
-    return body
-
-
-def _bodies(structure: Structure) -> Array:
-    """Return the ten parameters of every body that the robot file states, or what stands in."""
-    theta: Array = draw_bodies(structure).phi[structure.inertial]
-    return theta
-
-
-def value_text(quantity: Quantity) -> str:
-    """Return a quantity with half of its 95 % interval, rounded together."""
-    value, half = format_measured(quantity.value, quantity.half)
-    return f"{value} ± {half} {quantity.unit}"
-
-
-def _what(result: Load) -> Answer:
-    question, mass = f"What hangs on {result.body}?", result.mass
-    if not np.isfinite(mass.half):
-        return Answer(question, "These logs do not tell.", tone="grey")
-    if not mass.told:
-        short = f"Nothing surely: at most {format_number(mass.high, 2)} kg."
-        return Answer(question, short, tone="amber")
-    gains = result.proportional
-    centre = [result.of[f"centre {axis}"] for axis in "xyz"]
-    told = [f"{q.name[-1]} = {value_text(q)}" for q in centre if q.told]
-    text = f"Its centre in the frame of {result.body}: {join(told)}." if told else ""
-    return Answer(question, f"{value_text(mass)} (95 %).", f"{text} {gains}".strip(), "blue")
+    best = tool_bodies(structure)
+    place = body_of(structure.robot, best[0] if body is None and len(best) == 1 else body)
+    if f"{place}." not in structure.bodies:
+        raise OptionError("The result's model has no bodies (rigid_body); fit one that has.")
+    return place
 
 
 def _told_of(result: Load) -> Answer:
-    mass, count = result.mass, sum(q.told for q in result.quantities)
-    short = f"{count} of {len(result.quantities)} quantities are told."
-    if mass.told and np.isfinite(mass.half):
-        short = f"The mass to {percent(mass.half / mass.value, 2)}; {short}"
     lost = [q.name for q in result.quantities if not q.told]
-    text = f"Not told: {join(lost, len(lost))}; the table says why." if lost else ""
-    return Answer("How well is it known?", short, text, "green" if mass.told else "amber")
+    count = len(result.quantities)
+    short = f"{count - len(lost)} of {count} quantities are told."
+    text = f"Not told: {listing(lost, count)}; the table says why." if lost else ""
+    return Answer("How well is it known?", short, text, "green" if result.mass.told else "amber")
 
 
 def _trust(result: Load) -> Answer:
-    answer = _trusted(result)
-    text = " ".join(filter(None, (answer.text, result.friction)))
-    return replace(answer, text=text)
-
-
-def _trusted(result: Load) -> Answer:
-    question = "May I trust it?"
-    if result.caveats:
-        return Answer(question, "With care: the robot changed since.", result.caveats[0], "amber")
-    if not result.estimate.agree:
-        text = "Intervals are widened to hold all of them."
-        return Answer(question, "With care: the logs disagree.", text, "amber")
-    if len(result.pairs) == len(result.logs):
-        text = "Each log has one of the same motion without the load: what the model gets wrong "
-        return Answer(question, "Yes, within its intervals.", f"{text}along it cancels.", "green")
-    if not result.estimate.logs:
+    short, text, tone = "Yes, within its intervals.", "The logs agree.", "green"
+    if result.pairs:
+        text = sentence(WORDS_OF, "cancels")
+    elif len(result.logs) == 1:
+        short, tone = "As far as one log can tell.", "amber"
         text = "One motion cannot show what another would change."
-        return Answer(question, "As far as one log can tell.", text, "amber")
-    return Answer(question, "Yes, within its intervals.", "The logs agree.", "green")
+    elif any(change.kind == "load" for change in result.estimate.changes):
+        short, text, tone = "With care: the logs have different loads.", "", "amber"
+    if changes := [describe(change) for change in result.estimate.changes]:
+        text += f" Found beside it: {listing(changes)}."
+    if result.caveats:
+        short, tone = "With care: the robot changed since.", "amber"
+    return Answer("May I trust it?", short, " ".join([text, *result.caveats]).strip(), tone)
+
+
+def _gains(result: Load) -> Answer:
+    lost = [g.name for g in result.gains if not g.told]
+    text = sentence(WORDS_OF, "untold", joints=listing(lost, 12)) if lost else ""
+    question, tone = "What is one unit of each torque column?", "amber" if lost else "green"
+    return Answer(question, result.answer, text, tone)
 
 
 def _next_commands(result: Load) -> list[tuple[str, str]]:
     robot, logs = source_name(result.robot), name_logs(result.robot, result.logs)
     call = f"identifiability payload {robot} {quote(result.origin)} {logs} --body {result.body}"
-    without = "".join(f" --without {quote(n)}" for n in result.without)
-    out = []
-    if len(result.pairs) < len(result.logs):
-        text = "Weigh it against a log of the same motion without the load (empty.csv):"
-        out.append((text, f"{call} --without empty.csv --report payload.html"))
-    if not all(q.told for q in result.quantities):
-        begun = name_logs(result.robot, result.logs, "--start-from")
-        text = "Find a motion that tells more:"
-        out.append((text, f"identifiability excite {robot} {begun} --out next.json"))
-    if result.mass.told:
-        out.append(("Keep the numbers for other programs:", f"{call}{without} --json load.json"))
-    return out
-
-
-def _gains(result: Load) -> Answer:
-    sure = sum(g.verdict == "identifiable" for g in result.gains)
-    tone = "green" if sure == len(result.gains) else "amber" if sure else "vermilion"
-    short = f"{sure} of {len(result.gains)} are known."
-    write = f"In the sidecar: {result.sidecar.strip()}" if sure else result.factors
-    return Answer("What is one unit of each torque column?", short, write, tone)
-
-
-def _quantity_table(result: Load) -> Table:
-    """Return one row a quantity."""
-    own = with_hints(
-        "load",
-        Column("quantity", get="name"),
-        Column("value", "number", lambda q: _value(q)[0]),
-        Column("± 95 %", "error", lambda q: _value(q)[1]),
-        Column("from", digits(3), "low"),
-        Column("to", digits(3), "high"),
-        Column("unit", get="unit"),
-        Column("told", get=_told),
-    )
-    return Table.of("Mass, centre, and moments about the centre", own, result.quantities)
-
-
-GAINS_OF = "By which factor torque is larger than it was read as"
-GAINS = (
-    Column("joint", get="joint"),
-    Column("factor", digits(4), "value"),
-    Column("from", digits(4), "low"),
-    Column("to", digits(4), "high"),
-    Column("verdict", get="verdict"),
-    Column("gain of the sidecar", digits(4), "column"),
-)
-
-
-def _value(quantity: Quantity) -> tuple[Cell, Cell]:
-    """Return a quantity and half of its interval, which is not about the value of one untold."""
-    if quantity.told:
-        return measured_cells(quantity.value, quantity.half)
-    return Cell(format_number(quantity.value, 2), quantity.value), Cell("")
-
-
-def _told(quantity: Quantity) -> Cell:
-    return Cell("yes" if quantity.told else "no", note=quantity.why)
+    text = "Weigh it against a log of the same motion without the load (empty.csv):"
+    paired = [(text, f"{call} --without empty.csv --report payload.html")]
+    begun = name_logs(result.robot, result.logs, "--start-from")
+    more = f"identifiability excite {robot} {begun} --out next.json"
+    paired = [] if result.without or result.gains else paired
+    return [*paired, ("Find a motion that tells more:", more)]

@@ -156,14 +156,11 @@ def test_what_logs_of_one_motion_differ_by_has_nothing_of_the_rest():
     noise = NOISE * np.random.default_rng(8).standard_normal(wrong.shape)
     pair = replace(later, y=later.y + wrong + noise).minus(replace(earlier, y=earlier.y + wrong))
     assert np.abs(pair.X).max() == 0.0
-    found = differences(LogRows.join([pair]))
+    found = differences(pair)
     (term,) = found.model.search()
     assert term.group.place == "j0"
     _, value, _ = found.model.values((term,))
     assert value[-1] == pytest.approx(0.5, abs=0.05)
-    both = LogRows.join([pair, pair])
-    assert len(both.y) == 2 * N
-    assert both.runs.each[0] == ((0, N), (N, 2 * N))
 
 
 def test_rows_that_share_a_log_know_less():
