@@ -1,29 +1,22 @@
 """The models on the path down, with what is said of each.
 
-Where the effect of removed parameters went, as bias of the survivors; how much of a model is the
-robot, and how much the luck of one log.
+How much of a model is the robot, and how much the luck of one log.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, partial
-from itertools import starmap
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives
-from identifiability.estimation.bootstrap import scatter_scores
-from identifiability.estimation.decide import find_left_out
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.evidence import Evidence, Mixture, mix_labels, weigh_models
+from identifiability.estimation.evidence import Mixture, mix_labels, weigh_models
 from identifiability.estimation.prediction import Prediction, Task, predict_all
-from identifiability.estimation.refits import Equations
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.torque_errors import (
     standard_error,
@@ -31,7 +24,6 @@ from identifiability.estimation.torque_errors import (
     take_turns,
 )
 from identifiability.estimation.uncertainty import Uncertainty, resample
-from identifiability.estimation.verdict import Class
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.errors import listing
@@ -56,128 +48,14 @@ from identifiability.workflows.analyze.fit import DelayErrors
 from identifiability.workflows.analyze.words import WORSE
 from identifiability.workflows.opening import Opening, find_missing
 from identifiability.workflows.prune.elimination import (
-    Path,
     Search,
-    Step,
     best_step,
-    choose_step,
-    explain,
     first_allowed,
+    good_steps,
     walk,
 )
-from identifiability.workflows.prune.folds import WhitenedRegression
+from identifiability.workflows.prune.folds import Step, WhitenedRegression
 from identifiability.workflows.prune.moves import ZERO, Partition
-
-# Where the effect of removed parameters went: into the survivors, as bias.
-#
-# A parameter that is left out although it is not zero does not vanish from the torque: the
-# survivors take it over as far as their columns can, ``A = (W_kᵀ W_k)⁻¹ W_kᵀ W_r``, and are biased
-# by ``A φ_r`` [Gautier 1997]. The part that no survivor can take over stays in the residual.
-
-
-@frozen(kw_only=True)
-class Absorption:
-    """What survivors took over.
-
-    Attributes
-    ----------
-    removed : tuple of str
-        The r removed parameters or differences of tied ones.
-    survivors : tuple of str
-        The m surviving parameters.
-    value, sigma : (r,)
-        Estimates of the removed ones in the unpruned model.
-    shift : (m, r)
-        Bias of each survivor if the removed one had its estimated value.
-    shift_sigma : (m, r)
-        Standard deviation of that.
-    share : (r,)
-        Share of the removed column (mean square) that survivors can take over.
-    torque : (r,)
-        Root mean square of the removed torque, relative to the residual's.
-    sigma_survivor : (m,)
-        Standard deviation of each survivor, to compare shifts with.
-    """
-
-    removed: tuple[str, ...]
-    survivors: tuple[str, ...]
-    value: Array
-    sigma: Array
-    shift: Array
-    shift_sigma: Array
-    share: Array
-    torque: Array
-    sigma_survivor: Array
-
-    def main(self, column: int, most: int = 3) -> list[tuple[str, float]]:
-        """Return the survivors that take over most of a removed parameter, with their shifts.
-
-        Shifts are compared in units of the survivors' standard deviations.
-        """
-        size = np.abs(self.shift[:, column]) / np.maximum(self.sigma_survivor, 1e-300)
-        order = np.argsort(-size)[:most]
-        return [(self.survivors[k], float(self.shift[k, column])) for k in order if size[k] > 0]
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row for each removed parameter."""
-        into = [self.main(k) for k in range(len(self.removed))]
-        return pd.DataFrame(
-            {
-                "removed": self.removed,
-                "estimate": self.value,
-                "sigma": self.sigma,
-                "torque_to_residual": self.torque,
-                "absorbed_share": self.share,
-                "absorbed_by": [", ".join(s for s, _ in takers) for takers in into],
-                "bias": [", ".join(f"{b:+.3g}" for _, b in takers) for takers in into],
-            }
-        )
-
-
-def absorb(
-    information: Information, full: Estimate, survivors: Estimate, partition: Partition
-) -> Absorption:
-    """Return what the survivors of a pruned model took over.
-
-    Parameters
-    ----------
-    information : Information
-        About the starting model's columns.
-    full, survivors : Estimate
-        Of the starting and of the pruned model.
-    partition : Partition
-        What became of each column.
-    """
-    columns, M = partition.columns, partition.matrix
-    rows, names = [np.empty((0, len(columns)))], []
-    for k, leader in enumerate(partition.group):
-        if leader != k:  # what the pruned model denies is that removed @ x = 0
-            unit = np.eye(len(columns))[[k, leader]]
-            rows.append(unit[:1] if leader == ZERO else unit[:1] - unit[1:])
-            names.append(columns[k] if leader == ZERO else f"{columns[k]} − {columns[leader]}")
-    removed = np.concatenate(rows)
-    R = information.factor(survivors.weights)[:-1, :-1]
-    samples = np.sqrt(max(information.rows, 1))
-    # x = M u + D v with v = removed @ x: D undoes the denied combinations one by one.
-    kept, gone = R @ M, R @ np.linalg.pinv(removed)
-    A = np.linalg.lstsq(kept, gone, rcond=None)[0]
-    squares = np.maximum((gone**2).sum(0), 1e-300)
-    value = removed @ full.value
-    covariance = np.where(np.isfinite(full.covariance), full.covariance, 0.0)
-    sigma = np.sqrt(np.maximum(np.einsum("ri,ij,rj->r", removed, covariance, removed), 0.0))
-    residual = np.sqrt(float(survivors.weights @ survivors.rss)) / samples
-    return Absorption(
-        removed=tuple(names),
-        survivors=survivors.columns,
-        value=value,
-        sigma=sigma,
-        shift=A * value,
-        shift_sigma=np.abs(A) * sigma,
-        share=((kept @ A) ** 2).sum(0) / squares,
-        torque=np.abs(value) * np.sqrt(squares) / samples / max(residual, 1e-300),
-        sigma_survivor=survivors.sigma,
-    )
-
 
 # How much of a pruned model is the robot, and how much the luck of one log.
 #
@@ -204,15 +82,12 @@ class Stability:
         Number of parameters chosen.
     same : float
         Share of replicates that chose exactly the columns that the logs themselves chose.
-    models : tuple of (tuple of str, float)
-        Sets of columns chosen most often, with their shares.
     """
 
     columns: tuple[str, ...]
     survives: np.ndarray
     sizes: np.ndarray
     same: float
-    models: tuple[tuple[tuple[str, ...], float], ...]
 
     @property
     def replicates(self) -> int:
@@ -225,23 +100,9 @@ class Stability:
         if not self.replicates:
             return "No log was resampled, so nothing is known of the stability of the choice."
         low, high = np.round(np.quantile(self.sizes, [0.05, 0.95]))
-        torn = int(
-            (
-                (self.survives > 1 - Thresholds.recurrence)
-                & (self.survives < Thresholds.recurrence)
-            ).sum()
-        )
-        most = "90 %" if high > low else "at least 90 %"
-        span = f"{low:.0f} to {high:.0f}" if high > low else f"{low:.0f}"
-        shaky = (
-            f"{torn} of {len(self.columns)} parameters survive in some (10 to 90 %) and not in "
-            "others"
-            if torn
-            else "no parameter survives in some and not in others (10 to 90 %)"
-        )
         return (
             f"Of {self.replicates} resampled logs {100 * self.same:.0f} % lead to exactly this "
-            f"model, and {most} to {span} parameters; {shaky}."
+            f"model, and 90 % to {low:.0f} to {high:.0f} parameters."
         )
 
 
@@ -277,30 +138,23 @@ def assess_stability(
     draws = rng.multinomial(count, np.full(count, 1 / count), size=replicates)
     items = [draws[k : k + BATCH] for k in range(0, replicates, BATCH)]
     parts = (engine or Serial()).map(partial(_walk_again, search, unit), items, progress=progress)
-    drawn = [partition for part in parts for partition in part]
-    sets, most = Counter(_set(p) for p in drawn), max(replicates, 1)
-    alive = np.array([p.survivors() for p in drawn]).reshape(-1, len(chosen.columns))
+    drawn = np.array([group for part in parts for group in part]).reshape(-1, len(chosen.columns))
     return Stability(
         columns=chosen.columns,
-        survives=alive.mean(0) if drawn else np.full(len(chosen.columns), np.nan),
-        sizes=np.array([len(p) for p in drawn], int),
-        same=sets[_set(chosen)] / most if drawn else np.nan,
-        models=tuple((m, count / most) for m, count in sets.most_common(5)),
+        survives=(drawn != ZERO).mean(0) if replicates else np.full(len(chosen.columns), np.nan),
+        sizes=(drawn == np.arange(len(chosen.columns))).sum(1),
+        same=float((drawn == chosen.group).all(1).mean()) if replicates else np.nan,
     )
 
 
-#: Columns up to which the path is walked as often as was asked and all its models are measured, and
-#: how often it is walked at least. An estimator that is asked anew at each step takes a time with
-#: their fourth power: there are as many steps, of their third. Equations that are updated take one
-#: with their third, and walk twice as many columns as often.
-WALKED, FEWEST_WALKS = 64, 8
+#: Columns up to which the path is walked as often as was asked, and models up to which all are
+#: measured; and how often a path is walked at least. Both take a time with the third power.
+WALKED, FEWEST_WALKS = 128, 8
 
 
 def count_walks(search: Search, draws: int) -> int:
     """Return how many resampled logs the path is walked on, of so many where it costs little."""
-    updated = isinstance(search.whitened.refitter, Equations)
-    most, power = (2 * WALKED, 3) if updated else (WALKED, 4)
-    share = (most / max(len(search.whitened.columns), most)) ** power
+    share = (WALKED / max(len(search.whitened.columns), WALKED)) ** 3
     return max(min(draws, FEWEST_WALKS), round(draws * share))
 
 
@@ -331,15 +185,21 @@ def thin_path(search: Search, chosen: int) -> tuple[Search, int, str]:
     return replace(search, path=path), kept.index(chosen), said
 
 
-def _walk_again(search: Search, unit: np.ndarray, draws: np.ndarray) -> list[Partition]:
-    """Return what some replicates choose; `draws` (r, units) says how often they draw a unit."""
+def _walk_again(search: Search, unit: np.ndarray, draws: np.ndarray) -> list[np.ndarray]:
+    """Return the groups of columns that some replicates choose.
+
+    Parameters
+    ----------
+    search : Search
+    unit : (B,) int
+        Of each block.
+    draws : (r, units) int
+        How often each replicate draws a unit.
+    """
     chosen = []
     for row in draws:
-        steps = walk(
-            search.whitened.fit(row[unit].astype(float)), search.plan, explained=False
-        ).steps
-        path = Path((steps[choose_step(steps)],))
-        chosen.append(search.embed(path).steps[0].partition)
+        steps = walk(search.whitened.fit(row[unit].astype(float)), search.plan).steps
+        chosen.append(search.embed(steps[good_steps(steps)[0]]).partition.group)
     return chosen
 
 
@@ -355,15 +215,15 @@ def _units(own: WhitenedRegression, blocks: int) -> np.ndarray:
     return unit
 
 
-def _set(partition: Partition) -> tuple[str, ...]:
-    return tuple("=".join(partition.members(g)) for g in partition.leaders)
-
-
 # The models of the ladder: models on the way down, with what is said of each.
 
 
 #: Coefficients of a label below this are rounding.
 ROUNDING: Tolerance = 1e-9
+
+
+#: What earlier releases said of each step, null in JSON until the next one.
+GONE = ("p_value", "either", "error_squares", "error_squares_se")
 
 
 @frozen(kw_only=True)
@@ -375,14 +235,10 @@ class PrunedModel(JudgedModel):
     Attributes
     ----------
     step : Step
-        The move that led here, its evidence and its held-out error in squares.
+        The move that led here, and what the model predicts of folds.
     error_ra_unseen, error_joints_unseen : float
         ε_RA, and the error over each joint's own scale, on stretches (or logs) that the fits have
         not seen.
-    error_squares, error_squares_se : float
-        Squares on stretches that the fits have not seen, each joint on its own scale, relative to
-        the unpruned model's; and the standard error of its difference to the model with the best
-        predictive log density.
     density, density_se : float [nats]
         What the model was chosen by: predictive log density of these stretches, less that of the
         best model; and the standard error.
@@ -393,8 +249,6 @@ class PrunedModel(JudgedModel):
     step: Step
     error_ra_unseen: float
     error_joints_unseen: float
-    error_squares: float
-    error_squares_se: float
     density: float
     density_se: float
     weight: float
@@ -402,17 +256,14 @@ class PrunedModel(JudgedModel):
     @property
     def reason(self) -> str:
         """Why the move was made, in words."""
-        return explain(self.step)
+        if self.step.move is None:
+            return "Every base parameter of the model."
+        return f"{self.step.move.why or 'The least costly of what is left'}."
 
     @property
     def worst_sigma_percent(self) -> float:
         """Largest σ_robust% of its parameters [%]."""
         return max((v.sigma_robust_percent for v in self.verdicts), default=0.0)
-
-    @property
-    def identifiable(self) -> int:
-        """Number of identifiable parameters."""
-        return self.count(Class.IDENTIFIABLE)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -430,14 +281,12 @@ class PrunedModel(JudgedModel):
 
     def row(self) -> dict[str, Any]:
         """Return the model as one row of the ladder."""
-        move, evidence = self.step.move, self.step.evidence
+        move = self.step.move
         return super().row() | {
             "error_ra_unseen": self.error_ra_unseen,
             "error_ra_unseen_se": self.error_se,
             "error_joints_unseen": self.error_joints_unseen,
             "error_joints_unseen_se": self.error_joints_se,
-            "error_squares": self.error_squares,
-            "error_squares_se": self.error_squares_se,
             "density": self.density,
             "density_se": self.density_se,
             "weight": self.weight,
@@ -446,8 +295,7 @@ class PrunedModel(JudgedModel):
             "move": move.text if move is not None else "",
             "kind": move.kind.value if move is not None else "",
             "reason": self.reason,
-            "p_value": evidence.p_value if evidence is not None else float("nan"),
-            "either": evidence.either if evidence is not None else "",
+            **dict.fromkeys(GONE),
         }
 
 
@@ -519,36 +367,18 @@ class Measured:
     nothing: str = ""
     missing: Alternatives = NO_ALTERNATIVES
 
-    def beside_file(self, question: Question, share: float) -> tuple[Measured, str]:
-        """Return them with verdicts that say what the file's bodies add, and what the log says.
-
-        Parameters
-        ----------
-        question : Question
-        share : float
-            Within which bodies are the file's.
-        """
-        if self.nothing:
-            return self, ""
-        own = question.recall(self.result.submodel, self.result.estimate)
-        (result,), (hint,) = tell_with_file([own], [self.result], share, Thresholds())
-        submodels = tuple(
-            replace(r, verdicts=result.verdicts) if r.submodel is result.submodel else r
-            for r in self.models
-        )
-        return replace(self, models=submodels, result=result), hint
-
 
 def measure_models(
     question: Question,
     search: Search,
     chosen: int,
     physical: PhysicalResult,
+    within: float,
     replicates: int,
     rng: np.random.Generator,
     engine: Engine,
     progress: Steps,
-) -> Measured:
+) -> tuple[Measured, str]:
     """Fit every model of a path and say how it predicts, going through the logs once.
 
     Parameters
@@ -559,117 +389,110 @@ def measure_models(
         The step to use.
     physical : PhysicalResult
         Its nearest real robot.
+    within : float
+        Share within which bodies are the file's, 0 for none.
     replicates : int
         Of the bootstrap.
     rng : numpy.random.Generator
     engine : Engine
     progress : callable(int, int)
+
+    Returns
+    -------
+    Measured
+    str
+        What the logs say of the file's bodies.
     """
     opening, steps = question.opening, search.path.steps
     fits = [(model.submodel, model.estimate) for model in map(question.fit, steps)]
     values = np.stack([submodel.expand(fit.value) for submodel, fit in fits], 1)
     own_values = np.stack([values[:, chosen], physical.base, *physical.in_files], 1)
     every, two = Task(values[None], kept=False), Task(own_values[None])
-    crossed = _plan_unseen(question, search)
     fitted, unseen, own = predict_all(
-        opening.regression, [every, crossed, two], engine=engine, progress=progress
-    )
-    outside, own_validation = unseen, own
+        opening.regression, [every, _plan_unseen(question, search), two],
+        engine=engine, progress=progress,
+    )  # fmt: skip
+    outside, own_outside = unseen, own
     error_validation = joints_validation = np.full(len(steps), np.nan)
     if opening.unseen is not None:
-        outside, own_validation = predict_all(opening.unseen, [every, two], engine=engine)
+        outside, own_outside = predict_all(opening.unseen, [every, two], engine=engine)
         error_validation, joints_validation = outside.relative_error(), outside.error_over_joints()
-    own_model = [question.recall(*fits[chosen])]
-    missing = find_missing(opening)
+    model, missing = question.recall(*fits[chosen]), find_missing(opening)
     (result,) = assess_ladder(
-        own_model, [physical], own, own_validation, Thresholds(), rng, replicates, missing,
+        [model], [physical], own, own_outside, Thresholds(), rng, replicates, missing,
         late=question.delays.move, unseen=question.held_out,
     )  # fmt: skip
     spread = result.uncertainty
-    error, error_unseen = fitted.relative_error(), unseen.relative_error()
-    joints, joints_unseen = fitted.error_over_joints(), unseen.error_over_joints()
-    memory = float(spread.times.mean())
-    error_se = standard_error(unseen.sums, memory, chosen)
-    joints_se = standard_error_over_joints(unseen.sums, memory, chosen)
-    best = steps[best_step(steps)].score
-    judged = [Evidence.of(step.score, best) for step in steps]
-    unit = max(steps[0].score.error ** 2, 1e-300)
-    weights = np.zeros(len(steps))
-    first = first_allowed(steps)
+    weights, first = np.zeros(len(steps)), first_allowed(steps)
     weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
+    best = steps[best_step(steps)].score
     # Where nothing differs from logs held out under the model to use, no other is asked.
     same = spread.held_out is None or spread.held_out.agree
     others = None if same else question.held_out
-    spreads = [
-        replace(
-            resample(
-                *(reported.information, reported.estimate, spread.block, rng, replicates),
-                None if others is None else reported.submodel.reduce(others),
-            ),
-            late=question.delays.move(reported.submodel),
-        )
-        for reported in (model.reported for model in starmap(question.recall, fits))
-    ]
-    own_reported = own_model[0].reported
-    if result.physical_as_good:
-        spreads[chosen] = hold_over(spreads[chosen], own_reported, physical)
-    models = _mix(question, fits, spreads, weights, own_reported) if replicates else None
+    error, joints = fitted.relative_error(), fitted.error_over_joints()
+    error_unseen, joints_unseen = unseen.relative_error(), unseen.error_over_joints()
+    memory = float(spread.times.mean())
+    error_se = standard_error(unseen.sums, memory, chosen)
+    joints_se = standard_error_over_joints(unseen.sums, memory, chosen)
     torque = float(np.sqrt(np.mean(own.rms**2)))
-    result = replace(
-        result,
-        verdicts=decide_reported(
-            own_reported, spreads[chosen], torque, Thresholds(), question.full, missing, models
-        ),
+    judge = partial(
+        decide_reported, torque=torque, thresholds=Thresholds(), full=question.full, missing=missing
     )
-    submodels = tuple(
-        PrunedModel(
-            step=step,
-            submodel=model.submodel,
-            estimate=model.estimate,
-            verdicts=result.verdicts
-            if k == chosen
-            else decide_reported(
-                model.reported, spreads[k], torque, Thresholds(), question.full, missing
-            ),
-            error_ra=float(error[k]),
-            error_ra_unseen=float(error_unseen[k]),
-            error_se=float(error_se[k]),
-            error_ra_validation=float(error_validation[k]),
-            error_joints=float(joints[k]),
-            error_joints_unseen=float(joints_unseen[k]),
-            error_joints_se=float(joints_se[k]),
-            error_joints_validation=float(joints_validation[k]),
-            error_squares=step.score.error**2 / unit,
-            error_squares_se=2.0 * judged[k].error.se * step.score.error**2 / unit,
-            density=judged[k].density.value,
-            density_se=judged[k].density.se,
-            weight=float(weights[k]),
-            infeasible=forbidden_signs(
-                model.reported.submodel, model.reported.information, model.reported.estimate
-            ),
+    models, labels = [], []
+    for k, (step, known) in enumerate(zip(steps, fits, strict=True)):
+        told = question.recall(*known).reported
+        unseen_part = None if others is None else told.submodel.reduce(others)
+        along = told.information, told.estimate, spread.block, rng, replicates, unseen_part
+        uncertainty = replace(resample(*along), late=question.delays.move(told.submodel))
+        if k == chosen and result.physical_as_good:
+            uncertainty = hold_over(uncertainty, told, physical)
+        labels.append((told.submodel, told.estimate, uncertainty))
+        gain = step.score.gain(best)
+        models.append(
+            PrunedModel(
+                step=step,
+                submodel=known[0],
+                estimate=known[1],
+                verdicts=judge(told, uncertainty),
+                error_ra=float(error[k]),
+                error_ra_unseen=float(error_unseen[k]),
+                error_se=float(error_se[k]),
+                error_ra_validation=float(error_validation[k]),
+                error_joints=float(joints[k]),
+                error_joints_unseen=float(joints_unseen[k]),
+                error_joints_se=float(joints_se[k]),
+                error_joints_validation=float(joints_validation[k]),
+                density=gain.value,
+                density_se=gain.se,
+                weight=float(weights[k]),
+                infeasible=forbidden_signs(told.submodel, told.information, told.estimate),
+            )
         )
-        for k, (step, model) in enumerate(zip(steps, starmap(question.recall, fits), strict=True))
-    )
+    mixture = _mix(labels, weights, chosen) if replicates else None
+    verdicts = judge(model.reported, labels[chosen][2], models=mixture)
+    result = replace(result, verdicts=verdicts)
     if not opening.validation:
-        own_submodel = submodels[chosen]
         result = replace(
             result,
-            error_ra_validation=own_submodel.error_ra_unseen,
-            error_joints_validation=own_submodel.error_joints_unseen,
+            error_ra_validation=models[chosen].error_ra_unseen,
+            error_joints_validation=models[chosen].error_joints_unseen,
         )
     better = len(result.submodel) and error_unseen[chosen] < unseen.constant_error()
-    nothing = opening.misread or (result.contradicted if better else WORSE)
+    nothing, hint = opening.misread or (result.contradicted if better else WORSE), ""
     if nothing:
-        submodels = tuple(r.withdraw(nothing) for r in submodels)
+        models = [pruned.withdraw(nothing) for pruned in models]
         result = result.withdraw(nothing)
+    else:
+        (result,), (hint,) = tell_with_file([model], [result], within, Thresholds())
+    models[chosen] = replace(models[chosen], verdicts=result.verdicts)
     return Measured(
-        models=submodels,
+        models=tuple(models),
         result=result,
         fitted=fitted.select([chosen]),
         held_out=outside.select([chosen]),
         nothing=nothing,
         missing=missing,
-    )
+    ), hint
 
 
 def _plan_unseen(question: Question, search: Search) -> Task:
@@ -707,25 +530,19 @@ def state_disagreement(measured: Measured) -> tuple[str, ...]:
 
 
 def _mix(
-    question: Question,
-    fits: Sequence[tuple[Submodel, Estimate]],
-    spreads: Sequence[Uncertainty],
-    weights: Array,
-    reported: FittedModel,
+    labels: Sequence[tuple[Submodel, Estimate, Uncertainty]], weights: Array, chosen: int
 ) -> Mixture:
-    """Return what all models of the path say of the labels of one, as it is told."""
-    inverse = np.linalg.pinv(reported.submodel.M)
+    """Return what all models of the path say of the labels of one, as they are told."""
+    own = labels[chosen][0]
+    inverse = np.linalg.pinv(own.M)
     # Models of less weight than this share of the heaviest's are no part of a mixture.
     heavy = np.flatnonzero(weights > 1e-3 * weights.max())
     values, sigmas = [], []
-    for k in heavy.tolist():
-        model = question.recall(*fits[k]).reported
-        L = inverse @ model.submodel.M
+    for submodel, fit, uncertainty in (labels[k] for k in heavy):
+        L = inverse @ submodel.M
         L[np.abs(L) < ROUNDING] = 0.0
-        values.append(
-            inverse @ (model.submodel.expand(model.estimate.value) - reported.submodel.fixed)
-        )
-        sigmas.append(_spread_labels(L, model.estimate, spreads[k].robust))
+        values.append(inverse @ (submodel.expand(fit.value) - own.fixed))
+        sigmas.append(_spread_labels(L, fit, uncertainty.robust))
     return mix_labels(weights[heavy], np.array(values), np.array(sigmas))
 
 
@@ -738,16 +555,3 @@ def _spread_labels(L: Array, fit: Estimate, robust: Array) -> Array:
     sigma = np.sqrt(np.maximum(np.einsum("ra,ab,rb->r", L, covariance, L), 0.0))
     lost: Array = np.where((L[:, open_] != 0).any(1), np.inf, sigma)
     return lost
-
-
-def contradicts(model: FittedModel, full: Estimate | None) -> bool:
-    """Return whether a sign that physics forbids is so sure that its verdict would be known."""
-    wrong = forbidden_signs(model.submodel, model.information, model.estimate)
-    scatter = scatter_scores(model.information, model.estimate, 1.0) if wrong else None
-    if scatter is None:
-        return False
-    left = find_left_out(model.structure, model.submodel, model.whole, model.estimate, full)
-    known = np.hypot(scatter.widened, left.sigma) <= (
-        Thresholds().sigma_share * np.abs(model.estimate.value)
-    )
-    return any(c in wrong for c, sure in zip(model.submodel.columns, known, strict=True) if sure)

@@ -52,7 +52,7 @@ from identifiability.workflows.commands import (
     source_name,
 )
 from identifiability.workflows.prune.elimination import Refusal
-from identifiability.workflows.prune.models import Absorption, Measured, PrunedModel, Stability
+from identifiability.workflows.prune.models import Measured, PrunedModel, Stability
 from identifiability.workflows.prune.moves import Partition
 
 
@@ -69,7 +69,6 @@ class Ladder(Laddered, Measured):
     refused : tuple of Refusal
         Suggested moves that the data contradict.
     stability : Stability
-    absorption : Absorption
     source : LadderSource
         Where the model that pruning started from came from.
     """
@@ -81,7 +80,6 @@ class Ladder(Laddered, Measured):
     least: int
     refused: tuple[Refusal, ...]
     stability: Stability
-    absorption: Absorption
     source: LadderSource
 
     @property
@@ -164,9 +162,8 @@ class Ladder(Laddered, Measured):
                 "replicates": stability.replicates,
                 "same": stability.same,
                 "survives": dict(survives),
-                "models": [{"columns": m, "share": s} for m, s in stability.models],
             },
-            "absorption": self.absorption.to_frame().to_dict("records"),
+            "absorption": [],  # gone with the next release
             "physical": {"sentence": self.result.physical.sentence, **told["physical"]},
             "ladder": self.model_text,
             "effects": list(self.effects),
@@ -267,10 +264,6 @@ def _notes(ladder: Ladder) -> Iterator[Note]:
         yield note("mass", warning=ladder.mass_warning)
     if not ladder.nothing:
         yield from physics_notes(ladder.result)
-    for submodel in ladder.models[1 : ladder.selected + 1]:
-        evidence, move = submodel.step.evidence, submodel.step.move
-        if evidence is not None and evidence.either and move is not None:
-            yield note("either", one=move.text.removeprefix("zero "), other=evidence.either)
     kind = "stable" if ladder.stability.same > 0.5 else "unstable"
     yield note(kind, statement=ladder.stability.statement)
 
@@ -278,10 +271,6 @@ def _notes(ladder: Ladder) -> Iterator[Note]:
 def _move_cell(r: PrunedModel) -> Cell:
     move = r.step.move
     return Cell(f"{move.kind.value}: {move.text}" if move is not None else r.name, note=r.reason)
-
-
-def _p_value(r: PrunedModel) -> float:
-    return r.step.evidence.p_value if r.step.evidence is not None else np.nan
 
 
 def _spread_cell(r: PrunedModel) -> Cell:
@@ -303,14 +292,12 @@ MOVES = with_hints(
     "moves",
     Column("move", "text", _move_cell),
     Column("size", "number", len),
-    Column("p", digits(2), _p_value, detail=True),
     Column("identifiable", "number", found_cell),
     Column("fitted", error_text, "error_ra"),
     Column("unseen", error_text, "error_ra_unseen"),
     Column("± SE", "error", _spread_cell, detail=True),
     Column("density [nats]", digits(3), "density"),
     Column("weight", digits(2), "weight", detail=True),
-    Column("squares", digits(3), "error_squares", detail=True),
     Column("worst σ%", "number", _worst_cell),
     Column("signs", "badge", _signs_cell),
 )

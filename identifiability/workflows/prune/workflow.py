@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import islice
 from typing import Any
 
 import numpy as np
 
 from identifiability.estimation.estimate import Kind, Method, find_estimator, settle_noise
-from identifiability.estimation.evidence import HeldOut, Score, near_best
+from identifiability.estimation.evidence import HeldOut, near_best
 from identifiability.estimation.least_squares import Noise
 from identifiability.foundation.engines.mapping import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
@@ -47,20 +46,12 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.fit import DelayErrors, check_cutoff, settle_robot
 from identifiability.workflows.analyze.words import compare_logs, state_mounting, state_weak
 from identifiability.workflows.opening import Logs, Progress, quiet, running, share
-from identifiability.workflows.prune.elimination import (
-    Search,
-    Step,
-    best_step,
-    find_path,
-    good_steps,
-)
+from identifiability.workflows.prune.elimination import Search, best_step, find_path, good_steps
 from identifiability.workflows.prune.models import (
     Measured,
     Question,
     Stability,
-    absorb,
     assess_stability,
-    contradicts,
     count_walks,
     measure_models,
     state_disagreement,
@@ -71,10 +62,7 @@ from identifiability.workflows.prune.moves import propose_moves
 from identifiability.workflows.prune.result import Ladder
 from identifiability.workflows.session import Session, Weighed, settle_prior
 
-#: A step, its model, and the certificate with its sentence.
-Candidate = tuple[int, FittedModel, tuple[Certificate | None, str]]
-
-#: Models as good as the best whose physical certificate is asked for, the preferred one first.
+#: Models as good as the best, and smaller ones, whose physical certificate is asked for.
 CERTIFIED = 4
 
 
@@ -162,11 +150,11 @@ def prune(
             selected, physical = _choose(question, search, cad_prior)
             search, selected, thinned = thin_path(search, selected)
             measuring = share(say, "measuring errors", 0.5, 0.7)
-            measured = measure_models(
-                question, search, selected, physical, draws, streams[2], runner, measuring
+            measured, contradicted = measure_models(
+                *(question, search, selected, physical),
+                *(share_, draws, streams[2], runner, measuring),
             )
         say("resampling", 0.7)
-        measured, contradicted = measured.beside_file(question, share_)
         stability = assess_stability(
             search,
             measured.models[selected].step.partition,
@@ -215,9 +203,7 @@ def _tell(
     stability: Stability,
     known: Mapping[str, Any],
 ) -> Ladder:
-    """Return the result, with where the effect of removed parameters went and what seems wrong."""
-    submodels, part = measured.models, question.start.reduce(rows.information)
-    chosen, result = submodels[selected], measured.result
+    """Return the result, with what seems wrong."""
     return Ladder(
         structure=session.structure,
         samples=rows.opening.samples,
@@ -230,9 +216,8 @@ def _tell(
         least=best_step(search.path.steps),
         refused=search.path.refused,
         stability=stability,
-        absorption=absorb(part, submodels[0].estimate, chosen.estimate, chosen.step.partition),
         moved=session.recordings.measure_rollouts(
-            session.structure.robot, result.physical.parameters()
+            session.structure.robot, measured.result.physical.parameters()
         ),
         rolled=session.recordings.rolled,
         late=question.delays.move(full_model(session.structure.base)),
@@ -254,7 +239,6 @@ def _walk(
     _check_wishes(start, forbid, force)
     return find_path(
         start.reduce(question.information),
-        start.nonnegative,
         variation=rows.alike.variation * find_signal(surveys),
         suggested=propose_moves(session.structure, start.columns),
         forbid=forbid,
@@ -296,56 +280,43 @@ def _check_wishes(start: Submodel, forbid: Sequence[str], force: Sequence[str]) 
 def _choose(
     question: Question, search: Search, cad_prior: float | None
 ) -> tuple[int, PhysicalResult]:
-    """Return the step to use: the first as good as the best that a real robot can have."""
+    """Return the step to use: the smallest as good as the best that a real robot can have.
+
+    What a model with impossible values says of the robot is its nearest real robot. Where no real
+    robot has what is as good, a smaller model that one has stands for it if these predict alike.
+    """
     steps = search.path.steps
-    asked: list[Candidate] = []
-    problems: list[IdentifiabilityError] = []
-    good = list(good_steps(steps))
-    sound = (k for k in good if not contradicts(question.fit(steps[k]), question.full))
-    for k in list(islice(sound, CERTIFIED)) or good[:CERTIFIED]:
-        model = question.fit(steps[k])
-        try:
-            asked.append((k, model, certify_model(model)))
-        except IdentifiabilityError as error:
-            problems.append(error)
-            continue
-        if asked[-1][2][0] is not None and asked[-1][2][0].feasible:
-            break
-    if not asked:
-        raise problems[-1]
-    feasible = [a for a in asked if a[2][0] is not None and a[2][0].feasible]
     noise = Noise(search.full.variance, search.full.times)
     held_out = HeldOut.of(question.information, noise, search.whitened.folds)
-    if not feasible:
-        feasible = _find_possible(question, steps, asked[0][0], held_out)
-    k, model, proved = (feasible or asked)[0]
-    return k, settle_robot(model, held_out, cad_prior).robot.with_certificate(*proved)
+    good = good_steps(steps)
+    first = question.fit(steps[good[0]])
+    smaller = range(good[0] + 1, len(steps))
+    chosen = good[0], first, _certify(first)
+    for k in (*good[:CERTIFIED], *smaller[:CERTIFIED]):
+        model = first if k == good[0] else question.fit(steps[k])
+        proof = chosen[2] if k == good[0] else _certify(model)
+        if proof[0] is not None and proof[0].feasible:
+            near = k <= good[0] or _near(model, first, held_out)
+            chosen = (k, model, proof) if near else chosen
+            break
+    k, model, proof = chosen
+    return k, settle_robot(model, held_out, cad_prior).robot.with_certificate(*proof)
 
 
-def _find_possible(
-    question: Question, steps: Sequence[Step], impossible: int, held_out: HeldOut
-) -> list[Candidate]:
-    """Return the largest smaller model whose values a real robot has, if it predicts as well.
-
-    What a model with impossible values says of the robot is its nearest real robot, and that of a
-    smaller one has what its bodies cannot do without: the two are compared.
-    """
-    best = _score_robot(question.fit(steps[impossible]), held_out)
-    for k, step in list(enumerate(steps))[impossible + 1 :][:CERTIFIED]:
-        model = question.fit(step)
-        try:
-            proved = certify_model(model)
-        except IdentifiabilityError:
-            continue
-        if proved[0] is not None and proved[0].feasible:
-            own = _score_robot(model, held_out)
-            near = best is not None and own is not None and near_best([own, best])[0]
-            return [(k, model, proved)] if near else []
-    return []
+def _certify(model: FittedModel) -> tuple[Certificate | None, str]:
+    """Return whether a real robot has a model's values, with its sentence."""
+    try:
+        return certify_model(model)
+    except IdentifiabilityError as error:
+        return None, str(error)
 
 
-def _score_robot(model: FittedModel, held_out: HeldOut) -> Score | None:
-    """Return what the nearest real robot predicts; None where there is none."""
-    fit, submodel = model.estimate, model.submodel
-    found = choose_prior(model, held_out, held_out.score_fit(fit, submodel.M, submodel.fixed))
-    return None if found is None else found.score
+def _near(model: FittedModel, other: FittedModel, held_out: HeldOut) -> bool:
+    """Return whether the real robot nearest to a model predicts as well as that of another."""
+    found = []
+    for each in (model, other):
+        fit, submodel = each.estimate, each.submodel
+        free = held_out.score_fit(fit, submodel.M, submodel.fixed)
+        found.append(choose_prior(each, held_out, free))
+    one, best = found
+    return bool(one and best and near_best([one.score, best.score])[0])
