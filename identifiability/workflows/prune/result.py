@@ -7,6 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
+from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives
+from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Verdict
@@ -32,7 +34,7 @@ from identifiability.regression.reduction import (
     ladder_text,
     model_entry,
 )
-from identifiability.workflows.analyze.assessment import Laddered, ModelResult
+from identifiability.workflows.analyze.assessment import JudgedModel, Laddered, ModelResult
 from identifiability.workflows.analyze.result import error_tables, found_cell, physics_notes
 from identifiability.workflows.analyze.words import state_physics
 from identifiability.workflows.answers import (
@@ -51,9 +53,114 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
-from identifiability.workflows.prune.elimination import Refusal
-from identifiability.workflows.prune.models import Measured, PrunedModel, Stability
+from identifiability.workflows.prune.elimination import Refusal, Stability
+from identifiability.workflows.prune.folds import Step
 from identifiability.workflows.prune.moves import Partition
+
+# The models of the ladder: models on the way down, with what is said of each.
+
+
+#: What earlier releases said of each step, null in JSON until the next one.
+GONE = ("p_value", "either", "error_squares", "error_squares_se")
+
+
+@frozen(kw_only=True)
+class PrunedModel(JudgedModel):
+    """One model on the way down, judged with the memory of the chosen model's residual.
+
+    Without validation logs its error on these is NaN; errors are compared with the model to use.
+
+    Attributes
+    ----------
+    step : Step
+        The move that led here, and what the model predicts of folds.
+    error_ra_unseen, error_joints_unseen : float
+        ε_RA, and the error over each joint's own scale, on stretches (or logs) that the fits have
+        not seen.
+    density, density_se : float [nats]
+        What the model was chosen by: predictive log density of these stretches, less that of the
+        best model; and the standard error.
+    weight : float
+        Of the model in the mixture of all (`evidence.weigh_models`).
+    """
+
+    step: Step
+    error_ra_unseen: float
+    error_joints_unseen: float
+    density: float
+    density_se: float
+    weight: float
+
+    @property
+    def reason(self) -> str:
+        """Why the move was made, in words."""
+        if self.step.move is None:
+            return "Every base parameter of the model."
+        return f"{self.step.move.why or 'The least costly of what is left'}."
+
+    @property
+    def worst_sigma_percent(self) -> float:
+        """Largest σ_robust% of its parameters [%]."""
+        return max((v.sigma_robust_percent for v in self.verdicts), default=0.0)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Its parameters."""
+        return self.submodel.columns
+
+    @property
+    def feasible(self) -> bool:
+        """Whether no parameter has a sign that physics forbids."""
+        return self.signs_possible
+
+    def __len__(self) -> int:
+        """Return the number of parameters."""
+        return len(self.submodel)
+
+    def row(self) -> dict[str, Any]:
+        """Return the model as one row of the ladder."""
+        move = self.step.move
+        return super().row() | {
+            "error_ra_unseen": self.error_ra_unseen,
+            "error_ra_unseen_se": self.error_se,
+            "error_joints_unseen": self.error_joints_unseen,
+            "error_joints_unseen_se": self.error_joints_se,
+            "density": self.density,
+            "density_se": self.density_se,
+            "weight": self.weight,
+            "worst_sigma_robust_percent": self.worst_sigma_percent,
+            "feasible": self.feasible,
+            "move": move.text if move is not None else "",
+            "kind": move.kind.value if move is not None else "",
+            "reason": self.reason,
+            **dict.fromkeys(GONE),
+        }
+
+
+@frozen(kw_only=True)
+class Measured:
+    """The models, and the one to use by itself.
+
+    Attributes
+    ----------
+    models : tuple of PrunedModel
+    result : ModelResult
+        The model to use with verdicts, uncertainties by resampling, and physical certificate.
+    fitted, held_out : Prediction
+        Torque predicted by the model to use on the logs that were fitted, and on validation logs
+        or, without any, on stretches (or logs) by models fitted to the others; sums only.
+    nothing : str
+        Why no verdict is believed, for after "because"; empty where they are.
+    missing : Alternatives
+        Functions that are missing beside the unpruned model.
+    """
+
+    models: tuple[PrunedModel, ...]
+    result: ModelResult
+    fitted: Prediction
+    held_out: Prediction
+    nothing: str = ""
+    missing: Alternatives = NO_ALTERNATIVES
 
 
 @frozen(kw_only=True)
@@ -81,11 +188,6 @@ class Ladder(Laddered, Measured):
     refused: tuple[Refusal, ...]
     stability: Stability
     source: LadderSource
-
-    @property
-    def rungs(self) -> tuple[PrunedModel, ...]:
-        """`models`, by the name of earlier releases."""
-        return self.models
 
     @property
     def _used(self) -> ModelResult:
@@ -142,13 +244,6 @@ class Ladder(Laddered, Measured):
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter of the model to use."""
         return pd.DataFrame([v.to_row() for v in self.verdicts])
-
-    def stability_frame(self) -> pd.DataFrame:
-        """Return how often each parameter of the starting model survives."""
-        kept = self.partition.survivors()
-        return pd.DataFrame(
-            {"name": self.stability.columns, "survives": self.stability.survives, "chosen": kept}
-        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain values."""
