@@ -7,8 +7,8 @@ What to use when:
 - `moves.propose_moves` says what the robot's joints suggest about the shape of its bodies.
 
 The method, in the order of the files: what a move is and which ones symmetries suggest (`moves`),
-what models predict of folds, from Gram matrices (`folds`), the path, which model of it to use, and
-how stable that is (`elimination`), the answer (`result`), from robot to answer (`workflow`).
+what models predict of folds, the path, which model of it to use, and how stable that is
+(`elimination`), the answer (`result`), from robot to answer (`workflow`).
 """
 
 from identifiability.workflows.prune.result import Ladder, PrunedModel

@@ -14,25 +14,270 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import field, replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
 from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.evidence import LEVELS, Gain, may_stand
+from identifiability.estimation.evidence import (
+    LEVELS,
+    Folds,
+    Gain,
+    Score,
+    may_stand,
+    nested_density,
+)
+from identifiability.estimation.instrumental import InstrumentalVariables, combine
+from identifiability.estimation.least_squares import noise_scale
+from identifiability.estimation.refits import Asked, Equations, Refits
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.regression.information import Information
-from identifiability.workflows.prune.folds import (
-    FoldFits,
-    Step,
-    WhitenedRegression,
-    whiten_regression,
-)
+from identifiability.regression.information import ActuatorBlocks, Information
 from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
+
+# What nested models of one regression predict of folds, from `Information` alone.
+#
+# Every model is the full one under linear constraints (a column zero, two columns equal); its fits
+# to everything and to each fold's rest are the estimator's own (`estimation.refits`). The
+# coordinates are those in which the full information is the unit matrix: nothing is lost by
+# squaring. Models of a path are nested, so one triangular factor a fold scores them all
+# (`evidence.nested_density`).
+
+
+#: Instruments see nothing of a direction below this share of what they see best.
+UNSEEN: Tolerance = 1e-10
+
+
+@frozen
+class Step:
+    """A model on the path.
+
+    Attributes
+    ----------
+    partition : Partition
+    score : Score
+        What it predicts of each fold, fitted to the rest.
+    values : (F + 1, c)
+        All columns, fitted to everything, then to the rest of each fold.
+    move : Move or None
+        What led here; None for the start.
+    """
+
+    partition: Partition
+    score: Score
+    values: Array
+    move: Move | None = None
+
+    @property
+    def density(self) -> float:
+        """Predictive log density of all folds [nats]."""
+        return float(self.score.density.sum())
+
+
+@frozen(kw_only=True)
+class WhitenedRegression:
+    """Blocks of a regression in coordinates ``y = R x`` in which the full information is I.
+
+    Attributes
+    ----------
+    start : Partition
+        Of the c columns of the model, of which the motion excites k.
+    inverse : (c, k)
+        ``x = inverse @ y``; zero where the motion excites nothing.
+    centre : (k,)
+        y of the full fit.
+    noise : (n,) [torque²]
+        σ² κ of each joint, beside the full model.
+    unit : float
+        Variance of noise of weight 1: the errors of y of the full fit.
+    parts : tuple of ActuatorBlocks
+        Blocks of each joint, without instruments.
+    bases : tuple of (r, k + 1)
+        ``[W R⁻¹, e] = Z basis`` of each joint, e being what the full fit leaves.
+    seen : (B, k, 2k + 1)
+        ``Zᵀ [Z, W R⁻¹, e]`` of each block, whitened, of the instruments Z that the estimator
+        combines; without instruments (0, k, 2k + 1).
+    variation : (n,) [torque²]
+        Of the torque of each joint about its mean: the scale of its errors.
+    folds : Folds
+    samples : int
+        Of the logs.
+    refitter : Equations or Asked
+        What refits: equations of the estimator, or the estimator itself.
+    """
+
+    start: Partition
+    inverse: Array
+    centre: Array
+    noise: Array
+    unit: float
+    parts: tuple[ActuatorBlocks, ...]
+    bases: tuple[Array, ...]
+    seen: Array
+    variation: Array
+    folds: Folds
+    samples: int
+    refitter: Equations | Asked
+
+    def _see(self, tests: Sequence[Array], weights: Array) -> Array:
+        """Return what densities are of, ``[Y, e]ᵀ [Y, e]`` of each fold, (F, k + 1, k + 1).
+
+        Noise in the motion is in columns and errors alike: a model that fits it would predict the
+        log's torque better and the robot's worse. Where there are instruments, all is projected on
+        what they see: they have no part in it.
+        """
+        if not len(self.seen):
+            each = zip(tests, self.bases, self.noise, strict=True)
+            return np.asarray(sum(basis.T @ test @ basis / noise for test, basis, noise in each))
+        k, out = len(self.centre), []
+        for f in range(self.folds.count):
+            own = np.tensordot((self.folds.test == f) * weights, self.seen, 1)
+            values, vectors = np.linalg.eigh(own[:, :k])
+            good = values > UNSEEN * values.max(initial=0.0)
+            half = (vectors[:, good] / np.sqrt(values[good])).T @ own[:, k:]
+            out.append(half.T @ half)
+        return np.stack(out)
+
+    def fit(self, counts: Array | None = None) -> FoldFits:
+        """Return the fits of all columns to everything and to each fold's rest.
+
+        Parameters
+        ----------
+        counts : (B,), optional
+            How often each block counts, for a bootstrap replicate.
+        """
+        folds = self.folds
+        weights = np.ones(len(folds.test)) if counts is None else counts
+        tests = tuple(part.merge_weighted(folds.test, weights) for part in self.parts)
+        refits = self.refitter.start(folds.train, counts)
+        return FoldFits(self, tests, self._see(tests, weights), refits)
+
+
+@frozen
+class FoldFits:
+    """Fits of all columns to everything (first) and to the rest of each of F folds.
+
+    Attributes
+    ----------
+    whitened : WhitenedRegression
+    tests : tuple of (F, r, r)
+        ``Zᵀ Z`` of what each fold predicts, of each joint.
+    gram : (F, k + 1, k + 1)
+        What densities are of: all of it, or what instruments see of it.
+    refits : Refits
+    """
+
+    whitened: WhitenedRegression
+    tests: tuple[Array, ...]
+    gram: Array
+    refits: Refits
+
+    def along(self, path: Sequence[tuple[Move | None, Partition]]) -> list[Step]:
+        """Return nested models with their fits, and what these predict of the folds.
+
+        Parameters
+        ----------
+        path : sequence of (Move, Partition)
+            What led to each model, of all that the motion excites first.
+        """
+        own = self.whitened
+        partitions, kept = [partition for _, partition in path], own.start.leaders
+        rows = [before.rows_to(after) for before, after in pairwise(partitions)]
+        fixed = np.concatenate([np.empty((0, len(own.inverse))), *rows]) @ own.inverse
+        fixed /= np.linalg.norm(fixed, axis=1, keepdims=True)
+        turn = np.linalg.qr(fixed.T, mode="complete")[0][:, ::-1]
+        free = np.array([len(partition) for partition in partitions])
+        models = [partition.matrix[kept] for partition in partitions]
+        delta = self.refits.along(turn, free, models)
+        values = (own.centre + delta) @ own.inverse.T
+        steps = zip(path, self._score(delta[:, 1:], turn, free), values, strict=True)
+        return [Step(p, score, value, move) for (move, p), score, value in steps]
+
+    def _score(self, delta: Array, turn: Array, free: np.ndarray) -> list[Score]:
+        """Return what models predict whose fits to the rests are off the full one, (M, F, k)."""
+        own = self.whitened
+        change = np.concatenate([-delta, np.ones((*delta.shape[:2], 1))], 2)
+        squares = np.empty((*delta.shape[:2], len(self.tests)))
+        for a, (test, basis) in enumerate(zip(self.tests, own.bases, strict=True)):
+            left = (change @ basis.T).swapaxes(0, 1)
+            squares[:, :, a] = ((left @ test) * left).sum(2).T
+        precision = self.refits.grams[1:] / own.unit
+        density = nested_density(self.gram, precision, delta, turn, free)
+        return [
+            Score(d, s, own.variation, own.folds.ratio)
+            for d, s in zip(density, squares, strict=True)
+        ]
+
+
+def whiten_regression(
+    information: Information, full: Estimate, variation: Array | None = None
+) -> WhitenedRegression:
+    """Return the folds of a regression.
+
+    Parameters
+    ----------
+    information : Information
+        About c columns.
+    full : Estimate
+        Of these; its estimator refits those that it kept, with its weights of the actuators.
+    variation : (n,), optional [(N·m)² or N²]
+        Of the torque of each joint about its mean (`torque_errors.joint_weights`); by default the
+        torque's sum of squares.
+
+    Raises
+    ------
+    LogError
+        If the logs are too short for folds.
+    """
+    kept, columns = list(full.kept), information.columns
+    start = Partition(columns, np.where(full.determined, np.arange(len(columns)), ZERO))
+    if len(kept) < len(columns):
+        information = information.select(kept)
+        full = full.estimator.fit(information)
+    k, squares = information.size, information.torque
+    R = full.estimator.loss(information, full)
+    length = float(np.linalg.norm(R[:, k]))
+    R[k, k] = max(abs(R[k, k]), 1e-9 * length, 1e-300)
+    inverse = np.linalg.inv(R)
+    centre, turned = R[:k, k].copy(), inverse[:k, :k]
+    equations = Equations.of(information, full, R, inverse)
+    change = np.column_stack([np.vstack([turned, np.zeros(k)]), inverse[:, k] * R[k, k]])
+    plain, floor = information, 1e-18 * squares.max(initial=0.0) + 1e-300
+    noise, seen = np.maximum(full.variance * full.times, floor), np.empty((0, k, 2 * k + 1))
+    if information.instrumented:  # instruments say nothing of errors and are half of what is held
+        if isinstance(full.estimator, InstrumentalVariables):
+            left = combine(information, full.weights).left
+            left = np.vstack([left, np.zeros((1, k))])
+            right = np.vstack([np.zeros((k, k + 1)), change])
+            both = np.hstack([left, right])
+            seen = information.joint.products(1.0 / noise, left, both)
+        wanted = np.eye(2 * k + 1)[:, k:]
+        own = tuple(part.reduce(wanted) for part in information.parts)
+        plain = replace(information, parts=own, instrumented=False, echo=None)
+    parts, bases = zip(*plain.of_actuators(change), strict=True)
+    unit = noise_scale(information, full.weights, full.times, full.rss)
+    return WhitenedRegression(
+        start=start,
+        inverse=np.eye(len(columns))[:, kept] @ turned,
+        centre=centre,
+        noise=noise,
+        unit=max(unit, floor),
+        parts=parts,
+        bases=bases,
+        seen=seen,
+        variation=squares if variation is None else variation,
+        folds=Folds.of(information, float(np.max(full.times))),
+        samples=information.samples,
+        refitter=equations or Asked(full.estimator, information, turned, centre),
+    )
+
+
+# Which move is the cheapest.
+
 
 #: A constraint of which so small a share is left beside those before it holds already.
 SATISFIED: Tolerance = 1e-5
@@ -48,11 +293,11 @@ class Remaining:
     Attributes
     ----------
     partition : Partition
-    values : (k,)
+    values : (c,)
         Of all columns under the constraints so far.
-    X : (k, k)
+    X : (c, k)
         ``x = X z`` in coordinates z of unit information, in which only what is free moves.
-    size : (k,)
+    size : (c,)
         Length of each row of X without constraints.
     """
 
@@ -69,7 +314,7 @@ class Remaining:
         seen = np.maximum(values, SATISFIED**2 * values.max(initial=0.0))
         X = own.inverse @ (vectors / np.sqrt(seen))
         x = own.inverse @ (own.centre + refits.whole)
-        return Remaining(Partition.of(own.columns), x, X, np.linalg.norm(X, axis=1))
+        return Remaining(own.start, x, X, np.linalg.norm(X, axis=1))
 
     def after(self, move: Move) -> tuple[Remaining, float]:
         """Return what is left after a move, and by how much the estimator's loss rises."""
@@ -148,22 +393,15 @@ class Refusal:
         )
 
 
-@frozen
-class Path:
-    """The steps, most parameters first, and what was refused on the way."""
-
-    steps: tuple[Step, ...]
-    refused: tuple[Refusal, ...] = ()
-
-
-def walk(fit: FoldFits, plan: Plan) -> Path:
-    """Return the path from a fit of all columns down."""
+def walk(fit: FoldFits, plan: Plan) -> tuple[list[Step], list[Refusal]]:
+    """Return the models from a fit of all columns down, and what was refused on the way."""
     left = Remaining.of(fit)
     made: list[tuple[Move | None, Partition]] = [(None, left.partition)]
     refused = []
     for move in plan.forced:
-        left = left.after(move)[0]
-        made.append((move, left.partition))
+        if left.partition.alive(move.zero):
+            left = left.after(move)[0]
+            made.append((move, left.partition))
     for kind in (Kind.OFFSET, Kind.MERGE, Kind.ZERO, Kind.TIE):
         asked = [move for move in plan.suggested if move.kind is kind]
         while asked := [m for m in asked if len(left.partition.apply(m)) < len(left.partition)]:
@@ -180,7 +418,7 @@ def walk(fit: FoldFits, plan: Plan) -> Path:
     while (cheapest := left.cheapest(plan)) is not None:
         left = left.after(cheapest)[0]
         made.append((cheapest, left.partition))
-    return Path(tuple(fit.along(made)), tuple(refused))
+    return fit.along(made), refused
 
 
 # The path of a regression, and which model of it to use: the smallest as good as the best.
@@ -195,30 +433,22 @@ class Search:
     full : Estimate
         Of the starting model.
     whitened : WhitenedRegression
-        Of its independent columns.
     plan : Plan
-    path : Path
-        Its partitions are of all columns of the starting model.
+    steps : tuple of Step
+        Most parameters first.
+    refused : tuple of Refusal
+        Suggested moves that were not made.
     """
 
     full: Estimate
     whitened: WhitenedRegression
     plan: Plan
-    path: Path
-
-    def embed(self, step: Step) -> Step:
-        """Return a step over the independent columns as one over all columns."""
-        columns, at = self.full.columns, np.array(self.full.kept, int)
-        group = np.full(len(columns), ZERO)
-        inner = step.partition.group
-        group[at] = np.where(inner == ZERO, ZERO, at[inner])
-        values = np.zeros((len(step.values), len(columns)))
-        values[:, at] = step.values
-        return replace(step, partition=Partition(columns, group), values=values)
+    steps: tuple[Step, ...]
+    refused: tuple[Refusal, ...] = ()
 
     def choose(self) -> int:
         """Return the step to use, physics aside."""
-        return good_steps(self.path.steps)[0]
+        return good_steps(self.steps)[0]
 
 
 def find_path(
@@ -246,35 +476,21 @@ def find_path(
         Its refits are the fits of the path.
     """
     full = estimate(information, method)
-    kept = list(full.kept)
-    part = information.select(kept)
-    own = full if len(kept) == information.size else estimate(part, method)
-    whitened = whiten_regression(part, own, variation)
-    plan = _plan(suggested, forbid, force, part.columns)
-    walked = walk(whitened.fit(), plan)
-    search = Search(full, whitened, plan, walked)
-    steps = [search.embed(step) for step in walked.steps]
-    idle = tuple(steps[0].partition.zeroed())
+    whitened = whiten_regression(information, full, variation)
+    usable = [replace(m, zero=tuple(c for c in m.zero if c not in forbid)) for m in suggested]
+    plan = Plan(
+        suggested=tuple(usable),
+        pairs=tuple(m for m in usable if m.kind is Kind.MERGE),
+        forced=tuple(Move(Kind.FORCED, (c,), why="You asked for it") for c in force),
+        kept=frozenset(forbid),
+    )
+    (first, *steps), refused = walk(whitened.fit(), plan)
+    idle = tuple(whitened.start.zeroed())
     if idle:  # what the motion does not excite is the first move
         why = "The motion does not excite it, or only together with what is left"
-        whole = replace(steps[0], partition=Partition.of(full.columns))
-        steps[:1] = [whole, replace(steps[0], move=Move(Kind.UNEXCITED, idle, why=why))]
-    return replace(search, path=replace(walked, steps=tuple(steps)))
-
-
-def _plan(
-    suggested: Sequence[Move], forbid: Sequence[str], force: Sequence[str], columns: Sequence[str]
-) -> Plan:
-    """Return the plan over the columns that the motion excites."""
-    known = set(columns)
-    usable = []
-    for move in suggested:
-        zero = tuple(c for c in move.zero if c in known and c not in forbid)
-        tie = tuple(t for s in move.tie if len(t := tuple(c for c in s if c in known)) > 1)
-        usable.append(replace(move, zero=zero, tie=tie))
-    pairs = tuple(m for m in usable if m.kind is Kind.MERGE and m.tie)
-    forced = tuple(Move(Kind.FORCED, (c,), why="You asked for it") for c in force if c in known)
-    return Plan(tuple(usable), pairs, forced, frozenset(forbid).intersection(known))
+        steps.insert(0, replace(first, move=Move(Kind.UNEXCITED, idle, why=why)))
+        first = replace(first, partition=Partition.of(full.columns))
+    return Search(full, whitened, plan, (first, *steps), tuple(refused))
 
 
 def first_allowed(steps: Sequence[Step]) -> int:
@@ -393,7 +609,7 @@ WALKED, FEWEST_WALKS, MEASURED = 128, 8, 64
 
 def count_walks(search: Search, draws: int) -> int:
     """Return how many resampled logs the path is walked on, of so many where it costs little."""
-    share = (WALKED / max(len(search.whitened.columns), WALKED)) ** 3
+    share = (WALKED / max(len(search.whitened.centre), WALKED)) ** 3
     return max(min(draws, FEWEST_WALKS), round(draws * share))
 
 
@@ -409,14 +625,13 @@ def thin_path(search: Search, chosen: int) -> tuple[Search, int, str]:
     chosen : int
         The step to use.
     """
-    steps, first = search.path.steps, first_allowed(search.path.steps)
+    steps, first = search.steps, first_allowed(search.steps)
     if len(steps) <= MEASURED + 1:  # of so many columns, with the model that has none
         return search, chosen, ""
     best = first + np.argsort([-s.density for s in steps[first:]], kind="stable")[:MEASURED]
     kept = sorted({*range(first + 1), chosen, *best.tolist()})
     said = f"Of the {len(steps)} models of the path the {len(kept)} that predict best are shown."
-    path = replace(search.path, steps=tuple(steps[k] for k in kept))
-    return replace(search, path=path), kept.index(chosen), said
+    return replace(search, steps=tuple(steps[k] for k in kept)), kept.index(chosen), said
 
 
 def _walk_again(search: Search, unit: np.ndarray, draws: np.ndarray) -> list[np.ndarray]:
@@ -432,8 +647,8 @@ def _walk_again(search: Search, unit: np.ndarray, draws: np.ndarray) -> list[np.
     """
     chosen = []
     for row in draws:
-        steps = walk(search.whitened.fit(row[unit].astype(float)), search.plan).steps
-        chosen.append(search.embed(steps[good_steps(steps)[0]]).partition.group)
+        steps, _ = walk(search.whitened.fit(row[unit].astype(float)), search.plan)
+        chosen.append(steps[good_steps(steps)[0]].partition.group)
     return chosen
 
 

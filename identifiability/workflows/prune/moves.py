@@ -162,9 +162,9 @@ class Partition:
                 out[" = ".join(members) if taken else name] = list(members)
         return out
 
-    def submodel(self, start: Submodel, name: str, description: str = "") -> Submodel:
+    def submodel(self, start: Submodel, name: str) -> Submodel:
         """Return the starting model with these moves made."""
-        submodel = replace(start, name=name, description=description).without(self.zeroed())
+        submodel = replace(start, name=name, description="").without(self.zeroed())
         for common, members in self.ties().items():
             submodel = submodel.tied(common, members)
         return submodel

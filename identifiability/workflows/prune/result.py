@@ -20,10 +20,8 @@ from identifiability.foundation.rounding import (
     NONE,
     digits,
     error_text,
-    format_count,
     format_number,
     percent_text,
-    whole_percent,
 )
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
@@ -53,8 +51,7 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
-from identifiability.workflows.prune.elimination import Refusal, Stability
-from identifiability.workflows.prune.folds import Step
+from identifiability.workflows.prune.elimination import Refusal, Stability, Step
 from identifiability.workflows.prune.moves import Partition
 
 # The models of the ladder: models on the way down, with what is said of each.
@@ -291,13 +288,16 @@ def _state_answer(ladder: Ladder) -> str:
             "predict motion that the fit has not seen."
         )
     else:
-        wrong = ladder.result.infeasible
+        wrong, found = ladder.result.infeasible, ladder.result.count(Class.IDENTIFIABLE)
+        sure = "All" if found == len(chosen) else f"{found} of them"
+        judged = ladder.result.unjudged.removesuffix(".")
+        judged = f"None of them is judged. {judged}" if judged else f"{sure} are identifiable"
         used = [c for c in chosen.columns if c not in wrong]
         beside = f" (not so {listing(wrong, 4)}: physics forbids the sign)" if wrong else ""
         text = (
             f"Of {len(full)} parameters {len(used)} are worth using: "
             f"{listing(used, 14)}{beside}. "
-            f"{_identifiable(ladder)}. They predict unseen motion with an error of "
+            f"{judged}. They predict unseen motion with an error of "
             f"{percent(chosen.error_ra_unseen)}, the unpruned model with "
             f"{percent(full.error_ra_unseen)}."
         )
@@ -311,14 +311,6 @@ def _state_answer(ladder: Ladder) -> str:
     return f"{text} {state_physics(ladder.result)}"
 
 
-def _identifiable(ladder: Ladder) -> str:
-    if ladder.result.unjudged:
-        return f"None of them is judged. {ladder.result.unjudged.removesuffix('.')}"
-    count = ladder.result.count(Class.IDENTIFIABLE)
-    total = len(ladder.chosen)
-    return "All are identifiable" if count == total else f"{count} of them are identifiable"
-
-
 def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
     robot, how = source_name(ladder.robot), ladder.settings.get("preparation")
     logs = name_logs(ladder.robot, given_paths(ladder.samples), how=how)
@@ -330,26 +322,17 @@ def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
     text, name = name_export(ladder.robot, *ladder.exported)
     export = f"identifiability export {robot} {{file}} --out {name}"
     predict = f"identifiability predict {robot} {{file}} {another} --out torque.csv"
-    diagnose = f"identifiability diagnose {robot} {logs}{held} --model {{file}}"
+    diagnose = (
+        f"identifiability diagnose {robot} {logs}{held} --model {{file}} --report missing.html"
+    )
+    model = on_file(ladder, "model", "pruned.toml", f"{again} --out", diagnose)
     commands = [
-        (
-            text,
-            on_file(ladder, "json", "prune.json", f"{again} --json", export),
-        ),
+        (text, on_file(ladder, "json", "prune.json", f"{again} --json", export)),
         (
             "Predict torque, of this log or another:",
             on_file(ladder, "json", "prune.json", f"{again} --json", predict),
         ),
-        (
-            "Find out what even this model misses:",
-            on_file(
-                ladder,
-                "model",
-                "pruned.toml",
-                f"{again} --out",
-                f"{diagnose} --report missing.html",
-            ),
-        ),
+        ("Find out what even this model misses:", model),
     ]
     return [*commands[-1:], *commands[:-1]] if ladder.missing.functions else commands
 
@@ -407,15 +390,12 @@ def _answers(ladder: Ladder) -> tuple[Answer, ...]:
     kind = "the validation logs" if outside else "stretches that the fits had not seen"
     kind = f"{kind} ({error_text(before)} unpruned)"
     question = "Which model is worth using?"
-    share = ladder.stability
     if ladder.nothing:
         short = f"None: 0 of {len(full)} parameters are worth using."
         use = Answer(question, short, f"Because {ladder.nothing}.", "vermilion")
     else:
         short = f"{size} of {len(full)} parameters, {found} of them identifiable."
-        real = state_physics(ladder.result)  # the formula of the certificate is in the note
-        again = f"{whole_percent(share.same)} of {format_count(share.replicates, 'resampled log')}"
-        text = f"{real} {again} choose exactly this model." if share.replicates else real
+        text = state_physics(ladder.result)  # the formula of the certificate is in the note
         use = Answer(question, short, text, "green" if ladder.feasible else "amber")
     each = ladder.held_out.joint_error()[:, 0]
     doubt = f"Nothing is identifiable, because {ladder.nothing}." if ladder.nothing else ""

@@ -75,6 +75,7 @@ from identifiability.workflows.analyze.words import WORSE, compare_logs, state_m
 from identifiability.workflows.opening import Logs, Progress, find_missing, quiet, running, share
 from identifiability.workflows.prune.elimination import (
     Search,
+    Step,
     assess_stability,
     best_step,
     count_walks,
@@ -83,7 +84,6 @@ from identifiability.workflows.prune.elimination import (
     good_steps,
     thin_path,
 )
-from identifiability.workflows.prune.folds import Step
 from identifiability.workflows.prune.moves import propose_moves
 from identifiability.workflows.prune.result import Ladder, Measured, PrunedModel
 from identifiability.workflows.session import Session, Weighed, settle_prior
@@ -218,8 +218,8 @@ def prune(
             information=rows.information,
             start=start,
             selected=selected,
-            least=best_step(search.path.steps),
-            refused=search.path.refused,
+            least=best_step(search.steps),
+            refused=search.refused,
             stability=stability,
             moved=session.recordings.measure_rollouts(
                 session.structure.robot, measured.result.physical.parameters()
@@ -282,7 +282,7 @@ def _choose(
     What a model with impossible values says of the robot is its nearest real robot. A smaller
     model whose values a real robot has stands for it if these two predict alike.
     """
-    steps, tried = search.path.steps, []
+    steps, tried = search.steps, []
     noise = Noise(search.full.variance, search.full.times)
     held_out = HeldOut.of(question.rows.information, noise, search.whitened.folds)
     for k in range(good_steps(steps)[0], len(steps))[: 1 + CERTIFIED]:
@@ -338,8 +338,7 @@ class Question:
         submodel, size = self.start, len(step.partition)
         if step.move is not None:
             name = f"{size} parameter{'' if size == 1 else 's'}"
-            text = f"from {submodel.name}: {len(submodel) - size} parameters fewer"
-            submodel = step.partition.submodel(submodel, name, text)
+            submodel = step.partition.submodel(submodel, name)
         structure = self.rows.opening.structure
         return FittedModel.of(structure, submodel, self.rows.information, self.estimator)
 
@@ -385,7 +384,7 @@ def measure_models(
     str
         What the logs say of the file's bodies.
     """
-    rows, steps = question.rows, search.path.steps
+    rows, steps = question.rows, search.steps
     opening = rows.opening
     fits = [(model.submodel, model.estimate) for model in map(question.fit, steps)]
     values = np.stack([submodel.expand(fit.value) for submodel, fit in fits], 1)
@@ -394,8 +393,12 @@ def measure_models(
     # Stretches (or logs) are predicted by models fitted to the others.
     start, turns = question.start, take_turns(rows.information, search.whitened.folds.test)
     rests = start.fixed[:, None] + start.M @ np.stack([s.values[1:] for s in steps], 2)
-    tasks = [every, Task(rests, turns, kept=False), two]
-    fitted, unseen, own = predict_all(opening.regression, tasks, engine=engine, progress=progress)
+    fitted, unseen, own = predict_all(
+        opening.regression,
+        [every, Task(rests, turns, kept=False), two],
+        engine=engine,
+        progress=progress,
+    )
     errors = {
         "error_ra": fitted.relative_error(),
         "error_joints": fitted.error_over_joints(),
@@ -423,9 +426,12 @@ def measure_models(
     memory = float(spread.times.mean())
     errors["error_se"] = standard_error(unseen.sums, memory, chosen)
     errors["error_joints_se"] = standard_error_over_joints(unseen.sums, memory, chosen)
-    torque = float(np.sqrt(np.mean(own.rms**2)))
     judge = partial(
-        decide_reported, torque=torque, thresholds=Thresholds(), full=question.full, missing=missing
+        decide_reported,
+        torque=float(np.sqrt(np.mean(own.rms**2))),
+        thresholds=Thresholds(),
+        full=question.full,
+        missing=missing,
     )
     models, labels = [], []
     for k, (step, known) in enumerate(zip(steps, fits, strict=True)):
