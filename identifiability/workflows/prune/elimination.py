@@ -234,7 +234,8 @@ def whiten_regression(
         If the logs are too short for folds.
     """
     kept, columns = list(full.kept), information.columns
-    start = Partition(columns, np.where(full.determined, np.arange(len(columns)), ZERO))
+    every = np.arange(len(columns))
+    start = Partition(columns, np.where(np.isin(every, kept), every, ZERO))
     if len(kept) < len(columns):
         information = information.select(kept)
         full = full.estimator.fit(information)

@@ -110,8 +110,8 @@ class Partition:
         return len(self.leaders)
 
     @cached_property
-    def _groups(self) -> dict[str, int]:
-        return dict(zip(self.columns, self.group.tolist(), strict=True))
+    def _positions(self) -> dict[str, int]:
+        return {c: k for k, c in enumerate(self.columns)}
 
     def members(self, leader: int) -> tuple[str, ...]:
         """Return the columns that equal a leader, itself first."""
@@ -119,7 +119,8 @@ class Partition:
 
     def alive(self, columns: Iterable[str]) -> list[int]:
         """Return the distinct leaders of those columns that are not zero."""
-        return sorted({self._groups[c] for c in columns} - {ZERO})
+        at = [int(self.group[self._positions[c]]) for c in columns]
+        return sorted(set(at) - {ZERO})
 
     def rows_to(self, after: Partition) -> Array:
         """Return the independent constraints ``L x = 0`` that lead to a smaller model, (r, k)."""
