@@ -218,7 +218,14 @@ class Ladder(Laddered, Measured):
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what to use, how good it is, whether to trust it, what to do next."""
-        return _answers(self)
+        nothing, found = self.nothing, self.result.count(Class.IDENTIFIABLE)
+        doubt = f"Nothing is identifiable, because {nothing}." if nothing else self.result.unjudged
+        return (
+            after_mass(_answer_use(self), self.mass_warning),
+            _answer_quality(self),
+            answer_trust(self.cautions(), doubt, found, len(self.chosen), self.missing.statement),
+            answer_next(_next_commands(self)),
+        )
 
     def cautions(self) -> tuple[Note, ...]:
         """Return what is to be kept in mind."""
@@ -236,7 +243,8 @@ class Ladder(Laddered, Measured):
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        return self._state(_state_answer(self))
+        use, quality = _answer_use(self), _answer_quality(self)
+        return self._state(f"{use.short} {use.text} {quality.short} {quality.text}")
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter of the model to use."""
@@ -278,37 +286,36 @@ class Ladder(Laddered, Measured):
         return LadderEntry(models=[model_entry(self.chosen.submodel, self.base, self.effects)])
 
 
-def _state_answer(ladder: Ladder) -> str:
-    chosen, full = ladder.chosen, ladder.full
+def _answer_use(ladder: Ladder) -> Answer:
+    """Return which model is worth using."""
+    question, size = "Which model is worth using?", len(ladder.full)
     if ladder.nothing:
-        return f"Nothing is identifiable, because {ladder.nothing}."
-    if len(chosen) == len(full):
-        text = (
-            f"Nothing was pruned: each of the {len(full)} parameters of the model is needed to "
-            "predict motion that the fit has not seen."
-        )
-    else:
-        wrong, found = ladder.result.infeasible, ladder.result.count(Class.IDENTIFIABLE)
-        sure = "All" if found == len(chosen) else f"{found} of them"
-        judged = ladder.result.unjudged.removesuffix(".")
-        judged = f"None of them is judged. {judged}" if judged else f"{sure} are identifiable"
-        used = [c for c in chosen.columns if c not in wrong]
-        beside = f" (not so {listing(wrong, 4)}: physics forbids the sign)" if wrong else ""
-        text = (
-            f"Of {len(full)} parameters {len(used)} are worth using: "
-            f"{listing(used, 14)}{beside}. "
-            f"{judged}. They predict unseen motion with an error of "
-            f"{percent(chosen.error_ra_unseen)}, the unpruned model with "
-            f"{percent(full.error_ra_unseen)}."
-        )
-    if np.isfinite(chosen.error_ra_validation):
-        text += (
-            f" On the logs held out for validation it is "
-            f"{percent(chosen.error_ra_validation)} against {percent(full.error_ra_validation)}."
-        )
+        short = f"None: 0 of {size} parameters are worth using."
+        return Answer(question, short, f"Because {ladder.nothing}.", "vermilion")
+    wrong, chosen = ladder.result.infeasible, ladder.chosen
+    used = [c for c in chosen.columns if c not in wrong]
+    found = ladder.result.count(Class.IDENTIFIABLE)
+    short = f"Of {size} parameters {len(used)} are worth using, {found} of them identifiable."
+    text = f"{listing(used, 14)}{f' (not {listing(wrong, 4)}: impossible sign)' if wrong else ''}."
+    if len(chosen) == size:
+        text = "Nothing was pruned: each is needed to predict motion that the fit has not seen."
     if ladder.missing.functions:
         text += f" That holds only if nothing is missing: {ladder.missing.statement}: diagnose."
-    return f"{text} {state_physics(ladder.result)}"
+    tone = "green" if ladder.feasible else "amber"
+    return Answer(question, short, f"{text} {state_physics(ladder.result)}", tone)
+
+
+def _answer_quality(ladder: Ladder) -> Answer:
+    """Return how well it predicts, beside the unpruned model."""
+    outside = np.isfinite(ladder.chosen.error_ra_validation)
+    kind = "the validation logs" if outside else "stretches that the fits had not seen"
+    error, before = (
+        model.error_ra_validation if outside else model.error_ra_unseen
+        for model in (ladder.chosen, ladder.full)
+    )
+    each = ladder.held_out.joint_error()[:, 0]
+    kind = f"{kind} ({error_text(before)} unpruned)"
+    return answer_quality(error, ladder.robot.joints, each, kind)
 
 
 def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
@@ -379,35 +386,3 @@ MOVES = with_hints(
     Column("worst σ%", "number", _worst_cell),
     Column("signs", "badge", _signs_cell),
 )
-
-
-def _answers(ladder: Ladder) -> tuple[Answer, ...]:
-    chosen, full = ladder.chosen, ladder.full
-    outside = np.isfinite(chosen.error_ra_validation)
-    error = chosen.error_ra_validation if outside else chosen.error_ra_unseen
-    before = full.error_ra_validation if outside else full.error_ra_unseen
-    found, size = ladder.result.count(Class.IDENTIFIABLE), len(chosen)
-    kind = "the validation logs" if outside else "stretches that the fits had not seen"
-    kind = f"{kind} ({error_text(before)} unpruned)"
-    question = "Which model is worth using?"
-    if ladder.nothing:
-        short = f"None: 0 of {len(full)} parameters are worth using."
-        use = Answer(question, short, f"Because {ladder.nothing}.", "vermilion")
-    else:
-        short = f"{size} of {len(full)} parameters, {found} of them identifiable."
-        text = state_physics(ladder.result)  # the formula of the certificate is in the note
-        use = Answer(question, short, text, "green" if ladder.feasible else "amber")
-    each = ladder.held_out.joint_error()[:, 0]
-    doubt = f"Nothing is identifiable, because {ladder.nothing}." if ladder.nothing else ""
-    return (
-        after_mass(use, ladder.mass_warning),
-        answer_quality(error, ladder.robot.joints, each, kind),
-        answer_trust(
-            ladder.cautions(),
-            doubt or ladder.result.unjudged,
-            found,
-            size,
-            ladder.missing.statement,
-        ),
-        answer_next(_next_commands(ladder)),
-    )
