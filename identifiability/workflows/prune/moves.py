@@ -447,36 +447,30 @@ def zero_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
         mirrors = find_mirrors(parts[bodies[0]]) if len(parts[bodies[0]]) > 1 else []
         if not mirrors:
             continue
-        N = _subspace(structure, [((k,), body_shapes(mirrors)) for k in bodies])
-        vanished = _vanishing(structure, N)
+        shape = body_shapes(mirrors)
+        reach, size = _confine(structure, [((k,), shape) for k in bodies])
+        gone = (size > 0) & (np.abs(reach).max(1, initial=0.0) <= TINY * size)
+        vanished = [n for n, g in zip(structure.base.names, gone, strict=True) if g]
         names = tuple(n for n in vanished if n in known and n not in seen)
         seen.update(names)
         if names:
-            which = listing([robot.bodies[k] for k in bodies], 4)
-            planes = "its plane" if len(mirrors) == 1 else f"{len(mirrors)} planes"
-            why = f"The joints of {which} are symmetric about {planes}"
+            why = f"The joints of {listing([robot.bodies[k] for k in bodies], 4)} are symmetric"
             moves.append(Move(Kind.ZERO, names, why=why))
     return moves
 
 
 def tie_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     """Return what becomes equal if bodies of equal chains are equal."""
-    base, sets = structure.base, find_equal_bodies(structure.robot)
-    if not sets:
-        return []
-    N = _subspace(structure, [(bodies, np.eye(len(GROUPED_KINDS))) for bodies in sets])
-    reach = base.G @ N
-    size = np.linalg.norm(np.abs(base.G) @ np.abs(N), axis=1) + 1e-300
-    unit = reach / size[:, None]
-    known, left, moves = set(columns), list(range(len(base))), []
+    sets = find_equal_bodies(structure.robot)
+    reach, size = _confine(structure, [(bodies, np.eye(len(GROUPED_KINDS))) for bodies in sets])
+    known, moves = set(columns), []
+    left = np.flatnonzero(np.abs(reach).max(1, initial=0.0) > TINY * size).tolist() if sets else []
     while left:
-        first = left.pop(0)
-        if np.linalg.norm(unit[first]) < TINY:
-            continue
+        first = left[0]
         equal = [k for k in left if np.abs(reach[k] - reach[first]).max() < TINY * size[first]]
         left = [k for k in left if k not in equal]
-        names = tuple(base.names[k] for k in (first, *equal))
-        if equal and set(names) <= known:
+        names = tuple(structure.base.names[k] for k in equal)
+        if len(names) > 1 and set(names) <= known:
             moves.append(Move(Kind.TIE, tie=(names,), why="Their chains have equal joints"))
     return moves
 
@@ -488,14 +482,22 @@ def _columns(structure: Structure, body: int) -> np.ndarray | None:
     return structure.inertial[stems.index(stem)] if stem in stems else None
 
 
-def _subspace(structure: Structure, confined: Sequence[tuple[Sequence[int], Array]]) -> Array:
-    """Return a basis of the standard parameters where some bodies have one shape, (p, free).
+def _confine(
+    structure: Structure, confined: Sequence[tuple[Sequence[int], Array]]
+) -> tuple[Array, Array]:
+    """Return base parameters where some bodies have one shape, and their sizes without.
 
     Parameters
     ----------
     structure : Structure
     confined : sequence of (bodies, shape)
         Bodies that are equal, and a basis (10, f) of the ten parameters that they may have.
+
+    Returns
+    -------
+    (b, free)
+        Of a basis of the standard parameters that are left.
+    (b,)
     """
     p = len(structure.parameters)
     blocks, free = [], np.ones(p, bool)
@@ -506,12 +508,5 @@ def _subspace(structure: Structure, confined: Sequence[tuple[Sequence[int], Arra
                 free[at] = False
                 block[at] = shape
         blocks.append(block)
-    return np.hstack([np.eye(p)[:, free], *blocks])
-
-
-def _vanishing(structure: Structure, N: Array) -> list[str]:
-    """Return the base parameters that are zero for all standard parameters ``N z``."""
-    reach = np.abs(structure.G @ N).max(1, initial=0.0)
-    size = np.abs(structure.G).max(1, initial=0.0)
-    gone = (size > 0) & (reach <= TINY * size)
-    return [n for n, g in zip(structure.base.names, gone, strict=True) if g]
+    reach = structure.G @ np.hstack([np.eye(p)[:, free], *blocks])
+    return reach, np.abs(structure.G).max(1, initial=0.0)

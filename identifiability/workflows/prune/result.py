@@ -71,9 +71,8 @@ class PrunedModel(JudgedModel):
     ----------
     step : Step
         The move that led here, and what the model predicts of folds.
-    error_ra_unseen, error_joints_unseen : float
-        ε_RA, and the error over each joint's own scale, on stretches (or logs) that the fits have
-        not seen.
+    error_ra_unseen : float
+        ε_RA on stretches (or logs) that the fits have not seen.
     density, density_se : float [nats]
         What the model was chosen by: predictive log density of these stretches, less that of the
         best model; and the standard error.
@@ -83,7 +82,6 @@ class PrunedModel(JudgedModel):
 
     step: Step
     error_ra_unseen: float
-    error_joints_unseen: float
     density: float
     density_se: float
     weight: float
@@ -120,8 +118,6 @@ class PrunedModel(JudgedModel):
         return super().row() | {
             "error_ra_unseen": self.error_ra_unseen,
             "error_ra_unseen_se": self.error_se,
-            "error_joints_unseen": self.error_joints_unseen,
-            "error_joints_unseen_se": self.error_joints_se,
             "density": self.density,
             "density_se": self.density_se,
             "weight": self.weight,

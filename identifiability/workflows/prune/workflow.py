@@ -26,11 +26,7 @@ from identifiability.estimation.evidence import (
 from identifiability.estimation.least_squares import Noise
 from identifiability.estimation.prediction import Task, predict_all
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.torque_errors import (
-    standard_error,
-    standard_error_over_joints,
-    take_turns,
-)
+from identifiability.estimation.torque_errors import standard_error, take_turns
 from identifiability.estimation.uncertainty import Uncertainty, resample
 from identifiability.foundation.engines.mapping import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
@@ -401,17 +397,13 @@ def measure_models(
     )
     errors = {
         "error_ra": fitted.relative_error(),
-        "error_joints": fitted.error_over_joints(),
         "error_ra_unseen": unseen.relative_error(),
-        "error_joints_unseen": unseen.error_over_joints(),
         "error_ra_validation": np.full(len(steps), np.nan),
-        "error_joints_validation": np.full(len(steps), np.nan),
     }
     outside, own_outside = unseen, own
     if opening.unseen is not None:
         outside, own_outside = predict_all(opening.unseen, [every, two], engine=engine)
         errors["error_ra_validation"] = outside.relative_error()
-        errors["error_joints_validation"] = outside.error_over_joints()
     model, missing = question.recall(*fits[chosen]), find_missing(opening)
     (result,) = assess_ladder(
         [model], [physical], own, own_outside, Thresholds(), rng, replicates, missing,
@@ -423,9 +415,7 @@ def measure_models(
     best = steps[best_step(steps)].score
     # Where nothing differs from logs held out under the model to use, no other is asked.
     others = None if spread.held_out is None or spread.held_out.agree else rows.held_out
-    memory = float(spread.times.mean())
-    errors["error_se"] = standard_error(unseen.sums, memory, chosen)
-    errors["error_joints_se"] = standard_error_over_joints(unseen.sums, memory, chosen)
+    errors["error_se"] = standard_error(unseen.sums, float(spread.times.mean()), chosen)
     judge = partial(
         decide_reported,
         torque=float(np.sqrt(np.mean(own.rms**2))),
@@ -459,7 +449,7 @@ def measure_models(
     mixture = _mix(labels, weights, chosen) if replicates else None
     result = replace(result, verdicts=judge(model.reported, labels[chosen][2], models=mixture))
     if not opening.validation:
-        error, joints = models[chosen].error_ra_unseen, models[chosen].error_joints_unseen
+        error, joints = models[chosen].error_ra_unseen, float(unseen.error_over_joints()[chosen])
         result = replace(result, error_ra_validation=error, error_joints_validation=joints)
     better = len(result.submodel) and models[chosen].error_ra_unseen < unseen.constant_error()
     nothing, hint = opening.misread or (result.contradicted if better else WORSE), ""
