@@ -214,8 +214,7 @@ class Ladder(Laddered, Measured):
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what to use, how good it is, whether to trust it, what to do next."""
-        nothing, found = self.nothing, self.result.count(Class.IDENTIFIABLE)
-        doubt = f"Nothing is identifiable, because {nothing}." if nothing else self.result.unjudged
+        found, doubt = self.result.count(Class.IDENTIFIABLE), self._doubt or self.result.unjudged
         return (
             after_mass(_answer_use(self), self.mass_warning),
             _answer_quality(self),
@@ -240,7 +239,13 @@ class Ladder(Laddered, Measured):
     def statement(self) -> str:
         """The answer in plain words."""
         use, quality = _answer_use(self), _answer_quality(self)
-        return self._state(f"{use.short} {use.text} {quality.short} {quality.text}")
+        told = f"{use.short} {use.text} {quality.short} {quality.text}"
+        return self._state(self._doubt or told)
+
+    @property
+    def _doubt(self) -> str:
+        """Why nothing is believed, in one sentence; empty where it is."""
+        return f"Nothing is identifiable, because {self.nothing}." if self.nothing else ""
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter of the model to use."""
