@@ -556,9 +556,10 @@ class Stability:
         if not self.replicates:
             return "No log was resampled, so nothing is known of the stability of the choice."
         low, high = np.round(np.quantile(self.sizes, [0.05, 0.95]))
+        sizes = f"90 % to {low:.0f} to {high:.0f}" if high > low else f"at least 90 % to {low:.0f}"
         return (
             f"Of {self.replicates} resampled logs {100 * self.same:.0f} % lead to exactly this "
-            f"model, and 90 % to {low:.0f} to {high:.0f} parameters."
+            f"model, and {sizes} parameters."
         )
 
 
