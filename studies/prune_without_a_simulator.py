@@ -123,8 +123,8 @@ def question_2(problems: int) -> dict[str, Any]:
             rng, hits, extra, missed = np.random.default_rng(1), [], [], []
             for _ in range(problems):
                 information, true = plant(rng, rho, precision)
-                search = find_path(information, np.zeros(information.size, bool))
-                p = search.path.steps[search.choose()].partition
+                search = find_path(information)
+                p = search.steps[search.choose()].partition
                 found = {p.columns[g] for g in p.leaders}
                 hits.append(found == true)
                 extra.append(len(found - true))
@@ -165,7 +165,7 @@ def question_3(sizes: list[int]) -> dict[str, Any]:
     for samples in sizes:
         information, _ = plant(np.random.default_rng(0), 0.0, 10.0, samples, n=1)
         start = time.process_time()
-        find_path(information, np.zeros(information.size, bool))
+        find_path(information)
         result[f"search, {samples} samples [CPU s]"] = time.process_time() - start
     return result
 

@@ -8,14 +8,7 @@ import numpy as np
 
 from identifiability.estimation.verdict import Verdict
 from identifiability.foundation.answers import Cell, Column, Table
-from identifiability.foundation.rounding import (
-    digits,
-    format_count,
-    format_measured,
-    format_number,
-    percent_text,
-    whole_percent,
-)
+from identifiability.foundation.rounding import format_count, percent_text, whole_percent
 from identifiability.report.blocks import Fold, Prose, Section, Sketch, picture, section
 from identifiability.report.models import draw_ladder, draw_survival, fold_verdicts, mass_table
 from identifiability.report.skeleton import sketch_robot
@@ -51,7 +44,6 @@ def sections(ladder: Ladder) -> list[Section]:
         *(() if ladder.nothing else (section_correlated(ladder.fit),)),
         section_stability(ladder),
         section_bodies(ladder),
-        replace(section_absorption(ladder), detail=True),
         replace(section_refused(ladder), detail=True),
         replace(section_method(ladder), detail=True),
     ]
@@ -118,36 +110,8 @@ def section_stability(ladder: Ladder) -> Section:
         return section("pruning.stability", statement=stability.statement)
     order = np.argsort(-stability.survives, kind="stable")
     names = [stability.columns[k] for k in order]
-    figure = draw_survival(names, stability.survives[order], ladder.partition.survivors()[order])
-    own = (Column("share", whole_percent), Column("parameters", "number"), Column("which"))
-    rows = [(share, len(m), ", ".join(m)) for m, share in stability.models]
-    blocks = (picture("survival", figure), Table.of("Models chosen most often", own, rows))
-    return section("pruning.stability", *blocks, statement=stability.statement)
-
-
-def section_absorption(ladder: Ladder) -> Section:
-    """Return what survivors took over from what was removed."""
-    a = ladder.absorption
-    if not a.removed:
-        return replace(section("pruning.absorption"), lead="Nothing was removed.")
-    rows = []
-    for k in np.argsort(-a.torque):
-        value, sigma = format_measured(float(a.value[k]), float(a.sigma[k]))
-        into = ", ".join(f"{s} ({format_number(b, 2)})" for s, b in a.main(int(k)))
-        estimate = Cell(f"{value} ± {sigma}", float(a.value[k]))
-        rows.append((a.removed[k], estimate, a.torque[k], share_cell(float(a.share[k])), into))
-    summary = f"All {format_count(len(a.removed), 'removed parameter')}"
-    return section("pruning.absorption", Fold(summary, (Table.of("", ABSORBED, rows),)))
-
-
-ABSORBED = with_hints(
-    "absorbed",
-    Column("removed"),
-    Column("estimate ± σ", "number"),
-    Column("torque", digits(2)),
-    Column("absorbed", "bar"),
-    Column("by"),
-)
+    figure = draw_survival(names, stability.survives[order], ladder.partition.group[order] >= 0)
+    return section("pruning.stability", picture("survival", figure), statement=stability.statement)
 
 
 def section_refused(ladder: Ladder) -> Section:

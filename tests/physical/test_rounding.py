@@ -11,7 +11,7 @@ from identifiability.physical.cad_prior import WEAK
 from identifiability.physical.feasibility import certify_model, find_nearest
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
-from identifiability.workflows.prune.models import Stability
+from identifiability.workflows.prune.elimination import Stability
 
 
 @pytest.fixture(scope="module")
@@ -55,5 +55,5 @@ def test_signs_at_rounding_are_not_forbidden(arm, exact):
 
 
 def test_sizes_of_resampled_models_are_told_as_one_number_where_they_round_to_one():
-    said = Stability(("a",), np.ones(1), np.array([10] + 19 * [11]), 0.95, ()).statement
+    said = Stability(("a",), np.ones(1), np.array([10] + 19 * [11]), 0.95).statement
     assert "11 to 11" not in said

@@ -34,7 +34,7 @@ def plant(rng, rho: float = 0.0, precision: float = 10.0, samples: int = 1000):
 
 
 def chosen_set(search) -> set[str]:
-    partition = search.path.steps[search.choose()].partition
+    partition = search.steps[search.choose()].partition
     return {partition.columns[g] for g in partition.leaders}
 
 

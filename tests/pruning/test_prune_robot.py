@@ -72,19 +72,10 @@ def test_every_model_below_the_first_has_a_move_a_reason_and_fewer_parameters(pr
 def test_the_pruning_is_stable_and_says_so(pruned):
     assert pruned.stability.replicates == 25
     assert pruned.stability.same > 0.6
-    frame = pruned.stability_frame().set_index("name")
-    assert frame.loc["slider1.Fv", "survives"] == 1.0
-    assert frame.loc["leg1_lower.mx", "survives"] < 0.05
+    survives = dict(zip(pruned.stability.columns, pruned.stability.survives, strict=True))
+    assert survives["slider1.Fv"] == 1.0
+    assert survives["leg1_lower.mx"] < 0.05
     assert "% lead to exactly this model" in pruned.stability.statement
-
-
-def test_bias_is_not_hidden(pruned):
-    frame = pruned.absorption.to_frame().set_index("removed")
-    assert len(frame) == 25  # 22 zeroed columns and three offsets
-    # A constant offset looks like gravity: it goes there.
-    row = frame.loc["slider1.off"]
-    assert row["absorbed_share"] > 0.98
-    assert "platform.mx" in row["absorbed_by"]
 
 
 def test_the_chosen_model_is_a_ladder_that_analyze_reads(pruned, simulated, tmp_path):
@@ -104,7 +95,7 @@ def test_json_and_report_hold_the_ladder(pruned, tmp_path):
     assert len(content["models"]) == len(pruned.models)
     assert len(content["full_parameters"]) == 37
     page = pruned.write_report(tmp_path / "p.html").read_text()
-    for words in ("12 are worth using", "What survives", "What the survivors took over", "Masses"):
+    for words in ("12 are worth using,", "What survives", "Masses"):
         assert words in page
     assert "<table" in pruned._repr_html_()
     assert pruned.to_frame()["name"].tolist() == list(pruned.chosen.columns)
@@ -166,7 +157,6 @@ def test_when_everything_is_identifiable_nothing_is_pruned(simulated, tmp_path):
     again = prune(robot, log, ladder=path, replicates=20)
     assert len(again.chosen) == len(again.full) == len(first.chosen)
     assert "Nothing was pruned" in again.statement
-    assert again.absorption.removed == ()
 
 
 def test_a_robot_that_never_moves_is_not_pruned(rps):

@@ -80,8 +80,6 @@ class JudgedModel:
         ε_RA on the validation logs.
     error_se : float
         Standard error of the difference of its held-out ε_RA to another model's.
-    error_joints, error_joints_validation, error_joints_se : float
-        The same three of the error over each joint's own scale, by which models are chosen.
     infeasible : tuple of str
         Parameters with a sign that physics forbids, the paper's test.
     """
@@ -92,9 +90,6 @@ class JudgedModel:
     error_ra: float
     error_ra_validation: float
     error_se: float
-    error_joints: float
-    error_joints_validation: float
-    error_joints_se: float
     infeasible: tuple[str, ...]
 
     @property
@@ -159,8 +154,6 @@ class JudgedModel:
             "not_judged": self.count(Class.NOT_JUDGED),
             "error_ra": self.error_ra,
             "error_ra_validation": self.error_ra_validation,
-            "error_joints": self.error_joints,
-            "error_joints_validation": self.error_joints_validation,
             "infeasible": list(self.infeasible),
             "condition": self.estimate.condition,
         }
@@ -172,6 +165,8 @@ class ModelResult(JudgedModel):
 
     Attributes
     ----------
+    error_joints, error_joints_validation, error_joints_se : float
+        Its three errors over each joint's own scale, by which models are chosen.
     uncertainty : Uncertainty
     worse_at : tuple of str
         Joints at which it surely errs more on unseen motion than the best model does.
@@ -189,6 +184,9 @@ class ModelResult(JudgedModel):
         does not surely predict worse, or is to be expected to err no more over the robot's range.
     """
 
+    error_joints: float
+    error_joints_validation: float
+    error_joints_se: float
     uncertainty: Uncertainty
     worse_at: tuple[str, ...]
     error_ra_physical: float
@@ -243,6 +241,8 @@ class ModelResult(JudgedModel):
     def row(self) -> dict[str, Any]:
         """Return the model as one row of the ladder."""
         return super().row() | {
+            "error_joints": self.error_joints,
+            "error_joints_validation": self.error_joints_validation,
             "description": self.submodel.description,
             "error_ra_validation_se": self.error_se,
             "error_joints_validation_se": self.error_joints_se,

@@ -7,12 +7,11 @@ What to use when:
 - `moves.propose_moves` says what the robot's joints suggest about the shape of its bodies.
 
 The method, in the order of the files: what a move is and which ones symmetries suggest (`moves`),
-what models predict of folds, from Gram matrices (`folds`), the path and which model of it to use
-(`elimination`), what is said of each (`models`), the answer (`result`).
+what models predict of folds, the path, which model of it to use, and how stable that is
+(`elimination`), the answer (`result`), from robot to answer (`workflow`).
 """
 
-from identifiability.workflows.prune.models import PrunedModel
-from identifiability.workflows.prune.result import Ladder
+from identifiability.workflows.prune.result import Ladder, PrunedModel
 from identifiability.workflows.prune.workflow import prune
 
 __all__ = ["Ladder", "PrunedModel", "prune"]

@@ -1,185 +1,359 @@
 """The path down: from every column to few, one physically meaningful move at a time.
 
-The cheapest move goes first; of the path the smallest model as good as the best is used.
+1. What this motion never excites, or excites only together with something else, goes first.
+2. Moves that knowledge of the robot suggests, in the order merge, zero, tie: each is made unless
+   the judge refuses it: the model after it predicts unseen stretches worse than the one before.
+3. Then the group whose loss raises the sum of squares least, until nothing is left. A joint's two
+   Coulomb levels are merged or dropped together, never torn apart.
+
+Of the path the smallest model as good as the best is used.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import field, replace
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
-from scipy.special import fdtrc
 
 from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.evidence import Score, may_stand
-from identifiability.estimation.least_squares import dependence
-from identifiability.estimation.refits import UpdatedRefits
-from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.estimation.rules import Thresholds
-from identifiability.foundation.errors import listing
-from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import Array
-from identifiability.foundation.values import frozen
-from identifiability.regression.information import Information
-from identifiability.workflows.prune.folds import (
-    SATISFIED,
-    FoldFits,
-    WhitenedRegression,
-    whiten_regression,
+from identifiability.estimation.evidence import (
+    LEVELS,
+    Folds,
+    Gain,
+    Score,
+    may_stand,
+    nested_density,
 )
+from identifiability.estimation.instrumental import InstrumentalVariables, combine
+from identifiability.estimation.least_squares import noise_scale
+from identifiability.estimation.refits import Asked, Equations, Refits
+from identifiability.foundation.engines.local import Serial
+from identifiability.foundation.engines.mapping import Engine, Steps
+from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
+from identifiability.regression.information import ActuatorBlocks, Information
 from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
 
-# Which move is the cheapest, and the order in which all that is left goes.
+# What nested models of one regression predict of folds, from `Information` alone.
 #
-# Only the fit to everything says what is cheapest. So the order is found with that fit alone, and
-# those without each fold follow for all models at once (`UpdatedRefits.along`): they are nested.
+# Every model is the full one under linear constraints (a column zero, two columns equal); its fits
+# to everything and to each fold's rest are the estimator's own (`estimation.refits`). The
+# coordinates are those in which the full information is the unit matrix: nothing is lost by
+# squaring. Models of a path are nested, so one triangular factor a fold scores them all
+# (`evidence.nested_density`).
+
+
+#: Instruments see nothing of a direction below this share of what they see best.
+UNSEEN: Tolerance = 1e-10
 
 
 @frozen
-class Descent:
-    """A move down, with what the fit to everything says of it.
+class Step:
+    """A model on the path.
 
     Attributes
     ----------
-    move : Move
-    cost : float
-        Rise of the estimator's loss.
-    either : str
-        The parameter that a dropped one can hardly be told from.
-    after : Partition
-    fixed : (r, k)
-        All constraints ``fixed y = 0`` after it.
+    partition : Partition
+    score : Score
+        What it predicts of each fold, fitted to the rest.
+    values : (F + 1, c)
+        All columns, fitted to everything, then to the rest of each fold.
+    move : Move or None
+        What led here; None for the start.
     """
 
-    move: Move
-    cost: float
-    either: str
-    after: Partition
-    fixed: Array
+    partition: Partition
+    score: Score
+    values: Array
+    move: Move | None = None
+
+    @property
+    def density(self) -> float:
+        """Predictive log density of all folds [nats]."""
+        return float(self.score.density.sum())
 
 
-def descend(
-    fit: FoldFits, pairs: Sequence[Move], kept: Collection[str], *, explained: bool = True
-) -> Iterator[Descent]:
-    """Yield the cheapest moves until nothing is left that may go.
+@frozen(kw_only=True)
+class WhitenedRegression:
+    """Blocks of a regression in coordinates ``y = R x`` in which the full information is I.
+
+    Attributes
+    ----------
+    start : Partition
+        Of the c columns of the model, of which the motion excites k.
+    inverse : (c, k)
+        ``x = inverse @ y``; zero where the motion excites nothing.
+    centre : (k,)
+        y of the full fit.
+    noise : (n,) [torque²]
+        σ² κ of each joint, beside the full model.
+    unit : float
+        Variance of noise of weight 1: the errors of y of the full fit.
+    parts : tuple of ActuatorBlocks
+        Blocks of each joint, without instruments.
+    bases : tuple of (r, k + 1)
+        ``[W R⁻¹, e] = Z basis`` of each joint, e being what the full fit leaves.
+    seen : (B, k, 2k + 1)
+        ``Zᵀ [Z, W R⁻¹, e]`` of each block, whitened, of the instruments Z that the estimator
+        combines; without instruments (0, k, 2k + 1).
+    variation : (n,) [torque²]
+        Of the torque of each joint about its mean: the scale of its errors.
+    folds : Folds
+    samples : int
+        Of the logs.
+    refitter : Equations or Asked
+        What refits: equations of the estimator, or the estimator itself.
+    """
+
+    start: Partition
+    inverse: Array
+    centre: Array
+    noise: Array
+    unit: float
+    parts: tuple[ActuatorBlocks, ...]
+    bases: tuple[Array, ...]
+    seen: Array
+    variation: Array
+    folds: Folds
+    samples: int
+    refitter: Equations | Asked
+
+    def _see(self, tests: Sequence[Array], weights: Array) -> Array:
+        """Return what densities are of, ``[Y, e]ᵀ [Y, e]`` of each fold, (F, k + 1, k + 1).
+
+        Noise in the motion is in columns and errors alike: a model that fits it would predict the
+        log's torque better and the robot's worse. Where there are instruments, all is projected on
+        what they see: they have no part in it.
+        """
+        if not len(self.seen):
+            each = zip(tests, self.bases, self.noise, strict=True)
+            return np.asarray(sum(basis.T @ test @ basis / noise for test, basis, noise in each))
+        k, out = len(self.centre), []
+        for f in range(self.folds.count):
+            own = np.tensordot((self.folds.test == f) * weights, self.seen, 1)
+            values, vectors = np.linalg.eigh(own[:, :k])
+            good = values > UNSEEN * values.max(initial=0.0)
+            half = (vectors[:, good] / np.sqrt(values[good])).T @ own[:, k:]
+            out.append(half.T @ half)
+        return np.stack(out)
+
+    def fit(self, counts: Array | None = None) -> FoldFits:
+        """Return the fits of all columns to everything and to each fold's rest.
+
+        Parameters
+        ----------
+        counts : (B,), optional
+            How often each block counts, for a bootstrap replicate.
+        """
+        folds = self.folds
+        weights = np.ones(len(folds.test)) if counts is None else counts
+        tests = tuple(part.merge_weighted(folds.test, weights) for part in self.parts)
+        refits = self.refitter.start(folds.train, counts)
+        return FoldFits(self, tests, self._see(tests, weights), refits)
+
+
+@frozen
+class FoldFits:
+    """Fits of all columns to everything (first) and to the rest of each of F folds.
+
+    Attributes
+    ----------
+    whitened : WhitenedRegression
+    tests : tuple of (F, r, r)
+        ``Zᵀ Z`` of what each fold predicts, of each joint.
+    gram : (F, k + 1, k + 1)
+        What densities are of: all of it, or what instruments see of it.
+    refits : Refits
+    """
+
+    whitened: WhitenedRegression
+    tests: tuple[Array, ...]
+    gram: Array
+    refits: Refits
+
+    def along(self, path: Sequence[tuple[Move | None, Partition]]) -> list[Step]:
+        """Return nested models with their fits, and what these predict of the folds.
+
+        Parameters
+        ----------
+        path : sequence of (Move, Partition)
+            What led to each model, of all that the motion excites first.
+        """
+        own = self.whitened
+        partitions, kept = [partition for _, partition in path], own.start.leaders
+        rows = [before.rows_to(after) for before, after in pairwise(partitions)]
+        fixed = np.concatenate([np.empty((0, len(own.inverse))), *rows]) @ own.inverse
+        fixed /= np.linalg.norm(fixed, axis=1, keepdims=True)
+        turn = np.linalg.qr(fixed.T, mode="complete")[0][:, ::-1]
+        free = np.array([len(partition) for partition in partitions])
+        models = [partition.matrix[kept] for partition in partitions]
+        delta = self.refits.along(turn, free, models)
+        values = (own.centre + delta) @ own.inverse.T
+        steps = zip(path, self._score(delta[:, 1:], turn, free), values, strict=True)
+        return [Step(p, score, value, move) for (move, p), score, value in steps]
+
+    def _score(self, delta: Array, turn: Array, free: np.ndarray) -> list[Score]:
+        """Return what models predict whose fits to the rests are off the full one, (M, F, k)."""
+        own = self.whitened
+        change = np.concatenate([-delta, np.ones((*delta.shape[:2], 1))], 2)
+        squares = np.empty((*delta.shape[:2], len(self.tests)))
+        for a, (test, basis) in enumerate(zip(self.tests, own.bases, strict=True)):
+            left = (change @ basis.T).swapaxes(0, 1)
+            squares[:, :, a] = ((left @ test) * left).sum(2).T
+        precision = self.refits.grams[1:] / own.unit
+        density = nested_density(self.gram, precision, delta, turn, free)
+        return [
+            Score(d, s, own.variation, own.folds.ratio)
+            for d, s in zip(density, squares, strict=True)
+        ]
+
+
+def whiten_regression(
+    information: Information, full: Estimate, variation: Array | None = None
+) -> WhitenedRegression:
+    """Return the folds of a regression.
 
     Parameters
     ----------
-    fit : FoldFits
-        Whose refits are updates.
-    pairs : sequence of Move
-        Merges of Coulomb levels; such columns are dropped in pairs only.
-    kept : collection of str
-        Columns that must not be dropped.
-    explained : bool
-        Whether costs and what can hardly be told apart are wanted.
+    information : Information
+        About c columns.
+    full : Estimate
+        Of these; its estimator refits those that it kept, with its weights of the actuators.
+    variation : (n,), optional [(N·m)² or N²]
+        Of the torque of each joint about its mean (`torque_errors.joint_weights`); by default the
+        torque's sum of squares.
+
+    Raises
+    ------
+    LogError
+        If the logs are too short for folds.
     """
-    fit, X = fit.alone, fit.whitened.inverse
-    square, spread = (X**2).sum(1), measure_spread(fit)
-    while True:
-        free = spread > SATISFIED * square
-        drops = np.where(free, fit.values[0] ** 2 / np.where(free, spread, 1.0), 0.0)
-        move = find_cheapest(fit, pairs, kept, drops)
-        if move is None:
-            return
-        after = fit.after(move)
-        before, then = (f.refits for f in (fit, after))
-        assert isinstance(before, UpdatedRefits)
-        assert isinstance(then, UpdatedRefits)
-        said = (fit.cost(move), find_either(fit, move, spread)) if explained else (np.nan, "")
-        yield Descent(move, *said, after.partition, then.fixed)
-        if then.solved == before.solved:
-            new = then.fixed[len(before.fixed) :]
-            gone = before.C @ new.T
-            of_x = X @ gone
-            spread = spread - ((of_x @ np.linalg.inv(new @ gone)) * of_x).sum(1)
-        else:
-            spread = measure_spread(after)
-        fit = after
+    kept, columns = list(full.kept), information.columns
+    every = np.arange(len(columns))
+    start = Partition(columns, np.where(np.isin(every, kept), every, ZERO))
+    if len(kept) < len(columns):
+        information = information.select(kept)
+        full = full.estimator.fit(information)
+    k, squares = information.size, information.torque
+    R = full.estimator.loss(information, full)
+    length = float(np.linalg.norm(R[:, k]))
+    R[k, k] = max(abs(R[k, k]), 1e-9 * length, 1e-300)
+    inverse = np.linalg.inv(R)
+    centre, turned = R[:k, k].copy(), inverse[:k, :k]
+    equations = Equations.of(information, full, R, inverse)
+    change = np.column_stack([np.vstack([turned, np.zeros(k)]), inverse[:, k] * R[k, k]])
+    plain, floor = information, 1e-18 * squares.max(initial=0.0) + 1e-300
+    noise, seen = np.maximum(full.variance * full.times, floor), np.empty((0, k, 2 * k + 1))
+    if information.instrumented:  # instruments say nothing of errors and are half of what is held
+        if isinstance(full.estimator, InstrumentalVariables):
+            left = combine(information, full.weights).left
+            left = np.vstack([left, np.zeros((1, k))])
+            right = np.vstack([np.zeros((k, k + 1)), change])
+            both = np.hstack([left, right])
+            seen = information.joint.products(1.0 / noise, left, both)
+        wanted = np.eye(2 * k + 1)[:, k:]
+        own = tuple(part.reduce(wanted) for part in information.parts)
+        plain = replace(information, parts=own, instrumented=False, echo=None)
+    parts, bases = zip(*plain.of_actuators(change), strict=True)
+    unit = noise_scale(information, full.weights, full.times, full.rss)
+    return WhitenedRegression(
+        start=start,
+        inverse=np.eye(len(columns))[:, kept] @ turned,
+        centre=centre,
+        noise=noise,
+        unit=max(unit, floor),
+        parts=parts,
+        bases=bases,
+        seen=seen,
+        variation=squares if variation is None else variation,
+        folds=Folds.of(information, float(np.max(full.times))),
+        samples=information.samples,
+        refitter=equations or Asked(full.estimator, information, turned, centre),
+    )
 
 
-def measure_spread(fit: FoldFits) -> Array:
-    """Return the inverse information of each column's value, (k,)."""
-    X = fit.whitened.inverse
-    spread: Array = ((X @ fit.refits.C) * X).sum(1)
-    return spread
+# Which move is the cheapest.
 
 
-def find_cheapest(
-    fit: FoldFits, pairs: Sequence[Move], kept: Collection[str], drops: Array | None = None
-) -> Move | None:
-    """Return the move whose loss raises the sum of squares least per parameter.
+#: A constraint of which so small a share is left beside those before it holds already.
+SATISFIED: Tolerance = 1e-5
 
-    Parameters
+# Only the fit to everything says what is cheapest. So the order is found with that fit alone, and
+# those without each fold follow for all models at once (`FoldFits.along`): they are nested.
+
+
+@frozen
+class Remaining:
+    """What is left to be taken away from the fit to everything.
+
+    Attributes
     ----------
-    fit, pairs, kept
-        As in `descend`.
-    drops : (k,), optional
-        What dropping each group by itself costs, at its leader; the fit is asked without.
+    partition : Partition
+    values : (c,)
+        Of all columns under the constraints so far.
+    X : (c, k)
+        ``x = X z`` in coordinates z of unit information, in which only what is free moves.
+    size : (c,)
+        Length of each row of X without constraints.
     """
-    p = fit.partition
-    paired: set[int] = set()
-    moves = []
-    for pair in pairs:
-        leaders = p.alive(pair.columns)
-        if len(leaders) == 2:
-            paired.update(leaders)
-            moves.append(pair)
-            moves.append(Move(Kind.DROP, tuple(p.columns[g] for g in leaders)))
-    bound = set(p.alive(kept))
-    moves = [m for m in moves if not set(m.zero).intersection(kept)]
-    singles = [g for g in p.leaders if g not in paired and g not in bound]
-    if drops is None:
-        own = fit.costs([Move(Kind.DROP, p.members(g)) for g in singles])
-    else:
-        own = drops[singles]
-    costs = np.concatenate([own, fit.costs(moves)])
-    if not len(costs):
-        return None
-    best = int(np.argmin(costs))
-    if best < len(singles):
-        return Move(Kind.DROP, p.members(singles[best]))
-    return moves[best - len(singles)]
 
+    partition: Partition
+    values: Array
+    X: Array
+    size: Array
 
-def find_either(fit: FoldFits, move: Move, spread: Array | None = None) -> str:
-    """Return the parameter that a dropped one can hardly be told from.
+    @staticmethod
+    def of(fit: FoldFits) -> Remaining:
+        """Return what all columns are."""
+        own, refits = fit.whitened, fit.refits
+        values, vectors = np.linalg.eigh(refits.grams[0])
+        seen = np.maximum(values, SATISFIED**2 * values.max(initial=0.0))
+        X = own.inverse @ (vectors / np.sqrt(seen))
+        x = own.inverse @ (own.centre + refits.whole)
+        return Remaining(own.start, x, X, np.linalg.norm(X, axis=1))
 
-    Parameters
-    ----------
-    fit : FoldFits
-    move : Move
-    spread : (k,), optional
-        As `measure_spread` has it.
-    """
-    if move.kind is not Kind.DROP:
-        return ""
-    partition = fit.partition
-    gone = partition.alive(move.zero)
-    others = [g for g in partition.leaders if g not in gone]
-    if len(gone) != 1 or not others:
-        return ""
-    X = fit.whitened.inverse
-    square = measure_spread(fit) if spread is None else spread
-    size = np.sqrt(np.maximum(square, 1e-300))
-    rho = np.abs(X[others] @ (fit.refits.C @ X[gone[0]])) / (size[gone[0]] * size[others])
-    best = int(np.argmax(rho))
-    # Estimates correlated beyond this are one quantity to these logs: "either".
-    return partition.columns[others[best]] if rho[best] > 0.95 else ""
+    def after(self, move: Move) -> tuple[Remaining, float]:
+        """Return what is left after a move, and by how much the estimator's loss rises."""
+        partition = self.partition.apply(move)
+        rows = self.partition.rows_to(partition)
+        rows = rows / (np.abs(rows) @ self.size)[:, None]
+        U, s, Vt = np.linalg.svd(rows @ self.X, full_matrices=False)
+        free = s > SATISFIED
+        off = (U.T @ (rows @ self.values))[free] / s[free]
+        along = self.X @ Vt[free].T
+        values, X = self.values - along @ off, self.X - along @ Vt[free]
+        return replace(self, partition=partition, values=values, X=X), float(off @ off)
 
+    def cost(self, move: Move) -> float:
+        """Return the rise of the estimator's loss per parameter that a move takes away."""
+        after, rise = self.after(move)
+        return rise / max(len(self.partition) - len(after.partition), 1)
 
-# The path down: from every column to few, one physically meaningful move at a time.
-#
-# 1. What this motion never excites, or excites only together with something else, goes first.
-# 2. Moves that knowledge of the robot suggests, in the order merge, zero, tie: each is made unless
-#    the data contradict it (the predictive log density falls by more than its standard error, and
-#    the difference that it denies is significant) or it surely makes the model less feasible.
-# 3. Then the group whose loss raises the sum of squares least, until nothing is left. A joint's two
-#    Coulomb levels are merged or dropped together, never torn apart.
-#
-# The path ends where nothing is left; which model of it to use is `selection`'s to say.
+    def cheapest(self, plan: Plan) -> Move | None:
+        """Return the move whose loss raises the sum of squares least per parameter."""
+        p = self.partition
+        paired: set[int] = set()
+        moves = []
+        for pair in plan.pairs:
+            leaders = p.alive(pair.columns)
+            if len(leaders) == 2:
+                paired.update(leaders)
+                moves += [pair, Move(Kind.DROP, tuple(p.columns[g] for g in leaders))]
+        moves = [m for m in moves if not plan.kept.intersection(m.zero)]
+        bound = paired.union(p.alive(plan.kept))
+        singles = [g for g in p.leaders if g not in bound]
+        spread = np.maximum(np.linalg.norm(self.X[singles], axis=1), SATISFIED * self.size[singles])
+        costs = [*(self.values[singles] / spread) ** 2, *map(self.cost, moves)]
+        if not costs:
+            return None
+        best = int(np.argmin(costs))
+        dropped = [Move(Kind.DROP, p.members(g)) for g in singles[best : best + 1]]
+        return (dropped or moves[best - len(singles) :])[0]
 
 
 @frozen
@@ -205,256 +379,47 @@ class Plan:
 
 
 @frozen
-class MoveTest:
-    """What the data say of a move.
-
-    Attributes
-    ----------
-    cost : float
-        Rise of the weighted sum of squares, relative to that of the full model.
-    p_value : float
-        Of what the move denies being zero, by the scatter between folds.
-    sigma_percent : float
-        Standard deviation of what the move denies, by the same scatter, relative to its value [%].
-    gain, gain_se : float
-        Of the predictive log density of stretches that the fits have not seen [nats].
-    either : str
-        The parameter that these logs can hardly tell it from.
-    """
-
-    cost: float
-    p_value: float
-    sigma_percent: float
-    gain: float
-    gain_se: float
-    either: str = ""
-
-    def say_gain(self, mood: str = "") -> str:
-        """Return what becomes of the predictive density, in words."""
-        change = "rise" if self.gain > 0 else "fall"
-        change = change if mood else f"{change}s"
-        size = f"{abs(self.gain):.3g} ± {self.gain_se:.2g} nats"
-        return f"the predictive log density of unseen stretches {mood}{change} by {size}"
-
-
-@frozen
-class Step:
-    """A model on the path.
-
-    Attributes
-    ----------
-    partition : Partition
-    score : Score
-        What it predicts of each fold, fitted to the rest.
-    violations : int
-        Free parameters with a sign that physics forbids.
-    values : (F + 1, k)
-        Parameters fitted to everything, then to the rest of each fold.
-    move : Move or None
-        What led here; None for the start.
-    evidence : MoveTest or None
-    """
-
-    partition: Partition
-    score: Score
-    violations: int
-    values: Array
-    move: Move | None = None
-    evidence: MoveTest | None = None
-
-    @property
-    def density(self) -> float:
-        """Predictive log density of all folds [nats]."""
-        return float(self.score.density.sum())
-
-    @staticmethod
-    def of(fit: FoldFits, move: Move | None = None, evidence: MoveTest | None = None) -> Step:
-        """Return the step to the model of some fits."""
-        return Step(fit.partition, fit.score, fit.violations(), fit.values, move, evidence)
-
-
-def explain(step: Step) -> str:
-    """Return why a move was made."""
-    move, evidence = step.move, step.evidence
-    if move is None or evidence is None:
-        return f"{move.why}." if move is not None else "Every base parameter of the model."
-    change = evidence.say_gain()
-    if move.kind is Kind.FORCED:
-        return f"{move.why}; {change}."
-    if move.kind is Kind.DROP:
-        text = (
-            "Not significant"
-            if evidence.p_value > Thresholds.sign_level
-            else "The least costly of what is left"
-        ) + f" (p = {evidence.p_value:.2g}); {change}."
-        if evidence.either:
-            text += (
-                f" These logs hardly tell it from {evidence.either}: either of the two can stand "
-                "for both."
-            )
-        return text
-    if evidence.p_value > Thresholds.sign_level:
-        verdict = "the data do not contradict it"
-    elif evidence.gain >= -evidence.gain_se:
-        verdict = "the difference is significant but does not help on unseen motion"
-    else:
-        verdict = "the data speak against it, but not clearly enough to refuse it"
-    return f"{move.why}; {verdict} (p = {evidence.p_value:.2g}); {change}."
-
-
-@frozen
 class Refusal:
-    """A suggested move that was not made."""
+    """A suggested move that was not made, and what it would do to the predictive log density."""
 
     move: Move
-    evidence: MoveTest
-    reason: str
+    gain: Gain
 
-
-@frozen
-class Path:
-    """The steps, most parameters first, and what was refused on the way."""
-
-    steps: tuple[Step, ...]
-    refused: tuple[Refusal, ...] = ()
-
-
-def walk(fit: FoldFits, plan: Plan, *, explained: bool = True) -> Path:
-    """Return the path from a fit down.
-
-    Parameters
-    ----------
-    fit : FoldFits
-        Of all columns.
-    plan : Plan
-    explained : bool
-        Whether each step says what the data say of it, and what was refused; who walks again on
-        resampled logs asks for the models alone, which takes half as long.
-    """
-    walker = _Walker(fit, plan, explained=explained)
-    for move in plan.forced:
-        walker.make(move)
-    for kind in (Kind.OFFSET, Kind.MERGE, Kind.ZERO, Kind.TIE):
-        walker.suggest([m for m in plan.suggested if m.kind is kind])
-    walker.descend()
-    return Path(walker.path(), tuple(walker.refused))
-
-
-class _Walker:
-    """The state of a walk; it lives as long as `walk`."""
-
-    def __init__(self, fit: FoldFits, plan: Plan, *, explained: bool) -> None:
-        self.start = self.fit = fit
-        self.plan = plan
-        #: Fits of an estimator that has its own refits are scored one by one in any case.
-        self.explained = explained or not isinstance(fit.refits, UpdatedRefits)
-        self.base = max(fit.whitened.scale**2, 1e-300)
-        self.steps = [Step.of(fit)] if self.explained else []
-        #: Moves, and the models and constraints after them, of steps that say nothing.
-        self.made: list[tuple[Move | None, Partition, Array]] = []
-        if isinstance(fit.refits, UpdatedRefits):
-            self.made.append((None, fit.partition, fit.refits.fixed))
-        self.refused: list[Refusal] = []
-
-    def path(self) -> tuple[Step, ...]:
-        """Return the steps; those that say nothing are scored here, all at once."""
-        if self.explained:
-            return tuple(self.steps)
-        moves, partitions, fixed = zip(*self.made, strict=True)
-        fits = self.start.along(fixed[-1], list(zip(partitions, map(len, fixed), strict=True)))
-        return tuple(Step.of(fit, move) for fit, move in zip(fits, moves, strict=True))
-
-    def make(self, move: Move) -> None:
-        """Make a move, if there is anything left for it to do."""
-        if len(self.fit.rows(move)):
-            self._step(self.fit.after(move), move)
-
-    def _step(self, after: FoldFits, move: Move) -> None:
-        if self.explained:
-            self.steps.append(Step.of(after, move, self._evidence(move, after)))
-        elif isinstance(after.refits, UpdatedRefits):
-            self.made.append((move, after.partition, after.refits.fixed))
-        self.fit = after
-
-    def suggest(self, moves: Sequence[Move]) -> None:
-        """Make those moves that the data do not contradict, cheapest first."""
-        left = list(moves)
-        while left := [m for m in left if len(self.fit.rows(m))]:
-            self._try(left.pop(int(np.argmin(self.fit.costs(left)))))
-
-    def _try(self, move: Move) -> None:
-        after, contradicted, forbidden = self.fit.after(move), False, False
-        if self._significance(move)[0] < ESTIMATION_RULES.unasked_level:
-            gain = after.score.gain(self.fit.score)
-            contradicted = gain.value < -gain.se
-            forbidden = after.violations() > self.fit.violations()
-        if not (contradicted or forbidden):
-            self._step(after, move)
-        elif self.explained:
-            evidence = self._evidence(move, after)
-            reason = "It would give another parameter a sign that physics forbids."
-            if contradicted:
-                reason = (
-                    f"The data contradict it: {evidence.say_gain('would ')}, and what it denies is "
-                    f"significant (p = {evidence.p_value:.2g})."
-                )
-            self.refused.append(Refusal(move, evidence, reason))
-
-    def descend(self) -> None:
-        """Make the cheapest moves until nothing is left that may go."""
-        plan, fit = self.plan, self.fit
-        if not isinstance(fit.refits, UpdatedRefits):
-            while (move := find_cheapest(self.fit, plan.pairs, plan.kept)) is not None:
-                self.make(move)
-            return
-        made = list(descend(fit, plan.pairs, plan.kept, explained=self.explained))
-        if not self.explained:
-            self.made += [(d.move, d.after, d.fixed) for d in made]
-            return
-        fixed = made[-1].fixed if made else fit.refits.fixed
-        for d, after in zip(
-            made, fit.along(fixed, [(d.after, len(d.fixed)) for d in made]), strict=True
-        ):
-            evidence = self._weigh(d.move, after, d.cost, d.either)
-            self.steps.append(Step.of(after, d.move, evidence))
-            self.fit = after
-
-    def _evidence(self, move: Move, after: FoldFits) -> MoveTest:
-        fit = self.fit
-        return self._weigh(move, after, fit.cost(move), find_either(fit, move))
-
-    def _weigh(self, move: Move, after: FoldFits, cost: float, either: str) -> MoveTest:
-        gain, (p_value, percent) = after.score.gain(self.fit.score), self._significance(move)
-        return MoveTest(
-            cost=cost / self.base,
-            p_value=p_value,
-            sigma_percent=percent,
-            gain=gain.value,
-            gain_se=gain.se,
-            either=either,
+    @property
+    def reason(self) -> str:
+        """Why, in words."""
+        return (
+            "The predictive log density of unseen stretches would fall by "
+            f"{-self.gain.value:.3g} ± {self.gain.se:.2g} nats."
         )
 
-    def _significance(self, move: Move) -> tuple[float, float]:
-        return _significance(*self.fit.jackknife(move), self.fit.whitened.folds.count)
 
-
-def _significance(denied: Array, covariance: Array, folds: int) -> tuple[float, float]:
-    """Return the p-value of what a move denies being zero by Hotelling's T², and its σ%.
-
-    Parameters
-    ----------
-    denied : (r,)
-    covariance : (r, r)
-        By the jackknife over the folds.
-    folds : int
-    """
-    F, r = folds, len(denied)
-    single = float(np.mean(denied**2 / np.maximum(np.diag(covariance), 1e-300)))
-    percent = 100.0 / np.sqrt(max(single, 1e-300))
-    if r + 1 >= F:  # too few folds for their covariance: the mean of the single tests
-        return float(fdtrc(1, max(F - 1, 1), single)), percent
-    t2 = float(denied @ np.linalg.pinv(covariance, hermitian=True) @ denied)
-    return float(fdtrc(r, F - r, t2 * (F - r) / (r * (F - 1)))), percent
+def walk(fit: FoldFits, plan: Plan) -> tuple[list[Step], list[Refusal]]:
+    """Return the models from a fit of all columns down, and what was refused on the way."""
+    left = Remaining.of(fit)
+    made: list[tuple[Move | None, Partition]] = [(None, left.partition)]
+    refused = []
+    for move in plan.forced:
+        if left.partition.alive(move.zero):
+            left = left.after(move)[0]
+            made.append((move, left.partition))
+    for kind in (Kind.OFFSET, Kind.MERGE, Kind.ZERO, Kind.TIE):
+        asked = [move for move in plan.suggested if move.kind is kind]
+        while asked := [m for m in asked if len(left.partition.apply(m)) < len(left.partition)]:
+            move = asked.pop(int(np.argmin([left.cost(m) for m in asked])))
+            after, rise = left.after(move)
+            # What costs no more of the fit than models near the best may is not asked of folds.
+            if rise > 2.0 * LEVELS.nats * fit.whitened.unit:
+                *_, before, then = fit.along([made[0], made[-1], (move, after.partition)])
+                if not may_stand(then.score, before.score):
+                    refused.append(Refusal(move, then.score.gain(before.score)))
+                    continue
+            left = after
+            made.append((move, left.partition))
+    while (cheapest := left.cheapest(plan)) is not None:
+        left = left.after(cheapest)[0]
+        made.append((cheapest, left.partition))
+    return fit.along(made), refused
 
 
 # The path of a regression, and which model of it to use: the smallest as good as the best.
@@ -469,38 +434,26 @@ class Search:
     full : Estimate
         Of the starting model.
     whitened : WhitenedRegression
-        Of its independent columns.
     plan : Plan
-    path : Path
-        Its partitions are of all columns of the starting model.
+    steps : tuple of Step
+        Most parameters first.
+    refused : tuple of Refusal
+        Suggested moves that were not made.
     """
 
     full: Estimate
     whitened: WhitenedRegression
     plan: Plan
-    path: Path
-
-    def embed(self, path: Path) -> Path:
-        """Return a path over the independent columns as one over all columns."""
-        columns, at = self.full.columns, np.array(self.full.kept, int)
-        steps = []
-        for step in path.steps:
-            inner = step.partition.group
-            group = np.full(len(columns), ZERO)
-            group[at] = [at[g] if g != ZERO else ZERO for g in inner]
-            values = np.zeros((len(step.values), len(columns)))
-            values[:, at] = step.values
-            steps.append(replace(step, partition=Partition(columns, group), values=values))
-        return replace(path, steps=tuple(steps))
+    steps: tuple[Step, ...]
+    refused: tuple[Refusal, ...] = ()
 
     def choose(self) -> int:
         """Return the step to use, physics aside."""
-        return choose_step(self.path.steps)
+        return good_steps(self.steps)[0]
 
 
 def find_path(
     information: Information,
-    nonnegative: np.ndarray,
     *,
     variation: Array | None = None,
     suggested: Sequence[Move] = (),
@@ -514,8 +467,6 @@ def find_path(
     ----------
     information : Information
         About the k columns of the starting model.
-    nonnegative : (k,) bool
-        Whether physics forbids a value below zero.
     variation : (n,), optional [(N·m)² or N²]
         Of the torque of each joint about its mean, as in `whiten_regression`.
     suggested : sequence of Move
@@ -526,68 +477,21 @@ def find_path(
         Its refits are the fits of the path.
     """
     full = estimate(information, method)
-    kept = list(full.kept)
-    part = information.select(kept)
-    own = full if len(kept) == information.size else estimate(part, method)
-    whitened = whiten_regression(part, own, np.asarray(nonnegative)[kept], variation)
-    plan = _plan(suggested, forbid, force, part.columns)
-    walked = walk(whitened.fit(), plan)
-    search = Search(full, whitened, plan, walked)
-    return replace(search, path=_with_idle(search, walked, information))
-
-
-def _plan(
-    suggested: Sequence[Move], forbid: Sequence[str], force: Sequence[str], columns: Sequence[str]
-) -> Plan:
-    """Return the plan over the columns that the motion excites."""
-    known = set(columns)
-    usable = []
-    for move in suggested:
-        zero = tuple(c for c in move.zero if c in known and c not in forbid)
-        tie = tuple(t for s in move.tie if len(t := tuple(c for c in s if c in known)) > 1)
-        if zero or tie:
-            usable.append(replace(move, zero=zero, tie=tie))
-    pairs = tuple(m for m in usable if m.kind is Kind.MERGE)
-    forced = tuple(Move(Kind.FORCED, (c,), why="You asked for it") for c in force if c in known)
-    return Plan(tuple(usable), pairs, forced, frozenset(forbid))
-
-
-def _with_idle(search: Search, walked: Path, information: Information) -> Path:
-    """Return the path over all columns, what the motion does not excite being its first move."""
-    path, full = search.embed(walked), search.full
-    idle = [c for k, c in enumerate(full.columns) if k not in set(full.kept)]
-    if not idle:
-        return path
-    move = Move(Kind.UNEXCITED, tuple(idle), why=_why_idle(information, full, idle))
-    whole = replace(path.steps[0], partition=Partition.of(full.columns))
-    return replace(path, steps=(whole, replace(path.steps[0], move=move), *path.steps[1:]))
-
-
-def _why_idle(information: Information, full: Estimate, idle: Sequence[str]) -> str:
-    """Return what each idle column cannot be told from."""
-    leans = np.abs(dependence(information, full.kept, full.weights))
-    alone, either = [], []
-    for k, name in enumerate(idle):
-        partners = [full.kept[i] for i in np.argsort(-leans[:, k]) if leans[i, k] > NEARLY]
-        if not partners:
-            alone.append(name)
-        elif len(partners) == 1:
-            other = information.columns[partners[0]]
-            either.append(f"either {other} or {name} can stand for both")
-        else:
-            others = listing([information.columns[p] for p in partners], 3)
-            either.append(f"{name} acts only together with {others}")
-    parts = [f"the motion never makes {listing(alone, 4)} act"] if alone else []
-    text = "; ".join([*parts, *either[:3]])
-    if len(either) > 3:
-        text += f"; and {len(either) - 3} more act only together with others"
-    return text[:1].upper() + text[1:]
-
-
-def best_step(steps: Sequence[Step]) -> int:
-    """Return the step with the best predictive log density of those that may be used."""
-    first = first_allowed(steps)
-    return first + int(np.argmax([s.density for s in steps[first:]]))
+    whitened = whiten_regression(information, full, variation)
+    usable = [replace(m, zero=tuple(c for c in m.zero if c not in forbid)) for m in suggested]
+    plan = Plan(
+        suggested=tuple(usable),
+        pairs=tuple(m for m in usable if m.kind is Kind.MERGE),
+        forced=tuple(Move(Kind.FORCED, (c,), why="You asked for it") for c in force),
+        kept=frozenset(forbid),
+    )
+    (first, *steps), refused = walk(whitened.fit(), plan)
+    idle = tuple(whitened.start.zeroed())
+    if idle:  # what the motion does not excite is the first move
+        why = "The motion does not excite it, or only together with what is left"
+        steps.insert(0, replace(first, move=Move(Kind.UNEXCITED, idle, why=why)))
+        first = replace(first, partition=Partition.of(full.columns))
+    return Search(full, whitened, plan, (first, *steps), tuple(refused))
 
 
 def first_allowed(steps: Sequence[Step]) -> int:
@@ -596,18 +500,167 @@ def first_allowed(steps: Sequence[Step]) -> int:
     return max((k for k, s in enumerate(steps) if s.move and s.move.kind in must), default=0)
 
 
-def good_steps(steps: Sequence[Step]) -> Iterator[int]:
-    """Yield the steps that may be used, the preferred one first.
+def best_step(steps: Sequence[Step]) -> int:
+    """Return the step with the best predictive log density of those that may be used."""
+    first = first_allowed(steps)
+    return first + int(np.argmax([s.density for s in steps[first:]]))
 
-    Preferred is the smallest of those with the fewest forbidden signs; the others follow for the
-    case that no real robot can have its values.
+
+def good_steps(steps: Sequence[Step]) -> list[int]:
+    """Return the steps that may stand for the best, the smallest first."""
+    best = steps[best_step(steps)].score
+    down = range(len(steps) - 1, first_allowed(steps) - 1, -1)
+    return [k for k in down if may_stand(steps[k].score, best)]
+
+
+# How much of a pruned model is the robot, and how much the luck of one log.
+#
+# The whole path, from the unpruned model to the chosen model, is walked again on resampled blocks
+# of time. The selection is part of what is resampled, so the answer speaks of it, not of one fixed
+# model.
+
+
+#: Replicates that one item of an engine walks, some tenths of a second.
+BATCH = 10
+
+
+@frozen
+class Stability:
+    """What the replicates chose.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Of the starting model.
+    survives : (k,)
+        Share of replicates in which a column is not zero.
+    sizes : (replicates,) int
+        Number of parameters chosen.
+    same : float
+        Share of replicates that chose exactly the columns that the logs themselves chose.
     """
-    best, allowed = best_step(steps), range(first_allowed(steps), len(steps))
-    for k in sorted(allowed, key=lambda k: (steps[k].violations, len(steps[k].partition))):
-        if may_stand(steps[k].score, steps[best].score):
-            yield k
+
+    columns: tuple[str, ...]
+    survives: np.ndarray
+    sizes: np.ndarray
+    same: float
+
+    @property
+    def replicates(self) -> int:
+        """Number of replicates."""
+        return len(self.sizes)
+
+    @property
+    def statement(self) -> str:
+        """The answer in one sentence."""
+        if not self.replicates:
+            return "No log was resampled, so nothing is known of the stability of the choice."
+        low, high = np.round(np.quantile(self.sizes, [0.05, 0.95]))
+        sizes = f"90 % to {low:.0f} to {high:.0f}" if high > low else f"at least 90 % to {low:.0f}"
+        return (
+            f"Of {self.replicates} resampled logs {100 * self.same:.0f} % lead to exactly this "
+            f"model, and {sizes} parameters."
+        )
 
 
-def choose_step(steps: Sequence[Step]) -> int:
-    """Return the step to use, the physical certificate aside."""
-    return next(good_steps(steps))
+def assess_stability(
+    search: Search,
+    chosen: Partition,
+    rng: np.random.Generator,
+    *,
+    replicates: int,
+    length: float,
+    progress: Steps | None = None,
+    engine: Engine | None = None,
+) -> Stability:
+    """Walk the path again on resampled logs.
+
+    Parameters
+    ----------
+    search : Search
+    chosen : Partition
+        What the logs themselves chose.
+    rng : numpy.random.Generator
+    replicates : int
+    length : float
+        Samples a block must have at least to be nearly independent of the next.
+    progress : callable(int, int), optional
+    engine : Engine, optional
+        Where the replicates are walked; by default here.
+    """
+    own = search.whitened
+    unit = _units(own, max(1, round(length * len(own.folds.test) / max(own.samples, 1))))
+    count = int(unit.max()) + 1
+    # Drawn here, so that a replicate is the same whoever walks it.
+    draws = rng.multinomial(count, np.full(count, 1 / count), size=replicates)
+    items = [draws[k : k + BATCH] for k in range(0, replicates, BATCH)]
+    parts = (engine or Serial()).map(partial(_walk_again, search, unit), items, progress=progress)
+    drawn = np.array([group for part in parts for group in part]).reshape(-1, len(chosen.columns))
+    return Stability(
+        columns=chosen.columns,
+        survives=(drawn != ZERO).mean(0) if replicates else np.full(len(chosen.columns), np.nan),
+        sizes=(drawn == np.arange(len(chosen.columns))).sum(1),
+        same=float((drawn == chosen.group).all(1).mean()) if replicates else np.nan,
+    )
+
+
+#: Columns up to which the path is walked as often as was asked, how often it is walked at least,
+#: and models up to which all are measured: these take a time with the third power of the columns.
+WALKED, FEWEST_WALKS, MEASURED = 128, 8, 64
+
+
+def count_walks(search: Search, draws: int) -> int:
+    """Return how many resampled logs the path is walked on, of so many where it costs little."""
+    share = (WALKED / max(len(search.whitened.centre), WALKED)) ** 3
+    return max(min(draws, FEWEST_WALKS), round(draws * share))
+
+
+def thin_path(search: Search, chosen: int) -> tuple[Search, int, str]:
+    """Return a path of the models to measure, which of them to use, and one sentence on it.
+
+    To measure a model takes a time with the third power of its parameters, too; those that predict
+    best are mixed.
+
+    Parameters
+    ----------
+    search : Search
+    chosen : int
+        The step to use.
+    """
+    steps, first = search.steps, first_allowed(search.steps)
+    if len(steps) <= MEASURED + 1:  # of so many columns, with the model that has none
+        return search, chosen, ""
+    best = first + np.argsort([-s.density for s in steps[first:]], kind="stable")[:MEASURED]
+    kept = sorted({*range(first + 1), chosen, *best.tolist()})
+    said = f"Of the {len(steps)} models of the path the {len(kept)} that predict best are shown."
+    return replace(search, steps=tuple(steps[k] for k in kept)), kept.index(chosen), said
+
+
+def _walk_again(search: Search, unit: np.ndarray, draws: np.ndarray) -> list[np.ndarray]:
+    """Return the groups of columns that some replicates choose.
+
+    Parameters
+    ----------
+    search : Search
+    unit : (B,) int
+        Of each block.
+    draws : (r, units) int
+        How often each replicate draws a unit.
+    """
+    chosen = []
+    for row in draws:
+        steps, _ = walk(search.whitened.fit(row[unit].astype(float)), search.plan)
+        chosen.append(steps[good_steps(steps)[0]].partition.group)
+    return chosen
+
+
+def _units(own: WhitenedRegression, blocks: int) -> np.ndarray:
+    """Return the unit of resampling of each block: runs of `blocks` within a fold."""
+    test, at = own.folds.test, 0
+    unit = np.empty(len(test), int)
+    for f in range(own.folds.count):
+        rows = np.flatnonzero(test == f)
+        runs = max(1, len(rows) // blocks)
+        unit[rows] = at + np.arange(len(rows)) * runs // len(rows)
+        at += runs
+    return unit

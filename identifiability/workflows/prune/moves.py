@@ -6,11 +6,11 @@ kinematics.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from enum import StrEnum
 from functools import cache, cached_property
-from itertools import combinations, takewhile
+from itertools import takewhile
 from typing import Literal
 
 import numpy as np
@@ -113,30 +113,22 @@ class Partition:
     def _positions(self) -> dict[str, int]:
         return {c: k for k, c in enumerate(self.columns)}
 
-    def index(self, column: str) -> int:
-        """Return the position of a column."""
-        return self._positions[column]
-
     def members(self, leader: int) -> tuple[str, ...]:
         """Return the columns that equal a leader, itself first."""
         return tuple(self.columns[k] for k in np.flatnonzero(self.group == leader))
 
     def alive(self, columns: Iterable[str]) -> list[int]:
         """Return the distinct leaders of those columns that are not zero."""
-        at = [int(self.group[self.index(c)]) for c in columns]
-        return sorted({g for g in at if g != ZERO})
+        at = [int(self.group[self._positions[c]]) for c in columns]
+        return sorted(set(at) - {ZERO})
 
-    def rows(self, move: Move) -> Array:
-        """Return the constraints ``L x = 0`` that a move adds, (r, k); none if it is void."""
-        pairs: list[tuple[int, int | None]] = [(g, None) for g in self.alive(move.zero)]
-        for members in move.tie:
-            first, *rest = self.alive(members) or [0]
-            pairs += [(first, g) for g in rest]
-        rows = np.zeros((len(pairs), len(self.columns)))
-        for row, (one, other) in zip(rows, pairs, strict=True):
-            row[one] = 1.0
-            if other is not None:
-                row[other] = -1.0
+    def rows_to(self, after: Partition) -> Array:
+        """Return the independent constraints ``L x = 0`` that lead to a smaller model, (r, k)."""
+        gone = [k for k in self.leaders if after.group[k] != k]
+        rows = np.eye(len(self.columns))[gone]
+        for row, k in zip(rows, gone, strict=True):
+            if after.group[k] != ZERO:
+                row[after.group[k]] = -1.0
         return rows
 
     def apply(self, move: Move) -> Partition:
@@ -157,11 +149,6 @@ class Partition:
         M: Array = (self.group[:, None] == self.leaders).astype(float)
         return M
 
-    def survivors(self) -> np.ndarray:
-        """Return whether each column of the starting model is not zero, (k,) bool."""
-        alive: np.ndarray = self.group != ZERO
-        return alive
-
     def zeroed(self) -> list[str]:
         """Return the columns that are held at zero."""
         return [c for c, g in zip(self.columns, self.group, strict=True) if g == ZERO]
@@ -176,9 +163,9 @@ class Partition:
                 out[" = ".join(members) if taken else name] = list(members)
         return out
 
-    def submodel(self, start: Submodel, name: str, description: str = "") -> Submodel:
+    def submodel(self, start: Submodel, name: str) -> Submodel:
         """Return the starting model with these moves made."""
-        submodel = replace(start, name=name, description=description).without(self.zeroed())
+        submodel = replace(start, name=name, description="").without(self.zeroed())
         for common, members in self.ties().items():
             submodel = submodel.tied(common, members)
         return submodel
@@ -337,9 +324,12 @@ def _kind(robot: Robot, link: Link) -> Literal["point", "hinge", "slide", "free"
 
 
 def find_mirrors(parts: list[Attachment]) -> list[Mirror]:
-    """Return the mirrors that map a body's attachments onto themselves."""
+    """Return the mirrors that map a body's attachments onto themselves.
+
+    Only those along the axes of its frame make single parameters of it vanish.
+    """
     mirrors: list[Mirror] = []
-    for normal in _candidates(parts):
+    for normal in np.eye(3):
         # A hinge along the normal says nothing of where along it the plane is.
         fixed = [a for a in parts if a.kind == "point" or abs(a.axis @ normal) < 1 - CLOSE]
         if not fixed:
@@ -350,21 +340,6 @@ def find_mirrors(parts: list[Attachment]) -> list[Mirror]:
     return mirrors
 
 
-def _candidates(parts: list[Attachment]) -> Iterator[Array]:
-    axes = [a.axis for a in parts if a.kind != "point"]
-    gaps = [b.position - a.position for a, b in combinations(parts, 2)]
-    crossed = [np.cross(a, b) for a, b in combinations([*axes, *gaps], 2)]
-    seen: list[Array] = []
-    for v in [*np.eye(3), *axes, *gaps, *crossed]:
-        size = float(np.linalg.norm(v))
-        if size < CLOSE:
-            continue
-        unit = v / size
-        if not any(abs(unit @ s) > 1 - CLOSE**2 for s in seen):
-            seen.append(unit)
-            yield unit
-
-
 def find_equal_bodies(robot: Robot) -> list[tuple[int, ...]]:
     """Return the sets of bodies at the same place of equal chains from the base."""
     joints, links = robot.tree.joints, find_links(robot)
@@ -373,24 +348,17 @@ def find_equal_bodies(robot: Robot) -> list[tuple[int, ...]]:
     @cache
     def same(a: int, b: int) -> bool:
         """Whether the chains to two bodies are equal but for where they stand on the base."""
-        x, y = links[a], links[b]
-        if (x.parent == WORLD) != (y.parent == WORLD) or len(parts[a]) != len(parts[b]):
+        one, other = (joints[link.first : link.last + 1] for link in (links[a], links[b]))
+        above = links[a].parent, links[b].parent
+        if [j.kind for j in one] != [j.kind for j in other] or len(parts[a]) != len(parts[b]):
             return False
-        if not all(any(p.equals(q) for q in parts[b]) for p in parts[a]):
+        if not all(p.equals(q) for p, q in zip(parts[a], parts[b], strict=True)):
             return False
-        first, other = (joints[link.first : link.last + 1] for link in (x, y))
-        if len(first) != len(other):
-            return False
-        if not all(
-            _same_joint(u, v, first=u is first[0]) for u, v in zip(first, other, strict=True)
-        ):
-            return False
-        if x.parent == WORLD:
-            return True
-        u, v = first[0], other[0]
-        moved = np.linalg.norm(u.translation - v.translation) > CLOSE
-        turned = np.linalg.norm(u.rotation - v.rotation) > CLOSE
-        return not moved and not turned and same(x.parent, y.parent)
+        if WORLD in above:
+            apart = [one[0].axis - other[0].axis]
+            return above[0] == above[1] and bool(np.abs(apart).max() < CLOSE)
+        apart = [_place(u) - _place(v) for u, v in zip(one, other, strict=True)]
+        return bool(np.abs(apart).max() < CLOSE) and same(*above)
 
     sets: list[list[int]] = []
     for k in range(len(links)):
@@ -401,10 +369,9 @@ def find_equal_bodies(robot: Robot) -> list[tuple[int, ...]]:
     return [tuple(s) for s in sets if len(s) > 1]
 
 
-def _same_joint(x: Joint, y: Joint, *, first: bool) -> bool:
-    if x.kind != y.kind or np.linalg.norm(x.axis - y.axis) > CLOSE:
-        return False
-    return first or bool(np.linalg.norm(x.rotation - y.rotation) < CLOSE)
+def _place(joint: Joint) -> Array:
+    """Return the axis of a joint and where it is on the joint before it, (15,)."""
+    return np.concatenate([joint.axis, joint.rotation.ravel(), joint.translation])
 
 
 def body_shapes(mirrors: list[Mirror]) -> Array:
@@ -480,36 +447,30 @@ def zero_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
         mirrors = find_mirrors(parts[bodies[0]]) if len(parts[bodies[0]]) > 1 else []
         if not mirrors:
             continue
-        N = _subspace(structure, [((k,), body_shapes(mirrors)) for k in bodies])
-        vanished = _vanishing(structure, N)
+        shape = body_shapes(mirrors)
+        reach, size = _confine(structure, [((k,), shape) for k in bodies])
+        gone = (size > 0) & (np.abs(reach).max(1, initial=0.0) <= TINY * size)
+        vanished = [n for n, g in zip(structure.base.names, gone, strict=True) if g]
         names = tuple(n for n in vanished if n in known and n not in seen)
         seen.update(names)
         if names:
-            which = listing([robot.bodies[k] for k in bodies], 4)
-            planes = "its plane" if len(mirrors) == 1 else f"{len(mirrors)} planes"
-            why = f"The joints of {which} are symmetric about {planes}"
+            why = f"The joints of {listing([robot.bodies[k] for k in bodies], 4)} are symmetric"
             moves.append(Move(Kind.ZERO, names, why=why))
     return moves
 
 
 def tie_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     """Return what becomes equal if bodies of equal chains are equal."""
-    base, sets = structure.base, find_equal_bodies(structure.robot)
-    if not sets:
-        return []
-    N = _subspace(structure, [(bodies, np.eye(len(GROUPED_KINDS))) for bodies in sets])
-    reach = base.G @ N
-    size = np.linalg.norm(np.abs(base.G) @ np.abs(N), axis=1) + 1e-300
-    unit = reach / size[:, None]
-    known, left, moves = set(columns), list(range(len(base))), []
+    sets = find_equal_bodies(structure.robot)
+    reach, size = _confine(structure, [(bodies, np.eye(len(GROUPED_KINDS))) for bodies in sets])
+    known, moves = set(columns), []
+    left = np.flatnonzero(np.abs(reach).max(1, initial=0.0) > TINY * size).tolist() if sets else []
     while left:
-        first = left.pop(0)
-        if np.linalg.norm(unit[first]) < TINY:
-            continue
+        first = left[0]
         equal = [k for k in left if np.abs(reach[k] - reach[first]).max() < TINY * size[first]]
         left = [k for k in left if k not in equal]
-        names = tuple(base.names[k] for k in (first, *equal))
-        if equal and set(names) <= known:
+        names = tuple(structure.base.names[k] for k in equal)
+        if len(names) > 1 and set(names) <= known:
             moves.append(Move(Kind.TIE, tie=(names,), why="Their chains have equal joints"))
     return moves
 
@@ -521,14 +482,22 @@ def _columns(structure: Structure, body: int) -> np.ndarray | None:
     return structure.inertial[stems.index(stem)] if stem in stems else None
 
 
-def _subspace(structure: Structure, confined: Sequence[tuple[Sequence[int], Array]]) -> Array:
-    """Return a basis of the standard parameters where some bodies have one shape, (p, free).
+def _confine(
+    structure: Structure, confined: Sequence[tuple[Sequence[int], Array]]
+) -> tuple[Array, Array]:
+    """Return base parameters where some bodies have one shape, and their sizes without.
 
     Parameters
     ----------
     structure : Structure
     confined : sequence of (bodies, shape)
         Bodies that are equal, and a basis (10, f) of the ten parameters that they may have.
+
+    Returns
+    -------
+    (b, free)
+        Of a basis of the standard parameters that are left.
+    (b,)
     """
     p = len(structure.parameters)
     blocks, free = [], np.ones(p, bool)
@@ -539,12 +508,5 @@ def _subspace(structure: Structure, confined: Sequence[tuple[Sequence[int], Arra
                 free[at] = False
                 block[at] = shape
         blocks.append(block)
-    return np.hstack([np.eye(p)[:, free], *blocks])
-
-
-def _vanishing(structure: Structure, N: Array) -> list[str]:
-    """Return the base parameters that are zero for all standard parameters ``N z``."""
-    reach = np.abs(structure.G @ N).max(1, initial=0.0)
-    size = np.abs(structure.G).max(1, initial=0.0)
-    gone = (size > 0) & (reach <= TINY * size)
-    return [n for n, g in zip(structure.base.names, gone, strict=True) if g]
+    reach = structure.G @ np.hstack([np.eye(p)[:, free], *blocks])
+    return reach, np.abs(structure.G).max(1, initial=0.0)

@@ -7,6 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
+from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternatives
+from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Verdict
@@ -18,10 +20,8 @@ from identifiability.foundation.rounding import (
     NONE,
     digits,
     error_text,
-    format_count,
     format_number,
     percent_text,
-    whole_percent,
 )
 from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
@@ -32,7 +32,7 @@ from identifiability.regression.reduction import (
     ladder_text,
     model_entry,
 )
-from identifiability.workflows.analyze.assessment import Laddered, ModelResult
+from identifiability.workflows.analyze.assessment import JudgedModel, Laddered, ModelResult
 from identifiability.workflows.analyze.result import error_tables, found_cell, physics_notes
 from identifiability.workflows.analyze.words import state_physics
 from identifiability.workflows.answers import (
@@ -51,9 +51,109 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
-from identifiability.workflows.prune.elimination import Refusal
-from identifiability.workflows.prune.models import Absorption, Measured, PrunedModel, Stability
+from identifiability.workflows.prune.elimination import Refusal, Stability, Step
 from identifiability.workflows.prune.moves import Partition
+
+# The models of the ladder: models on the way down, with what is said of each.
+
+
+#: What earlier releases said of each step, null in JSON until the next one.
+GONE = ("p_value", "either", "error_squares", "error_squares_se")
+
+
+@frozen(kw_only=True)
+class PrunedModel(JudgedModel):
+    """One model on the way down, judged with the memory of the chosen model's residual.
+
+    Without validation logs its error on these is NaN; errors are compared with the model to use.
+
+    Attributes
+    ----------
+    step : Step
+        The move that led here, and what the model predicts of folds.
+    error_ra_unseen : float
+        ε_RA on stretches (or logs) that the fits have not seen.
+    density, density_se : float [nats]
+        What the model was chosen by: predictive log density of these stretches, less that of the
+        best model; and the standard error.
+    weight : float
+        Of the model in the mixture of all (`evidence.weigh_models`).
+    """
+
+    step: Step
+    error_ra_unseen: float
+    density: float
+    density_se: float
+    weight: float
+
+    @property
+    def reason(self) -> str:
+        """Why the move was made, in words."""
+        if self.step.move is None:
+            return "Every base parameter of the model."
+        return f"{self.step.move.why or 'The least costly of what is left'}."
+
+    @property
+    def worst_sigma_percent(self) -> float:
+        """Largest σ_robust% of its parameters [%]."""
+        return max((v.sigma_robust_percent for v in self.verdicts), default=0.0)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Its parameters."""
+        return self.submodel.columns
+
+    @property
+    def feasible(self) -> bool:
+        """Whether no parameter has a sign that physics forbids."""
+        return self.signs_possible
+
+    def __len__(self) -> int:
+        """Return the number of parameters."""
+        return len(self.submodel)
+
+    def row(self) -> dict[str, Any]:
+        """Return the model as one row of the ladder."""
+        move = self.step.move
+        return super().row() | {
+            "error_ra_unseen": self.error_ra_unseen,
+            "error_ra_unseen_se": self.error_se,
+            "density": self.density,
+            "density_se": self.density_se,
+            "weight": self.weight,
+            "worst_sigma_robust_percent": self.worst_sigma_percent,
+            "feasible": self.feasible,
+            "move": move.text if move is not None else "",
+            "kind": move.kind.value if move is not None else "",
+            "reason": self.reason,
+            **dict.fromkeys(GONE),
+        }
+
+
+@frozen(kw_only=True)
+class Measured:
+    """The models, and the one to use by itself.
+
+    Attributes
+    ----------
+    models : tuple of PrunedModel
+    result : ModelResult
+        The model to use with verdicts, uncertainties by resampling, and physical certificate.
+    fitted, held_out : Prediction
+        Torque predicted by the model to use on the logs that were fitted, and on validation logs
+        or, without any, on stretches (or logs) by models fitted to the others; sums only.
+    nothing : str
+        Why no verdict is believed, for after "because"; empty where they are.
+    missing : Alternatives
+        Functions that are missing beside the unpruned model.
+    """
+
+    models: tuple[PrunedModel, ...]
+    result: ModelResult
+    fitted: Prediction
+    held_out: Prediction
+    nothing: str = ""
+    missing: Alternatives = NO_ALTERNATIVES
 
 
 @frozen(kw_only=True)
@@ -69,7 +169,6 @@ class Ladder(Laddered, Measured):
     refused : tuple of Refusal
         Suggested moves that the data contradict.
     stability : Stability
-    absorption : Absorption
     source : LadderSource
         Where the model that pruning started from came from.
     """
@@ -81,13 +180,7 @@ class Ladder(Laddered, Measured):
     least: int
     refused: tuple[Refusal, ...]
     stability: Stability
-    absorption: Absorption
     source: LadderSource
-
-    @property
-    def rungs(self) -> tuple[PrunedModel, ...]:
-        """`models`, by the name of earlier releases."""
-        return self.models
 
     @property
     def _used(self) -> ModelResult:
@@ -121,7 +214,13 @@ class Ladder(Laddered, Measured):
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what to use, how good it is, whether to trust it, what to do next."""
-        return _answers(self)
+        found, doubt = self.result.count(Class.IDENTIFIABLE), self._doubt or self.result.unjudged
+        return (
+            after_mass(_answer_use(self), self.mass_warning),
+            _answer_quality(self),
+            answer_trust(self.cautions(), doubt, found, len(self.chosen), self.missing.statement),
+            answer_next(_next_commands(self)),
+        )
 
     def cautions(self) -> tuple[Note, ...]:
         """Return what is to be kept in mind."""
@@ -139,18 +238,18 @@ class Ladder(Laddered, Measured):
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        return self._state(_state_answer(self))
+        use, quality = _answer_use(self), _answer_quality(self)
+        told = f"{use.short} {use.text} {quality.short} {quality.text}"
+        return self._state(self._doubt or told)
+
+    @property
+    def _doubt(self) -> str:
+        """Why nothing is believed, in one sentence; empty where it is."""
+        return f"Nothing is identifiable, because {self.nothing}." if self.nothing else ""
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter of the model to use."""
         return pd.DataFrame([v.to_row() for v in self.verdicts])
-
-    def stability_frame(self) -> pd.DataFrame:
-        """Return how often each parameter of the starting model survives."""
-        kept = self.partition.survivors()
-        return pd.DataFrame(
-            {"name": self.stability.columns, "survives": self.stability.survives, "chosen": kept}
-        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain values."""
@@ -164,9 +263,8 @@ class Ladder(Laddered, Measured):
                 "replicates": stability.replicates,
                 "same": stability.same,
                 "survives": dict(survives),
-                "models": [{"columns": m, "share": s} for m, s in stability.models],
             },
-            "absorption": self.absorption.to_frame().to_dict("records"),
+            "absorption": [],  # gone with the next release
             "physical": {"sentence": self.result.physical.sentence, **told["physical"]},
             "ladder": self.model_text,
             "effects": list(self.effects),
@@ -189,42 +287,36 @@ class Ladder(Laddered, Measured):
         return LadderEntry(models=[model_entry(self.chosen.submodel, self.base, self.effects)])
 
 
-def _state_answer(ladder: Ladder) -> str:
-    chosen, full = ladder.chosen, ladder.full
+def _answer_use(ladder: Ladder) -> Answer:
+    """Return which model is worth using."""
+    question, size = "Which model is worth using?", len(ladder.full)
     if ladder.nothing:
-        return f"Nothing is identifiable, because {ladder.nothing}."
-    if len(chosen) == len(full):
-        text = (
-            f"Nothing was pruned: each of the {len(full)} parameters of the model is needed to "
-            "predict motion that the fit has not seen."
-        )
-    else:
-        wrong = ladder.result.infeasible
-        used = [c for c in chosen.columns if c not in wrong]
-        beside = f" (not so {listing(wrong, 4)}: physics forbids the sign)" if wrong else ""
-        text = (
-            f"Of {len(full)} parameters {len(used)} are worth using: "
-            f"{listing(used, 14)}{beside}. "
-            f"{_identifiable(ladder)}. They predict unseen motion with an error of "
-            f"{percent(chosen.error_ra_unseen)}, the unpruned model with "
-            f"{percent(full.error_ra_unseen)}."
-        )
-    if np.isfinite(chosen.error_ra_validation):
-        text += (
-            f" On the logs held out for validation it is "
-            f"{percent(chosen.error_ra_validation)} against {percent(full.error_ra_validation)}."
-        )
+        short = f"None: 0 of {size} parameters are worth using."
+        return Answer(question, short, f"Because {ladder.nothing}.", "vermilion")
+    wrong, chosen = ladder.result.infeasible, ladder.chosen
+    used = [c for c in chosen.columns if c not in wrong]
+    found = ladder.result.count(Class.IDENTIFIABLE)
+    short = f"Of {size} parameters {len(used)} are worth using, {found} of them identifiable."
+    text = f"{listing(used, 14)}{f' (not {listing(wrong, 4)}: impossible sign)' if wrong else ''}."
+    if len(chosen) == size:
+        text = "Nothing was pruned: each is needed to predict motion that the fit has not seen."
     if ladder.missing.functions:
         text += f" That holds only if nothing is missing: {ladder.missing.statement}: diagnose."
-    return f"{text} {state_physics(ladder.result)}"
+    tone = "green" if ladder.feasible else "amber"
+    return Answer(question, short, f"{text} {state_physics(ladder.result)}", tone)
 
 
-def _identifiable(ladder: Ladder) -> str:
-    if ladder.result.unjudged:
-        return f"None of them is judged. {ladder.result.unjudged.removesuffix('.')}"
-    count = ladder.result.count(Class.IDENTIFIABLE)
-    total = len(ladder.chosen)
-    return "All are identifiable" if count == total else f"{count} of them are identifiable"
+def _answer_quality(ladder: Ladder) -> Answer:
+    """Return how well it predicts, beside the unpruned model."""
+    outside = np.isfinite(ladder.chosen.error_ra_validation)
+    kind = "the validation logs" if outside else "stretches that the fits had not seen"
+    error, before = (
+        model.error_ra_validation if outside else model.error_ra_unseen
+        for model in (ladder.chosen, ladder.full)
+    )
+    each = ladder.held_out.joint_error()[:, 0]
+    kind = f"{kind} ({error_text(before)} unpruned)"
+    return answer_quality(error, ladder.robot.joints, each, kind)
 
 
 def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
@@ -238,26 +330,17 @@ def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
     text, name = name_export(ladder.robot, *ladder.exported)
     export = f"identifiability export {robot} {{file}} --out {name}"
     predict = f"identifiability predict {robot} {{file}} {another} --out torque.csv"
-    diagnose = f"identifiability diagnose {robot} {logs}{held} --model {{file}}"
+    diagnose = (
+        f"identifiability diagnose {robot} {logs}{held} --model {{file}} --report missing.html"
+    )
+    model = on_file(ladder, "model", "pruned.toml", f"{again} --out", diagnose)
     commands = [
-        (
-            text,
-            on_file(ladder, "json", "prune.json", f"{again} --json", export),
-        ),
+        (text, on_file(ladder, "json", "prune.json", f"{again} --json", export)),
         (
             "Predict torque, of this log or another:",
             on_file(ladder, "json", "prune.json", f"{again} --json", predict),
         ),
-        (
-            "Find out what even this model misses:",
-            on_file(
-                ladder,
-                "model",
-                "pruned.toml",
-                f"{again} --out",
-                f"{diagnose} --report missing.html",
-            ),
-        ),
+        ("Find out what even this model misses:", model),
     ]
     return [*commands[-1:], *commands[:-1]] if ladder.missing.functions else commands
 
@@ -267,10 +350,6 @@ def _notes(ladder: Ladder) -> Iterator[Note]:
         yield note("mass", warning=ladder.mass_warning)
     if not ladder.nothing:
         yield from physics_notes(ladder.result)
-    for submodel in ladder.models[1 : ladder.selected + 1]:
-        evidence, move = submodel.step.evidence, submodel.step.move
-        if evidence is not None and evidence.either and move is not None:
-            yield note("either", one=move.text.removeprefix("zero "), other=evidence.either)
     kind = "stable" if ladder.stability.same > 0.5 else "unstable"
     yield note(kind, statement=ladder.stability.statement)
 
@@ -278,10 +357,6 @@ def _notes(ladder: Ladder) -> Iterator[Note]:
 def _move_cell(r: PrunedModel) -> Cell:
     move = r.step.move
     return Cell(f"{move.kind.value}: {move.text}" if move is not None else r.name, note=r.reason)
-
-
-def _p_value(r: PrunedModel) -> float:
-    return r.step.evidence.p_value if r.step.evidence is not None else np.nan
 
 
 def _spread_cell(r: PrunedModel) -> Cell:
@@ -303,49 +378,12 @@ MOVES = with_hints(
     "moves",
     Column("move", "text", _move_cell),
     Column("size", "number", len),
-    Column("p", digits(2), _p_value, detail=True),
     Column("identifiable", "number", found_cell),
     Column("fitted", error_text, "error_ra"),
     Column("unseen", error_text, "error_ra_unseen"),
     Column("± SE", "error", _spread_cell, detail=True),
     Column("density [nats]", digits(3), "density"),
     Column("weight", digits(2), "weight", detail=True),
-    Column("squares", digits(3), "error_squares", detail=True),
     Column("worst σ%", "number", _worst_cell),
     Column("signs", "badge", _signs_cell),
 )
-
-
-def _answers(ladder: Ladder) -> tuple[Answer, ...]:
-    chosen, full = ladder.chosen, ladder.full
-    outside = np.isfinite(chosen.error_ra_validation)
-    error = chosen.error_ra_validation if outside else chosen.error_ra_unseen
-    before = full.error_ra_validation if outside else full.error_ra_unseen
-    found, size = ladder.result.count(Class.IDENTIFIABLE), len(chosen)
-    kind = "the validation logs" if outside else "stretches that the fits had not seen"
-    kind = f"{kind} ({error_text(before)} unpruned)"
-    question = "Which model is worth using?"
-    share = ladder.stability
-    if ladder.nothing:
-        short = f"None: 0 of {len(full)} parameters are worth using."
-        use = Answer(question, short, f"Because {ladder.nothing}.", "vermilion")
-    else:
-        short = f"{size} of {len(full)} parameters, {found} of them identifiable."
-        real = state_physics(ladder.result)  # the formula of the certificate is in the note
-        again = f"{whole_percent(share.same)} of {format_count(share.replicates, 'resampled log')}"
-        text = f"{real} {again} choose exactly this model." if share.replicates else real
-        use = Answer(question, short, text, "green" if ladder.feasible else "amber")
-    each = ladder.held_out.joint_error()[:, 0]
-    doubt = f"Nothing is identifiable, because {ladder.nothing}." if ladder.nothing else ""
-    return (
-        after_mass(use, ladder.mass_warning),
-        answer_quality(error, ladder.robot.joints, each, kind),
-        answer_trust(
-            ladder.cautions(),
-            doubt or ladder.result.unjudged,
-            found,
-            size,
-            ladder.missing.statement,
-        ),
-        answer_next(_next_commands(ladder)),
-    )

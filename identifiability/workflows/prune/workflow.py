@@ -2,18 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import islice
-from typing import Any
+from functools import cached_property, partial
 
 import numpy as np
 
-from identifiability.estimation.estimate import Kind, Method, find_estimator, settle_noise
-from identifiability.estimation.evidence import HeldOut, Score, near_best
+from identifiability.estimation.estimate import (
+    Kind,
+    Method,
+    find_estimator,
+    fit_whole,
+    settle_noise,
+)
+from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.evidence import (
+    HeldOut,
+    Mixture,
+    mix_labels,
+    near_best,
+    weigh_models,
+)
 from identifiability.estimation.least_squares import Noise
-from identifiability.foundation.engines.mapping import Engine, one_thread
+from identifiability.estimation.prediction import Task, predict_all
+from identifiability.estimation.rules import Thresholds
+from identifiability.estimation.torque_errors import standard_error, take_turns
+from identifiability.estimation.uncertainty import Uncertainty, resample
+from identifiability.foundation.engines.mapping import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
+from identifiability.foundation.names import Array
+from identifiability.foundation.numbers import percent
 from identifiability.foundation.options import (
     Names,
     NotNegative,
@@ -23,14 +41,11 @@ from identifiability.foundation.options import (
     renamed,
     settle_count,
 )
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.samples import find_signal
-from identifiability.physical.feasibility import (
-    Certificate,
-    PhysicalResult,
-    certify_model,
-    choose_prior,
-)
+from identifiability.physical.feasibility import PhysicalResult, certify_model
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import (
     LadderEntry,
@@ -44,37 +59,32 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
+from identifiability.workflows.analyze.assessment import (
+    assess_ladder,
+    decide_reported,
+    forbidden_signs,
+    hold_over,
+    tell_with_file,
+)
 from identifiability.workflows.analyze.fit import DelayErrors, check_cutoff, settle_robot
-from identifiability.workflows.analyze.words import compare_logs, state_mounting, state_weak
-from identifiability.workflows.opening import Logs, Progress, quiet, running, share
+from identifiability.workflows.analyze.words import WORSE, compare_logs, state_mounting, state_weak
+from identifiability.workflows.opening import Logs, Progress, find_missing, quiet, running, share
 from identifiability.workflows.prune.elimination import (
     Search,
     Step,
-    best_step,
-    find_path,
-    good_steps,
-)
-from identifiability.workflows.prune.models import (
-    Measured,
-    Question,
-    Stability,
-    absorb,
     assess_stability,
-    contradicts,
+    best_step,
     count_walks,
-    measure_models,
-    state_disagreement,
-    state_foreign,
+    find_path,
+    first_allowed,
+    good_steps,
     thin_path,
 )
 from identifiability.workflows.prune.moves import propose_moves
-from identifiability.workflows.prune.result import Ladder
+from identifiability.workflows.prune.result import Ladder, Measured, PrunedModel
 from identifiability.workflows.session import Session, Weighed, settle_prior
 
-#: A step, its model, and the certificate with its sentence.
-Candidate = tuple[int, FittedModel, tuple[Certificate | None, str]]
-
-#: Models as good as the best whose physical certificate is asked for, the preferred one first.
+#: Models as good as the best, and smaller ones, whose physical certificate is asked for.
 CERTIFIED = 4
 
 
@@ -157,16 +167,34 @@ def prune(
             session = session.follow_fitted(streams[0], base, estimator, cad_prior)
             session, opening = session.settle("pruned")
             rows = session.weigh(opening, base, estimator)
-            question = _ask(session, rows, source.entry)
-            search = _walk(session, rows, question, forbid, force)
+            start = build_ladder(LadderEntry(models=source.entry.models[:1]), session.structure)[0]
+            _check_wishes(start, forbid, force)
+            part = start.reduce(rows.information)
+            own = settle_noise(rows.estimator, part)
+            question = Question(rows, start, own, DelayErrors.of(session, rows))
+            say("walking down the ladder", 0.4)
+            search = find_path(
+                part,
+                variation=rows.alike.variation * find_signal([s.survey for s in opening.samples]),
+                suggested=propose_moves(session.structure, start.columns),
+                forbid=forbid,
+                force=force,
+                method=own,
+            )
             selected, physical = _choose(question, search, cad_prior)
             search, selected, thinned = thin_path(search, selected)
-            measuring = share(say, "measuring errors", 0.5, 0.7)
-            measured = measure_models(
-                question, search, selected, physical, draws, streams[2], runner, measuring
+            measured, contradicted = measure_models(
+                question,
+                search,
+                selected,
+                physical,
+                within=share_,
+                replicates=draws,
+                rng=streams[2],
+                engine=runner,
+                progress=share(say, "measuring errors", 0.5, 0.7),
             )
         say("resampling", 0.7)
-        measured, contradicted = measured.beside_file(question, share_)
         stability = assess_stability(
             search,
             measured.models[selected].step.partition,
@@ -176,101 +204,51 @@ def prune(
             progress=share(say, "resampling", 0.7, 1.0),
             engine=engine,
         )
-        settings = {
-            "estimator": estimator,
-            "forbid": list(forbid),
-            "force": list(force),
-            "replicates": draws,
-            "cad_prior": cad_prior,
-            "prior": share_,
-            "preparation": preparation or Preparation(),
-        }
-        known = {"method": base.name, "seed": seed, "source": source, "settings": settings}
-        found = _tell(session, rows, question, search, selected, measured, stability, known)
-        first = 2 * (rows.opening.alternative is not None)  # under what all is said
-        told = filter(None, (*found.hints[:first], contradicted, *found.hints[first:], thinned))
-        return replace(found, hints=(*told, *unused_ladder(robot, ladder)))
+        hints = _hint(session, rows, measured, contradicted)
+        return Ladder(
+            structure=session.structure,
+            samples=opening.samples,
+            validation=opening.validation,
+            hints=tuple(filter(None, (*hints, thinned, *unused_ladder(robot, ladder)))),
+            commands=opening.commands,
+            information=rows.information,
+            start=start,
+            selected=selected,
+            least=best_step(search.steps),
+            refused=search.refused,
+            stability=stability,
+            moved=session.recordings.measure_rollouts(
+                session.structure.robot, measured.result.physical.parameters()
+            ),
+            rolled=session.recordings.rolled,
+            late=question.delays.move(full_model(session.structure.base)),
+            method=base.name,
+            seed=seed,
+            source=source,
+            settings={
+                "estimator": estimator,
+                "forbid": list(forbid),
+                "force": list(force),
+                "replicates": draws,
+                "cad_prior": cad_prior,
+                "prior": share_,
+                "preparation": preparation or Preparation(),
+            },
+            **vars(measured),
+        )
 
 
-def _ask(session: Session, rows: Weighed, entry: LadderEntry) -> Question:
-    """Return where pruning starts, and by what it fits."""
-    start = build_ladder(LadderEntry(models=entry.models[:1]), session.structure)[0]
-    return Question(
-        opening=rows.opening,
-        information=rows.information,
-        start=start,
-        estimator=settle_noise(rows.estimator, start.reduce(rows.information)),
-        delays=DelayErrors.of(session, rows),
-        held_out=rows.held_out,
-    )
-
-
-def _tell(
-    session: Session,
-    rows: Weighed,
-    question: Question,
-    search: Search,
-    selected: int,
-    measured: Measured,
-    stability: Stability,
-    known: Mapping[str, Any],
-) -> Ladder:
-    """Return the result, with where the effect of removed parameters went and what seems wrong."""
-    submodels, part = measured.models, question.start.reduce(rows.information)
-    chosen, result = submodels[selected], measured.result
-    return Ladder(
-        structure=session.structure,
-        samples=rows.opening.samples,
-        validation=rows.opening.validation,
-        hints=_hint(session, rows, measured),
-        commands=rows.opening.commands,
-        information=rows.information,
-        start=question.start,
-        selected=selected,
-        least=best_step(search.path.steps),
-        refused=search.path.refused,
-        stability=stability,
-        absorption=absorb(part, submodels[0].estimate, chosen.estimate, chosen.step.partition),
-        moved=session.recordings.measure_rollouts(
-            session.structure.robot, result.physical.parameters()
-        ),
-        rolled=session.recordings.rolled,
-        late=question.delays.move(full_model(session.structure.base)),
-        **known,
-        **vars(measured),
-    )
-
-
-def _walk(
-    session: Session,
-    rows: Weighed,
-    question: Question,
-    forbid: Sequence[str],
-    force: Sequence[str],
-) -> Search:
-    """Return the path down from the model where pruning starts."""
-    start, surveys = question.start, [s.survey for s in rows.opening.samples]
-    session.say("walking down the ladder", 0.4)
-    _check_wishes(start, forbid, force)
-    return find_path(
-        start.reduce(question.information),
-        start.nonnegative,
-        variation=rows.alike.variation * find_signal(surveys),
-        suggested=propose_moves(session.structure, start.columns),
-        forbid=forbid,
-        force=force,
-        method=question.estimator,
-    )
-
-
-def _hint(session: Session, rows: Weighed, measured: Measured) -> tuple[str, ...]:
+def _hint(
+    session: Session, rows: Weighed, measured: Measured, contradicted: str
+) -> tuple[str, ...]:
     """Return what seems to be wrong with robot file, logs and their cut-off."""
     result, opening = measured.result, rows.opening
     joints, first = session.structure.robot.joints, 2 * (opening.alternative is not None)
-    said = (
-        *opening.hints[:first],
-        *state_foreign(measured),
-        *state_disagreement(measured),
+    return (
+        *opening.hints[:first],  # under what all is said
+        contradicted,
+        state_foreign(measured),
+        state_disagreement(measured),
         rows.burst,
         state_weak(result),
         state_mounting(session.structure.robot, result.verdicts),
@@ -278,7 +256,6 @@ def _hint(session: Session, rows: Weighed, measured: Measured) -> tuple[str, ...
         *check_cutoff(opening, session.recordings, session.how),
         compare_logs(joints, opening, rows.information, result).hint,
     )
-    return tuple(filter(None, said))
 
 
 def _check_wishes(start: Submodel, forbid: Sequence[str], force: Sequence[str]) -> None:
@@ -296,56 +273,250 @@ def _check_wishes(start: Submodel, forbid: Sequence[str], force: Sequence[str]) 
 def _choose(
     question: Question, search: Search, cad_prior: float | None
 ) -> tuple[int, PhysicalResult]:
-    """Return the step to use: the first as good as the best that a real robot can have."""
-    steps = search.path.steps
-    asked: list[Candidate] = []
-    problems: list[IdentifiabilityError] = []
-    good = list(good_steps(steps))
-    sound = (k for k in good if not contradicts(question.fit(steps[k]), question.full))
-    for k in list(islice(sound, CERTIFIED)) or good[:CERTIFIED]:
+    """Return the step to use: the smallest as good as the best, and its nearest real robot.
+
+    What a model with impossible values says of the robot is its nearest real robot. A smaller
+    model whose values a real robot has stands for it if these two predict alike.
+    """
+    steps, tried = search.steps, []
+    noise = Noise(search.full.variance, search.full.times)
+    held_out = HeldOut.of(question.rows.information, noise, search.whitened.folds)
+    for k in range(good_steps(steps)[0], len(steps))[: 1 + CERTIFIED]:
         model = question.fit(steps[k])
         try:
-            asked.append((k, model, certify_model(model)))
+            certificate, said = certify_model(model)
         except IdentifiabilityError as error:
-            problems.append(error)
-            continue
-        if asked[-1][2][0] is not None and asked[-1][2][0].feasible:
+            certificate, said = None, str(error)
+        tried.append((k, model, certificate, said))
+        if certificate is not None and certificate.feasible:
             break
-    if not asked:
-        raise problems[-1]
-    feasible = [a for a in asked if a[2][0] is not None and a[2][0].feasible]
-    noise = Noise(search.full.variance, search.full.times)
-    held_out = HeldOut.of(question.information, noise, search.whitened.folds)
-    if not feasible:
-        feasible = _find_possible(question, steps, asked[0][0], held_out)
-    k, model, proved = (feasible or asked)[0]
-    return k, settle_robot(model, held_out, cad_prior).robot.with_certificate(*proved)
+    found = []
+    for k, model, certificate, said in tried[:1] + tried[1:][-1:]:
+        settled = settle_robot(model, held_out, cad_prior)
+        found.append((k, settled.robot.with_certificate(certificate, said), settled.real))
+    (_, _, best), (k, robot, real) = found[0], found[-1]
+    alike = real is not None and best is not None and near_best([real, best])[0]
+    return (k, robot) if robot.feasible and alike else found[0][:2]
 
 
-def _find_possible(
-    question: Question, steps: Sequence[Step], impossible: int, held_out: HeldOut
-) -> list[Candidate]:
-    """Return the largest smaller model whose values a real robot has, if it predicts as well.
+# The models of the path, measured.
 
-    What a model with impossible values says of the robot is its nearest real robot, and that of a
-    smaller one has what its bodies cannot do without: the two are compared.
+
+#: Coefficients of a label below this are rounding.
+ROUNDING: Tolerance = 1e-9
+
+
+@frozen
+class Question:
+    """What is pruned: a model, and what the logs say of all its base parameters.
+
+    Attributes
+    ----------
+    rows : Weighed
+    start : Submodel
+        The model that pruning starts from.
+    estimator : Estimator
+    delays : DelayErrors
     """
-    best = _score_robot(question.fit(steps[impossible]), held_out)
-    for k, step in list(enumerate(steps))[impossible + 1 :][:CERTIFIED]:
-        model = question.fit(step)
-        try:
-            proved = certify_model(model)
-        except IdentifiabilityError:
-            continue
-        if proved[0] is not None and proved[0].feasible:
-            own = _score_robot(model, held_out)
-            near = best is not None and own is not None and near_best([own, best])[0]
-            return [(k, model, proved)] if near else []
-    return []
+
+    rows: Weighed
+    start: Submodel
+    estimator: Estimator
+    delays: DelayErrors
+
+    @cached_property
+    def full(self) -> Estimate | None:
+        """The fit of all base parameters; None where the logs are too short for it."""
+        return fit_whole(self.estimator, self.rows.information)
+
+    def fit(self, step: Step) -> FittedModel:
+        """Fit the model of a step down."""
+        submodel, size = self.start, len(step.partition)
+        if step.move is not None:
+            name = f"{size} parameter{'' if size == 1 else 's'}"
+            submodel = step.partition.submodel(submodel, name)
+        structure = self.rows.opening.structure
+        return FittedModel.of(structure, submodel, self.rows.information, self.estimator)
+
+    def recall(self, submodel: Submodel, estimate: Estimate) -> FittedModel:
+        """Return a model that was fitted before; all of them at once would fill the memory."""
+        structure, whole = self.rows.opening.structure, self.rows.information
+        return FittedModel(structure, submodel, whole, submodel.reduce(whole), estimate)
 
 
-def _score_robot(model: FittedModel, held_out: HeldOut) -> Score | None:
-    """Return what the nearest real robot predicts; None where there is none."""
-    fit, submodel = model.estimate, model.submodel
-    found = choose_prior(model, held_out, held_out.score_fit(fit, submodel.M, submodel.fixed))
-    return None if found is None else found.score
+def measure_models(
+    question: Question,
+    search: Search,
+    chosen: int,
+    physical: PhysicalResult,
+    *,
+    within: float,
+    replicates: int,
+    rng: np.random.Generator,
+    engine: Engine,
+    progress: Steps,
+) -> tuple[Measured, str]:
+    """Fit every model of a path and say how it predicts, going through the logs once.
+
+    Parameters
+    ----------
+    question : Question
+    search : Search
+    chosen : int
+        The step to use.
+    physical : PhysicalResult
+        Its nearest real robot.
+    within : float
+        Share within which bodies are the file's, 0 for none.
+    replicates : int
+        Of the bootstrap.
+    rng : numpy.random.Generator
+    engine : Engine
+    progress : callable(int, int)
+
+    Returns
+    -------
+    Measured
+    str
+        What the logs say of the file's bodies.
+    """
+    rows, steps = question.rows, search.steps
+    opening = rows.opening
+    fits = [(model.submodel, model.estimate) for model in map(question.fit, steps)]
+    values = np.stack([submodel.expand(fit.value) for submodel, fit in fits], 1)
+    own_values = np.stack([values[:, chosen], physical.base, *physical.in_files], 1)
+    every, two = Task(values[None], kept=False), Task(own_values[None])
+    # Stretches (or logs) are predicted by models fitted to the others.
+    start, turns = question.start, take_turns(rows.information, search.whitened.folds.test)
+    rests = start.fixed[:, None] + start.M @ np.stack([s.values[1:] for s in steps], 2)
+    fitted, unseen, own = predict_all(
+        opening.regression,
+        [every, Task(rests, turns, kept=False), two],
+        engine=engine,
+        progress=progress,
+    )
+    errors = {
+        "error_ra": fitted.relative_error(),
+        "error_ra_unseen": unseen.relative_error(),
+        "error_ra_validation": np.full(len(steps), np.nan),
+    }
+    outside, own_outside = unseen, own
+    if opening.unseen is not None:
+        outside, own_outside = predict_all(opening.unseen, [every, two], engine=engine)
+        errors["error_ra_validation"] = outside.relative_error()
+    model, missing = question.recall(*fits[chosen]), find_missing(opening)
+    (result,) = assess_ladder(
+        [model], [physical], own, own_outside, Thresholds(), rng, replicates, missing,
+        late=question.delays.move, unseen=rows.held_out,
+    )  # fmt: skip
+    spread = result.uncertainty
+    weights, first = np.zeros(len(steps)), first_allowed(steps)
+    weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
+    best = steps[best_step(steps)].score
+    # Where nothing differs from logs held out under the model to use, no other is asked.
+    others = None if spread.held_out is None or spread.held_out.agree else rows.held_out
+    errors["error_se"] = standard_error(unseen.sums, float(spread.times.mean()), chosen)
+    judge = partial(
+        decide_reported,
+        torque=float(np.sqrt(np.mean(own.rms**2))),
+        thresholds=Thresholds(),
+        full=question.full,
+        missing=missing,
+    )
+    models, labels = [], []
+    for k, (step, known) in enumerate(zip(steps, fits, strict=True)):
+        told = question.recall(*known).reported
+        unseen_part = None if others is None else told.submodel.reduce(others)
+        along = told.information, told.estimate, spread.block, rng, replicates, unseen_part
+        uncertainty = replace(resample(*along), late=question.delays.move(told.submodel))
+        if k == chosen and result.physical_as_good:
+            uncertainty = hold_over(uncertainty, told, physical)
+        labels.append((told.submodel, told.estimate, uncertainty))
+        gain = step.score.gain(best)
+        models.append(
+            PrunedModel(
+                step=step,
+                submodel=known[0],
+                estimate=known[1],
+                verdicts=judge(told, uncertainty),
+                density=gain.value,
+                density_se=gain.se,
+                weight=float(weights[k]),
+                infeasible=forbidden_signs(told.submodel, told.information, told.estimate),
+                **{name: float(each[k]) for name, each in errors.items()},
+            )
+        )
+    mixture = _mix(labels, weights, chosen) if replicates else None
+    result = replace(result, verdicts=judge(model.reported, labels[chosen][2], models=mixture))
+    if not opening.validation:
+        error, joints = models[chosen].error_ra_unseen, float(unseen.error_over_joints()[chosen])
+        result = replace(result, error_ra_validation=error, error_joints_validation=joints)
+    better = len(result.submodel) and models[chosen].error_ra_unseen < unseen.constant_error()
+    nothing, hint = opening.misread or (result.contradicted if better else WORSE), ""
+    if nothing:
+        models = [pruned.withdraw(nothing) for pruned in models]
+        result = result.withdraw(nothing)
+    else:
+        (result,), (hint,) = tell_with_file([model], [result], within, Thresholds())
+    models[chosen] = replace(models[chosen], verdicts=result.verdicts)
+    return Measured(
+        models=tuple(models),
+        result=result,
+        fitted=fitted.select([chosen]),
+        held_out=outside.select([chosen]),
+        nothing=nothing,
+        missing=missing,
+    ), hint
+
+
+def _mix(
+    labels: Sequence[tuple[Submodel, Estimate, Uncertainty]], weights: Array, chosen: int
+) -> Mixture:
+    """Return what all models of the path say of the labels of one, as they are told."""
+    own = labels[chosen][0]
+    inverse = np.linalg.pinv(own.M)
+    # Models of less weight than this share of the heaviest's are no part of a mixture.
+    heavy = np.flatnonzero(weights > 1e-3 * weights.max())
+    values, sigmas = [], []
+    for submodel, fit, uncertainty in (labels[k] for k in heavy.tolist()):
+        L = inverse @ submodel.M
+        L[np.abs(L) < ROUNDING] = 0.0
+        values.append(inverse @ (submodel.expand(fit.value) - own.fixed))
+        sigmas.append(_spread_labels(L, fit, uncertainty.robust))
+    return mix_labels(weights[heavy], np.array(values), np.array(sigmas))
+
+
+def _spread_labels(L: Array, fit: Estimate, robust: Array) -> Array:
+    """Return standard deviations of combinations L x of a fit's values, (r,)."""
+    open_ = ~(np.isfinite(robust) & np.isfinite(fit.sigma) & (fit.sigma > 0))
+    wider = np.where(open_, 0.0, robust) / np.where(open_, 1.0, fit.sigma)
+    covariance = np.where(np.isfinite(fit.covariance), fit.covariance, 0.0)
+    covariance = wider[:, None] * covariance * wider
+    sigma = np.sqrt(np.maximum(np.einsum("ra,ab,rb->r", L, covariance, L), 0.0))
+    lost: Array = np.where((L[:, open_] != 0).any(1), np.inf, sigma)
+    return lost
+
+
+def state_foreign(measured: Measured) -> str:
+    """Return that logs held out look like those of another robot, in one sentence."""
+    full = measured.models[0]
+    error, own = full.error_ra_validation, full.error_ra_unseen
+    constant = measured.held_out.constant_error()
+    if not error > max(constant, 2.0 * own):
+        return ""
+    return (
+        f"The unpruned model predicts the logs held out worse ({percent(error)}) than a constant "
+        f"torque would ({percent(constant)}), and unseen stretches of the fitted ones to "
+        f"{percent(own)}: are they of the same robot, with the same units and signs?"
+    )
+
+
+def state_disagreement(measured: Measured) -> str:
+    """Return what models that predict alike disagree on, in one sentence."""
+    moved = [v.name for v in measured.result.verdicts if v.disputed]
+    if not moved or measured.nothing:
+        return ""
+    return (
+        f"Models that predict alike disagree on {listing(moved, 6)}: values and intervals are "
+        "those of all of them together, each by its weight."
+    )

@@ -8,9 +8,8 @@ import pytest
 from identifiability.estimation.estimate import estimate, find_estimator
 from identifiability.estimation.evidence import HeldOut
 from identifiability.estimation.instrumental import InstrumentalVariables
-from identifiability.estimation.refits import RIDGE
 from identifiability.regression.information import Information
-from identifiability.workflows.prune.folds import whiten_regression
+from identifiability.workflows.prune.elimination import Remaining, whiten_regression
 from identifiability.workflows.prune.moves import Kind, Move
 
 from .made import gather
@@ -30,7 +29,15 @@ def folds_of(rows, logs=(), size=8):
     information = gather(*rows, size=size, logs=logs)
     full = estimate(information, "ols")
     full = replace(full, weights=WEIGHTS, variance=1.0 / WEIGHTS, times=np.ones(2))
-    return whiten_regression(information, full, np.array([False, True, False]))
+    return whiten_regression(information, full)
+
+
+def after(folds, *moves, counts=None):
+    """Return the model after some moves, with its fits."""
+    path = [(None, folds.start)]
+    for move in moves:
+        path.append((move, path[-1][1].apply(move)))
+    return folds.fit(counts).along(path)[-1]
 
 
 def solve(W, tau):
@@ -47,7 +54,7 @@ def sums(W, tau, x):
 def test_every_fold_is_fitted_to_its_rest_and_predicted(rows, logs):
     W, tau = rows
     folds = folds_of(rows, logs)
-    fit = folds.fit()
+    fit = after(folds)
     np.testing.assert_allclose(fit.values[0], solve(W, tau), rtol=1e-6)
     test = np.repeat(folds.folds.test, 8)
     assert folds.folds.count == (5 if logs else 10)
@@ -63,27 +70,24 @@ def test_every_fold_is_fitted_to_its_rest_and_predicted(rows, logs):
 )
 def test_densities_are_the_judges(rows, move):
     folds = folds_of(rows)
-    fit = folds.fit()
-    fit = fit if move is None else fit.after(move)
     information = gather(*rows, size=8)
     full = estimate(information, "ols")
     noise = replace(full, variance=1.0 / WEIGHTS, times=np.ones(2))
     fixed = HeldOut.of(information, noise, folds.folds)
+    # The variance of noise of weight 1 is the fit's own: 1 where weights are those of the noise.
+    fit = after(replace(folds, unit=1.0), *([] if move is None else [move]))
     M = fit.partition.matrix
     own = estimate(information.reduce(M, [f"c{j}" for j in range(M.shape[1])]), "ols")
     expected = fixed.score_fit(replace(own, weights=WEIGHTS), M)
-    # The variance of noise of weight 1 is the fit's own: 1 where weights are those of the noise.
-    exact = replace(folds, unit=1.0)
-    found = replace(fit, whitened=exact).score
-    np.testing.assert_allclose(found.density, expected.density, rtol=1e-6)
-    np.testing.assert_allclose(found.squares, expected.squares, rtol=1e-6)
+    np.testing.assert_allclose(fit.score.density, expected.density, rtol=1e-6)
+    np.testing.assert_allclose(fit.score.squares, expected.squares, rtol=1e-6)
 
 
 def test_a_replicate_counts_blocks_as_often_as_they_are_drawn(rows):
     W, tau = rows
     counts = np.random.default_rng(1).integers(1, 4, 40).astype(float)
     folds = folds_of(rows)
-    fit = folds.fit(counts)
+    fit = after(folds, counts=counts)
     at = np.repeat(np.arange(320), np.repeat(counts, 8).astype(int))
     np.testing.assert_allclose(fit.values[0], solve(W[at], tau[at]), rtol=1e-6)
     rest = folds.folds.train[3][at // 8]
@@ -100,14 +104,14 @@ def test_a_replicate_by_instruments_combines_them_anew():
     estimator = InstrumentalVariables(find_estimator("ols"))
     information = Information.of_rows(names, W, tau, log, 4, V)
     full = estimator.fit(information)
-    folds = whiten_regression(information, full, np.zeros(20, bool))
+    folds = whiten_regression(information, full)
     for counts in rng.multinomial(50, np.full(50, 0.02), 5).astype(float):
         at = np.repeat(np.arange(200), np.repeat(counts.astype(int), 4))
         direct = estimator.fit(Information.of_rows(names, W[at], tau[at], log, 4, V[at]))
-        fit = folds.fit(counts)
+        fit = after(folds, counts=counts)
         np.testing.assert_allclose(fit.values[0], direct.value, rtol=1e-6)
-        assert np.linalg.eigvalsh(fit.refits.C).min() > 0
-        dropped = fit.after(Move(Kind.DROP, ("p0",)))
+        assert np.linalg.eigvalsh(folds.fit(counts).refits.grams[0]).min() > 0
+        dropped = after(folds, Move(Kind.DROP, ("p0",)), counts=counts)
         np.testing.assert_allclose(dropped.values[0][0], 0.0, atol=1e-9)
 
 
@@ -117,49 +121,28 @@ def test_a_replicate_by_instruments_combines_them_anew():
 )  # fmt: skip
 def test_a_constraint_costs_what_refitting_with_it_costs(rows, move):
     W, tau = rows
-    fit = folds_of(rows).fit()
-    after = fit.after(move)
-    M = np.stack([after.partition.group == g for g in after.partition.leaders], 1).astype(float)
-    np.testing.assert_array_equal(after.partition.matrix, M)
+    folds = folds_of(rows)
+    fit = after(folds, move)
+    M = np.stack([fit.partition.group == g for g in fit.partition.leaders], 1).astype(float)
+    np.testing.assert_array_equal(fit.partition.matrix, M)
     x = M @ solve(W @ M, tau)
-    np.testing.assert_allclose(after.values[0], x, atol=1e-7)
+    np.testing.assert_allclose(fit.values[0], x, atol=1e-7)
+    start = Remaining.of(folds.fit())
+    left, found = start.after(move)
     rise = sums(W, tau, x) - sums(W, tau, solve(W, tau))
-    assert fit.cost(move) == pytest.approx(rise, rel=1e-6)
-    assert fit.costs([move])[0] == pytest.approx(rise / (3 - len(after.partition)), rel=1e-6)
+    np.testing.assert_allclose(left.values, x, atol=1e-7)
+    assert found == pytest.approx(rise, rel=1e-6)
+    assert start.cost(move) == pytest.approx(rise / (3 - len(fit.partition)), rel=1e-6)
 
 
 def test_what_holds_already_costs_nothing_and_changes_nothing(rows):
     """Of three ties in a ring the last follows from the others; costs are a parameter's."""
     ring = Move(Kind.TIE, tie=(("p0", "p1"), ("p1", "p2"), ("p2", "p0")))
     chain = Move(Kind.TIE, tie=(("p0", "p1", "p2"),))
-    fit = folds_of(rows).fit()
-    np.testing.assert_allclose(fit.costs([ring]), fit.costs([chain]), rtol=1e-9)
-    np.testing.assert_allclose(fit.after(ring).values, fit.after(chain).values, rtol=1e-9)
-
-
-def test_costs_of_single_moves_are_those_one_by_one(rows):
-    moves = [Move(Kind.DROP, (name,)) for name in ("p0", "p1", "p2")]
-    fit = folds_of(rows).fit()
-    np.testing.assert_allclose(fit.costs(moves), [fit.cost(m) for m in moves], rtol=1e-9)
-
-
-def test_the_jackknife_is_that_of_definition(rows):
     folds = folds_of(rows)
-    fit = folds.fit()
-    value, covariance = fit.jackknife(Move(Kind.DROP, ("p0",)))
-    scale = np.linalg.norm(np.eye(3)[:1] @ folds.inverse)
-    x = fit.values[:, 0] / scale
-    np.testing.assert_allclose(value, x[:1], rtol=1e-9)
-    F, ratio = folds.folds.count, folds.folds.ratio
-    expected = ((x[1:] - x[1:].mean()) ** 2).sum() / (F * ratio)
-    np.testing.assert_allclose(covariance, [[expected]], rtol=1e-9)
-
-
-def test_a_forbidden_sign_is_counted_while_the_parameter_is_free(rows):
-    folds = folds_of(rows)  # p1 is near -2 and must not be negative
-    fit = folds.fit()
-    assert fit.violations() == 1
-    assert fit.after(Move(Kind.DROP, ("p1",))).violations() == 0
+    start = Remaining.of(folds.fit())
+    np.testing.assert_allclose(start.cost(ring), start.cost(chain), rtol=1e-9)
+    np.testing.assert_allclose(after(folds, ring).values, after(folds, chain).values, rtol=1e-9)
 
 
 @pytest.mark.parametrize(("seed", "drawn"), [(0, 40), (1, 40), (2, 18)])
@@ -170,19 +153,17 @@ def test_fits_along_a_whole_path_are_those_from_the_rows(seed, drawn):
     W = rng.normal(size=(80, 1, k)) + 1e3 * np.repeat(rng.normal(size=(80, 1, 4)), 10, 2)
     tau = rng.normal(size=(80, 1))
     information = gather(W, tau, size=2, columns=names)
-    folds = whiten_regression(information, estimate(information, "ols"), np.zeros(k, bool))
+    folds = whiten_regression(information, estimate(information, "ols"))
     counts = rng.multinomial(drawn, np.full(40, 1 / 40)).astype(float)
     at = np.repeat(np.arange(80), np.repeat(counts, 2).astype(int))
     train = np.repeat(folds.folds.train, 2, axis=1)[:, at]
-    fit, compared = folds.fit(counts), 0
     ties = [Move(Kind.TIE, tie=((f"p{j}", f"p{j + 1}"),)) for j in range(9)]
     drops = [Move(Kind.DROP, (names[j],)) for j in rng.permutation(k)[:-1]]
+    path, compared = [(None, folds.start)], 0
     for move in [*ties, *drops]:
-        fit = fit.after(move)
+        path.append((move, path[-1][1].apply(move)))
+    for fit in folds.fit(counts).along(path):
         M = fit.partition.matrix
-        whole = np.linalg.pinv(W[at, 0] @ M)
-        C = fit.refits.C
-        found, ridge = (folds.inverse @ x @ folds.inverse.T for x in (C, RIDGE * C @ C))
         for f in range(-1, folds.folds.count):
             mine = train[f] if f >= 0 else np.ones(len(at), bool)
             A = W[at, 0][mine] @ M
@@ -190,10 +171,6 @@ def test_fits_along_a_whole_path_are_those_from_the_rows(seed, drawn):
                 continue
             x = M @ np.linalg.lstsq(A, tau[at, 0][mine], rcond=None)[0]
             np.testing.assert_allclose(fit.values[f + 1], x, atol=1e-8 * np.abs(x).max())
-            if f < 0:
-                expected = M @ whole @ whole.T @ M.T
-                atol = 1e-8 * np.abs(expected).max() + np.abs(ridge).max()
-                np.testing.assert_allclose(found, expected, rtol=0, atol=atol)
             compared += 1
     assert compared > 200
 
@@ -205,18 +182,17 @@ def test_nested_models_are_fitted_together_as_they_are_one_by_one():
     W[:, 0, :4] = 0.0  # what the first joint does not move
     tau = W @ np.linspace(0.0, 2.0, 12) + rng.normal(size=(160, 2))
     information = gather(W, tau, size=2)
-    folds = whiten_regression(information, estimate(information, "ols"), np.zeros(12, bool))
-    start = folds.fit().after(Move(Kind.TIE, tie=(("p0", "p1"),)))
+    folds = whiten_regression(information, estimate(information, "ols"))
     drops = (("p3",), ("p0", "p1"), ("p7", "p8"), *((f"p{j}",) for j in (2, 4, 5, 6, 9, 10, 11)))
-    fits = [start]
-    for names in drops:
-        fits.append(fits[-1].after(Move(Kind.DROP, names)))
-    models = [(fit.partition, len(fit.refits.fixed)) for fit in fits]
-    together = start.along(fits[-1].refits.fixed, models)
-    alone = start.refits._one_by_one(fits[-1].refits.fixed, [count for _, count in models])
-    np.testing.assert_array_equal(alone, [fit.refits.delta for fit in fits])
-    for found, one in zip(together, fits, strict=True):
-        size = np.abs(one.values).max() + np.abs(start.values).max()
-        np.testing.assert_allclose(found.values, one.values, rtol=0, atol=1e-9 * size)
-        np.testing.assert_allclose(found.score.squares, one.score.squares, rtol=1e-7)
-        np.testing.assert_allclose(found.score.density, one.score.density, rtol=1e-6)
+    path = [(None, folds.start)]
+    for move in (Move(Kind.TIE, tie=(("p0", "p1"),)), *(Move(Kind.DROP, d) for d in drops)):
+        path.append((move, path[-1][1].apply(move)))
+    start, left = folds.fit(), Remaining.of(folds.fit())
+    size = np.abs(left.values).max()
+    for found, one in zip(start.along(path), path, strict=True):
+        left = left if one[0] is None else left.after(one[0])[0]
+        np.testing.assert_allclose(found.values[0], left.values, rtol=0, atol=1e-9 * size)
+        (_, alone) = start.along([path[0], one])
+        np.testing.assert_allclose(found.values, alone.values, rtol=0, atol=1e-9 * size)
+        np.testing.assert_allclose(found.score.squares, alone.score.squares, rtol=1e-7)
+        np.testing.assert_allclose(found.score.density, alone.score.density, rtol=1e-6)
