@@ -78,7 +78,7 @@ def test_the_tables_have_one_row_for_each_parameter_model_and_grouping(html, pap
     assert rows["structure"] == list(paper_analysis.base.names)
     bodies = [*paper_analysis.robot.bodies, "all"]
     assert rows["physics"][: len(bodies)] == bodies  # their masses
-    assert len(rows["physics"][len(bodies) :]) == 85
+    assert rows["physics"][len(bodies) : -85] == bodies[:-1]  # and the room that each has
 
 
 def test_every_parameter_shows_its_evidence(html, paper_analysis):
@@ -156,13 +156,12 @@ def test_dropped_and_singular_samples_are_warned_of(paper_analysis):
 def test_impossible_values_are_a_warning_and_not_a_footnote(paper_analysis):
     worst = replace(paper_analysis, selected=0)
     page = build_analysis_page(worst)
-    answers, _, notes, _ = page.summary
+    answers, notes, _ = page.summary
     assert answers.answers[0].tone == "amber"
     assert answers.answers[2].short == "With care."
     assert "Impossible values in the model to use" in answers.answers[2].text
     assert notes.notes[0].title == "Impossible values in the model to use."
-    (again,) = (s for s in page.sections if s.name == "full-model")
-    assert again.blocks == ()  # the unpruned model is not shown twice
+    assert "full-model" not in [s.name for s in page.sections]  # it is not shown twice
 
 
 def test_long_combinations_are_cut_between_terms():
