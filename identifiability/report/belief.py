@@ -127,16 +127,19 @@ def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
 
     Where something is left out the label's interval is the last.
     """
-    chosen = analysis.chosen
-    posteriors = shown(analysis)
-    value, white, robust = np.array(
-        [(v.value, v.sigma, v.sigma_robust) for v in chosen.verdicts], float
+    chosen, posteriors = analysis.chosen, shown(analysis)
+    value, white, robust, label = np.array(
+        [(v.value, v.sigma, v.sigma_robust, v.sigma_label) for v in chosen.verdicts], float
     ).T
     open_ = ~(np.isfinite(robust) & (robust > 0) & chosen.estimate.determined)
     physical, drawn = posteriors[BODIES], chosen.uncertainty.bootstrap
-    half = REACH * np.array([0.0, -1.0, 1.0])
-    roads = {"white σ": value[:, None] + np.outer(np.where(open_, np.nan, white), half)}
-    roads["robust σ"] = value[:, None] + np.outer(np.where(open_, np.nan, robust), half)
+
+    def around(sd: Array) -> Array:
+        half = REACH * np.array([0.0, -1.0, 1.0])
+        ends: Array = value[:, None] + np.outer(np.where(open_, np.nan, sd), half)
+        return ends
+
+    roads = {"white σ": around(white), "robust σ": around(robust)}
     if drawn is not None:
         ends = np.column_stack([drawn.values.mean(0), drawn.interval()])
         roads["block bootstrap"] = np.where(open_[:, None], np.nan, ends)
@@ -145,8 +148,7 @@ def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
             both = np.column_stack([summary.mean, summary.interval])
             roads[name] = np.where(summary.stated[:, None], both, np.nan)
     if any(v.sigma_omit for v in chosen.verdicts):
-        label = np.array([v.sigma_label for v in chosen.verdicts])
-        roads["label"] = value[:, None] + np.outer(np.where(open_, np.nan, label), half)
+        roads["label"] = around(label)
     centre = np.where(open_, np.nan if physical is None else physical.mean, value)
     scale = np.where(open_, np.nan if physical is None else physical.sd, robust)
     scale = np.where(scale > 0, scale, np.nan)

@@ -36,11 +36,6 @@ def sketch(calibration: Calibration) -> Sketch | None:
     return sketch_parts(robot, parts, "decision.calibrated", "not in the model")
 
 
-def paragraphs(_: Calibration) -> tuple[str, ...]:
-    """Return nothing: the answers and the sections say it."""
-    return ()
-
-
 def sections(calibration: Calibration) -> list[Section | None]:
     """Return the sections of the page."""
     causes = Table.of("One cause switched off", CAUSES, calibration.effects)

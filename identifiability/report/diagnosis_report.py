@@ -63,11 +63,6 @@ def notes(d: Diagnosis) -> list[Note]:
     return remarks(d)
 
 
-def paragraphs(_: Diagnosis) -> tuple[str, ...]:
-    """Return nothing: the notes say it."""
-    return ()
-
-
 def sections(d: Diagnosis) -> list[Section | None]:
     """Return the sections of the page."""
     return [

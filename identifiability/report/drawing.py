@@ -226,20 +226,11 @@ def _clean_tag(tag: str, key: str, classes: dict[str, str]) -> str:
     tag = re.sub(r' transform="rotate\(-?0 [^"]*"', "", tag)
     tag = re.sub(r"#[0-9a-f]{6}\b", lambda m: _VARIABLE.get(m[0], m[0]), tag)
     tag = re.sub(r"\s+", " ", tag).replace(' "', '"')
-    tag = re.sub(r'\bd="([^"C]*)"', lambda m: f'd="{_shorten_path(m[1])}"', tag)
 
     def name(style: re.Match[str]) -> str:
         return f'class="{classes.setdefault(style[1], f"s{key}-{len(classes)}")}"'
 
     return re.sub(r'\bstyle="([^"]*)"', name, tag)
-
-
-def _shorten_path(d: str) -> str:
-    """Return a path of straight lines with fewer letters, and a long one to a tenth of a pixel."""
-    if len(d) > 800:
-        d = re.sub(r"(\.\d)\d", r"\1", d)
-    d = re.sub(r"M (\S+ \S+) L \1 ?(?=M|$)", r"M\1h0", d)
-    return re.sub(r" ?L ", " ", d).replace("M ", "M")
 
 
 # What figures share: rows with names, scales, legends, labels, whiskers.

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.foundation.answers import Column, Table
+from identifiability.foundation.answers import Column, Note, Table
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.rounding import digits, format_count, format_number, join
 from identifiability.report.blocks import Fold, Gallery, Prose, Section, Sketch, picture, section
 from identifiability.report.figures import draw_gain, draw_joint
 from identifiability.report.skeleton import Part, sketch_parts
-from identifiability.workflows.answers import sentence, words
+from identifiability.workflows.answers import note, sentence, words
 from identifiability.workflows.excite.result import Excitation
 from identifiability.workflows.excite.rules import RULES as EXCITE_RULES
 
@@ -45,9 +45,9 @@ def sketch(result: Excitation) -> Sketch | None:
     return sketch_parts(result.robot, parts, "decision.excited", "not in the model")
 
 
-def paragraphs(result: Excitation) -> tuple[str, ...]:
-    """Return the answer in words."""
-    return (result.statement, *result.hints)
+def notes(result: Excitation) -> list[Note]:
+    """Return what should be known with the answer."""
+    return [*result.cautions(), *(note("hint", hint=hint) for hint in result.hints)]
 
 
 def sections(result: Excitation) -> list[Section]:

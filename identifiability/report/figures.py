@@ -496,16 +496,14 @@ def order_correlated(correlation: Array, most: int = MOST) -> np.ndarray:
     correlation : (k, k)
     most : int
     """
-    strong = np.abs(np.nan_to_num(correlation)) > CONFUSED
-    np.fill_diagonal(strong, False)
+    size = np.abs(np.nan_to_num(correlation))
+    np.fill_diagonal(size, 0.0)
+    strong = size > CONFUSED
     _, group = scipy.sparse.csgraph.connected_components(strong, directed=False)
-    size = np.abs(np.nan_to_num(correlation)) * strong
-    groups = [np.flatnonzero(group == g) for g in range(int(group.max(initial=-1)) + 1)]
-    groups = sorted((g for g in groups if len(g) > 1), key=lambda g: -float(size[g].max()))
-    kept: list[int] = []
-    for g in groups:
-        kept += g.tolist()
-    return np.array(kept[:most], int)
+    best = [-size[np.ix_(group == g, group == g)].max() for g in group]
+    order = np.lexsort((group, best))
+    found: np.ndarray = order[strong[order].any(1)][:most]
+    return found
 
 
 @drawn
@@ -601,9 +599,6 @@ def draw_ranks(counts: Array, band: tuple[float, float], worst: int, name: str) 
     axes.stairs(counts[worst], edges, baseline=None, **own)
     axes.stairs([], [0], baseline=None, color=MUTED, label="others")
     axes.set_xlim(0, 1)
-    low, high = axes.get_ylim()
-    spread = max(high - level, level - low)
-    axes.set_ylim(level - 1.1 * spread, level + 1.1 * spread)
     legend_above(axes)
     label = "rank of the planted value among the draws [share]"
     label_axes(axes, label, "simulated experiments [–]")

@@ -29,7 +29,6 @@ from identifiability.report.blocks import (
     Fold,
     Notes,
     Picture,
-    Prose,
     Section,
     Tile,
     section,
@@ -82,7 +81,7 @@ def _within(blocks: Iterable[Any]) -> Iterator[Any]:
         yield from _within(b for part in inside for b in part)
 
 
-def render_page(page: Page, template: str = "page.html.j2") -> str:
+def render_page(page: Page) -> str:
     """Return a page as HTML that loads nothing and runs no script but its own."""
     environment = page_environment()
     kinds = {getattr(block, "kind", "") for block in _within(page.sections)}
@@ -92,7 +91,7 @@ def render_page(page: Page, template: str = "page.html.j2") -> str:
     sheets = ["style.css", *(("uplot/uPlot.css",) if zoomed else ())]
     script, style = ("\n".join(map(_template_text, each)) for each in (names, sheets))
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    return environment.get_template(template).render(
+    return environment.get_template("page.html.j2").render(
         page=page,
         style=Markup(style),
         script=Markup(script),
@@ -167,8 +166,8 @@ def _drawings(schema: str) -> Any:
     """Return the module of this room that draws a kind of result, ``<kind>_report``; None without.
 
     It may have, each a function of the result, `heading` (what kind of page it is and what it is
-    about), `sketch` and `below` (what is drawn with the answers), `notes` and `paragraphs` (what
-    stands with them) and `sections`.
+    about), `sketch` and `below` (what is drawn with the answers), `notes` (what stands with them) and
+    `sections`.
     """
     name = f"{schema.split('/')[1]}_report"
     here = Path(__file__).with_name(f"{name}.py").exists()
@@ -197,9 +196,9 @@ def build_page(result: Result) -> Page:
         robot = getattr(getattr(result, "analysis", None) or result, "robot", title)
         title = robot if isinstance(robot, str) else robot.title or robot.name
         overline, subtitle = own
+    first = answer_first(result)
     hints = tuple(note("hint", hint=hint) for hint in getattr(result, "hints", ()))
     notes = tuple(_of_page(result, "notes", result.cautions() or hints))
-    said = _of_page(result, "paragraphs", (result.statement,))
     rules = result.decided_by()
     tables = [
         Section(f"table-{k + 1}", table.caption, blocks=(replace(table, caption=""),))
@@ -209,10 +208,10 @@ def build_page(result: Result) -> Page:
         title=title,
         overline=overline,
         subtitle=subtitle,
+        statement="" if first.answers else result.statement,
         summary=(
-            answer_first(result),
+            first,
             *([Notes(notes)] if notes else []),
-            *([Fold("The answer in one paragraph", (Prose(said),))] if said else []),
         ),
         sections=(
             *filter(None, _of_page(result, "sections", tables)),

@@ -11,7 +11,6 @@ from identifiability.report import COLOURS, figures, svg
 from identifiability.report.drawing import (
     STYLE,
     TEMPLATES,
-    _shorten_path,
     break_gaps,
     canvas,
     dots,
@@ -200,19 +199,8 @@ def test_points_are_drawn_as_one_small_path():
         return figure
 
     text = svg(cloud())
-    assert text.count("h0") == 500
-    assert len(text) < 15_000
-
-
-def test_paths_of_straight_lines_keep_their_shape():
-    def points(d):
-        return [tuple(map(float, p)) for p in re.findall(r"(-?[\d.]+) (-?[\d.]+)", d)]
-
-    polygon = "M 1 2 L 1 2 L 3 4 L 5 6 z"  # starts with a step of no height
-    assert _shorten_path(polygon) == "M1 2 1 2 3 4 5 6 z"
-    assert points(_shorten_path(polygon)) == points(polygon)
-    assert _shorten_path("M 1 2 L 1 2 M 3 4 L 3 4") == "M1 2h0M3 4h0"
-    assert _shorten_path("M 1 2 L 1 25") == "M1 2 1 25"
+    assert text.count("<path") < 20
+    assert len(text) < 25_000
 
 
 def test_long_names_are_shortened_in_the_middle():
