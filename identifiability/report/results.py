@@ -166,8 +166,7 @@ def _drawings(schema: str) -> Any:
     """Return the module of this room that draws a kind of result, ``<kind>_report``; None without.
 
     It may have, each a function of the result, `heading` (what kind of page it is and what it is
-    about), `sketch` and `below` (what is drawn with the answers), `notes` (what stands with them) and
-    `sections`.
+    about), `sketch` and `below` (what is drawn with the answers), `notes` and `sections`.
     """
     name = f"{schema.split('/')[1]}_report"
     here = Path(__file__).with_name(f"{name}.py").exists()

@@ -10,6 +10,7 @@ from markupsafe import escape
 
 from identifiability import analyze
 from identifiability.estimation.evidence import LEVELS
+from identifiability.foundation.rounding import error_text
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.report import build_analysis_page, write_analysis_report
 from identifiability.report.results import build_page
@@ -61,7 +62,7 @@ def test_the_answer_stands_at_the_top(html, paper_analysis):
     text = re.sub(r"<[^>]*>", "", top).replace("\u00a0", " ")
     for answer in paper_analysis.answers():
         assert answer.short in text
-    for number in ("85", "37", f"{100 * paper_analysis.chosen.error_ra_validation:.3g} %"):
+    for number in ("85", "37", error_text(paper_analysis.chosen.error_ra_validation)):
         assert number in text
 
 
