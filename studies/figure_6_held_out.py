@@ -17,7 +17,7 @@ from paper_study.subject import TRAJECTORIES, load_subject
 
 from identifiability.foundation.names import Array
 from identifiability.report import Gallery, Picture
-from identifiability.report.torque import draw_torque
+from identifiability.report.figures import draw_torque
 
 #: Fitted to the first, drawn on the second.
 SHOWN = ("601", "595")

@@ -1,72 +1,256 @@
-"""The report on an `Analysis`: the answer first, then what it rests on."""
+"""The report on an `Analysis`: the answer first, then what it rests on.
+
+Parameters, masses, contributions to torque and correlations are shown alike of a `Ladder`.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from operator import itemgetter
 
 import numpy as np
 
+from identifiability.effects import title_of
+from identifiability.estimation.torque_errors import loaded_joints
 from identifiability.estimation.uncertainty import Motions
+from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Cell, Column, Table
 from identifiability.foundation.rounding import (
-    MARKS,
     NONE,
     digits,
     format_count,
     format_measured,
+    format_number,
     join,
+    stated_text,
 )
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.report.belief import section_bodies, section_posterior, section_standard
+from identifiability.physical.cad_prior import mass_rows, total_mass
+from identifiability.report import plot
+from identifiability.report.belief import section_posterior, section_standard
 from identifiability.report.blocks import (
     GLOSSARY,
-    Block,
     Fold,
+    Prose,
     Section,
     Sketch,
     Term,
     Terms,
+    fold_rows,
+    gallery,
+    picture,
     section,
+    share_cell,
+    torque_blocks,
 )
-from identifiability.report.models import (
-    section_full_model,
-    section_ladder,
-    section_parameters,
-    section_physics,
-    section_structure,
-)
-from identifiability.report.skeleton import sketch_robot
-from identifiability.report.torque import (
-    section_budget,
-    section_correlated,
-    section_prediction,
-    section_residuals,
-    unseen_samples,
-)
+from identifiability.report.figures import MOST, draw_confusion, draw_residual, order_correlated
+from identifiability.report.skeleton import sketch_verdicts
+from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.result import MOST_NAMES
+from identifiability.workflows.analyze.result import error_tables, model_title, parameter_table
 from identifiability.workflows.analyze.words import SeveralLogs
-from identifiability.workflows.answers import count_joints, level_table
+from identifiability.workflows.answers import count_joints, level_table, sentence
+from identifiability.workflows.predict import PARTS, Fit, correlation_of, torque_budget
 
-# The answer: what to use, who is who, and what to keep in mind.
+
+def heading(analysis: Analysis) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    robot, logs = analysis.robot, format_count(len(analysis.samples), "log")
+    samples = format_count(analysis.information.samples, "sample")
+    about = f"{robot.path.name} · {count_joints(robot)} · {logs} with {samples}"
+    return "Identifiability report", about
 
 
 def sketch(analysis: Analysis) -> Sketch | None:
-    """Return the robot with what was found drawn on it, if it can be drawn."""
-    return sketch_robot(analysis.robot, analysis.samples, analysis.chosen.verdicts)
+    """Return the robot, coloured by what is identifiable, if it can be drawn."""
+    return sketch_verdicts(analysis.robot, analysis.chosen.verdicts)
 
 
-def answer_terms(analysis: Analysis) -> Terms:
-    """Return the parameters of the selected model by verdict."""
-    verdicts = analysis.chosen.verdicts
-    kinds = {v.verdict.value for v in verdicts}
-    order = [*[k for k in MARKS if k in kinds], *sorted(kinds - set(MARKS))]
-    terms = []
-    for kind in order:
-        names = [v.name for v in verdicts if v.verdict.value == kind]
-        terms.append(Term(kind, join(names, MOST_NAMES), kind))
-    return Terms(tuple(terms))
+def sections(analysis: Analysis) -> list[Section | None]:
+    """Return the sections of the page; what needs a model that explains something is left out."""
+    explained = bool(np.isfinite(analysis.chosen.error_ra_validation))
+    found: list[Section | None] = [section_parameters(analysis), section_ladder(analysis)]
+    if explained:
+        found.append(section_prediction(analysis))
+        if not analysis.nothing:
+            unseen = analysis.validation or analysis.samples
+            found += [section_budget(analysis.fit, unseen), section_correlated(analysis.fit)]
+        found += [section_motions(analysis), section_residuals(analysis)]
+        found.append(section_physics(analysis))
+        if analysis.belief is not None:
+            found += [section_posterior(analysis), section_standard(analysis)]
+    found.append(section_structure(analysis))
+    if explained:
+        found.append(section_full_model(analysis))
+    return [*found, *_how(analysis)]
+
+
+# Parameters, and the models beside each other.
+
+
+INERTIAL_KEY = (
+    "m, mx … mz, Ixx … Izz",
+    "mass [kg], mass times centre of mass [kg·m] and inertia [kg·m²] of a body, in the frame of "
+    "the joint that carries it and about its origin",
+)
+
+
+def section_parameters(analysis: Analysis) -> Section:
+    """Return the parameters of the selected model, those that are known first."""
+    chosen = analysis.chosen
+    figure = picture("precision", plot.precision(analysis), model=chosen.name)
+    tables = fold_verdicts(parameter_table(analysis, chosen), chosen.verdicts)
+    described = f" ({chosen.submodel.description})" if chosen.submodel.description else ""
+    size = format_count(len(chosen.submodel), "parameter")
+    return section(
+        "analysis.parameters",
+        figure,
+        *tables,
+        _name_key(analysis),
+        title=model_title(chosen),
+        size=size,
+        described=described,
+    )
+
+
+def fold_verdicts(table: Table, verdicts: Sequence[Verdict]) -> tuple[Table | Fold, ...]:
+    """Return a table of judged parameters, those that are not identifiable one click away."""
+    known = [v.verdict is Class.IDENTIFIABLE for v in verdicts]
+    return fold_rows(table, known, "identifiable parameters", "parameters")
+
+
+def _name_key(analysis: Analysis) -> Fold:
+    """Return what the names of parameters mean."""
+    terms = [Term("NAME.KIND", sentence("analysis.key")), Term(*INERTIAL_KEY)]
+    for effect in analysis.structure.model.effects:
+        kinds = dict.fromkeys(p.kind for p in effect.parameters(analysis.robot))
+        if effect.name != "rigid_body" and kinds:
+            terms.append(Term(", ".join(kinds), title_of(effect.name), formula=effect.equation))
+    robot = analysis.robot
+    short = {**robot.body_symbols, **robot.joint_symbols}
+    named = [f"{symbol} is {name}" for name, symbol in short.items() if symbol != name]
+    if named:
+        terms.append(Term("short forms", f"{'; '.join(named)}."))
+    return Fold("What the names mean", (Terms(tuple(terms)),))
+
+
+def section_full_model(analysis: Analysis) -> Section | None:
+    """Return the parameters of the unpruned model, folded; None where it is the one to use."""
+    full, title = analysis.full, model_title(analysis.full)
+    if full is analysis.chosen:
+        return None
+    summary = f"All {format_count(len(full.submodel), 'parameter')} of {title}"
+    fold = Fold(summary, fold_verdicts(parameter_table(analysis, full), full.verdicts))
+    return section("analysis.full-model", fold, detail=True, size=len(full.submodel), title=title)
+
+
+def section_ladder(analysis: Analysis) -> Section:
+    """Return the ladder of models: why the selected one."""
+    chosen, models = analysis.chosen, analysis.models
+    if len(models) == 1:
+        reason = "only"
+    elif not np.isfinite([m.error_ra_validation for m in models]).any():
+        reason = "unknown"
+    elif chosen.feasible:
+        reason = "possible"
+    else:
+        reason = "signs" if chosen.signs_possible else "smallest"
+    why = sentence("analysis.why", reason, title=model_title(chosen))
+    blocks = (picture("errors", plot.models(analysis)), analysis.tables()[0])
+    return section("analysis.models", *blocks, why=why, kind=analysis.validation_kind)
+
+
+# Torque: measured and predicted, what it is made of, and what is left.
+
+
+def section_prediction(analysis: Analysis) -> Section:
+    """Return measured and predicted torque of every joint along the first unseen log."""
+    out, robot = analysis.held_out, analysis.robot
+    name = (analysis.validation or analysis.samples)[0].name
+    t, loaded = out.t[0], loaded_joints(out.rms)
+    measured, predicted = (x[: len(t), loaded] for x in out.to_draw(analysis.selected))
+    return section(
+        "analysis.prediction",
+        *torque_blocks(
+            t,
+            measured,
+            predicted,
+            [robot.joints[k] for k in loaded],
+            [robot.torque_units[k] for k in loaded],
+            out.joint_error()[loaded, analysis.selected].tolist(),
+            name,
+        ),
+        *error_tables(analysis),
+        log=name,
+        model=model_title(analysis.chosen),
+        kind="a log that" if analysis.validation else "stretches of a log that",
+        windows=_tell_windows(analysis),
+    )
+
+
+def _tell_windows(analysis: Analysis) -> str:
+    """Return how many samples errors are of, where they are not of all."""
+    for found in (analysis.held_out, analysis.fitted):
+        if not found.whole:
+            shown, total = f"{found.samples:,}", f"{found.total:,}"
+            return sentence("analysis.windows", shown=shown, total=total)
+    return ""
+
+
+def section_residuals(analysis: Analysis) -> Section:
+    """Return what is left of unseen torque over velocity, one picture for each joint."""
+    out, robot = analysis.held_out, analysis.robot
+    measured, predicted = out.to_draw(analysis.selected)
+    residual = measured - predicted
+    pictures = []
+    for k, joint in enumerate(robot.joints):
+        known = np.isfinite(out.velocity[:, k]) & np.isfinite(residual[:, k])
+        unit = "m/s" if robot.is_prismatic(int(robot.actuated[k])) else "rad/s"
+        labels = (f"velocity [{unit}]", f"residual [{robot.torque_units[k]}]")
+        own = {"median": residual[known, k]}
+        figure = draw_residual(out.velocity[known, k], own, joint, labels)
+        pictures.append(picture("velocity", figure, joint=joint))
+    return section("analysis.residuals", gallery("velocity", pictures), detail=True)
+
+
+def section_budget(fit: Fit, samples: Sequence[Prepared]) -> Section:
+    """Return what each joint's torque consists of along some logs."""
+    columns = (
+        Column("joint"),
+        Column("measured, rms", digits(3)),
+        Column("unit"),
+        *(Column(part, "bar") for part in PARTS),
+    )
+    frame = torque_budget(fit, samples)
+    rows = [
+        (r["joint"], r["measured"], r["unit"], *(share_cell(r[p] / r["measured"]) for p in PARTS))
+        for r in frame[frame["measured"] > 0].to_dict("records")
+    ]
+    return section("analysis.budget", Table.of("", columns, rows))
+
+
+def section_correlated(fit: Fit) -> Section:
+    """Return the parameters whose estimates hang together, as a map and in words."""
+    correlation = correlation_of(fit.covariance)
+    at = order_correlated(correlation)
+    if not len(at):
+        return section("analysis.correlated", text=sentence("analysis.apart"))
+    names, own = [fit.names[k] for k in at], correlation[np.ix_(at, at)]
+    rows, columns = np.triu_indices(len(names), 1)
+    rho = np.nan_to_num(own[rows, columns])
+    # Pairs that are named in words.
+    pairs = [
+        f"{names[rows[k]]} and {names[columns[k]]} ({format_number(float(rho[k]), 2)})"
+        for k in np.argsort(-np.abs(rho), kind="stable")[:3]
+    ]
+    text = sentence(
+        "analysis.together",
+        count=len(names),
+        most=" (the strongest groups are shown)" if len(names) == MOST else "",
+        pairs=join(pairs),
+    )
+    figure = draw_confusion(names, own)
+    return section("analysis.correlated", picture("correlated", figure), text=text)
 
 
 # Whether the logs lead to the same values: each by itself, beside each other.
@@ -90,18 +274,22 @@ def section_motions(analysis: Analysis) -> Section:
 def _table(found: SeveralLogs, m: Motions) -> Table:
     z = np.abs([m.away(one)[1] for one in range(len(m.which))])
     shown = sorted(np.argsort(-z.max(1))[:LOGS].tolist())
-    columns = (Column("parameter", "code"), *(Column(found.names[k], "error") for k in shown))
+    columns = (
+        Column("parameter", "code"),
+        *(Column(found.names[k], "error") for k in shown),
+        Column("farthest apart [σ]", digits(2)),
+        Column("p, all of them", digits(2)),
+    )
     rows = [
         (
             found.columns[j],
             *(_value(m.values[k, j], m.sd[k, j]) for k in shown),
-            Cell(digits(2)(float(z[:, j].max())), float(z[:, j].max())),
-            Cell(digits(2)(float(m.p[j])), float(m.p[j])),
+            z[:, j].max(),
+            m.p[j],
         )
         for j in np.argsort(-z.max(0))[:SHOWN]
     ]
-    last = (Column("farthest apart [σ]", "number"), Column("p, all of them", "number"))
-    return Table.of("Fitted one by one; those that differ most first", (*columns, *last), rows)
+    return Table.of("Fitted one by one; those that differ most first", columns, rows)
 
 
 def _value(value: float, sd: float) -> Cell:
@@ -110,25 +298,106 @@ def _value(value: float, sd: float) -> Cell:
     return Cell(" ± ".join(format_measured(float(value), float(sd))), float(value))
 
 
-# How it was done: motion, thresholds, words, versions.
+# What the robot's structure allows to determine, and whether a real robot can have the values.
 
 
-def section_preparation(analysis: Analysis) -> Section:
-    """Return how each log was made into motion and torque."""
+def section_physics(analysis: Analysis) -> Section:
+    """Return the certificate, and the nearest real robot with the room that its bodies have."""
+    physical = analysis.chosen.physical
+    nearest, known = physical.nearest, analysis.robot.nominal
+    active = () if nearest is None else nearest.active_bodies
+    held = sentence("analysis.held", "some" if active else "none", names=join(list(active)))
+    certificate = f"{physical.sentence} {analysis.mass_warning}".rstrip()
+    margins = np.full(len(physical.region.names), np.nan) if nearest is None else nearest.margins
+    stated = physical.region.margins(analysis.structure.nominal)
+    columns = (Column("nearest real robot", digits(2)), Column("robot file", digits(2)))
+    rows = zip(physical.region.names, margins, stated, strict=True)
+    room = Table.of(sentence("analysis.room"), (Column("body"), *columns), rows)
+    units = {p.name: p.unit for p in analysis.base.parameters}
+    values = [(n, x, known.get(n), units.get(n, "")) for n, x in physical.parameters().items()]
+    columns = (Column("nearest real robot", stated_text), Column("robot file", stated_text))
+    every = Table.of("", (Column("parameter"), *columns, Column("unit")), values)
     return section(
-        "analysis.motion",
-        Table.of("", MOTION, _logs(analysis)),
-        seen=format_count(analysis.information.samples, "sample"),
-        estimator=analysis.chosen.estimate.estimator.description,
-        out=format_count(analysis.held_out.samples, "sample"),
-        kind=analysis.validation_kind,
+        "analysis.physics",
+        mass_table(analysis.robot, physical.parameters()),
+        Fold("How much room each body has", (room,), detail=True),
+        Fold(
+            f"All {len(values)} parameters of the nearest real robot",
+            (Prose((sentence("analysis.one-of-them"),)), every),
+            detail=True,
+        ),
+        certificate=f"{certificate} {held}",
     )
 
 
-def _logs(analysis: Analysis) -> list[tuple[str, Prepared]]:
-    """Return every log with what it was used for."""
-    fitted = [("fitted", s) for s in analysis.samples]
-    return fitted + [("held out", s) for s in analysis.validation]
+def mass_table(robot: Robot, parameters: Mapping[str, float]) -> Table | None:
+    """Return what a real robot's bodies weigh beside the robot file's; nothing without masses.
+
+    Parameters
+    ----------
+    robot : Robot
+    parameters : mapping
+        Standard parameters by name.
+    """
+    rows = mass_rows(robot, parameters)
+    if not rows:
+        return None
+    whole = ("all", total_mass(robot, parameters), total_mass(robot, robot.nominal))
+    columns = (
+        Column("body"),
+        Column("nearest real robot [kg]", stated_text),
+        Column("robot file [kg]", stated_text),
+    )
+    return Table.of("Masses", columns, [*(tuple(row.values()) for row in rows), whole])
+
+
+def section_structure(analysis: Analysis) -> Section:
+    """Return the rank with its gap, the groupings, and what never acts."""
+    base = analysis.base
+    last, first = (format_number(x, 2) for x in base.gap)
+    size = format_count(len(base.parameters), "parameter")
+    columns = (Column("base parameter"), Column("combination"), Column("unit"))
+    table = Table.of("", columns, zip(base.names, base.labels, base.units, strict=True))
+    return section(
+        "analysis.structure",
+        Fold(f"Groupings of all {base.rank} base parameters", (table,)),
+        sentence("analysis.idle", names=", ".join(base.without_effect))
+        if base.without_effect
+        else None,
+        detail=True,
+        rank=base.rank,
+        size=size,
+        last=last,
+        first=first,
+    )
+
+
+# How it was done: motion, thresholds, words, versions.
+
+
+def _how(analysis: Analysis) -> tuple[Section, ...]:
+    """Return how logs were prepared, what terms mean, versions, seed and hashes of the inputs."""
+    robot = analysis.robot
+    logs = [("fitted", s) for s in analysis.samples]
+    logs += [("held out", s) for s in analysis.validation]
+    rows = [(k, v) for k, v in analysis.provenance.items() if not k.startswith("sha256")]
+    rows.append((f"robot {robot.path.name}", f"sha256 {robot.sha256}"))
+    rows += [(f"{use} {s.name}", f"sha256 {s.sha256}") for use, s in logs]
+    columns = (Column("what"), Column("version, seed or hash", "code"))
+    glossary = Fold("Glossary", (Terms(GLOSSARY),))
+    return (
+        section(
+            "analysis.motion",
+            Table.of("", MOTION, logs),
+            detail=True,
+            seen=format_count(analysis.information.samples, "sample"),
+            estimator=analysis.chosen.estimate.estimator.description,
+            out=format_count(analysis.held_out.samples, "sample"),
+            kind=analysis.validation_kind,
+        ),
+        section("analysis.thresholds", level_table(), glossary, detail=True),
+        section("analysis.provenance", Table.of("", columns, rows, cards=False), detail=True),
+    )
 
 
 def _span(row: tuple[str, Prepared]) -> str:
@@ -147,104 +416,3 @@ MOTION = (
     Column("from … to [s]", get=_span),
     Column("how it was prepared", get=_notes),
 )
-
-
-def section_terms(analysis: Analysis) -> Section:
-    """Return what evidence is called and the words of the report."""
-    glossary = Fold("Glossary", (Terms(GLOSSARY),))
-    return section("analysis.thresholds", level_table(), glossary)
-
-
-def section_provenance(analysis: Analysis) -> Section:
-    """Return versions, seed and hashes of the inputs."""
-    robot = analysis.robot
-    rows = [(k, v) for k, v in analysis.provenance.items() if not k.startswith("sha256")]
-    rows.append((f"robot {robot.path.name}", f"sha256 {robot.sha256}"))
-    rows += [(f"{use} {s.name}", f"sha256 {s.sha256}") for use, s in _logs(analysis)]
-    columns = (Column("what"), Column("version, seed or hash", "code"))
-    return section("analysis.provenance", Table.of("", columns, rows, cards=False))
-
-
-# The report on an `Analysis`: the answer first, then what it rests on.
-
-
-def budget_of(analysis: Analysis) -> Section:
-    """Return what each joint's torque consists of along the unseen motion."""
-    return section_budget(analysis.fit, unseen_samples(analysis))
-
-
-def correlated_of(analysis: Analysis) -> Section:
-    """Return which parameters of the selected model are correlated with each other."""
-    return section_correlated(analysis.fit)
-
-
-SECTIONS = (
-    section_parameters,
-    section_ladder,
-    section_prediction,
-    budget_of,
-    correlated_of,
-    section_motions,
-    section_residuals,
-    section_physics,
-    section_bodies,
-    section_posterior,
-    section_standard,
-    section_structure,
-    section_full_model,
-    section_preparation,
-    section_terms,
-    section_provenance,
-)
-
-#: Left out where there is nothing to explain: no model was fitted whose torque or bodies to show.
-OF_TORQUE = {
-    section_motions,
-    section_prediction,
-    section_residuals,
-    section_physics,
-    section_full_model,
-    budget_of,
-    correlated_of,
-}
-
-#: Only where a posterior was sampled.
-OF_BELIEF = {section_bodies, section_posterior, section_standard}
-
-
-#: Shown only to who asks for statistics in detail.
-IN_DETAIL = {
-    section_residuals,
-    section_posterior,
-    section_standard,
-    section_structure,
-    section_full_model,
-    section_preparation,
-    section_terms,
-    section_provenance,
-}
-
-
-def sections(analysis: Analysis) -> tuple[Section, ...]:
-    """Return the sections of an analysis in their order."""
-    explained = np.isfinite(analysis.chosen.error_ra_validation)
-    hidden = set() if explained else OF_TORQUE
-    if analysis.nothing:  # nothing to predict by
-        hidden = hidden | {budget_of, correlated_of}
-    if analysis.belief is None or not explained:
-        hidden = hidden | OF_BELIEF
-    shown = [section for section in SECTIONS if section not in hidden]
-    return tuple(replace(section(analysis), detail=section in IN_DETAIL) for section in shown)
-
-
-def heading(analysis: Analysis) -> tuple[str, str]:
-    """Return what kind of page it is, and what it is about."""
-    robot, logs = analysis.robot, format_count(len(analysis.samples), "log")
-    samples = format_count(analysis.information.samples, "sample")
-    about = f"{robot.path.name} · {count_joints(robot)} · {logs} with {samples}"
-    return "Identifiability report", about
-
-
-def beside(analysis: Analysis) -> list[Block]:
-    """Return what stands beside the answers."""
-    return [answer_terms(analysis)]

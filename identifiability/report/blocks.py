@@ -16,11 +16,13 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from identifiability.foundation.answers import Answer, Note, Table
+from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.names import Array
+from identifiability.foundation.rounding import error_text, whole_percent
 from identifiability.foundation.values import frozen
-from identifiability.report.drawing import svg
-from identifiability.workflows.answers import WORDS, words
+from identifiability.report.drawing import break_gaps, peak_rows, svg
+from identifiability.report.figures import choose_stretch, draw_torque
+from identifiability.workflows.answers import WORDS, sentence, words
 
 
 @frozen
@@ -219,15 +221,18 @@ class Trace:
 
     @classmethod
     def of(
-        cls, name: str, unit: str, t: Array, lines: Mapping[str, Array], quantity: str = "torque"
+        cls,
+        name: str,
+        unit: str,
+        t: Array,
+        lines: Mapping[str, Array],
+        most: int,
+        quantity: str = "torque",
     ) -> Trace:
-        """Return the lines of arrays (N,); where samples are missing they break."""
-        step = np.diff(t)
-        usual = np.median(step) if len(step) else np.inf
-        # A step of time this many times the usual one is a gap.
-        gaps = np.flatnonzero(step > 10.0 * usual) + 1
-        times = np.insert(t, gaps, t[gaps] - 1e-9)
-        broken = {n: tuple(np.insert(y, gaps, np.nan).tolist()) for n, y in lines.items()}
+        """Return the peaks of lines (N,), at most so many of each, broken at gaps."""
+        rows = peak_rows(tuple(lines.values()), most)
+        times, values = break_gaps(t[rows], [y[rows] for y in lines.values()])
+        broken = {n: tuple(y.tolist()) for n, y in zip(lines, values, strict=True)}
         return cls(name, unit, tuple(times.tolist()), broken, quantity)
 
     @property
@@ -245,7 +250,7 @@ class Answers:
 
     answers: tuple[Answer, ...]
     sketch: Sketch | None = None
-    below: Picture | None = None
+    below: tuple[Picture, ...] = ()
     kind: ClassVar[str] = "answers"
 
 
@@ -260,6 +265,11 @@ class Fold:
     blocks: tuple[Block, ...]
     detail: bool = False
     kind: ClassVar[str] = "fold"
+
+
+def share_cell(share: float) -> Cell:
+    """Return a share with its bar; none where it is not known."""
+    return Cell(whole_percent(share), share, share=float(np.clip(np.nan_to_num(share), 0.0, 1.0)))
 
 
 def fold_rows(
@@ -318,21 +328,18 @@ class Section:
     detail: bool = False
 
 
-# The words of the reports, from `words.toml`: titles, captions, caveats, hints, glossary.
-
-
 GLOSSARY = tuple(Term(**term) for term in WORDS["glossary"])
 
-#: What each threshold is, and of what, by its name in Python.
 
-
-def section(name: str, /, *blocks: Block | str | None, **holes: Any) -> Section:
+def section(
+    name: str, /, *blocks: Block | str | None, detail: bool = False, **holes: Any
+) -> Section:
     """Return a section with its title and lead; its anchor is the last part of its name.
 
     A text becomes a paragraph, None is left out.
     """
-    kept = (Prose((b,)) if isinstance(b, str) else b for b in blocks if b is not None)
-    return Section(name.rpartition(".")[2], **words(name, **holes), blocks=tuple(kept))
+    kept = tuple(Prose((b,)) if isinstance(b, str) else b for b in blocks if b is not None)
+    return Section(name.rpartition(".")[2], **words(name, **holes), blocks=kept, detail=detail)
 
 
 def picture(name: str, figure: Figure, /, **holes: Any) -> Picture:
@@ -343,3 +350,44 @@ def picture(name: str, figure: Figure, /, **holes: Any) -> Picture:
 def gallery(name: str, pictures: Sequence[Picture], /, **holes: Any) -> Gallery:
     """Return several pictures with one caption."""
     return Gallery(tuple(pictures), **words(f"gallery.{name}", **holes))
+
+
+#: Points of all torque lines of a page.
+LINE_POINTS = 18_000
+
+
+def torque_blocks(
+    t: Array,
+    measured: Array,
+    predicted: Array,
+    joints: Sequence[str],
+    units: Sequence[str],
+    errors: Sequence[float],
+    log: str,
+) -> tuple[Block, ...]:
+    """Return measured and predicted torque along a log, to zoom, and ten seconds as pictures.
+
+    Parameters
+    ----------
+    t : (N,) [s]
+    measured, predicted : (N, n)
+    joints, units : sequence of n str
+    errors : sequence of n float
+        Of each joint, as fractions.
+    log : str
+        What it is called.
+    """
+    most = max(300, LINE_POINTS // (3 * len(joints)))
+    part = choose_stretch(t)
+    groups, pictures = [], []
+    for k, (joint, unit) in enumerate(zip(joints, units, strict=True)):
+        lines = {"measured": measured[:, k], "predicted": predicted[:, k]}
+        lines["residual"] = lines["measured"] - lines["predicted"]
+        groups.append(Trace.of(joint, unit, t, lines, most))
+        title = f"{joint}, error {error_text(errors[k])}"
+        figure = draw_torque(t[part], measured[part, k], predicted[part, k], title, unit, most // 2)
+        pictures.append(picture("torque", figure, joint=joint))
+    return (
+        Traces(tuple(groups), sentence("analysis.traces", log=log)),
+        Fold("Each joint as a picture", (Gallery(tuple(pictures)),)),
+    )

@@ -8,7 +8,12 @@ from identifiability.report.blocks import Section, Sketch, section
 from identifiability.report.skeleton import Part, sketch_parts
 from identifiability.workflows.compare import ALL_JOINTS, Comparison, describe
 
-# What a comparison answers first: what changed, how small a change shows, trust, what next.
+
+def heading(result: Comparison) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    kinds = {"pairs": "the same motion", "logs": "different motions", "results": "two results"}
+    kind = kinds[result.kind]
+    return "Comparison report", f"{result.robot.path.name} · {result.submodel.name} · {kind}"
 
 
 def sketch(result: Comparison) -> Sketch | None:
@@ -20,31 +25,12 @@ def sketch(result: Comparison) -> Sketch | None:
     return sketch_parts(result.robot, parts, "decision.changed")
 
 
-# The report on a `Comparison`: what changed between two logs or results.
-
-
-def heading(result: Comparison) -> tuple[str, str]:
-    """Return what kind of page it is, and what it is about."""
-    kinds = {"pairs": "the same motion", "logs": "different motions", "results": "two results"}
-    kind = kinds[result.kind]
-    return "Comparison report", f"{result.robot.path.name} · {result.submodel.name} · {kind}"
-
-
 def sections(result: Comparison) -> list[Section | None]:
     """Return the sections of the page."""
-    builders = (section_changes, section_friction)
-    return [build(result) for build in builders]
-
-
-def section_changes(result: Comparison) -> Section | None:
-    """Return what changed; None where nothing did."""
-    table = result.tables()[0]
-    return section("comparison.changes", table) if table.rows else None
-
-
-def section_friction(result: Comparison) -> Section | None:
-    """Return how small a change of friction would have been found; None where none is told."""
-    if not (rows := list(result.found_from.items())):
-        return None
+    changes, friction = result.tables()[0], list(result.found_from.items())
     own = (Column("joint"), Column("found from", rough_percent))
-    return section("comparison.friction", Table.of("Smallest change that is found", own, rows))
+    least = Table.of("Smallest change that is found", own, friction)
+    return [
+        section("comparison.changes", changes) if changes.rows else None,
+        section("comparison.friction", least) if friction else None,
+    ]

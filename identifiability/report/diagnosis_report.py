@@ -1,8 +1,6 @@
-"""The report on a `Diagnosis`: the answer, the evidence, what is left."""
+"""The report on a `Diagnosis`: the answer, the gap before and after, the evidence, what is left."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +8,6 @@ from identifiability.effects import find_effect, title_of
 from identifiability.foundation.answers import Cell, Column, Note, Table
 from identifiability.foundation.rounding import digits, format_number, join, percent, rough_percent
 from identifiability.report.blocks import (
-    Gallery,
     Picture,
     Prose,
     Section,
@@ -21,47 +18,18 @@ from identifiability.report.blocks import (
     picture,
     section,
 )
-from identifiability.report.skeleton import Part, moved_pose, sketch_parts
-from identifiability.report.torque import (
-    draw_curve,
-    draw_forward,
-    draw_gap,
-    draw_named,
-    velocity_units,
-)
+from identifiability.report.figures import draw_curve, draw_forward, draw_gap, draw_residual
+from identifiability.report.skeleton import Part, sketch_parts
 from identifiability.workflows.answers import level_table, sentence
 from identifiability.workflows.diagnose.findings import PLACES, Curve, remarks
 from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.result import Diagnosis
 
-# What a diagnosis answers first: what is missing, what it explains, what is left, what next.
 
-
-def below(d: Diagnosis) -> Picture | None:
-    """Return what stands below the answers."""
-    return _named(d) if d.curves else None
-
-
-def _named(d: Diagnosis) -> Picture:
-    """Return what is left of unseen torque over what names the first effect, before and after."""
-    c, left = d.curves[0], d.gap.residual[:, d.curves[0].joint]
-    joint, rows = d.robot.joints[c.joint], d.gap.rows.data[:, c.joint]
-    x = d.gap.rows.along(c.of)[c.against]
-    figure = draw_named(
-        x[rows], left[rows, 0], left[rows, -1], f"{joint} on unseen motion", _labels(d, c)
-    )
-    return picture("named", figure, joint=joint, over=_over(c))
-
-
-def _over(c: Curve) -> str:
-    return "time of the session" if c.against == "session" else c.against
-
-
-def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
-    """Return the labels of the axes of a curve."""
-    other = "" if c.of == c.joint else f" of {d.robot.joints[c.of]}"
-    unit = d.robot.torque_units[c.joint]
-    return f"{_over(c)}{other} [{_unit(d, c)}]", f"torque [{unit}]"
+def heading(d: Diagnosis) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    about = f"{d.robot.path.name} · model: {', '.join(d.base)}"
+    return "What the model misses", f"{about}{' · values fixed' if d.fixed else ''}"
 
 
 def sketch(d: Diagnosis) -> Sketch | None:
@@ -74,15 +42,46 @@ def sketch(d: Diagnosis) -> Sketch | None:
         missing.setdefault(c.place, []).append(f"{title_of(c.family)} {c.when}")
     parts = {joint: Part("grey", "nothing was found to be missing") for joint in d.robot.joints}
     parts |= {place: Part("vermilion", f"misses {join(t)}") for place, t in missing.items()}
-    robot = d.completed.robot
-    return sketch_parts(robot, parts, "decision.missing", moved_pose(robot, d.samples))
+    return sketch_parts(d.completed.robot, parts, "decision.missing")
+
+
+def below(d: Diagnosis) -> Picture | None:
+    """Return what is left of unseen torque over what names the first effect, before and after."""
+    if not d.curves:
+        return None
+    c = d.curves[0]
+    joint, rows = d.robot.joints[c.joint], d.gap.rows.data[:, c.joint]
+    before, after = d.gap.residual[rows, c.joint][:, [0, -1]].T
+    x = d.gap.rows.along(c.of)[c.against][rows]
+    states = {"before": before, "after": after}
+    figure = draw_residual(x, states, f"{joint} on unseen motion", _labels(d, c))
+    return picture("named", figure, joint=joint, over=_over(c))
+
+
+def notes(d: Diagnosis) -> list[Note]:
+    """Return what should be known with the answer."""
+    return remarks(d)
+
+
+def sections(d: Diagnosis) -> list[Section | None]:
+    """Return the sections of the page."""
+    return [
+        section_effects(d),
+        _section_gap(d),
+        None if d.forward is None else section_forward(d.forward, d.robot.joints),
+        _section_where(d),
+        *_sections_method(d),
+    ]
 
 
 # What a diagnosis named, what each effect was learned to be, and how the model moves with it.
 
 
-#: Curves that are drawn.
+#: Curves and joints that are drawn.
 SHOWN = 6
+
+#: Seconds of unseen motion that are drawn, and groups that the table of evidence lists.
+STRETCH, LISTED = 10.0, 12
 
 
 def section_effects(d: Diagnosis) -> Section:
@@ -93,33 +92,46 @@ def section_effects(d: Diagnosis) -> Section:
             shape = f"shape {format_number(p.shape, 3)}" if np.isfinite(p.shape) else ""
             first = (Cell(" or ".join(e.names), note=shape), p.place)
             rows += [(*first, *row, p.odds, p.rms) for row in p.rows]
-    if not rows and not d.refuted and not d.changes:
-        nothing = "No effect stands out from the noise and helps on unseen motion."
-        return section("diagnosis.effects", nothing)
-    found = (Table.of("Their parameters", EFFECTS, rows), _curves(d))
-    refuted = _table_refuted(d) if d.refuted else None
-    return section("diagnosis.effects", *d.tables()[:-1], *(found if rows else ()), refuted)
-
-
-def _curves(d: Diagnosis) -> Gallery:
     pictures = []
-    for c in d.curves[:SHOWN]:
-        title = f"{_short(c.title)}, {d.robot.joints[c.joint]}"
+    for c in d.curves[:SHOWN]:  # a function needs not say that it has no name
+        title = f"{c.title.removeprefix('an unnamed ')}, {d.robot.joints[c.joint]}"
         figure = draw_curve(c.x, c.learned, c.spread, c.data, title, _labels(d, c))
         pictures.append(picture("curve", figure, title=title))
-    return gallery("curves", pictures)
+    found = (Table.of("Their parameters", EFFECTS, rows), gallery("curves", pictures))
+    unseen = Column("on unseen motion", digits(3), "unseen", f"On {d.verified_on}.")
+    caption = "Not confirmed by the motion that verifies, and in no model"
+    refuted = Table.of(caption, (*GROUP, unseen), d.refuted) if d.refuted else None
+    blocks = (*d.tables()[:-1], *(found if rows else ()), refuted)
+    nothing = sentence("diagnosis.nothing") if not any(blocks) else None
+    return section("diagnosis.effects", *blocks, nothing)
 
 
-def _short(title: str) -> str:
-    """Return a title for a label, where a function needs not say that it has no name."""
-    return title.removeprefix("an unnamed ")
+def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
+    """Return the labels of the axes of a curve."""
+    other = "" if c.of == c.joint else f" of {d.robot.joints[c.of]}"
+    position = "m" if d.robot.is_prismatic(int(d.robot.actuated[c.of])) else "rad"
+    units = {"velocity": f"{position}/s", "position": position, "load": d.robot.torque_units[c.of]}
+    labels = f"{_over(c)}{other} [{units.get(c.against, 's')}]"
+    return labels, f"torque [{d.robot.torque_units[c.joint]}]"
 
 
-def _unit(d: Diagnosis, c: Curve) -> str:
-    speed, torque = velocity_units(d.robot)[c.of], d.robot.torque_units[c.of]
-    position = speed.removesuffix("/s")
-    seconds = {"time": "s", "session": "s"}
-    return {"velocity": speed, "position": position, "load": torque, **seconds}[c.against]
+def _over(c: Curve) -> str:
+    return "time of the session" if c.against == "session" else c.against
+
+
+def _section_gap(d: Diagnosis) -> Section:
+    rows = d.gap.rows
+    t = rows.t[rows.log == rows.log.min()]
+    part = np.flatnonzero(rows.log == rows.log.min())[t <= t[0] + STRETCH]
+    named = {c.joint for c in d.curves}
+    order = sorted(range(len(d.robot.joints)), key=lambda k: k not in named)
+    pictures = []
+    for k in order[: max(SHOWN, len(named))]:
+        joint, (before, after) = d.robot.joints[k], d.gap.residual[part, k][:, [0, -1]].T
+        figure = draw_gap(rows.t[part], before, after, joint, d.robot.torque_units[k])
+        pictures.append(picture("gap", figure, joint=joint))
+    shown = gallery("gap", pictures, seconds=f"{STRETCH:g}")
+    return section("diagnosis.gap", shown, d.tables()[-1])
 
 
 def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
@@ -139,59 +151,6 @@ def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
     return section("diagnosis.motion", shown, table, horizon=horizon)
 
 
-# The report on a `Diagnosis`: the answer, the gap before and after, the evidence, what is left.
-
-
-#: Seconds of unseen motion that are drawn.
-STRETCH = 10.0
-
-
-def heading(d: Diagnosis) -> tuple[str, str]:
-    """Return what kind of page it is, and what it is about."""
-    about = f"{d.robot.path.name} · model: {', '.join(d.base)}"
-    return "What the model misses", f"{about}{' · values fixed' if d.fixed else ''}"
-
-
-def sections(d: Diagnosis) -> list[Section]:
-    """Return the sections of the page."""
-    return [
-        section_effects(d),
-        _section_gap(d),
-        *(() if d.forward is None else (section_forward(d.forward, d.robot.joints),)),
-        _section_where(d),
-        replace(_section_evidence(d), detail=True),
-        _section_refusals(d),
-        replace(_section_method(d), detail=True),
-    ]
-
-
-def notes(d: Diagnosis) -> list[Note]:
-    """Return what should be known with the answer."""
-    return remarks(d)
-
-
-def paragraphs(_: Diagnosis) -> tuple[str, ...]:
-    """Return nothing: the notes say it."""
-    return ()
-
-
-def _section_gap(d: Diagnosis) -> Section:
-    rows, residual = d.gap.rows, d.gap.residual
-    first = rows.log == rows.log.min()
-    t = rows.t[first]
-    part = np.flatnonzero(first)[(t >= t[0]) & (t <= t[0] + STRETCH)]
-    named = {c.joint for c in d.curves}
-    order = sorted(range(len(d.robot.joints)), key=lambda k: k not in named)
-    pictures = []
-    for k in order[: max(SHOWN, len(named))]:
-        joint, (before, after) = d.robot.joints[k], residual[part, k][:, [0, -1]].T
-        figure = draw_gap(rows.t[part], before, after, joint, d.robot.torque_units[k])
-        pictures.append(picture("gap", figure, joint=joint))
-    return section(
-        "diagnosis.gap", gallery("gap", pictures, seconds=f"{STRETCH:g}"), d.tables()[-1]
-    )
-
-
 def _section_where(d: Diagnosis) -> Section:
     causes = max((x.explained for x in d.discrepancies), key=len)  # none where torque is no data
     rows = [
@@ -208,51 +167,6 @@ def _section_where(d: Diagnosis) -> Section:
     return section("diagnosis.where", Table.of(caption, columns, rows))
 
 
-#: Groups that a table lists.
-LISTED = 12
-
-
-def _section_evidence(d: Diagnosis) -> Section:
-    order = sorted(d.evidence, key=lambda x: -x.before)
-    table = Table.of("The likeliest of all that was asked", EVIDENCE, order[:LISTED])
-    return section("diagnosis.evidence", table)
-
-
-EVIDENCE = (
-    Column("effect", get=lambda x: title_of(x.name)),
-    Column("where", get="place"),
-    Column("log odds", digits(3), "before", "Beside the model."),
-    Column("then", digits(3), "after", "Beside what was named as well."),
-)
-
-
-def _section_refusals(d: Diagnosis) -> Section:
-    why: dict[tuple[str, str], list[str]] = {}
-    for r in d.refusals:
-        why.setdefault((title_of(r.family), r.reason), []).append(r.place)
-    refused = tuple(
-        Term(" in ".join(filter(None, (title, join(list(filter(None, places)), PLACES)))), reason)
-        for (title, reason), places in why.items()
-    )
-    return section("diagnosis.refusals", Terms(refused) if refused else "Every family was asked.")
-
-
-def _section_method(d: Diagnosis) -> Section:
-    names = dict.fromkeys([*d.base, *(x.name for x in d.evidence)])
-    terms = [
-        Term(title_of(name), e.source, formula=e.equation)
-        for name, e in ((n, find_effect(n)) for n in names)
-    ]
-    prepared = tuple(f"{s.name}: {'; '.join(s.notes)}." for s in (*d.samples, *d.validation))
-    roles = sentence("diagnosis.roles", verified=d.verified_on)
-    return section(
-        "diagnosis.method",
-        Terms(tuple(terms)),
-        level_table(),
-        Prose((roles, *prepared)),
-    )
-
-
 EFFECTS = (
     Column("effect"),
     Column("where"),
@@ -264,14 +178,34 @@ EFFECTS = (
     Column("adds, rms", digits(3)),
 )
 
+GROUP = (
+    Column("effect", get=lambda x: title_of(x.name)),
+    Column("where", get="place"),
+    Column("log odds", digits(3), "before", "Beside the model."),
+)
 
-def _table_refuted(d: Diagnosis) -> Table:
-    columns = (
-        Column("effect", get=lambda x: title_of(x.name)),
-        Column("where", get="place"),
-        Column("log odds", digits(3), "before"),
-        Column("on unseen motion", digits(3), "unseen", f"On {d.verified_on}."),
+THEN = Column("then", digits(3), "after", "Beside what was named as well.")
+
+
+def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
+    """Return all that was asked with its evidence, what was not, and how."""
+    order = sorted(d.evidence, key=lambda x: -x.before)
+    table = Table.of("The likeliest of all that was asked", (*GROUP, THEN), order[:LISTED])
+    why: dict[tuple[str, str], list[str]] = {}
+    for r in d.refusals:
+        why.setdefault((title_of(r.family), r.reason), []).append(r.place)
+    refused = tuple(
+        Term(" in ".join(filter(None, (title, join(list(filter(None, places)), PLACES)))), reason)
+        for (title, reason), places in why.items()
     )
-    return Table.of(
-        "Not confirmed by the motion that verifies, and in no model", columns, d.refuted
+    names = dict.fromkeys([*d.base, *(x.name for x in d.evidence)])
+    effects = [(name, find_effect(name)) for name in names]
+    terms = Terms(tuple(Term(title_of(n), e.source, formula=e.equation) for n, e in effects))
+    prepared = tuple(f"{s.name}: {'; '.join(s.notes)}." for s in (*d.samples, *d.validation))
+    roles = sentence("diagnosis.roles", verified=d.verified_on)
+    told = Prose((roles, *prepared))
+    return (
+        section("diagnosis.evidence", table, detail=True),
+        section("diagnosis.refusals", Terms(refused) if refused else "Every family was asked."),
+        section("diagnosis.method", terms, level_table(), told, detail=True),
     )

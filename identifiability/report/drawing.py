@@ -11,7 +11,7 @@ import re
 import unicodedata
 import warnings
 from collections.abc import Callable, Sequence
-from functools import wraps
+from functools import partial, wraps
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, ParamSpec
@@ -21,15 +21,14 @@ import matplotlib as mpl
 import numpy as np
 from markupsafe import Markup, escape
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from matplotlib.transforms import ScaledTranslation
 
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import superscript
+from identifiability.foundation.rounding import format_number, superscript
 
 # Figures in the page's style, and the one way from a Matplotlib figure to inline SVG.
 #
@@ -150,12 +149,6 @@ def dots(
     axes.autoscale_view()
 
 
-def thin(t: Array, y: Array, most: int) -> tuple[Array, Array]:
-    """Return at most `most` points of a line that keep its peaks: least and largest of each bin."""
-    rows = peak_rows((y,), most)
-    return t[rows], y[rows]
-
-
 def peak_rows(lines: Sequence[Array], most: int) -> np.ndarray:
     """Return rows that keep the peaks of lines (N,), at most `most` for each of them, ascending.
 
@@ -172,6 +165,22 @@ def peak_rows(lines: Sequence[Array], most: int) -> np.ndarray:
         for sign in (1.0, -1.0)
     }
     return np.array(sorted(found))
+
+
+def break_gaps(t: Array, lines: Sequence[Array]) -> tuple[Array, list[Array]]:
+    """Return times (N,) and lines (N,) with a NaN more wherever samples are missing."""
+    step = np.diff(t)
+    # A step of time this many times the usual one is a gap.
+    gaps = np.flatnonzero(step > 10.0 * np.median(step)) + 1 if len(step) else np.empty(0, int)
+    times = np.insert(t, gaps, t[gaps] - 1e-9)
+    return times, [np.insert(y, gaps, np.nan) for y in lines]
+
+
+def plot_line(axes: Axes, t: Array, y: Array, most: int, **style: Any) -> None:
+    """Draw a line of at most so many points, with its peaks, broken where samples are missing."""
+    rows = peak_rows((y,), most)
+    times, (values,) = break_gaps(t[rows], [y[rows]])
+    axes.plot(times, values, **style)
 
 
 def svg(figure: Figure, alt: str = "") -> Markup:
@@ -217,20 +226,11 @@ def _clean_tag(tag: str, key: str, classes: dict[str, str]) -> str:
     tag = re.sub(r' transform="rotate\(-?0 [^"]*"', "", tag)
     tag = re.sub(r"#[0-9a-f]{6}\b", lambda m: _VARIABLE.get(m[0], m[0]), tag)
     tag = re.sub(r"\s+", " ", tag).replace(' "', '"')
-    tag = re.sub(r'\bd="([^"C]*)"', lambda m: f'd="{_shorten_path(m[1])}"', tag)
 
     def name(style: re.Match[str]) -> str:
         return f'class="{classes.setdefault(style[1], f"s{key}-{len(classes)}")}"'
 
     return re.sub(r'\bstyle="([^"]*)"', name, tag)
-
-
-def _shorten_path(d: str) -> str:
-    """Return a path of straight lines with fewer letters, and a long one to a tenth of a pixel."""
-    if len(d) > 800:
-        d = re.sub(r"(\.\d)\d", r"\1", d)
-    d = re.sub(r"M (\S+ \S+) L \1 ?(?=M|$)", r"M\1h0", d)
-    return re.sub(r" ?L ", " ", d).replace("M ", "M")
 
 
 # What figures share: rows with names, scales, legends, labels, whiskers.
@@ -286,22 +286,6 @@ def legend_above(axes: Axes, **style: Any) -> None:
     axes.legend(**above | style)
 
 
-def write_near(
-    axes: Axes, text: str, at: tuple[float, float], shift: tuple[float, float], **style: Any
-) -> None:
-    """Write a text some points beside a place, centred at its height."""
-    usual: Any = {"color": INK, "fontsize": 10.5, "va": "center", "textcoords": "offset points"}
-    axes.annotate(text, at, shift, **usual | style)
-
-
-def write_beside(
-    axes: Axes, texts: Sequence[str], x: Sequence[float] | Array, **style: Any
-) -> None:
-    """Write a text right of the end of each row's bar or mark."""
-    for row, (text, end) in enumerate(zip(texts, x, strict=True)):
-        write_near(axes, text, (end, row), (6, 0), **{"annotation_clip": False} | style)
-
-
 def whiskers(axes: Axes, x: Array, y: Array, reach: Any, **style: Any) -> None:
     """Draw points with errors along x, by default large blue ones with caps."""
     large: Any = {"color": BLUE, "markersize": 7, "elinewidth": 2, "capsize": 3}
@@ -309,20 +293,21 @@ def whiskers(axes: Axes, x: Array, y: Array, reach: Any, **style: Any) -> None:
 
 
 def log_scale(axes: Axes, low: float, high: float) -> None:
-    """Make x logarithmic from `low` to `high`, with plain numbers at (some) powers of ten."""
+    """Make x logarithmic from `low` to `high`, with few ticks: powers of ten, or 1, 2 and 5."""
     axes.set_xscale("log")
     axes.set_xlim(low, high)
-    first, last = int(np.ceil(np.log10(low) - 1e-9)), int(np.floor(np.log10(high) + 1e-9))
-    step = max(1, -(-(last - first) // 6))
-    set_powers(axes.xaxis, range(first, last + 1, step))
-
-
-def set_powers(axis: Axis, powers: Sequence[int]) -> None:
-    """Let a logarithmic axis show some powers of ten and nothing between."""
-    axis.set_major_locator(FixedLocator([10.0**k for k in powers]))
-    axis.set_major_formatter(FuncFormatter(lambda x, _: power_of_ten(x)))
-    axis.set_minor_locator(NullLocator())
-    axis.set_minor_formatter(NullFormatter())
+    decades = np.log10(high / low)
+    powers = np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
+    write = power_of_ten
+    if decades < 2.5:
+        ticks = np.outer(10.0**powers, [1, 2, 5]).ravel()
+        write = partial(format_number, digits=2)
+    else:
+        ticks = 10.0 ** powers[:: max(1, int(decades // 6))]
+    shown = ticks[(low <= ticks) & (ticks <= high)]
+    axes.xaxis.set_major_locator(FixedLocator(shown.tolist()))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: write(x)))
+    axes.xaxis.set_minor_locator(NullLocator())
 
 
 def power_of_ten(x: float) -> str:
@@ -331,13 +316,3 @@ def power_of_ten(x: float) -> str:
     if -3 <= power <= 4:
         return f"{10.0**power:.{max(0, -power)}f}"
     return "10" + superscript(power)
-
-
-def top_label(axes: Axes, x: float, text: str, colour: str, level: int = 0) -> None:
-    """Write above a vertical line, near enough to it and inside the axes' width."""
-    low, high = axes.get_xlim()
-    log = axes.get_xscale() == "log"
-    share = (np.log(x / low) / np.log(high / low)) if log else (x - low) / (high - low)
-    align = "right" if share > 0.8 else "left" if share < 0.2 else "center"
-    place: Any = {"xycoords": ("data", "axes fraction"), "ha": align, "va": "bottom"}
-    write_near(axes, text, (x, 1), (0, 5 + 14 * level), color=colour, **place)

@@ -10,18 +10,6 @@ from identifiability.report.skeleton import Part, sketch_parts
 from identifiability.workflows.answers import sentence
 from identifiability.workflows.payload import Load
 
-# What a payload answers first: how heavy and where, how well known, may I trust it, what next.
-
-
-def sketch(result: Load) -> Sketch | None:
-    """Return the robot with what was found drawn on it, if it can be drawn."""
-    mass = result.mass
-    text = measured(mass.value, mass.half, "kg") if result.mass.told else "the load would hang here"
-    return sketch_parts(result.robot, {result.body: Part("vermilion", text)}, "decision.loaded")
-
-
-# The report on a `Load`: mass, centre and inertia of what hangs on a body.
-
 
 def heading(result: Load) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
@@ -29,26 +17,26 @@ def heading(result: Load) -> tuple[str, str]:
     return "Payload report", f"{result.robot.path.name} · {result.model} · {logs}"
 
 
+def sketch(result: Load) -> Sketch | None:
+    """Return the robot with what was found drawn on it, if it can be drawn."""
+    mass = result.mass
+    text = measured(mass.value, mass.half, "kg") if mass.told else "the load would hang here"
+    return sketch_parts(result.robot, {result.body: Part("vermilion", text)}, "decision.loaded")
+
+
 def sections(result: Load) -> list[Section | None]:
-    """Return the sections of the page."""
+    """Return the sections of the page: gains, or quantities and how."""
     if result.gains:
         return [section("payload.gains", *result.tables())]
-    return [section_quantities(result), section_how(result)]
-
-
-def section_quantities(result: Load) -> Section:
-    """Return every quantity with its interval, and why some are not told."""
-    return section("payload.quantities", result.tables()[0], body=result.body)
-
-
-def section_how(result: Load) -> Section:
-    """Return how the load was found."""
     every = (*result.logs, *result.without)
     called = dict(zip(every, shorten_paths(every), strict=True))
     pairs = join([f"{called[one]} with {called[other]}" for one, other in result.pairs])
     words = "payload.how"
-    return section(
-        "payload.method",
-        sentence(words, "plain", body=result.body),
-        sentence(words, "pairs", pairs=pairs) if pairs else None,
-    )
+    return [
+        section("payload.quantities", result.tables()[0], body=result.body),
+        section(
+            "payload.method",
+            sentence(words, "plain", body=result.body),
+            sentence(words, "pairs", pairs=pairs) if pairs else None,
+        ),
+    ]

@@ -26,9 +26,15 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import listing, near_match
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import OptionError
-from identifiability.report.belief import draw_precision
-from identifiability.report.models import draw_errors, draw_ladder, sigma_percents
-from identifiability.report.torque import draw_confusion, draw_shrink, draw_torque, order_correlated
+from identifiability.report.figures import (
+    draw_confusion,
+    draw_errors,
+    draw_ladder,
+    draw_precision,
+    draw_shrink,
+    draw_torque,
+    order_correlated,
+)
 
 if TYPE_CHECKING:  # every report loads this module, and few need what prunes or diagnoses
     from identifiability.workflows.analyze import Analysis
@@ -49,7 +55,9 @@ def precision(result: Analysis, model: str | None = None) -> Figure:
         Name of the model; by default the one to use.
     """
     drawn = result.chosen if model is None else result.models[result.find_model(model)]
-    white, known = sigma_percents(drawn)
+    white, known = np.array(
+        [(v.sigma_percent, v.sigma_label_percent) for v in drawn.verdicts], float
+    ).T
     names = [v.name for v in drawn.verdicts]
     kinds = [v.verdict.value for v in drawn.verdicts]
     limit = ESTIMATION_RULES.paper_factor * float(np.min(white, initial=np.inf))

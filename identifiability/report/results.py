@@ -27,13 +27,10 @@ from identifiability.report.blocks import (
     Answers,
     Block,
     Fold,
-    Moving,
     Notes,
     Picture,
-    Prose,
     Section,
     Tile,
-    Traces,
     section,
 )
 from identifiability.report.drawing import TEMPLATES
@@ -71,34 +68,30 @@ class Page:
     @property
     def has_detail(self) -> bool:
         """Whether something is shown only to who asks for statistics in detail."""
-        return any(s.detail or any(map(_detailed, s.blocks)) for s in self.sections)
-
-    @property
-    def has_traces(self) -> bool:
-        """Whether lines are drawn by the page's script."""
-        return any(isinstance(b, Traces) for s in self.sections for b in s.blocks)
-
-    @property
-    def has_motion(self) -> bool:
-        """Whether robots are moved by the page's script."""
-        return any(isinstance(b, Moving) for s in self.sections for b in s.blocks)
+        parts = [*_within(self.sections)]
+        columns = (c for b in parts for c in getattr(b, "columns", ()))
+        return any(getattr(b, "detail", False) for b in (*parts, *columns))
 
 
-def _detailed(block: Block) -> bool:
-    if isinstance(block, Table):
-        return any(c.detail for c in block.columns)
-    return isinstance(block, Fold) and (block.detail or any(map(_detailed, block.blocks)))
+def _within(blocks: Iterable[Any]) -> Iterator[Any]:
+    """Yield sections or blocks with all that is in them."""
+    for block in blocks:
+        yield block
+        inside = (getattr(block, name, ()) for name in ("blocks", "pictures", "below"))
+        yield from _within(b for part in inside for b in part)
 
 
-def render_page(page: Page, template: str = "page.html.j2") -> str:
+def render_page(page: Page) -> str:
     """Return a page as HTML that loads nothing and runs no script but its own."""
     environment = page_environment()
-    names = ["page.js", *(("uplot/uPlot.js", "traces.js") if page.has_traces else ())]
-    names += ["moving.js"] if page.has_motion else []
-    sheets = ["style.css", *(("uplot/uPlot.css",) if page.has_traces else ())]
+    kinds = {getattr(block, "kind", "") for block in _within(page.sections)}
+    zoomed = "traces" in kinds
+    names = ["page.js", *(("uplot/uPlot.js", "traces.js") if zoomed else ())]
+    names += ["moving.js"] if "moving" in kinds else []
+    sheets = ["style.css", *(("uplot/uPlot.css",) if zoomed else ())]
     script, style = ("\n".join(map(_template_text, each)) for each in (names, sheets))
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    return environment.get_template(template).render(
+    return environment.get_template("page.html.j2").render(
         page=page,
         style=Markup(style),
         script=Markup(script),
@@ -173,8 +166,7 @@ def _drawings(schema: str) -> Any:
     """Return the module of this room that draws a kind of result, ``<kind>_report``; None without.
 
     It may have, each a function of the result, `heading` (what kind of page it is and what it is
-    about), `sketch` and `below` (what is drawn with the answers), `beside`, `notes` and
-    `paragraphs` (what stands with them) and `sections`.
+    about), `sketch` and `below` (what is drawn with the answers), `notes` and `sections`.
     """
     name = f"{schema.split('/')[1]}_report"
     here = Path(__file__).with_name(f"{name}.py").exists()
@@ -189,7 +181,8 @@ def _of_page(result: Result, name: str, usual: Any = None) -> Any:
 
 def answer_first(result: Result) -> Answers:
     """Return what the page of a result answers first."""
-    return Answers(result.answers(), _of_page(result, "sketch"), _of_page(result, "below"))
+    below = _of_page(result, "below")
+    return Answers(result.answers(), _of_page(result, "sketch"), () if below is None else (below,))
 
 
 def build_page(result: Result) -> Page:
@@ -202,9 +195,9 @@ def build_page(result: Result) -> Page:
         robot = getattr(getattr(result, "analysis", None) or result, "robot", title)
         title = robot if isinstance(robot, str) else robot.title or robot.name
         overline, subtitle = own
+    first = answer_first(result)
     hints = tuple(note("hint", hint=hint) for hint in getattr(result, "hints", ()))
     notes = tuple(_of_page(result, "notes", result.cautions() or hints))
-    said = _of_page(result, "paragraphs", (result.statement,))
     rules = result.decided_by()
     tables = [
         Section(f"table-{k + 1}", table.caption, blocks=(replace(table, caption=""),))
@@ -214,11 +207,10 @@ def build_page(result: Result) -> Page:
         title=title,
         overline=overline,
         subtitle=subtitle,
+        statement="" if first.answers else result.statement,
         summary=(
-            answer_first(result),
-            *_of_page(result, "beside", ()),
+            first,
             *([Notes(notes)] if notes else []),
-            *([Fold("The answer in one paragraph", (Prose(said),))] if said else []),
         ),
         sections=(
             *filter(None, _of_page(result, "sections", tables)),
@@ -241,19 +233,11 @@ def draw_figures(result: Any) -> dict[str, Figure]:
     """Return the figures of a result's page by their names, numbered where several share one."""
     found: dict[str, Figure] = {}
     page = build_page(result)
-    for name, figure in _figures((*page.summary, *page.sections)):
-        same = sum(known.partition(" ")[0] == name for known in found)
-        found[f"{name} {same + 1}" if same else name] = figure
-    return found
-
-
-def _figures(blocks: Iterable[Any]) -> Iterator[tuple[str, Figure]]:
-    for block in blocks:
+    for block in _within((*page.summary, *page.sections)):
         if isinstance(block, Picture):
-            yield block.name, block.figure
-        if isinstance(block, Answers) and block.below is not None:
-            yield block.below.name, block.below.figure
-        yield from _figures((*getattr(block, "blocks", ()), *getattr(block, "pictures", ())))
+            same = sum(known.partition(" ")[0] == block.name for known in found)
+            found[f"{block.name} {same + 1}" if same else block.name] = block.figure
+    return found
 
 
 def write_result(result: Any, path: str | Path) -> Path:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.foundation.rounding import format_count
-from identifiability.report.blocks import Section, Trace, Traces, section
-from identifiability.report.drawing import peak_rows
+from identifiability.report.blocks import LINE_POINTS, Section, Trace, Traces, section
 from identifiability.report.skeleton import move_skeletons
-from identifiability.report.torque import LINE_POINTS
 from identifiability.workflows.rollout import RolledOut
+
+#: Colours of the robots, in their order: those of their lines below (`traces.js`).
+TONES = ("blue", "vermilion", "purple")
 
 
 def heading(result: RolledOut) -> tuple[str, str]:
@@ -18,16 +19,12 @@ def heading(result: RolledOut) -> tuple[str, str]:
     return "Rollout", f"{' · '.join(run.name for run in result.runs)} · {logs}"
 
 
-def sections(result: RolledOut) -> list[Section]:
+def sections(result: RolledOut) -> list[Section | None]:
     """Return the sections of the page."""
-    return [*section_motion(result), section_positions(result), section_joints(result)]
+    return [_motion(result), _positions(result), section("rollout.joints", result.tables()[0])]
 
 
-#: Colours of the robots, in their order: those of their lines below (`traces.js`).
-TONES = ("blue", "vermilion", "purple")
-
-
-def section_motion(result: RolledOut) -> tuple[Section, ...]:
+def _motion(result: RolledOut) -> Section | None:
     """Return the robots as they move along the first log, if they can be drawn."""
     log = result.logs[0]
     motions = {"recording": ("grey", log.q)}
@@ -38,27 +35,19 @@ def section_motion(result: RolledOut) -> tuple[Section, ...]:
     ]
     caption = f"The robots along {log.name}, and how far their joints are from the recording (rms)."
     moving = move_skeletons(result.robot, log.t, motions, errors, caption, result.unit)
-    return () if moving is None else (section("rollout.motion", moving, log=log.name),)
+    return None if moving is None else section("rollout.motion", moving, log=log.name)
 
 
-def section_positions(result: RolledOut) -> Section:
+def _positions(result: RolledOut) -> Section:
     """Return the positions of every joint along the first log, to zoom and read off."""
-    log = result.logs[0]
-    t = log.t - log.t[0]
+    log, robot = result.logs[0], result.robot
     most = max(300, LINE_POINTS // (3 * len(log.joints)))
     groups = []
     for k, joint in enumerate(log.joints):
-        unit = "m" if result.robot.is_prismatic(int(result.robot.actuated[k])) else "rad"
+        unit = "m" if robot.is_prismatic(int(robot.actuated[k])) else "rad"
         lines = {"measured": log.q[:, k]}
         lines |= {run.name: run.q[0][:, k] for run in result.runs}
         if log.q_ref is not None:
             lines["command"] = log.q_ref[:, k]
-        rows = peak_rows(tuple(lines.values()), most)
-        drawn = {n: y[rows] for n, y in lines.items()}
-        groups.append(Trace.of(joint, unit, t[rows], drawn, "position"))
+        groups.append(Trace.of(joint, unit, log.t - log.t[0], lines, most, "position"))
     return section("rollout.positions", Traces(tuple(groups)), log=log.name)
-
-
-def section_joints(result: RolledOut) -> Section:
-    """Return the errors of every joint."""
-    return section("rollout.joints", result.tables()[0])

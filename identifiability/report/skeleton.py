@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -12,10 +12,8 @@ from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import join, mark_of
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.report.blocks import Moving, Sketch
 from identifiability.robot import Robot
-from identifiability.robot.description import Tilt
 from identifiability.robot.kinematics import WORLD, Point, shortest_turn
 from identifiability.workflows.answers import sentence
 
@@ -24,6 +22,7 @@ from identifiability.workflows.answers import sentence
 
 #: Size of the drawing and the margin around it [px].
 WIDTH, HEIGHT, MARGIN = 400, 380, 46
+SIZE = np.array([WIDTH, HEIGHT], float)
 
 
 #: A robot whose points lie in a plane up to this share of its size is drawn in that plane.
@@ -33,8 +32,11 @@ FLAT = 0.03
 #: Where up is without gravity.
 UP = np.array([0.0, 0.0, 1.0])
 
-#: Points of a line that a name may hide.
-DENSE = 24
+#: Direction that one looks along where the robot is not flat: azimuth and height [rad].
+TURN, LIFT = -0.95, 0.42
+
+#: Points of a line that a name may hide, and names that are shown; others are said on pointing.
+DENSE, NAMES = 24, 12
 
 
 @frozen
@@ -76,30 +78,24 @@ def draw_skeleton(
         return None
     place = _look(every, robot)
     ground = Part("grey", rest)
-    drawn = []
-    for body, lines in sorted(limbs.items(), key=lambda x: float(place.depth(x[1]).mean())):
-        part = parts.get(body, ground)
-        drawn.append(_limb(body, part, place(lines).reshape(-1, 2, 2)))
-    for joint, origin in zip(robot.tree.joints, at, strict=True):
+    joints = list(zip(robot.tree.joints, at, strict=True))
+    drawn = [_foot(*place(o[None])[0]) for j, o in joints if j.parent == WORLD]
+    for body, lines in limbs.items():
+        drawn.append(_limb(body, parts.get(body, ground), place(lines).reshape(-1, 2, 2)))
+    for joint, origin in joints:
         drawn.append(_joint(joint.dofs, joint.kind, parts, place(origin[None])[0]))
-    places = {b: place(x) for b, x in limbs.items() if b in parts}
-    if not places:  # it is about joints
-        own = zip(robot.tree.joints, at, strict=True)
-        dots = {d: place(np.array([o, o])) for j, o in own for d in j.dofs}
-        places = {d: x for d, x in dots.items() if d in parts and parts[d].tone != "grey"}
-    drawn += _names(places, place(np.concatenate([_between(x) for x in limbs.values()])))
-    pairs = zip(robot.tree.joints, at, strict=True)
-    base = [place(o[None])[0] for j, o in pairs if j.parent == WORLD]
-    lean = 0.0
-    if robot.tilt is not None and robot.upright is not None:
-        right, up = (float(-robot.upright @ axis) for axis in (place.right, place.up))
-        lean = float(np.degrees(np.arctan2(right, up)))
-    feet = "".join(_foot(x, y, lean) for x, y in base)
-    feet += _gravity(robot.tilt) if robot.tilt is not None else ""
+    named = {b: lines.mean(0) for b, lines in limbs.items() if b in parts}
+    if not named:  # it is about joints
+        dots = {d: o for j, o in joints for d in j.dofs}
+        named = {d: o for d, o in dots.items() if d in parts and parts[d].tone != "grey"}
+    drawn += _names(
+        {owner: place(o[None])[0] for owner, o in named.items()},
+        place(np.concatenate([_between(x) for x in limbs.values()])),
+    )
     return Markup(
         f'<svg class="robot" viewBox="0 0 {WIDTH} {HEIGHT}" role="group" '
         f'aria-label="{escape(robot.title or robot.name)}, drawn from its kinematics">'
-        f"{feet}{''.join(drawn)}</svg>"
+        f"{''.join(drawn)}</svg>"
     )
 
 
@@ -211,59 +207,32 @@ def _points(loop: object, joint: int) -> list[Point]:
     return [p for p in found if p is not None and p.joint == joint]
 
 
-@frozen
-class _View:
-    """From the world to the paper."""
+def _look(points: Array, robot: Robot) -> Callable[[Array], Array]:
+    """Return what takes points (N, 3) to the paper, (N, 2) [px], so that some fill it.
 
-    right: Array
-    up: Array
-    origin: Array
-    scale: float
-    shift: Array
-
-    def __call__(self, points: Array) -> Array:
-        """Return places on the paper, (N, 2) [px]."""
-        moved = points - self.origin
-        flat = np.stack([moved @ self.right, -(moved @ self.up)], 1)
-        out: Array = flat * self.scale + self.shift
-        return out
-
-    def depth(self, points: Array) -> Array:
-        """Return how near points are, (N,) [m]."""
-        near: Array = (points - self.origin) @ np.cross(self.right, self.up)
-        return near
-
-
-def _look(points: Array, robot: Robot) -> _View:
-    """Return the view that shows some points: of a flat robot its plane, upright if it can be."""
+    Of a flat robot it shows the plane, from above if it is level, else upright.
+    """
     gravity = robot.gravity
     vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else UP
-    origin = points.mean(0)
-    _, size, axes = np.linalg.svd(points - origin, full_matrices=False)
-    size = np.pad(size, (0, 3 - len(size)))
     east, north, _ = pin.exp3(shortest_turn(UP, vertical)).T
-    if size[0] > 0 and size[2] < FLAT * size[0] and size[1] > FLAT * size[0]:
-        away = axes[2]
-        if abs(away @ vertical) > 0.9:  # seen from above, where nothing is up
-            right, up = east, north
+    right = np.cos(TURN) * east + np.sin(TURN) * north
+    level = np.cos(TURN) * north - np.sin(TURN) * east
+    away = np.cos(LIFT) * level - np.sin(LIFT) * vertical
+    _, size, axes = np.linalg.svd(points - points.mean(0), full_matrices=False)
+    size = np.pad(size, (0, 3 - len(size)))
+    if size[0] > 0 and size[2] < FLAT * size[0] < size[1]:
+        away = -axes[2] if axes[2][np.argmax(np.abs(axes[2]))] > 0 else axes[2]
+        if abs(away @ vertical) > 0.9:
+            right, away = east, -vertical
         else:
-            away = away if away[np.argmax(np.abs(away))] < 0 else -away
             right = np.cross(away, vertical)
             right /= np.linalg.norm(right)
-            up = np.cross(right, away)
-    else:
-        # Direction that one looks along where the robot is not flat: azimuth and height
-        # [rad].
-        turn, height = (-0.95, 0.42)
-        right = np.cos(turn) * east + np.sin(turn) * north
-        level = -np.sin(turn) * east + np.cos(turn) * north
-        up = np.sin(height) * level + np.cos(height) * vertical
-    flat = np.stack([(points - origin) @ right, -((points - origin) @ up)], 1)
-    low, high = flat.min(0), flat.max(0)
-    room = np.array([WIDTH, HEIGHT]) - 2 * MARGIN
-    scale = float(np.min(room / np.maximum(high - low, 1e-9 + 0.02 * float(np.max(high - low)))))
-    shift = np.array([WIDTH, HEIGHT]) / 2 - scale * (low + high) / 2
-    return _View(right, up, origin, scale, shift)
+    paper = np.stack([right, -np.cross(right, away)], 1)
+    low, high = (points @ paper).min(0), (points @ paper).max(0)
+    least = 1e-9 + 0.02 * float(np.max(high - low))
+    scale = np.min((SIZE - 2 * MARGIN) / np.maximum(high - low, least))
+    shift = SIZE / 2 - scale * (low + high) / 2
+    return lambda x: scale * (x @ paper) + shift
 
 
 def _open(owner: str, part: Part) -> str:
@@ -298,22 +267,11 @@ def _joint(dofs: Sequence[str], kind: str, parts: Mapping[str, Part], at: Array)
     return f"{_open(known, parts[known])}{shape % 'joint'}</g>"
 
 
-def _foot(x: float, y: float, lean: float) -> str:
-    """Return what a base stands on, turned clockwise by so many degrees where it leans."""
+def _foot(x: float, y: float) -> str:
+    """Return what a base stands on."""
     left, right, low = x - 15, x + 15, y + 11
     strokes = "".join(f"M{k:.1f} {low:.1f}l-5 6" for k in np.linspace(left + 5, right, 5))
-    turn = f' transform="rotate({lean:.1f} {x:.1f} {y:.1f})"' if lean else ""
-    return f'<path class="ground" d="M{left:.1f} {low:.1f}H{right:.1f}{strokes}"{turn}/>'
-
-
-def _gravity(tilt: Tilt) -> str:
-    """Return an arrow along gravity, which is down on the paper, and how far the base leans."""
-    text = f"gravity, {tilt.degrees:.3g}° from the file's"
-    return (
-        f'<g><title>gravity {escape(tilt.text)}</title><path class="ground" '
-        f'd="M{MARGIN / 2:.1f} 14v34m-4 -8l4 8l4 -8"/>'
-        f'<text x="{MARGIN / 2 + 8:.1f}" y="26">{escape(text)}</text></g>'
-    )
+    return f'<path class="ground" d="M{left:.1f} {low:.1f}H{right:.1f}{strokes}"/>'
 
 
 def _between(lines: Array) -> Array:
@@ -323,44 +281,24 @@ def _between(lines: Array) -> Array:
     return points
 
 
-def _aside_dot(at: Array, room: Array, points: Array) -> Array:
-    """Return where the name of a dot stands: beside it, where the fewest points are hidden."""
-    x, y = 0.5 * room + 10.0
-    places = at + np.array([[x, 0.0], [-x, 0.0], [0.0, -y], [0.0, y], [x, -y], [-x, -y]])
-    hidden = [(np.abs(points - p) < 0.5 * room + 3.0).all(1).sum() for p in places]
-    beyond = (np.abs(places - 0.5 * np.array([WIDTH, HEIGHT])) + 0.5 * room + 2.0).T
-    outside = (beyond[0] > 0.5 * WIDTH) | (beyond[1] > 0.5 * HEIGHT)
-    best: Array = places[int(np.argmin(np.array(hidden) + len(points) * outside))]
-    return best
-
-
 def _names(places: Mapping[str, Array], points: Array) -> list[str]:
-    """Return names beside lines (2 s, 2), away from the middle of all, none over another.
-
-    A name beside a dot hides as few of some points (N, 2) as it can.
-    """
-    # Bodies and joints with a name beside them, at most; others say it where the pointer is.
-    shown = list(places)[:12]
-    middle = np.mean([places[name].mean(0) for name in shown], axis=0) if shown else np.zeros(2)
+    """Return names beside places (2,), where they hide no other name and the fewest points."""
     texts: list[str] = []
     taken: list[tuple[Array, Array]] = []
-    for owner in shown:
-        lines = places[owner]
-        along, at = lines[-1] - lines[0], lines.mean(0)
-        dot = not along.any()
-        aside = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-9)
-        aside = aside if aside @ (at - middle) >= 0 else -aside
+    for owner in list(places)[:NAMES]:
         name = owner if len(owner) <= 22 else f"{owner[:12]}…{owner[-9:]}"
-        room = np.array([6.2 * len(name), 13.0])
-        shift = 12.0 * aside + 0.5 * room * np.array([np.clip(2 * aside[0], -1, 1), aside[1]])
-        away = _aside_dot(at, room, points) if dot else at + shift
-        at = np.clip(away, 0.5 * room + 2, [WIDTH, HEIGHT] - 0.5 * room - 2)
-        while any((np.abs(at - other) < 0.5 * (room + size)).all() for other, size in taken):
-            at[1] += 7.0 if aside[1] > 0 else -7.0  # away from its own part
-        taken.append((at, room))
-        x, y = at
+        half = np.array([3.1 * len(name), 6.5])
+        x, y = half + 10.0
+        spots = [(x, 0), (-x, 0), (0, -y), (0, y), (x, -y), (-x, -y), (x, y), (-x, y)]
+        at = np.clip(places[owner] + np.array(spots), half + 2, SIZE - half - 2)
+        hidden = (np.abs(points - at[:, None]) < half + 3.0).all(2).sum(1)
+        for other, room in taken:
+            hidden += len(points) * (np.abs(at - other) < half + room).all(1)
+        best = at[np.argmin(hidden)]
+        taken.append((best, half))
         texts.append(
-            f'<text x="{x:.1f}" y="{y + 4:.1f}" text-anchor="middle">{escape(name)}</text>'
+            f'<text x="{best[0]:.1f}" y="{best[1] + 4:.1f}" text-anchor="middle">'
+            f"{escape(name)}</text>"
         )
     return texts
 
@@ -378,24 +316,17 @@ POSES = 24
 REACH = (1.0, 0.2)
 
 
-def sketch_robot(
-    robot: Robot, samples: Sequence[Prepared], verdicts: Sequence[Verdict]
-) -> Sketch | None:
-    """Return the robot drawn in the middle of its motion, coloured by what is identifiable."""
+def sketch_verdicts(robot: Robot, verdicts: Sequence[Verdict]) -> Sketch | None:
+    """Return the robot, coloured by what is identifiable."""
     owners: dict[str, list[Verdict]] = {}
     for v in verdicts:
         owners.setdefault(v.name.rpartition(".")[0], []).append(v)
     parts = {owner: _part(each) for owner, each in owners.items()}
-    pose = moved_pose(robot, samples)
-    return sketch_parts(robot, parts, "decision.drawing", pose, "does not appear in the model")
+    return sketch_parts(robot, parts, "decision.drawing", "does not appear in the model")
 
 
 def sketch_parts(
-    robot: Robot,
-    parts: Mapping[str, Part],
-    caption: str,
-    pose: Array | None = None,
-    rest: str = "",
+    robot: Robot, parts: Mapping[str, Part], caption: str, rest: str = ""
 ) -> Sketch | None:
     """Return the robot drawn with some parts coloured.
 
@@ -408,50 +339,30 @@ def sketch_parts(
         Body or joint to how it is shown.
     caption : str
         Which of the words say what the colours are.
-    pose : (nq,), optional
-        By default one that it could take.
     rest : str
         What is said of bodies that are none of the parts.
     """
-    drawing = draw_skeleton(robot, typical_pose(robot) if pose is None else pose, parts, rest)
-    return None if drawing is None else Sketch(drawing, 400, sentence(caption))
-
-
-def moved_pose(robot: Robot, samples: Sequence[Prepared]) -> Array:
-    """Return the pose in the motion, (nq,), in which the robot is least like a line."""
-    if not samples or not samples[0].survey.kept:
-        return robot.home
-    motion = samples[0].thin(max(1, samples[0].survey.kept // POSES)).motion
-    return widest_pose(robot, motion.q)
-
-
-def actuated_pose(robot: Robot, q: Array) -> Array:
-    """Return a pose (nq,) of some that actuated positions (N, n) stand for.
-
-    Only an open chain knows all of it from these; a closed one is drawn at home.
-    """
-    if robot.closed or not len(q) or not np.isfinite(q).all():
-        return robot.home
-    return widest_pose(robot, robot.configuration(q[:: max(1, len(q) // POSES)]))
+    drawing = draw_skeleton(robot, typical_pose(robot), parts, rest)
+    return None if drawing is None else Sketch(drawing, WIDTH, sentence(caption))
 
 
 def typical_pose(robot: Robot) -> Array:
-    """Return a pose within the limits, (nq,), for who has no motion; of a closed chain home."""
+    """Return the pose within the limits, (nq,), of some in which the robot is least like a line.
+
+    Of a closed chain home.
+    """
+    if robot.closed:
+        return robot.home
     slides = [int(robot.is_prismatic(int(k))) for k in robot.actuated]
     home = robot.actuated_positions(robot.home[None])[0]
     far = np.array(REACH)[slides]
     low, high = np.clip(robot.limits, (home - far)[:, None], (home + far)[:, None]).T
-    rng = np.random.default_rng(0)
-    return actuated_pose(robot, rng.uniform(low, np.maximum(low, high), (POSES, len(home))))
-
-
-def widest_pose(robot: Robot, poses: Array) -> Array:
-    """Return the one of some poses (N, nq) in which the robot is least like a line."""
-    width = [
-        np.linalg.svd(p - p.mean(0), compute_uv=False)[1] if len(p) > 1 else 0.0
-        for p in (trace_limbs(robot, q)[1] for q in poses)
-    ]
-    pose: Array = poses[int(np.argmax(width))] if width else robot.home
+    q = np.random.default_rng(0).uniform(low, np.maximum(low, high), (POSES, len(home)))
+    poses = robot.configuration(q)
+    limbs, at = _trace(robot, poses)
+    every = np.concatenate([*limbs.values(), at]).transpose(1, 0, 2)
+    width = np.linalg.svd(every - every.mean(1, keepdims=True), compute_uv=False)
+    pose: Array = poses[np.argmax(width[:, :2].prod(1))]
     return pose
 
 

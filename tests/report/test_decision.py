@@ -16,9 +16,10 @@ from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.logs.spectrum import Band
 from identifiability.regression.reduction import LadderEntry, LadderSource, ModelEntry
 from identifiability.report import build_analysis_page, render_page
+from identifiability.report.analysis_report import section_correlated
 from identifiability.report.blocks import Trace
+from identifiability.report.figures import order_correlated
 from identifiability.report.skeleton import Part, draw_skeleton, trace_limbs
-from identifiability.report.torque import order_correlated, section_correlated
 from identifiability.robot import Robot
 from identifiability.workflows.answers import (
     answer_quality,
@@ -115,7 +116,7 @@ def test_a_name_cannot_leave_the_drawing():
 
 def test_a_gap_breaks_a_trace_and_values_are_short():
     t = np.array([0.0, 0.1, 0.2, 5.0, 5.1])
-    trace = Trace.of("a", "N", t, {"measured": np.arange(5) / 3})
+    trace = Trace.of("a", "N", t, {"measured": np.arange(5) / 3}, 9)
     assert "null" in trace.data
     assert "0.33333" in trace.data
     assert "0.333333" not in trace.data

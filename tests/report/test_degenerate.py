@@ -49,7 +49,7 @@ def test_torque_that_never_varies_has_no_relative_error(chain_analysis):
 def test_one_model_and_few_joints_suffice(chain_analysis, one_model, joints):
     html = render(chain_analysis(joints, ladder=one_model))
     assert "there was nothing to choose from" in html
-    assert "is the unpruned one" in html
+    assert 'id="full-model"' not in html
 
 
 def test_noise_free_logs_have_no_sigma_to_speak_of(chain_analysis):
@@ -72,5 +72,4 @@ def test_many_joints_fit_into_a_page(chain_analysis, one_model, joints):
     ladder.models[0].effects = ["viscous_friction", "coulomb_asymmetry", "actuator_inertia"]
     analysis = chain_analysis([f"j{k}" for k in range(joints)], held=1, ladder=ladder, samples=600)
     html = render(analysis)
-    assert f"{joints - 6} more joints" in html
     assert len(html.encode()) < 700_000 + 33_000 * joints

@@ -42,7 +42,7 @@ def test_texts_become_paragraphs_and_nothing_is_left_out():
 def test_holes_are_filled_as_they_are():
     hostile = "{a} <b> %s"
     assert note("hint", hint=hostile).text == hostile
-    assert sentence("analysis.held", "one", names=hostile).count(hostile) == 1
+    assert sentence("analysis.held", "some", names=hostile).count(hostile) == 1
     with pytest.raises(KeyError):
         note("hint")
 
