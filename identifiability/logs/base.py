@@ -38,45 +38,27 @@ _AXES = {"x": 0, "y": 1, "z": 2, "w": 3}
 ACC, GYRO, UP, AFTER = slice(0, 3), slice(3, 6), slice(6, 9), 9
 
 
-@frozen
-class BaseColumns:
-    """Which columns of a table are about the base, by kind, axis by axis.
+def find_base(columns: Sequence[str], base: Base, renames: Renames) -> dict[str, str]:
+    """Return which columns of a table are about the base, by kind, axis by axis.
 
-    Attributes
-    ----------
-    named : mapping
-        From ``acc.0`` … to the column; quaternions are ``quat.x`` …, or ``quat.#0`` where nothing
-        says which of four numbers is which. Flags and wrenches are by the names that the sidecar
-        has.
+    From ``acc.0`` … to the column; quaternions are ``quat.x`` …, or ``quat.#0`` where nothing says
+    which of four numbers is which. Flags and wrenches are by the names that the sidecar has.
     """
-
-    named: Mapping[str, str]
-
-    @staticmethod
-    def find(columns: Sequence[str], base: Base, renames: Renames) -> BaseColumns:
-        """Return what is found among the columns of a table."""
-        named: dict[str, str] = {}
-        wanted = [c.flag for c in base.contacts if c.flag]
-        wanted += [column for w in base.wrenches for column in w.columns]
-        for column in columns:
-            name = renames.apply(column.strip())
-            if name in wanted or column.strip() in wanted:
-                named[name if name in wanted else column.strip()] = column
-                continue
-            key = _key(name, base)
-            if key:
-                named.setdefault(key, column)
-        return BaseColumns(named)
-
-    @property
-    def sources(self) -> list[str]:
-        """The columns."""
-        return list(dict.fromkeys(self.named.values()))
+    named: dict[str, str] = {}
+    wanted = [c.flag for c in base.contacts if c.flag]
+    wanted += [column for w in base.wrenches for column in w.columns]
+    for column in columns:
+        name = renames.apply(column.strip())
+        own = [n for n in (name, column.strip()) if n in wanted]
+        key = own[0] if own else _key(name, base)
+        if key:
+            named.setdefault(key, column)
+    return named
 
 
 def moving_base(columns: Sequence[str]) -> str:
     """Return half a sentence on what the log of a robot that stands says of its base, or none."""
-    found = BaseColumns.find(columns, Base("", "", np.zeros(3)), Renames()).named
+    found = find_base(columns, Base("", "", np.zeros(3)), Renames())
     turns = [found[key] for key in (f"gyro.{k}" for k in range(3)) if key in found]
     if len(turns) < 3:
         return ""
@@ -87,7 +69,7 @@ def moving_base(columns: Sequence[str]) -> str:
 
 
 def _key(name: str, base: Base) -> str:
-    """Return what a column says of the base, as `BaseColumns` has it; empty if nothing."""
+    """Return what a column says of the base, as `find_base` has it; empty if nothing."""
     entry = re.fullmatch(r"(?:.*[./_ ])?(qpos|qvel)[\[(_. ]*(\d+)[\])]*", name)
     if entry and base.at is not None:
         k = int(entry[2]) - base.at[entry[1] == "qvel"]
@@ -126,7 +108,7 @@ class RawBase:
     ----------
     t : (N,) [s]
     values : mapping of str to (N,)
-        By the keys of `BaseColumns`.
+        By the keys of `find_base`.
     notes : tuple of str
         How they came onto it, half a sentence each.
     """

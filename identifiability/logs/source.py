@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identifiability.foundation.errors import LogError
-from identifiability.logs.command_names import choose_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import LINE_END, PLAIN, Form, find_encoding, find_form, is_whole
 from identifiability.logs.formats.bags import hash_files
@@ -29,7 +28,6 @@ from identifiability.logs.formats.reader import (
 from identifiability.logs.naming import name_columns
 from identifiability.logs.reading import with_index
 from identifiability.logs.tables import Table, is_parquet, open_parquet, opened, parsing
-from identifiability.logs.to_si import call_currents, missing_torque
 from identifiability.robot.floating import BASE_JOINTS
 
 if TYPE_CHECKING:
@@ -287,13 +285,10 @@ def check_header(path: Path, known: Conventions) -> None:
         line = table.form.plain_text(rest).decode(errors="replace").partition("\n")[0]
         row = dict(zip(table.columns, table.form.split(line), strict=False))
     texts = {name: text for name, text in row.items() if not table.form.is_number(text)}
-    commands, alone = choose_commands(table.columns, str(path), known)
-    columns = [commands[c].name if c in commands else c for c in table.columns]
-    made = missing_torque(columns, known) if known.motion_alone else []
-    made = [f"{joint}.tau" for joint in known.joints] if alone else made
-    found = [*columns, *made]
-    called = call_currents(found, known)
-    sources = dict(zip(called, found, strict=True))
-    units = dict(zip(called, table.form.units, strict=False))
-    currents = {name for name, column in sources.items() if name != column}
-    name_columns(called, str(path), known, units, texts, currents=currents, made=made)
+    name_columns(
+        table.columns,
+        str(path),
+        known,
+        dict(zip(table.columns, table.form.units, strict=False)),
+        texts,
+    )
