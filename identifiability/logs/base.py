@@ -138,7 +138,7 @@ def read_base(base: Base, raw: RawBase, source: str) -> tuple[Array, tuple[str, 
     """
     notes = [*raw.notes]
     acc, gyro = raw.get("acc"), raw.get("gyro")
-    turn = _orientation(base, raw, acc, gyro, source, notes)
+    turn = _orientation(raw, source)
     if acc is not None and gyro is not None:
         imu = base.imu
         omega = (gyro - imu.gyro_bias) @ imu.rotation
@@ -164,31 +164,15 @@ def _unit(x: Array) -> Array:
 
 
 def _refuse(raw: RawBase, source: str) -> NoReturn:
-    for key, kind in (("acc", "acc."), ("gyro", "gyro."), ("pos", "")):
-        lacking = [
-            f"'base.{kind}{a}'" for k, a in enumerate("xyz") if f"{key}.{k}" not in raw.values
-        ]
-        if 0 < len(lacking) < 3:
-            raise LogError(
-                f"{source} lacks {listing(lacking)} beside the other axes, and does not say how "
-                "the base moved without it; give all three."
-            )
-    has = sorted({key.partition(".")[0] for key in raw.values} & {*_KINDS.values()})
-    words = {
-        "acc": "acceleration", "gyro": "angular velocity", "pos": "position",
-        "vel": "velocity", "quat": "part of an orientation",
-    }  # fmt: skip
-    found = f" (it has {listing([words[k] for k in has])})" if has else ""
+    has = f" (it has {listing(sorted(raw.values))})" if raw.values else ""
     raise LogError(
-        f"{source} does not say how the base moved{found}: give what its inertial sensor read, "
+        f"{source} does not say how the base moved{has}: give what its inertial sensor read, "
         "'base.acc.x' … 'base.gyro.z', or its pose, 'base.x' … 'base.z' and 'base.qw' … 'base.qz'; "
         'if the robot hung on a stand, say base = "fixed" in its sidecar.'
     )
 
 
-def _orientation(
-    base: Base, raw: RawBase, acc: Array | None, gyro: Array | None, source: str, notes: list[str]
-) -> scipy.spatial.transform.Rotation | None:
+def _orientation(raw: RawBase, source: str) -> scipy.spatial.transform.Rotation | None:
     """Return how the base is turned in the world, where a log says it.
 
     Raises
@@ -211,35 +195,10 @@ def _orientation(
         )
     if stated is not None:
         return scipy.spatial.transform.Rotation.from_quat(stated)
-    orders = {"w first": quat[:, [1, 2, 3, 0]], "w last": quat}
-    errors = {
-        k: _disagrees(scipy.spatial.transform.Rotation.from_quat(q), base, raw, acc, gyro)
-        for k, q in orders.items()
-    }
-    best, other = sorted(errors, key=lambda k: errors[k])
-    if not errors[best] < 0.5 * errors[other]:
-        raise LogError(
-            f"{source}: nothing says which of the four numbers of the base's quaternion is which; "
-            "call its columns 'base.qw', 'base.qx', 'base.qy' and 'base.qz', as with --map."
-        )
-    notes.append(f"the quaternion of the base has its {best}, as the angular velocity tells")
-    return scipy.spatial.transform.Rotation.from_quat(orders[best])
-
-
-def _disagrees(
-    turn: scipy.spatial.transform.Rotation,
-    base: Base,
-    raw: RawBase,
-    acc: Array | None,
-    gyro: Array | None,
-) -> float:
-    """Return by how much an orientation contradicts what sensors read (rms)."""
-    if gyro is not None:
-        return float(np.sqrt(np.mean((_spin(turn, raw.t) - gyro @ base.imu.rotation) ** 2)))
-    if acc is not None:
-        level = turn.apply(acc @ base.imu.rotation).mean(0)
-        return float(np.linalg.norm(_unit(level) + _unit(base.gravity)))
-    return 1.0
+    raise LogError(
+        f"{source}: nothing says which of the four numbers of the base's quaternion is which; call "
+        "its columns 'base.qw', 'base.qx', 'base.qy' and 'base.qz', as with --map."
+    )
 
 
 def _spin(turn: scipy.spatial.transform.Rotation, t: Array) -> Array:
@@ -350,25 +309,14 @@ def _check_gravity(
     if not fall or t[-1] - t[0] < 2.0:  # so long nothing falls
         return
 
-    def share(omega: Array) -> float:
-        slow = _mean_acceleration(acc, omega, t)[1] if turn is None else turn.apply(acc).mean(0)
-        return float(np.median(np.linalg.norm(np.atleast_2d(slow), axis=1))) / fall
-
-    found = share(omega)
-    if 0.5 <= found <= 2.0:
-        return
-    if 0.5 <= share(np.radians(omega)) <= 2.0:
+    slow = _mean_acceleration(acc, omega, t)[1] if turn is None else turn.apply(acc).mean(0)
+    found = float(np.median(np.linalg.norm(np.atleast_2d(slow), axis=1)))
+    if not 0.5 <= found / fall <= 2.0:
         raise LogError(
-            f"{source}: with the angular velocity of the base in rad/s its acceleration has no "
-            "direction that stays, with it in degrees it has: convert 'base.gyro.x' … to rad/s."
+            f"{source}: the acceleration of the base averages {found:.2g} and not the {fall:.3g} "
+            "m/s² of gravity, which a sensor feels as it does not fall: give what it reads itself, "
+            "'base.acc.x' … in m/s² and 'base.gyro.x' … in rad/s."
         )
-    why = "it was taken off: give what the sensor itself reads"
-    if 0.5 <= fall * found <= 2.0:
-        why = "it is in units of it: convert 'base.acc.x' … to m/s²"
-    raise LogError(
-        f"{source}: the acceleration of the base averages {found * fall:.2g} and not the "
-        f"{fall:.3g} m/s² of gravity, which a sensor feels as it does not fall, as if {why}."
-    )
 
 
 def _closed(base: Base, k: int, raw: RawBase, source: str) -> Array:

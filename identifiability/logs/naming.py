@@ -170,7 +170,7 @@ def name_columns(
         measured = [g for g in measured if g.literal or g.joint in known.locked]
     settled, labels, how = settle_numbers([*measured, *commands], source, known, names, first or {})
     taken = _choose(settled, known, source)
-    commanding = check_commands(taken, names, source, known, torque=torque)
+    commanding = settle_commands(taken, names, source, known, torque=torque)
     needed = ("q",) if commanding else needed
     wanted = _all_there(taken, known, needed)
     if not wanted and torque:
@@ -500,7 +500,7 @@ def _commands_to_read(guesses: Sequence[Guess], known: Conventions, *, torque: b
     return [g for g in guesses if g.kind in COMMANDS and (every or g.literal)]
 
 
-def check_commands(
+def settle_commands(
     taken: dict[str, Guess],
     names: Mapping[str, str],
     source: str,

@@ -149,7 +149,7 @@ def put_on_clock(
     discrete : sequence of str
         Those that are flags.
     """
-    out, rates, lacking = {}, {}, {}
+    out, lacking = {}, {}
     stems = {key: key.rpartition(".")[0] or key for key in columns}
     usual = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     for stem in dict.fromkeys(stems.values()):
@@ -160,7 +160,7 @@ def put_on_clock(
             continue
         if not set(own) & {*discrete}:
             known = known[_fresh(np.stack([columns[key][known] for key in own], 1))]
-        at, step = raw_t[known], float(np.median(np.diff(raw_t[known]))) if len(known) > 1 else 1.0
+        at = raw_t[known]
         same = len(at) == len(t) and bool((at == t).all())
         for key in own:
             x = columns[key][known]
@@ -174,23 +174,12 @@ def put_on_clock(
                 out[key] = np.where(there, found, np.interp(t, at, x))
                 if not there.all():
                     lacking[stem] = usual * float((~there).sum())
-        # Rates that differ by this share are two.
-        if not same and abs(np.log(step / usual)) > 0.1 and not set(own) & {*discrete}:
-            rates[stem] = 1 / step
     notes = tuple(
         f"of the base {_WORDS.get(stem, repr(stem))} was missing for {gone:.2g} s in all and "
         "interpolated there: cut such rows out"
         for stem, gone in lacking.items()
     )
-    said = [f"{_WORDS.get(stem, repr(stem))} at {rate:.3g} Hz" for stem, rate in rates.items()]
-    if not said:
-        return out, notes
-    return out, (
-        *notes,
-        f"of the base {listing(said, 4)} came on a clock of {'its' if len(said) == 1 else 'their'} "
-        f"own and {'was' if len(said) == 1 else 'were'} put on that of the joints, "
-        f"{1 / usual:.3g} Hz",
-    )
+    return out, notes
 
 
 #: What kinds of columns about a base are called in notes.

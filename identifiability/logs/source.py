@@ -9,14 +9,14 @@ from __future__ import annotations
 import csv
 import hashlib
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identifiability.foundation.errors import LogError
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.form import LINE_END, PLAIN, Form, find_encoding, find_form, is_whole
+from identifiability.logs.form import LINE_END, PLAIN, Form, find_encoding, find_form
 from identifiability.logs.formats.bags import hash_files
 from identifiability.logs.formats.reader import (
     MISSING,
@@ -76,8 +76,6 @@ def _scan_csv(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[s
 
         start = read()
         table, rest = begin_csv(path, start)
-        # Lines that show whether the last one is whole.
-        lines = table.form.plain_text(rest).decode(errors="replace").splitlines()[:-1][:1000]
         row, byte, ended = 0, len(start) - len(rest), False
         pieces = [(row, byte)]
         while not ended:
@@ -87,7 +85,7 @@ def _scan_csv(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[s
             too_long = len(rest) > 8 * PIECE_BYTES
             cut = len(rest) if ended else _last_line(rest, table.form) or len(rest) * too_long
             if ended:
-                table, cut = _leave_half_line(table, rest, lines)
+                table, cut = _leave_half_line(table, rest)
             if cut or (ended and (len(pieces) == 1 or rest)):
                 frame = table.parse(rest[:cut], row)
                 each(frame, table.form)
@@ -127,13 +125,15 @@ def begin_csv(path: Path, start: bytes) -> tuple[Table, bytes]:
     return Table(path, form.columns, (), line.encode(), form), start[at:]
 
 
-def _leave_half_line(table: Table, rest: bytes, lines: Sequence[str]) -> tuple[Table, int]:
-    """Return how much of the end of a file is whole, with a note if the last line is left out."""
+def _leave_half_line(table: Table, rest: bytes) -> tuple[Table, int]:
+    """Return how much of the end of a file is whole, with a note if the last line is left out.
+
+    One without an end may lack digits that nobody misses.
+    """
     end_of_file = table.form.plain_text(rest)
     at = max(end_of_file.rfind(b"\n"), end_of_file.rfind(b"\r")) + 1
     last = end_of_file[at:].decode(errors="replace")
-    others = [line for line in lines if line.strip()]
-    if not last.strip() or not others or is_whole(last, others, table.form):
+    if not last.strip():
         return table, len(rest)
     kept = len(rest) - len(last.encode(table.form.encoding, "replace"))
     note = "its last line has no end and was left out, for it may have been cut"

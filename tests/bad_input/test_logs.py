@@ -153,14 +153,6 @@ def test_a_data_frame_hashes_its_values_and_nothing_else(arm):
     assert Log.from_frame(arm).sha256 != Log.from_frame(arm * 1.001).sha256
 
 
-def test_jitter_is_taken_as_even_and_said(bare, rng):
-    step = bare["t"][1]
-    log = Log.from_frame(bare.assign(t=bare["t"] + rng.uniform(-0.2, 0.2, 200) * step))
-    dt, note = log.even_step()
-    assert dt == pytest.approx(step, rel=0.1)
-    assert "time stamps jitter by" in note
-
-
 @pytest.mark.parametrize("lost", [1, 2, 10])
 def test_a_gap_bridges_or_splits_a_log_and_is_said(lost, bare, arm):
     rows = [*range(50), *range(50 + lost, 200)]
