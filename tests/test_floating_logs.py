@@ -331,7 +331,7 @@ def test_a_sensor_that_does_not_feel_gravity_is_refused(scale, shift, spin, said
     if not said:
         assert read(body, frame).base[:, 8] == pytest.approx(up[:, 2], abs=0.02)
         frame.loc[300:330, "base.acc.x"] = np.nan
-        assert any("acceleration was missing for 0.31 s" in n for n in read(body, frame).notes)
+        assert any("'acc' was missing for 0.31 s" in n for n in read(body, frame).notes)
         return
     with pytest.raises(LogError, match=said):
         read(body, frame)

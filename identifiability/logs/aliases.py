@@ -24,13 +24,10 @@ if TYPE_CHECKING:
 #: What each channel of a log can be measured in.
 DIMENSIONS = {
     "t": ("time",),
-    "q": ("angle", "length"),
-    "q_ref": ("angle", "length"),
-    "dq": ("angle/s", "length/s"),
+    **dict.fromkeys(("q", "q_ref"), ("angle", "length")),
+    **dict.fromkeys(("dq", "dq_ref"), ("angle/s", "length/s")),
     "ddq": ("angle/s2", "length/s2"),
-    "tau": ("torque", "force"),
-    "dq_ref": ("angle/s", "length/s"),
-    "tau_ff": ("torque", "force"),
+    **dict.fromkeys(("tau", "tau_ff"), ("torque", "force")),
     "current": ("current",),
 }
 

@@ -60,11 +60,6 @@ class Form:
     lines: int = 0
     notes: tuple[str, ...] = ()
 
-    @property
-    def plain(self) -> bool:
-        """Whether it is written as the documentation says."""
-        return self == replace(PLAIN, columns=self.columns, lines=self.lines) and not self.notes
-
     def plain_text(self, piece: bytes) -> bytes:
         """Return some lines as UTF-8, without comments."""
         if self.encoding != "utf-8":

@@ -330,29 +330,15 @@ def build_log(name: str, naming: Naming, values: Mapping[str, Array], digest: st
         channels[kind] = np.stack([values[f"{j}.{kind}"] for j in joints]).T
     t, gone = values["t"], np.isnan(channels["tau"])
     if gone.any():
-        notes = (*notes, *_tell_unmeasured(joints, gone))
+        counts = zip(joints, gone.sum(0), strict=True)
+        lost = listing([f"'{j}.tau' in {n} of {len(t)} rows" for j, n in counts if n], 4)
+        notes = (*notes, f"torque is missing ({lost}); motion counts, these equations do not")
         channels["unmeasured"] = gone
         pairs = zip(channels["tau"].T, gone.T, strict=True)
-        channels["tau"] = np.stack([_bridge(t, x, lost) for x, lost in pairs], 1)
+        channels["tau"] = np.stack([_bridge(t, x, missing) for x, missing in pairs], 1)
     return Log(name=name, joints=joints, t=t, sha256=digest, notes=notes, **channels)
 
 
 def _bridge(t: Array, x: Array, lost: np.ndarray) -> Array:
     """Return a column (N,) with straight lines where it is lost, zeros if all of it is."""
     return np.zeros(len(x)) if lost.all() else np.interp(t, t[~lost], x[~lost])
-
-
-def _tell_unmeasured(joints: Sequence[str], gone: np.ndarray) -> list[str]:
-    """Return what a note says of torque that was not measured, (N, n) bool."""
-    share, notes = gone.mean(0), []
-    never = [f"'{j}.tau'" for j, s in zip(joints, share, strict=True) if s == 1.0]
-    some = [f"'{j}.tau' in {n} rows" for j, n in zip(joints, gone.sum(0), strict=True)
-            if 0 < n < len(gone)]  # fmt: skip
-    if never:
-        notes.append(
-            f"{listing(never, 6)} was not measured: motion counts, the equations of "
-            f"{'that joint are' if len(never) == 1 else 'those joints are'} left out"
-        )
-    if some:
-        notes.append(f"torque is missing ({listing(some, 4)}), and these equations are left out")
-    return notes

@@ -158,7 +158,8 @@ def name_columns(
     _refuse_repeated(found, guesses, source)
     torque = _has_torque(names, guesses)
     needed = ("q",) if known.motion_alone and not torque else ("q", "tau")
-    commands = _commands_to_read(guesses, known, torque=torque)
+    every = known.commands or not torque  # beside torque those alone that are called as here
+    commands = [g for g in guesses if g.kind in COMMANDS and (every or g.literal)]
     measured = [g for g in guesses if g.kind not in COMMANDS]
     if not any(g.kind == "q" for g in measured):
         measured = [replace(g, kind="q") if g.kind == BARE else g for g in measured]
@@ -373,9 +374,6 @@ def find_entries(names: Mapping[str, str], known: Conventions) -> dict[str, Gues
     out: dict[str, Guess | None] = {}
     for column, (array, key) in found.items():
         keys = {k for a, k in found.values() if a == array}
-        from_one = "0" not in keys and "1" in keys and all(k.isdecimal() for k in keys)
-        if from_one:
-            key = str(int(key) - 1)  # noqa: PLW2901
         own = known.entries.get(f"{array}@{len(keys)}", known.entries.get(array, {}))
         entry = own.get(key)
         joint, _, kind = entry.column.rpartition(".") if entry else ("", "", "")
@@ -492,14 +490,6 @@ def _number(joint: str) -> int | None:
 # Columns of commands: whether they stand for torque, which a table lacks then.
 
 
-def _commands_to_read(guesses: Sequence[Guess], known: Conventions, *, torque: bool) -> list[Guess]:
-    """Return the commands that count: beside torque those alone that are called as here."""
-    if known.motion_alone:
-        return []
-    every = known.commands or not torque
-    return [g for g in guesses if g.kind in COMMANDS and (every or g.literal)]
-
-
 def settle_commands(
     taken: dict[str, Guess],
     names: Mapping[str, str],
@@ -537,17 +527,12 @@ def settle_commands(
         return False
     commands = [g for g in taken.values() if g.kind in ("q_ref", "dq_ref")]
     if known.servo is not None and not any(g.kind in COMMANDS for g in taken.values()):
-        others = [c.strip() for c, n in names.items() if _is_command(c, n)]
-        rule = _owner(others[0]) if others else ""
-        rule = f"{rule}={known.joints[0]}" if rule else f"{[*others, ''][0]}={known.joints[0]}.cmd"
-        told = (
-            f"; of {listing([repr(c) for c in others], 3)} say which is which, as in --map '{rule}'"
-        )
         raise LogError(
             f"{source} has neither torque nor commands of the robot's joints, "
             f"{listing(known.joints)}; give what was measured of every one, "
             f"'{known.joints[0]}.tau', or the positions that its servo was told, "
-            f"'{known.joints[0]}.cmd'{told if others else ''}."
+            f"'{known.joints[0]}.cmd'. Of its columns {listing(list(names))} say which these are, "
+            f"as in --map 'OLD={known.joints[0]}.cmd'."
         )
     if commands and known.servo is None:
         why = (
@@ -565,12 +550,6 @@ def settle_commands(
         columns = listing([repr(g.source) for g in commands], 2)
         raise LogError(f"{source} has commands ({columns}) and no torque, and {why}")
     return bool(commands)
-
-
-def _is_command(column: str, name: str) -> bool:
-    """Whether a name says that a column holds a command, of whichever joint."""
-    guess = guess_column(column, name, [_owner(split_unit(name)[0])])
-    return guess is not None and guess.kind in COMMANDS
 
 
 # What is missing, with the remedy ready to copy.

@@ -71,7 +71,7 @@ def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
     out = {name: _resample(t[known[name]], values[name][known[name]], at, name) for name in kept}
     good = np.all([np.isfinite(x) for x in out.values()], axis=0)
     return {"t": at[good], **{name: x[good] for name, x in out.items()}}, _tell(
-        t, known, slowest, [n for n in counts if n not in kept], held=not empty
+        known, slowest, [n for n in counts if n not in kept], held=not empty
     )
 
 
@@ -118,17 +118,15 @@ def _resample(t: Array, x: Array, at: Array, name: str) -> Array:
     return np.where(inside & (near | exact), found, np.nan)
 
 
-def _tell(
-    t: Array, known: Mapping[str, np.ndarray], slowest: str, left: list[str], *, held: bool
-) -> str:
+def _tell(known: Mapping[str, np.ndarray], slowest: str, left: list[str], *, held: bool) -> str:
     """Return what was done, half a sentence."""
-    kinds = {name.rpartition(".")[2]: rows for name, rows in known.items()}
-    rates = [f"{kind} {1 / np.median(np.diff(t[rows])):.3g} Hz" for kind, rows in kinds.items()]
+    counts = {name.rpartition(".")[2]: rows.sum() for name, rows in known.items()}
+    rows = [f"{kind} in {count}" for kind, count in counts.items()]
     why = "values were written again until new ones came" if held else "cells are empty between"
     rest = f"; {', '.join(left)} came slower and were left out" if left else ""
     return (
-        f"columns came at rates of their own ({', '.join(rates)}; {why}) and were brought to the "
-        f"times of {slowest}{rest}"
+        f"columns came at rates of their own ({listing(rows)} of {len(known[slowest])} rows; "
+        f"{why}) and were brought to the times of {slowest}{rest}"
     )
 
 
@@ -175,18 +173,11 @@ def put_on_clock(
                 if not there.all():
                     lacking[stem] = usual * float((~there).sum())
     notes = tuple(
-        f"of the base {_WORDS.get(stem, repr(stem))} was missing for {gone:.2g} s in all and "
+        f"of the base '{stem}' was missing for {gone:.2g} s in all and "
         "interpolated there: cut such rows out"
         for stem, gone in lacking.items()
     )
     return out, notes
-
-
-#: What kinds of columns about a base are called in notes.
-_WORDS = {
-    "acc": "acceleration", "gyro": "angular velocity", "pos": "position", "vel": "velocity",
-    "quat": "orientation",
-}  # fmt: skip
 
 
 # `Reading`: the first reading of a table, piece by piece: what is what, and whether it can be.
@@ -258,7 +249,6 @@ class Reading:
         self._base: Mapping[str, str] = {}
         self._beside: dict[str, list[Array]] = {}
         self.beside: RawBase | None = None
-        self._places: dict[str, list[Array]] = {}
 
     def add(self, frame: pd.DataFrame, form: Form = PLAIN) -> None:
         """Check the next rows.
@@ -391,41 +381,24 @@ class Reading:
     def _follow_locked(self, column: Column, given: pd.Series) -> None:
         """Follow where a joint is that is said not to move; single wrong values do not count."""
         values = column.scale(to_floats(given))
-        if self.keep:
-            self._places.setdefault(column.name, []).append(values)
         values = values[np.isfinite(values)]
         if len(values):
             low, high = np.quantile(values, [0.01, 0.99])
             least, most = self._held.get(column.name, (np.inf, -np.inf))
             self._held[column.name] = min(least, float(low)), max(most, float(high))
 
-    def _check_locked(self) -> np.ndarray:
-        """Return in which rows a locked joint moves, (N,) bool, none where none ever does.
-
-        A lock that the positions contradict most of the time is refused; where a joint stands
-        elsewhere is said.
+    def _check_locked(self) -> None:
+        """Refuse a lock that the positions contradict; say where the joint stands elsewhere.
 
         Raises
         ------
         LogError
         """
-        notes, moving = [], np.empty(0, bool)
+        notes = []
         for name, (low, high) in self._held.items():
             joint, at = name.removesuffix(".q"), 0.5 * (low + high)
             held = self.known.locked[joint]
-            q = np.concatenate(self._places.get(name, [np.empty(0)]))
-            known, wanders = np.isfinite(q), high - low > RULES.locked_play
-            if wanders and known.any():
-                at = float(np.median(q[known]))
-                moves = ~(np.abs(np.where(known, q, at) - at) <= RULES.locked_play)
-                if moves.mean() < 0.5:
-                    moving = moves if not len(moving) else moving | moves
-                    notes.append(
-                        f"'{joint}' is locked and moves in {moves.sum()} of {len(q)} rows, whose "
-                        "equations are left out"
-                    )
-                    wanders = False
-            if wanders:
+            if high - low > RULES.locked_play:
                 raise LogError(
                     f"{self.source}: the joint '{joint}' is locked, but '{name}' moves by "
                     f"{high - low:.3g} ({low:.4g} … {high:.4g}); take the lock out, or give a "
@@ -437,7 +410,6 @@ class Reading:
                     f"--lock {joint}={at:.4g}"
                 )
         self._naming = replace(self._naming, notes=(*self._naming.notes, *notes))
-        return moving
 
     def finish(self) -> dict[str, Array]:
         """Return the columns, each (N,), as far as they were kept.
@@ -447,9 +419,8 @@ class Reading:
         LogError
             If a value cannot be, or the times are too few or do not increase.
         """
-        moving = self._check_locked()
-        asked = bool(self._beside) or moving.any()
-        times = np.concatenate(self._kept["t"]) if asked else np.empty(0)
+        self._check_locked()
+        times = np.concatenate(self._kept["t"]) if self._beside else np.empty(0)
         if self.keep:
             self._unify()
         elif self._is_mixed():
@@ -486,9 +457,6 @@ class Reading:
                 numbers.finish()
         self.clock.finish()
         values = {c: np.concatenate(kept) for c, kept in self._kept.items() if kept}
-        if moving.any():
-            near = np.interp(values["t"], times, moving.astype(float)) > 0
-            values |= {c: np.where(near, np.nan, x) for c, x in values.items() if c[-4:] == ".tau"}
         if self.known.base is not None:
             raw = {key: np.concatenate(x) for key, x in self._beside.items()}
             flags = [c.flag for c in self.known.base.contacts]

@@ -6,7 +6,6 @@ is a sentence before anything else is looked at.
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import re
 from collections.abc import Callable
@@ -110,11 +109,6 @@ def begin_csv(path: Path, start: bytes) -> tuple[Table, bytes]:
     text = start[:BEGINNING].decode(encoding, errors="replace")
     form = find_form(text, encoding)
     check_columns(path, len(form.columns))
-    if form.plain:
-        header, rest = _split_header(start)
-        names = header.decode("utf-8-sig").strip()
-        columns = tuple(next(csv.reader([names], skipinitialspace=True), []))
-        return Table(path, columns, (), header, replace(form, columns=columns)), rest
     mark = {" ": "\t"}.get(form.separator, form.separator)
     line = mark.join(f'"{name.replace(chr(34), chr(34) * 2)}"' for name in form.columns) + "\n"
     # A letter of another code, in a comment, takes as many bytes as it has.
@@ -139,13 +133,6 @@ def _leave_half_line(table: Table, rest: bytes) -> tuple[Table, int]:
     note = "its last line has no end and was left out, for it may have been cut"
     form = replace(table.form, notes=(*table.form.notes, note))
     return replace(table, form=form), kept
-
-
-def _split_header(start: bytes) -> tuple[bytes, bytes]:
-    """Return the first line that is not blank with all before it, and the rest."""
-    match = re.match(rb"(?:\xef\xbb\xbf)?\s*[^\r\n]*(?:\r\n|\r|\n|$)", start)
-    at = match.end() if match else 0
-    return start[:at], start[at:]
 
 
 def _last_line(piece: bytes, form: Form) -> int:
