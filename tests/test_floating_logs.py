@@ -218,13 +218,8 @@ def test_a_hand_that_lets_go_leaves_no_error_in_the_equations(body):
     assert np.abs(error).max() < 1e-6 * np.abs(left).max()
 
 
-def test_the_order_of_a_quaternion_is_told_by_the_gyroscope_or_asked_for(thrown, body):
-    for order in ((0, 1, 2, 3), (1, 2, 3, 0)):
-        quat = {"q": ([f"base.quat[{k}]" for k in range(4)], thrown["quat"][:, order])}
-        log = read(body, table(thrown, **sensor(thrown), **quat))
-        assert any("its w " in note for note in log.notes)
-        up = Rotation.from_quat(thrown["quat"][:, [1, 2, 3, 0]]).inv().apply([0, 0, 1.0])
-        np.testing.assert_allclose(log.base[:, 6:9], up, atol=1e-9)
+def test_the_order_of_a_quaternion_is_asked_for(thrown, body):
+    quat = {"q": ([f"base.quat[{k}]" for k in range(4)], thrown["quat"])}
     with pytest.raises(LogError, match=r"which of the four numbers .* call its columns 'base.qw'"):
         read(body, table(thrown, **quat, p=(axes("base."), thrown["pos"])))
 
@@ -234,13 +229,10 @@ def test_a_sensor_at_a_rate_of_its_own_is_put_on_the_clock_of_the_log(thrown, bo
     frame.loc[frame.index % 3 != 0, axes("base.acc.")] = np.nan
     log = read(body, frame)
     np.testing.assert_allclose(log.base[:-5, :3], thrown["acc"][:-5], atol=0.02)
-    assert "acceleration at 83.3 Hz came on a clock of its own and was put on" in str(log.notes)
     held = table(thrown, **sensor(thrown))  # a logger that writes the last value until one comes
     held[axes("base.acc.")] = held[axes("base.acc.")].iloc[held.index // 3 * 3].to_numpy()
     again = read(body, held)
     np.testing.assert_allclose(again.base[:-5, :3], log.base[:-5, :3], atol=1e-9)
-    assert "that of the joints, 250 Hz" in str(again.notes)
-    assert not any("clock" in note for note in read(body, table(thrown, **sensor(thrown))).notes)
 
 
 def test_a_base_stands_as_the_sidecar_says_it_was_hung_up(tmp_path):
@@ -271,9 +263,9 @@ def test_a_base_stands_as_the_sidecar_says_it_was_hung_up(tmp_path):
 def test_what_is_missing_or_no_orientation_is_said_in_one_sentence(thrown, body):
     with pytest.raises(LogError, match=r"does not say how the base moved.*'base.acc.x'.*fixed"):
         read(body, table(thrown))
-    with pytest.raises(LogError, match="it has angular velocity"):
+    with pytest.raises(LogError, match=r"it has .*gyro\.0, gyro\.1, gyro\.2"):
         read(body, table(thrown, g=(axes("base.gyro."), thrown["gyro"])))
-    with pytest.raises(LogError, match=r"lacks 'base\.acc\.z' beside the other axes"):
+    with pytest.raises(LogError, match=r"it has acc\.0, acc\.1, fx"):
         read(body, table(thrown, **sensor(thrown)).drop(columns="base.acc.z"))
     with pytest.raises(LogError, match="lacks the column fz of a measured wrench"):
         read(body, table(thrown, **sensor(thrown)).drop(columns="fz"))
@@ -322,9 +314,9 @@ def steps():
     ("scale", "shift", "spin", "said"),
     [
         (1, 0, 1, ""),
-        (1 / 9.81, 0, 1, "as if it is in units of it"),
-        (1, -9.81, 1, "as if it was taken off"),
-        (1, 0, 57.3, "convert 'base.gyro.x' … to rad/s"),
+        (1 / 9.81, 0, 1, "averages 1 and not the 9.81"),
+        (1, -9.81, 1, "averages .* which a sensor feels"),
+        (1, 0, 57.3, "in rad/s"),
     ],
 )
 def test_a_sensor_that_does_not_feel_gravity_is_refused(scale, shift, spin, said, body):
@@ -339,7 +331,7 @@ def test_a_sensor_that_does_not_feel_gravity_is_refused(scale, shift, spin, said
     if not said:
         assert read(body, frame).base[:, 8] == pytest.approx(up[:, 2], abs=0.02)
         frame.loc[300:330, "base.acc.x"] = np.nan
-        assert any("acceleration was missing for 0.31 s" in n for n in read(body, frame).notes)
+        assert any("'acc' was missing for 0.31 s" in n for n in read(body, frame).notes)
         return
     with pytest.raises(LogError, match=said):
         read(body, frame)

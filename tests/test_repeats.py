@@ -8,7 +8,6 @@ import pytest
 
 from identifiability import Log, analyze, excite, prune
 from identifiability.foundation.errors import LogError
-from identifiability.logs import signals
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.repeats import drop_repeats
 from identifiability.simulation import Noise
@@ -145,22 +144,6 @@ def test_a_file_that_is_too_long_for_memory_is_compared_too(log, tmp_path):
     kept, _, hints = drop_repeats([one, two])
     assert kept == [one]
     assert "two.csv repeats" in hints[0]
-
-
-@pytest.mark.parametrize("times", [2, 7])
-def test_a_long_file_that_repeats_itself_counts_once(log, again, tmp_path, monkeypatch, times):
-    monkeypatch.setattr(signals, "WINDOW", 64)
-    monkeypatch.setattr(signals, "WINDOWS", 4)
-    both = pd.concat([log.to_frame(), again.to_frame()], ignore_index=True)
-    both["t"] = 0.01 * np.arange(len(both))
-    once = Log.from_frame(both, "once")
-    tiled(once, times).to_frame().to_csv(tmp_path / "tiled.csv", index=False)
-    both.to_csv(tmp_path / "once.csv", index=False)
-    (kept,), _, (hint,) = drop_repeats([LogFile.read(tmp_path / "tiled.csv")])
-    assert len(kept) == len(once)
-    assert f"({(times - 1) * len(once)} of {times * len(once)})" in hint
-    whole = LogFile.read(tmp_path / "once.csv")  # the same motion twice, each with its own noise
-    assert drop_repeats([whole]) == ([whole], [], ())
 
 
 def measured(*, periods=6, noise, step=0.0, most=np.inf, scale=1.0, shift=0.0):

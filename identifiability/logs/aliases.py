@@ -24,13 +24,10 @@ if TYPE_CHECKING:
 #: What each channel of a log can be measured in.
 DIMENSIONS = {
     "t": ("time",),
-    "q": ("angle", "length"),
-    "q_ref": ("angle", "length"),
-    "dq": ("angle/s", "length/s"),
+    **dict.fromkeys(("q", "q_ref"), ("angle", "length")),
+    **dict.fromkeys(("dq", "dq_ref"), ("angle/s", "length/s")),
     "ddq": ("angle/s2", "length/s2"),
-    "tau": ("torque", "force"),
-    "dq_ref": ("angle/s", "length/s"),
-    "tau_ff": ("torque", "force"),
+    **dict.fromkeys(("tau", "tau_ff"), ("torque", "force")),
     "current": ("current",),
 }
 
@@ -253,6 +250,13 @@ TIME_WORDS = frozenset(words_for("t"))
 _IDLE = SILENT.union(words_for("silent of commands"))
 _AHEAD = frozenset(words_for("tau_ff"))
 
+#: Ends of the names that columns have here.
+SPELLED = {kind: kind for kind in (*CHANNEL_WORDS, "q_ref", "dq_ref", "tau_ff")}
+SPELLED |= {"cmd": "q_ref", "q_cmd": "q_ref", "dq_cmd": "dq_ref", "tau_cmd": "tau_ff"}
+
+#: What is called as a joint, or its number, and nothing else: a position, where no other is.
+BARE = "bare"
+
 #: What a command is of, by the channel that it is called after; a bare one is a position.
 _WANTED = {"q": "q_ref", "": "q_ref", "dq": "dq_ref", "tau": "tau_ff"}
 
@@ -271,13 +275,15 @@ class Guess:
     source : str
         What the table calls it.
     kind : str
-        ``t``, a channel, or ``current``.
+        ``t``, a channel, ``current`` or `BARE`.
     joint : str
         Empty if it is told by a number, or not at all.
     number : int
         −1 if there is none.
     unit : Unit or None
         As far as the name states it.
+    literal : bool
+        Whether it is called as it is here.
     current : bool
         Whether it is taken for the torque though it is a current.
     entry : Entry or None
@@ -289,8 +295,14 @@ class Guess:
     joint: str = ""
     number: int = -1
     unit: Unit | None = None
+    literal: bool = False
     current: bool = False
     entry: Entry | None = None
+
+    @property
+    def name(self) -> str:
+        """What it is called here."""
+        return f"{self.joint}.{self.kind}" if self.joint else self.kind
 
 
 def words_of(name: str) -> list[str]:
@@ -316,6 +328,8 @@ def _compounds() -> dict[str, tuple[str, str]]:
 def guess_column(source: str, name: str, joints: Sequence[str]) -> Guess | None:
     """Return what a column is; None if its name does not say so.
 
+    With a word for what was wanted in its name it is a command.
+
     Parameters
     ----------
     source, name : str
@@ -324,6 +338,9 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Guess | None:
         Of the robot.
     """
     plain, unit = split_unit(name)
+    owner, _, end = plain.rpartition(".")
+    if plain == "t" or (owner in joints and end in SPELLED):
+        return Guess(source, SPELLED.get(end, "t"), owner, -1, unit, literal=True)
     if unit is None and unread_unit(name, joints):  # what it is of can be told all the same
         plain = name[: name.rindex(bracketed(name)) - 1]
     parts = [p for p in plain.split("/") if p]
@@ -333,37 +350,19 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Guess | None:
         return time
     joint, rest = take_joint(words, joints)
     rest, unit = _pair(rest, unit)
-    kinds = [w for w in rest if w in KINDS]
+    kinds = {KINDS[w] for w in rest if w in KINDS}
     numbers = [w for w in rest if w.isdecimal()]
-    silent = _IDLE if kinds and KINDS[kinds[0]] == "current" else SILENT  # all are of motors
-    others = [w for w in rest if w not in kinds and w not in numbers and w not in silent]
-    if len(kinds) != 1 or others or COMMANDED & {*rest, *above} or len(numbers) > (not joint):
+    wanted = (COMMANDED | _AHEAD).intersection([*rest, *above])
+    silent = _IDLE if wanted or "current" in kinds else SILENT  # all are of motors
+    kind = next(iter(kinds), "tau" if _AHEAD & wanted else "")
+    kind = _WANTED.get(kind, "") if wanted else kind
+    if not kind and bool(joint) + len(numbers) == 1 and (joint or len(rest) > 1):
+        kind = BARE
+    others = {*rest}.difference(KINDS, numbers, silent, wanted)
+    if others or not kind or len(kinds) > 1 or len(numbers) > (not joint):
         return None
     number = int(numbers[0]) if numbers and len(numbers[0]) < 4 else -1
-    return Guess(source, KINDS[kinds[0]], joint, number, unit)
-
-
-def guess_command(source: str, name: str, joints: Sequence[str]) -> Guess | None:
-    """Return what a column is a command of; None if its name does not say so.
-
-    It is read as that of a measurement is, with a word for what was wanted in it.
-    """
-    plain, unit = split_unit(name)
-    parts = [p for p in plain.split("/") if p]
-    joint, rest = take_joint(words_of(" ".join(parts[-2:])), joints)
-    rest, unit = _pair(rest, unit)
-    above = words_of(" ".join(parts[:-2]))
-    if not (COMMANDED | _AHEAD) & {*rest, *above}:
-        return None
-    kinds = {KINDS[w] for w in rest if w in KINDS}
-    if _AHEAD & {*rest}:
-        kinds = kinds or {"tau"}
-    numbers = [w for w in rest if w.isdecimal()]
-    others = {*rest}.difference(KINDS, numbers, COMMANDED, _AHEAD, _IDLE)
-    of = _WANTED.get(next(iter(kinds), ""))
-    if others or len(kinds) > 1 or len(numbers) > (not joint) or of is None:
-        return None
-    return Guess(source, of, joint, int(numbers[0]) if numbers else -1, unit)
+    return Guess(source, kind, joint, number, unit)
 
 
 def _pair(words: list[str], unit: Unit | None) -> tuple[list[str], Unit | None]:

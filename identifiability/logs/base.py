@@ -38,45 +38,27 @@ _AXES = {"x": 0, "y": 1, "z": 2, "w": 3}
 ACC, GYRO, UP, AFTER = slice(0, 3), slice(3, 6), slice(6, 9), 9
 
 
-@frozen
-class BaseColumns:
-    """Which columns of a table are about the base, by kind, axis by axis.
+def find_base(columns: Sequence[str], base: Base, renames: Renames) -> dict[str, str]:
+    """Return which columns of a table are about the base, by kind, axis by axis.
 
-    Attributes
-    ----------
-    named : mapping
-        From ``acc.0`` … to the column; quaternions are ``quat.x`` …, or ``quat.#0`` where nothing
-        says which of four numbers is which. Flags and wrenches are by the names that the sidecar
-        has.
+    From ``acc.0`` … to the column; quaternions are ``quat.x`` …, or ``quat.#0`` where nothing says
+    which of four numbers is which. Flags and wrenches are by the names that the sidecar has.
     """
-
-    named: Mapping[str, str]
-
-    @staticmethod
-    def find(columns: Sequence[str], base: Base, renames: Renames) -> BaseColumns:
-        """Return what is found among the columns of a table."""
-        named: dict[str, str] = {}
-        wanted = [c.flag for c in base.contacts if c.flag]
-        wanted += [column for w in base.wrenches for column in w.columns]
-        for column in columns:
-            name = renames.apply(column.strip())
-            if name in wanted or column.strip() in wanted:
-                named[name if name in wanted else column.strip()] = column
-                continue
-            key = _key(name, base)
-            if key:
-                named.setdefault(key, column)
-        return BaseColumns(named)
-
-    @property
-    def sources(self) -> list[str]:
-        """The columns."""
-        return list(dict.fromkeys(self.named.values()))
+    named: dict[str, str] = {}
+    wanted = [c.flag for c in base.contacts if c.flag]
+    wanted += [column for w in base.wrenches for column in w.columns]
+    for column in columns:
+        name = renames.apply(column.strip())
+        own = [n for n in (name, column.strip()) if n in wanted]
+        key = own[0] if own else _key(name, base)
+        if key:
+            named.setdefault(key, column)
+    return named
 
 
 def moving_base(columns: Sequence[str]) -> str:
     """Return half a sentence on what the log of a robot that stands says of its base, or none."""
-    found = BaseColumns.find(columns, Base("", "", np.zeros(3)), Renames()).named
+    found = find_base(columns, Base("", "", np.zeros(3)), Renames())
     turns = [found[key] for key in (f"gyro.{k}" for k in range(3)) if key in found]
     if len(turns) < 3:
         return ""
@@ -87,7 +69,7 @@ def moving_base(columns: Sequence[str]) -> str:
 
 
 def _key(name: str, base: Base) -> str:
-    """Return what a column says of the base, as `BaseColumns` has it; empty if nothing."""
+    """Return what a column says of the base, as `find_base` has it; empty if nothing."""
     entry = re.fullmatch(r"(?:.*[./_ ])?(qpos|qvel)[\[(_. ]*(\d+)[\])]*", name)
     if entry and base.at is not None:
         k = int(entry[2]) - base.at[entry[1] == "qvel"]
@@ -126,7 +108,7 @@ class RawBase:
     ----------
     t : (N,) [s]
     values : mapping of str to (N,)
-        By the keys of `BaseColumns`.
+        By the keys of `find_base`.
     notes : tuple of str
         How they came onto it, half a sentence each.
     """
@@ -156,7 +138,7 @@ def read_base(base: Base, raw: RawBase, source: str) -> tuple[Array, tuple[str, 
     """
     notes = [*raw.notes]
     acc, gyro = raw.get("acc"), raw.get("gyro")
-    turn = _orientation(base, raw, acc, gyro, source, notes)
+    turn = _orientation(raw, source)
     if acc is not None and gyro is not None:
         imu = base.imu
         omega = (gyro - imu.gyro_bias) @ imu.rotation
@@ -182,31 +164,15 @@ def _unit(x: Array) -> Array:
 
 
 def _refuse(raw: RawBase, source: str) -> NoReturn:
-    for key, kind in (("acc", "acc."), ("gyro", "gyro."), ("pos", "")):
-        lacking = [
-            f"'base.{kind}{a}'" for k, a in enumerate("xyz") if f"{key}.{k}" not in raw.values
-        ]
-        if 0 < len(lacking) < 3:
-            raise LogError(
-                f"{source} lacks {listing(lacking)} beside the other axes, and does not say how "
-                "the base moved without it; give all three."
-            )
-    has = sorted({key.partition(".")[0] for key in raw.values} & {*_KINDS.values()})
-    words = {
-        "acc": "acceleration", "gyro": "angular velocity", "pos": "position",
-        "vel": "velocity", "quat": "part of an orientation",
-    }  # fmt: skip
-    found = f" (it has {listing([words[k] for k in has])})" if has else ""
+    has = f" (it has {listing(sorted(raw.values))})" if raw.values else ""
     raise LogError(
-        f"{source} does not say how the base moved{found}: give what its inertial sensor read, "
+        f"{source} does not say how the base moved{has}: give what its inertial sensor read, "
         "'base.acc.x' … 'base.gyro.z', or its pose, 'base.x' … 'base.z' and 'base.qw' … 'base.qz'; "
         'if the robot hung on a stand, say base = "fixed" in its sidecar.'
     )
 
 
-def _orientation(
-    base: Base, raw: RawBase, acc: Array | None, gyro: Array | None, source: str, notes: list[str]
-) -> scipy.spatial.transform.Rotation | None:
+def _orientation(raw: RawBase, source: str) -> scipy.spatial.transform.Rotation | None:
     """Return how the base is turned in the world, where a log says it.
 
     Raises
@@ -229,35 +195,10 @@ def _orientation(
         )
     if stated is not None:
         return scipy.spatial.transform.Rotation.from_quat(stated)
-    orders = {"w first": quat[:, [1, 2, 3, 0]], "w last": quat}
-    errors = {
-        k: _disagrees(scipy.spatial.transform.Rotation.from_quat(q), base, raw, acc, gyro)
-        for k, q in orders.items()
-    }
-    best, other = sorted(errors, key=lambda k: errors[k])
-    if not errors[best] < 0.5 * errors[other]:
-        raise LogError(
-            f"{source}: nothing says which of the four numbers of the base's quaternion is which; "
-            "call its columns 'base.qw', 'base.qx', 'base.qy' and 'base.qz', as with --map."
-        )
-    notes.append(f"the quaternion of the base has its {best}, as the angular velocity tells")
-    return scipy.spatial.transform.Rotation.from_quat(orders[best])
-
-
-def _disagrees(
-    turn: scipy.spatial.transform.Rotation,
-    base: Base,
-    raw: RawBase,
-    acc: Array | None,
-    gyro: Array | None,
-) -> float:
-    """Return by how much an orientation contradicts what sensors read (rms)."""
-    if gyro is not None:
-        return float(np.sqrt(np.mean((_spin(turn, raw.t) - gyro @ base.imu.rotation) ** 2)))
-    if acc is not None:
-        level = turn.apply(acc @ base.imu.rotation).mean(0)
-        return float(np.linalg.norm(_unit(level) + _unit(base.gravity)))
-    return 1.0
+    raise LogError(
+        f"{source}: nothing says which of the four numbers of the base's quaternion is which; call "
+        "its columns 'base.qw', 'base.qx', 'base.qy' and 'base.qz', as with --map."
+    )
 
 
 def _spin(turn: scipy.spatial.transform.Rotation, t: Array) -> Array:
@@ -368,25 +309,14 @@ def _check_gravity(
     if not fall or t[-1] - t[0] < 2.0:  # so long nothing falls
         return
 
-    def share(omega: Array) -> float:
-        slow = _mean_acceleration(acc, omega, t)[1] if turn is None else turn.apply(acc).mean(0)
-        return float(np.median(np.linalg.norm(np.atleast_2d(slow), axis=1))) / fall
-
-    found = share(omega)
-    if 0.5 <= found <= 2.0:
-        return
-    if 0.5 <= share(np.radians(omega)) <= 2.0:
+    slow = _mean_acceleration(acc, omega, t)[1] if turn is None else turn.apply(acc).mean(0)
+    found = float(np.median(np.linalg.norm(np.atleast_2d(slow), axis=1)))
+    if not 0.5 <= found / fall <= 2.0:
         raise LogError(
-            f"{source}: with the angular velocity of the base in rad/s its acceleration has no "
-            "direction that stays, with it in degrees it has: convert 'base.gyro.x' … to rad/s."
+            f"{source}: the acceleration of the base averages {found:.2g} and not the {fall:.3g} "
+            "m/s² of gravity, which a sensor feels as it does not fall: give what it reads itself, "
+            "'base.acc.x' … in m/s² and 'base.gyro.x' … in rad/s."
         )
-    why = "it was taken off: give what the sensor itself reads"
-    if 0.5 <= fall * found <= 2.0:
-        why = "it is in units of it: convert 'base.acc.x' … to m/s²"
-    raise LogError(
-        f"{source}: the acceleration of the base averages {found * fall:.2g} and not the "
-        f"{fall:.3g} m/s² of gravity, which a sensor feels as it does not fall, as if {why}."
-    )
 
 
 def _closed(base: Base, k: int, raw: RawBase, source: str) -> Array:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection, Sequence
 from copy import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identifiability.foundation.errors import LogError, listing, near_match
+from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_count
 from identifiability.foundation.values import frozen
@@ -25,72 +24,9 @@ COMMANDS = ("q_ref", "dq_ref", "tau_ff")
 CHANNELS = ("q", "dq", "ddq", "tau", *COMMANDS)
 
 
-def find_joints(columns: list[str], source: str, of: Collection[str] = ()) -> list[str]:
-    """Return the joints that a table has position and torque of.
-
-    Parameters
-    ----------
-    columns : list of str
-    source : str
-        What sentences call the table.
-    of : collection of str
-        Joints that are asked for; by default all.
-
-    Raises
-    ------
-    LogError
-        If there is no time, a column is missing or there twice.
-    """
-    if "t" not in columns:
-        likely = [c for c in columns if c == "T" or c.casefold().startswith("time")]
-        guess = f", did you mean '{likely[0]}'?" if likely else "."
-        rows = (
-            ""
-            if likely
-            else " If one of them is it, add --map 'OLD=t'; rows at an even rate need one, too: "
-            "their number / rate."
-        )
-        raise LogError(
-            f"{source} has no column 't' (time in s){guess} It has the columns {listing(columns)}."
-            f"{rows}"
-        )
-    repeated = sorted(c for c, times in Counter(columns).items() if times > 1)
-    if repeated:
-        raise LogError(f"{source} has the column '{repeated[0]}' more than once; keep one of them.")
-    joints = [c.removesuffix(".q") for c in columns if c.endswith(".q")]
-    joints = [j for j in joints if j in of] if of else joints
-    if not joints:
-        raise LogError(
-            f"{source} has no position column; expected '<joint>.q' and '<joint>.tau' for every "
-            f"actuated joint, found {listing(columns)}."
-        )
-    named = {c.removesuffix(".tau") for c in columns if c.endswith(".tau")}
-    alone = [(j, "q", "torque", "tau") for j in joints if j not in named]
-    named = named.intersection(of) if of else named
-    alone += [(j, "tau", "position", "q") for j in sorted(named) if j not in joints]
-    if alone:
-        joint, has, what, kind = alone[0]
-        others = _loose([c for c in columns if c != "t"], joint, of)
-        near, some = near_match(f"{joint}.{kind}", others), listing(others, 4)
-        rule = f"--map '{others[0]}={joint}.{kind}'" if others else ""
-        told = f" If it is one of {some}, add {rule}." if others and near == "." else ""
-        raise LogError(
-            f"{source} has '{joint}.{has}' but no {what} column '{joint}.{kind}'{near} "
-            f"Every actuated joint needs both.{told}"
-        )
-    return joints
-
-
 def find_channels(joints: Sequence[str], columns: Collection[str]) -> tuple[str, ...]:
     """Return which of `CHANNELS` some columns hold for every joint."""
     return tuple(c for c in CHANNELS if all(f"{j}.{c}" in columns for j in joints))
-
-
-def _loose(columns: list[str], joint: str, of: Collection[str]) -> list[str]:
-    """Return the columns that may be a misspelt one of a joint: those that belong nowhere else."""
-    owners = [(c, *c.rpartition(".")[::2]) for c in columns]
-    paired = {joint, *of, *(o for _, o, _ in owners if {f"{o}.q", f"{o}.tau"} <= set(columns))}
-    return [c for c, owner, kind in owners if owner not in paired or kind not in CHANNELS]
 
 
 class Numbers:

@@ -139,14 +139,13 @@ def check_commands(log: Log) -> None:
             and not RULES.command_degrees[0] < ratio < RULES.command_degrees[1]
         ):
             continue
-        others = [i for i in range(len(log.joints)) if i != k]
-        near = [_follows(command, log.q[:, i], most) for i in others]
-        best = int(np.argmax(near)) if near else 0
+        near = [_follows(command, x, most) for x in log.q.T]
+        best = int(np.argmax(near))
         meant = ""
         if command.std() < RULES.command_still:
             meant = ", which never changes"
-        elif near and near[best] > max(own, RULES.command_followed):
-            meant = f"; '{log.joints[others[best]]}' does"
+        elif best != k and near[best] > RULES.command_followed:
+            meant = f"; '{log.joints[best]}' does"
         elif RULES.command_degrees[0] < ratio < RULES.command_degrees[1]:
             meant = "; it looks like degrees"
         raise LogError(

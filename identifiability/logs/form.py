@@ -1,8 +1,4 @@
-"""`Form`: how a table of text was written, and whether it was cut.
-
-Separators, decimal commas, units, comments; a last line without an end may lack digits that nobody
-misses.
-"""
+"""`Form`: how a table of text was written: separators, decimal commas, units, comments."""
 
 from __future__ import annotations
 
@@ -64,11 +60,6 @@ class Form:
     lines: int = 0
     notes: tuple[str, ...] = ()
 
-    @property
-    def plain(self) -> bool:
-        """Whether it is written as the documentation says."""
-        return self == replace(PLAIN, columns=self.columns, lines=self.lines) and not self.notes
-
     def plain_text(self, piece: bytes) -> bytes:
         """Return some lines as UTF-8, without comments."""
         if self.encoding != "utf-8":
@@ -104,20 +95,10 @@ PLAIN = Form()
 WESTERN = "cp1252"
 
 
-def _wide(others: bytes) -> bool:
-    """Return whether the second bytes of letters are those of a text of two bytes a letter."""
-    return 2 * sum(map(bool, others)) < len(others)
-
-
 def find_encoding(start: bytes) -> str:
     """Return how the first bytes of a text are encoded; text of one byte a letter is Western."""
     if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return "utf-16-le" if start[0] == 0xFF else "utf-16-be"
-    pairs = start[: 2 * (min(len(start), 200) // 2)]
-    for encoding, letters, zeros in (("utf-16-le", 0, 1), ("utf-16-be", 1, 0)):
-        # Letters beyond Latin-1, as in units, have a second byte that is not zero.
-        if pairs and all(pairs[letters::2]) and _wide(pairs[zeros::2]):
-            return encoding
     try:
         codecs.getincrementaldecoder("utf-8")().decode(start)  # the last letter may be cut
     except UnicodeDecodeError:
@@ -220,41 +201,3 @@ def _notes(form: Form, lines: Sequence[str], plain: Sequence[int]) -> tuple[str,
     if len(before) > 1:
         notes.append(f"{len(before) - 1} line(s) above its header were passed over")
     return tuple(notes)
-
-
-# Was a file cut? A last line without an end may lack digits that nobody misses.
-
-
-_NUMBER = re.compile(r"[-+]?\d*(?:[.,](\d*))?(?:[eE][-+]?(\d+))?")
-
-
-def is_whole(line: str, others: Sequence[str], form: Form) -> bool:
-    """Return whether a line without an end is surely whole, by the form of other lines.
-
-    Numbers of a fixed number of digits behind the point show it; of others the last digits may be
-    missing, by which a number may be wrong by a power of ten.
-
-    Parameters
-    ----------
-    line : str
-        The last one.
-    others : sequence of str
-        Some of those before.
-    form : Form
-    """
-    fields = form.split(line)
-    if len(fields) != len(form.columns) or line.count('"') % 2:
-        return len(fields) > len(form.columns)  # too long, which no cut makes a line
-    last = fields[-1].strip()
-    before = [row[-1].strip() for row in map(form.split, others) if len(row) == len(fields)]
-    numbers = [match for text in before if text and (match := _NUMBER.fullmatch(text))]
-    if not before or 2 * len(numbers) < len(before):  # a column of text
-        return last in before
-    match = _NUMBER.fullmatch(last)
-    if match is None or not last or not last[-1].isdigit():
-        return False
-    decimals, exponents = ({len(n[k] or "") for n in numbers} for k in (1, 2))
-    if min(exponents) > 0:
-        return len(exponents) == 1 and {len(match[2] or "")} == exponents
-    fixed = len(decimals) == 1 and min(decimals) > 0 and exponents == {0}
-    return fixed and len(match[1] or "") >= min(decimals)

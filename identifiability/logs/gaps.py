@@ -80,31 +80,6 @@ class StaleRule:
         )
 
 
-def tell_steps(windows: Sequence[Log], steps: Array) -> str:
-    """Return a note on an encoder that is coarse for how fast samples follow; or nothing.
-
-    Parameters
-    ----------
-    windows : sequence of Log
-    steps : (n,) [rad or m]
-        Smallest change of every joint's position.
-    """
-    change = np.abs(np.concatenate([np.diff(w.q, axis=0) for w in windows]))
-    whole = change / np.where(steps > 0, steps, np.inf)
-    # Changes are whole steps of an encoder up to this share of one, if nearly all are.
-    is_step = (np.abs(whole - np.round(whole)) < 0.02).mean(0) > RULES.nearly_all
-    usual = np.array([np.median(c[c > 0]) if (c > 0).any() else np.inf for c in change.T])
-    # A step that is this share of the usual change is worth a note.
-    coarse = np.flatnonzero(is_step & (steps > 0.25 * usual))
-    if not len(coarse):
-        return ""
-    worst = coarse[np.argmax(steps[coarse] / usual[coarse])]
-    return (
-        f"positions come in steps, of {steps[worst]:.3g} at '{windows[0].joints[worst]}', where "
-        f"{usual[worst]:.2g} is the usual change from sample to sample"
-    )
-
-
 def smallest_change(x: Array) -> Array:
     """Return the smallest change from sample to sample of x (N, n), (n,); 0 where there is none."""
     change = np.abs(np.diff(x, axis=0))

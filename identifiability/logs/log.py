@@ -28,7 +28,6 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import stack_arrays
 from identifiability.logs.naming import Naming, propose_locks
 from identifiability.logs.reading import Reading
-from identifiability.logs.rules import RULES
 from identifiability.logs.source import scan_file
 from identifiability.logs.tables import write_table
 
@@ -245,31 +244,6 @@ class Log:
         """Whether any torque is not zero."""
         return bool(self.tau.any())
 
-    def even_step(self) -> tuple[float, str]:
-        """Return the sampling step [s] and a remark on its jitter, for filters and differences.
-
-        Raises
-        ------
-        LogError
-            If samples are missing. A step is a gap when it stands out from the jitter.
-        """
-        steps = np.concatenate([np.diff(self.t[a:b]) for a, b in signals.spread_windows(len(self))])
-        dt = float(np.median(steps))
-        usual = float(np.quantile(np.abs(steps / dt - 1), 0.95))
-        worst = max(self.clock.longest, self.clock.shortest, key=lambda s: abs(s.length / dt - 1))
-        jitter = abs(worst.length / dt - 1)
-        # A log is not refused whose steps are off by less than so many times what 95 %
-        # are.
-        if jitter > min(max(RULES.gap - 1, 5.0 * usual), RULES.gap_kept - 1):
-            raise LogError(
-                f"{self.name} has a gap of {worst.length:.3g} s after t = {worst.t:.6g} s "
-                f"(data row {worst.row + 1}) at a sampling step of {dt:.3g} s; velocity and "
-                "acceleration cannot be computed across it: split the log there."
-            )
-        if jitter <= RULES.clock_rounded:  # a clock's rounding
-            return dt, ""
-        return dt, f" (time stamps jitter by {100 * jitter:.0f} % of a step; taken as even)"
-
     def __repr__(self) -> str:
         span = f"{len(self)} samples over {np.ptp(self.t):.4g} s"
         return f"<Log {self.name}: {span}, {len(self.joints)} joints>"
@@ -314,22 +288,17 @@ class Log:
         LogError
             If the log lacks a joint.
         """
-        known = (*joints, *motors)
         if self.joints == numbered(len(joints)):  # arrays, in the robot's order
             return replace(self, joints=tuple(joints))
         wanted = motors if motors and all(m in self.joints for m in motors) else joints
         missing = [j for j in wanted if j not in self.joints]
-        for name in self.joints if missing else ():
-            if name not in known:
-                raise LogError(
-                    f"{self.name}: the column '{name}.q' names a joint that the robot does not "
-                    f"have{near_match(name, known)} Its actuated joints are {listing(joints)}."
-                )
         if missing:
+            others = [name for name in self.joints if name not in (*joints, *motors)]
             raise LogError(
                 f"{self.name} has no columns for the actuated joint"
-                f"{'s' if len(missing) > 1 else ''} {listing(missing)}; every actuated joint needs "
-                f"'<joint>.q' and '<joint>.tau'{propose_locks(missing, wanted)}."
+                f"{'s' if len(missing) > 1 else ''} {listing(missing)}"
+                f"{near_match(missing[0], others)} Every actuated joint needs '<joint>.q' and "
+                f"'<joint>.tau'{propose_locks(missing, wanted)}."
             )
         if tuple(wanted) == self.joints:
             return self
@@ -361,29 +330,15 @@ def build_log(name: str, naming: Naming, values: Mapping[str, Array], digest: st
         channels[kind] = np.stack([values[f"{j}.{kind}"] for j in joints]).T
     t, gone = values["t"], np.isnan(channels["tau"])
     if gone.any():
-        notes = (*notes, *_tell_unmeasured(joints, gone))
+        counts = zip(joints, gone.sum(0), strict=True)
+        lost = listing([f"'{j}.tau' in {n} of {len(t)} rows" for j, n in counts if n], 4)
+        notes = (*notes, f"torque is missing ({lost}); motion counts, these equations do not")
         channels["unmeasured"] = gone
         pairs = zip(channels["tau"].T, gone.T, strict=True)
-        channels["tau"] = np.stack([_bridge(t, x, lost) for x, lost in pairs], 1)
+        channels["tau"] = np.stack([_bridge(t, x, missing) for x, missing in pairs], 1)
     return Log(name=name, joints=joints, t=t, sha256=digest, notes=notes, **channels)
 
 
 def _bridge(t: Array, x: Array, lost: np.ndarray) -> Array:
     """Return a column (N,) with straight lines where it is lost, zeros if all of it is."""
     return np.zeros(len(x)) if lost.all() else np.interp(t, t[~lost], x[~lost])
-
-
-def _tell_unmeasured(joints: Sequence[str], gone: np.ndarray) -> list[str]:
-    """Return what a note says of torque that was not measured, (N, n) bool."""
-    share, notes = gone.mean(0), []
-    never = [f"'{j}.tau'" for j, s in zip(joints, share, strict=True) if s == 1.0]
-    some = [f"'{j}.tau' in {n} rows" for j, n in zip(joints, gone.sum(0), strict=True)
-            if 0 < n < len(gone)]  # fmt: skip
-    if never:
-        notes.append(
-            f"{listing(never, 6)} was not measured: motion counts, the equations of "
-            f"{'that joint are' if len(never) == 1 else 'those joints are'} left out"
-        )
-    if some:
-        notes.append(f"torque is missing ({listing(some, 4)}), and these equations are left out")
-    return notes

@@ -203,23 +203,10 @@ class LogFile:
             kept, origin = np.concatenate(parts) if len(parts) > 1 else parts[0], low
             yield first, last, origin, self._log(kept[: high - low], low)
 
-    def column(self, name: str, start: int, stop: int) -> Iterator[Array]:
-        """Yield one of its columns (N,) in the rows [start, stop), which reads no other.
-
-        Raises
-        ------
-        LogError
-            If the file changed since it was checked.
-        """
-        own = next(c for c in self.naming.columns if c.name == name)
-        for values in self._arrays(start, stop, own):
-            yield self._settle(own, values[:, 0], start)
-            start += len(values)
-
-    def _arrays(self, start: int, stop: int, only: Column | None = None) -> Iterator[Array]:
-        """Yield the columns (N, c), or `only` one, of the rows [start, stop)."""
+    def _arrays(self, start: int, stop: int) -> Iterator[Array]:
+        """Yield the columns (N, c) of the rows [start, stop)."""
         self._check_unchanged()
-        wanted = self.naming.columns if only is None else (only,)
+        wanted = self.naming.columns
         count, first, columns = 0, self.span[0], [c.source for c in wanted]
         reading = {c.source: partial(as_times, time=c) for c in wanted if c.is_time}
         try:

@@ -202,7 +202,7 @@ def unwrap_logs(logs: Sequence[Log | LogFile]) -> tuple[list[Log | LogFile], tup
             out.append(log)
             continue
         out.append(_undo(log, found))
-        columns = listing([f"'{j}.q' {_times(len(w.rows))}" for j, w in found.items()], 4)
+        columns = listing([f"'{j}.q' at {len(w.rows)} rows" for j, w in found.items()], 4)
         hints.append(
             f"{log.name}: angles jump by a whole turn ({columns}); they were written within one "
             "turn and are read as going on (unwrapped)."
@@ -231,10 +231,6 @@ def _undo(log: Log | LogFile, found: dict[str, Wraps]) -> Log | LogFile:
         found[j].undo(x) if j in found else x for j, x in zip(log.joints, log.q.T, strict=True)
     ]
     return replace(log, q=np.stack(columns, 1))
-
-
-def _times(count: int) -> str:
-    return "once" if count == 1 else "twice" if count == 2 else f"{count} times"
 
 
 # Columns that can be seen to be wrong: by the joints' limits, and by derivatives that do not fit.
@@ -310,29 +306,24 @@ def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
         if not robot.is_prismatic(int(dof)) and np.isfinite(np.ptp(robot.limits[k]))
     ]
     columns = {k: np.concatenate([w.q[:, k] for w in windows]) for k in bounded}
-    odd = [k for k in bounded if looks_like_degrees(columns[k], *robot.limits[k])]
-    if 2 * len(odd) > len(bounded):
-        k, log = odd[0], windows[0]
-        low, high = robot.limits[k]
-        raise LogError(
-            f"{log.name}: {_span(log.joints[k], columns[k])}, which does not fit the joint's "
-            f"limits {low:.4g} … {high:.4g} rad; it looks like degrees: say --angles deg (or "
-            'angles = "deg" in the sidecar), or --angles rad if they are rad, or what ticks or '
-            f"normalised units are: {_SCALED.format(log.joints[k])}."
-        )
-    far = [k for k in bounded if _beyond(columns[k], *robot.limits[k])]
-    if 2 * len(far) > len(bounded):
-        k, log = far[0], windows[0]
-        low, high = robot.limits[k]
-        raise LogError(
-            f"{log.name}: {_span(log.joints[k], columns[k])}, more than twice the joint's limits "
-            f"{low:.4g} … {high:.4g} rad; say what these ticks or normalised units are: "
-            f"{_SCALED.format(log.joints[k])}."
-        )
+    for is_odd, why in ((looks_like_degrees, _DEGREES), (_beyond, _TICKS)):
+        odd = [k for k in bounded if is_odd(columns[k], *robot.limits[k])]
+        if 2 * len(odd) > len(bounded):
+            joint, (low, high) = windows[0].joints[odd[0]], robot.limits[odd[0]]
+            raise LogError(
+                f"{windows[0].name}: {_span(joint, columns[odd[0]])}, and the joint's limits are "
+                f"{low:.4g} … {high:.4g} rad: it {why} what ticks or normalised units are: "
+                f"[columns] {joint} = {{scale = …, offset = …}} in the sidecar (rad = scale × "
+                "value + offset)."
+            )
 
 
-#: What to write where positions are in a unit of their own.
-_SCALED = "[columns] {} = {{scale = …, offset = …}} in the sidecar (rad = scale × value + offset)"
+#: What positions beyond limits are, and what to say.
+_DEGREES = (
+    'looks like degrees: say --angles deg (or angles = "deg" in the sidecar), or --angles rad if '
+    "they are rad, or"
+)
+_TICKS = "spans more than twice the joint's limits; say"
 
 
 def _beyond(q: Array, low: float, high: float) -> bool:

@@ -16,23 +16,14 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.logs import signals
 from identifiability.logs.aliases import INDEX, guess_column
-from identifiability.logs.base import BaseColumns, RawBase, moving_base
+from identifiability.logs.base import RawBase, find_base, moving_base
 from identifiability.logs.checks import Clock, Numbers, to_floats
-from identifiability.logs.command_names import Command, choose_commands, state_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
 from identifiability.logs.naming import Column, Naming, name_columns
 from identifiability.logs.rules import RULES
 from identifiability.logs.spikes import SpikeFinder, WrapFinder
-from identifiability.logs.to_si import (
-    as_times,
-    call_currents,
-    missing_torque,
-    settle_angles,
-    settle_time,
-    settle_torque,
-    start_of,
-)
+from identifiability.logs.to_si import as_times, settle_angles, settle_time, settle_torque, start_of
 from identifiability.robot.floating import BASE_JOINTS
 
 if TYPE_CHECKING:
@@ -80,7 +71,7 @@ def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
     out = {name: _resample(t[known[name]], values[name][known[name]], at, name) for name in kept}
     good = np.all([np.isfinite(x) for x in out.values()], axis=0)
     return {"t": at[good], **{name: x[good] for name, x in out.items()}}, _tell(
-        t, known, slowest, [n for n in counts if n not in kept], held=not empty
+        known, slowest, [n for n in counts if n not in kept], held=not empty
     )
 
 
@@ -127,17 +118,15 @@ def _resample(t: Array, x: Array, at: Array, name: str) -> Array:
     return np.where(inside & (near | exact), found, np.nan)
 
 
-def _tell(
-    t: Array, known: Mapping[str, np.ndarray], slowest: str, left: list[str], *, held: bool
-) -> str:
+def _tell(known: Mapping[str, np.ndarray], slowest: str, left: list[str], *, held: bool) -> str:
     """Return what was done, half a sentence."""
-    kinds = {name.rpartition(".")[2]: rows for name, rows in known.items()}
-    rates = [f"{kind} {1 / np.median(np.diff(t[rows])):.3g} Hz" for kind, rows in kinds.items()]
+    counts = {name.rpartition(".")[2]: rows.sum() for name, rows in known.items()}
+    rows = [f"{kind} in {count}" for kind, count in counts.items()]
     why = "values were written again until new ones came" if held else "cells are empty between"
     rest = f"; {', '.join(left)} came slower and were left out" if left else ""
     return (
-        f"columns came at rates of their own ({', '.join(rates)}; {why}) and were brought to the "
-        f"times of {slowest}{rest}"
+        f"columns came at rates of their own ({listing(rows)} of {len(known[slowest])} rows; "
+        f"{why}) and were brought to the times of {slowest}{rest}"
     )
 
 
@@ -154,11 +143,11 @@ def put_on_clock(
     t, raw_t : (N,), (M,) [s]
         Times of the log, and of the rows that the columns have.
     columns : mapping of str to (M,)
-        By the keys of `BaseColumns`: those of a kind come together.
+        By the keys of `find_base`: those of a kind come together.
     discrete : sequence of str
         Those that are flags.
     """
-    out, rates, lacking = {}, {}, {}
+    out, lacking = {}, {}
     stems = {key: key.rpartition(".")[0] or key for key in columns}
     usual = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     for stem in dict.fromkeys(stems.values()):
@@ -169,7 +158,7 @@ def put_on_clock(
             continue
         if not set(own) & {*discrete}:
             known = known[_fresh(np.stack([columns[key][known] for key in own], 1))]
-        at, step = raw_t[known], float(np.median(np.diff(raw_t[known]))) if len(known) > 1 else 1.0
+        at = raw_t[known]
         same = len(at) == len(t) and bool((at == t).all())
         for key in own:
             x = columns[key][known]
@@ -183,39 +172,15 @@ def put_on_clock(
                 out[key] = np.where(there, found, np.interp(t, at, x))
                 if not there.all():
                     lacking[stem] = usual * float((~there).sum())
-        # Rates that differ by this share are two.
-        if not same and abs(np.log(step / usual)) > 0.1 and not set(own) & {*discrete}:
-            rates[stem] = 1 / step
     notes = tuple(
-        f"of the base {_WORDS.get(stem, repr(stem))} was missing for {gone:.2g} s in all and "
+        f"of the base '{stem}' was missing for {gone:.2g} s in all and "
         "interpolated there: cut such rows out"
         for stem, gone in lacking.items()
     )
-    said = [f"{_WORDS.get(stem, repr(stem))} at {rate:.3g} Hz" for stem, rate in rates.items()]
-    if not said:
-        return out, notes
-    return out, (
-        *notes,
-        f"of the base {listing(said, 4)} came on a clock of {'its' if len(said) == 1 else 'their'} "
-        f"own and {'was' if len(said) == 1 else 'were'} put on that of the joints, "
-        f"{1 / usual:.3g} Hz",
-    )
-
-
-#: What kinds of columns about a base are called in notes.
-_WORDS = {
-    "acc": "acceleration", "gyro": "angular velocity", "pos": "position", "vel": "velocity",
-    "quat": "orientation",
-}  # fmt: skip
+    return out, notes
 
 
 # `Reading`: the first reading of a table, piece by piece: what is what, and whether it can be.
-
-
-def _held_on(before: pd.DataFrame | None, held: pd.DataFrame) -> pd.DataFrame:
-    """Return commands of a piece, each until the next, the first from the piece before."""
-    held = held.ffill()
-    return held if before is None else held.fillna(before.iloc[0])
 
 
 def _gaps(x: Array) -> int:
@@ -226,32 +191,6 @@ def _gaps(x: Array) -> int:
 
 class MixedRatesError(LogError):
     """Columns come at rates of their own, which only a log in memory can be read with."""
-
-
-def settle_naming(
-    naming: Naming, sources: Mapping[str, str], first: pd.DataFrame, source: str, known: Conventions
-) -> Naming:
-    """Return what a log takes from a table, in seconds and in N·m or N at the joints.
-
-    Parameters
-    ----------
-    naming : Naming
-    sources : mapping of str to str
-        What the table calls the columns that were named.
-    first : DataFrame
-        Its first rows.
-    source : str
-    known : Conventions
-
-    Raises
-    ------
-    LogError
-    """
-    columns = tuple(replace(c, source=sources[c.source]) for c in naming.columns)
-    locked = tuple(replace(c, source=sources[c.source]) for c in naming.locked)
-    naming = settle_angles(replace(naming, columns=columns, locked=locked), known)
-    naming = settle_torque(naming, known, source)
-    return settle_time(naming, first, source, known)
 
 
 def with_index(frame: pd.DataFrame) -> pd.DataFrame:
@@ -287,12 +226,8 @@ class Reading:
     clock : Clock
     torque : bool
         Whether any torque is not zero.
-    made : list of str
-        Columns of zeros that stand for the torque of a table that holds motion alone.
     absent : list of str
         Columns of torque that a table lacks, of joints whose motion it has.
-    commands : tuple of str
-        Columns of commands, of a table that holds no torque.
     beside : RawBase or None
         In the end, what the table says of a base that floats.
     start : float or None [s]
@@ -306,17 +241,14 @@ class Reading:
         self.numbers: dict[str, Numbers] = {}
         self.finders: dict[str, SpikeFinder] = {}
         self.turns: dict[str, WrapFinder] = {}
-        self.clock, self.torque, self.made = Clock(source), 0.0, list[str]()
+        self.clock, self.torque = Clock(source), 0.0
         self._kept: dict[str, list[Array]] = {}
         self.absent: list[str] = []
         self._held: dict[str, tuple[float, float]] = {}
-        self.commands: tuple[str, ...] = ()
-        self._commands: dict[str, Command] | None = None
-        self._last: pd.DataFrame | None = None
-        self._base: BaseColumns | None = None
+        self._last: pd.Series | None = None
+        self._base: Mapping[str, str] = {}
         self._beside: dict[str, list[Array]] = {}
         self.beside: RawBase | None = None
-        self._places: dict[str, list[Array]] = {}
 
     def add(self, frame: pd.DataFrame, form: Form = PLAIN) -> None:
         """Check the next rows.
@@ -336,125 +268,97 @@ class Reading:
         frame = with_index(frame.set_axis([str(c) for c in frame.columns], axis=1))
         frame.attrs = {}  # pandas would copy them, deeply, with each column
         self._form = form
-        frame = self._take_base(frame)
+        if self.known.joints == BASE_JOINTS[:1]:  # of a body alone no column is about a joint
+            frame = frame.assign(**{f"{BASE_JOINTS[0]}.{kind}": 0.0 for kind in ("q", "tau")})
         if not self._naming.columns:
             self._begin(frame)
             found = start_of(self._naming)
             self.start = start if found is None else found
+        frame = self._hold_commands(frame)
+        for key, column in self._base.items():
+            self._beside.setdefault(key, []).append(to_floats(frame[column]))
         self._follow_labels(frame)
         for held in self._naming.locked:
             self._follow_locked(held, frame[held.source])
-        for known in self._naming.columns:
-            column, numbers = known.name, self.numbers[known.name]
-            given = frame[known.source]
-            if column == "t":
-                values = numbers.add(as_times(given, known))
-            else:
-                values = known.scale(numbers.add(given))
-            if column == "t" and not numbers.bad:
+        for own in self._naming.columns:
+            self._keep_column(own, frame[own.source])
+        for name in (*self.absent, *self.made) if self.keep else ():
+            self._kept[name].append(np.full(len(frame), np.nan if name in self.absent else 0.0))
+
+    def _keep_column(self, column: Column, given: pd.Series) -> None:
+        """Check the next rows of a column."""
+        name, numbers = column.name, self.numbers[column.name]
+        if name == "t":
+            values = numbers.add(as_times(given, column))
+            if not numbers.bad:
                 self.clock.add(values)
-            elif column.endswith(".tau"):
-                self.torque = max(self.torque, float(np.nanmax(np.abs(values), initial=0.0)))
-            if self.keep or not self._kept[column]:  # else the first rows tell how values come
-                self._kept[column].append(values)
-            if column in self.finders:
-                self.finders[column].add(values)
-                if column in self.turns:
-                    self.turns[column].add(values)
-        for column in self.absent if self.keep else ():
-            self._kept[column].append(np.full(len(frame), np.nan))
+        else:
+            values = column.scale(numbers.add(given))
+        if name.endswith(".tau"):
+            self.torque = max(self.torque, float(np.nanmax(np.abs(values), initial=0.0)))
+        if self.keep or not self._kept[name]:  # else the first rows tell how values come
+            self._kept[name].append(values)
+        for finders in (self.finders, self.turns):
+            if name in finders:
+                finders[name].add(values)
 
-    def _take_base(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """Return a table with the columns that were asked for; keep those about a base."""
-        whole = frame
-        frame = self._make_torque(self._name_commands(self._without_base(frame)))
-        for key, column in (self._base.named if self._base is not None else {}).items():
-            self._beside.setdefault(key, []).append(to_floats(whole.loc[frame.index, column]))
-        return frame
+    def _hold_commands(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """Return a table with the commands that stand for torque held until the next comes.
 
-    def _without_base(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """Return a table without the columns about a base that floats, which are read apart.
+        Rows before the first command are left out.
 
         Raises
         ------
         LogError
         """
-        if self.known.base is None:
+        sources = [c.source for c in self._naming.columns if c.name in self._naming.commands]
+        if not sources:
             return frame
         if not self.keep:
-            raise LogError(
-                f"{self.source} is about a base that floats and too long to be held in memory, "
-                "which such logs must be: give a stretch of it."
-            )
-        if self._base is None:
-            self._base = BaseColumns.find(list(frame.columns), self.known.base, self.known.columns)
-        frame = frame.drop(columns=self._base.sources)
-        if self.known.joints == BASE_JOINTS[:1]:
-            frame = frame.assign(**{f"{BASE_JOINTS[0]}.{kind}": 0.0 for kind in ("q", "tau")})
-        return frame
-
-    def _name_commands(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """Return a table with its commands called as they are here, held until the next comes.
-
-        Rows before the first command are left out where commands stand for torque.
-
-        Raises
-        ------
-        LogError
-        """
-        if self._commands is None:
-            self._commands, alone = choose_commands(frame.columns, self.source, self.known)
-            self.commands = tuple(f.name for f in self._commands.values()) if alone else ()
-        if self.commands and not self.keep:
             raise LogError(
                 f"{self.source} holds commands and no torque and is too long to be held in "
                 "memory, which such logs must be: give a stretch of it."
             )
-        if not self._commands:
-            return frame
-        given = {f.name: f.scale(to_floats(frame[c])) for c, f in self._commands.items()}
-        frame = frame.rename(columns={c: f.name for c, f in self._commands.items()}).assign(**given)
-        held = frame[list(self.commands)]
-        if held.isna().any(axis=None):
-            held = _held_on(self._last, held)
-            frame = frame.assign(**{str(c): held[c] for c in held})
-            frame = frame.dropna(subset=list(self.commands))
-        self._last = held.iloc[-1:]
-        return frame
+        held = frame[sources].apply(to_floats).ffill()
+        held = held if self._last is None else held.fillna(self._last)
+        self._last = held.iloc[-1] if len(held) else self._last
+        return frame.assign(**{str(c): held[c] for c in held}).dropna(subset=sources)
 
-    def _make_torque(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """Return a table with zeros for torque where motion or commands are all it is to hold."""
-        if self.known.motion_alone:
-            self.made = missing_torque(frame.columns, self.known)
-        elif self.commands:
-            self.made = [f"{joint}.tau" for joint in self.known.joints]
-        return frame.assign(**dict.fromkeys(self.made, 0.0)) if self.made else frame
+    @property
+    def made(self) -> tuple[str, ...]:
+        """Torque for which zeros stand, where motion or commands are all that is read."""
+        return self._naming.made
 
     @property
     def naming(self) -> Naming:
         """Which columns are which; empty before the first rows."""
-        notes = (*self._form.notes, *self._naming.notes, *state_commands(self._commands or {}))
-        return replace(self._naming, notes=notes)
+        return replace(self._naming, notes=(*self._form.notes, *self._naming.notes))
 
     def _begin(self, frame: pd.DataFrame) -> None:
         """Decide which columns are which, by the first rows."""
         texts = [k for k, dtype in enumerate(frame.dtypes) if dtype.kind not in "biufcmM"]
         first = {frame.columns[k]: str(frame.iat[0, k]) for k in texts if len(frame)}
-        called = call_currents(list(frame.columns), self.known)
-        sources = dict(zip(called, frame.columns, strict=True))
-        units = dict(zip(called, self._form.units, strict=False))
-        currents = {name for name, column in sources.items() if name != column}
-        naming = name_columns(
-            called, self.source, self.known, units, first, currents=currents, made=self.made
-        )
-        naming = settle_naming(naming, sources, frame, self.source, self.known)
+        columns = list(frame.columns)
+        if self.known.base is not None:
+            if not self.keep:
+                raise LogError(
+                    f"{self.source} is about a base that floats and too long to be held in memory, "
+                    "which such logs must be: give a stretch of it."
+                )
+            self._base = find_base(columns, self.known.base, self.known.columns)
+            columns = [c for c in columns if c not in self._base.values()]
+        units = dict(zip(columns, self._form.units, strict=False))
+        naming = name_columns(columns, self.source, self.known, units, first)
+        naming = settle_torque(settle_angles(naming, self.known), self.known, self.source)
+        naming = settle_time(naming, frame, self.source, self.known)
         unread = "" if self.known.base is not None else moving_base(list(frame.columns))
         naming = replace(naming, notes=(*naming.notes, unread)) if unread else naming
         self._naming = naming
         names = [c.name for c in naming.columns]
         self.numbers = {c: Numbers(c, self.source) for c in names}
-        self.absent = [c for j in naming.joints if (c := f"{j}.tau") not in names]
-        self._kept = {c: [] for c in (*names, *self.absent)}
+        given = (*names, *naming.made)
+        self.absent = [c for j in naming.joints if (c := f"{j}.tau") not in given]
+        self._kept = {c: [] for c in (*given, *self.absent)}
         self.finders = {} if self.keep else {c: SpikeFinder() for c in names if c != "t"}
         self.turns = {c: WrapFinder() for c in self.finders if c.endswith(".q")}
 
@@ -477,41 +381,24 @@ class Reading:
     def _follow_locked(self, column: Column, given: pd.Series) -> None:
         """Follow where a joint is that is said not to move; single wrong values do not count."""
         values = column.scale(to_floats(given))
-        if self.keep:
-            self._places.setdefault(column.name, []).append(values)
         values = values[np.isfinite(values)]
         if len(values):
             low, high = np.quantile(values, [0.01, 0.99])
             least, most = self._held.get(column.name, (np.inf, -np.inf))
             self._held[column.name] = min(least, float(low)), max(most, float(high))
 
-    def _check_locked(self) -> np.ndarray:
-        """Return in which rows a locked joint moves, (N,) bool, none where none ever does.
-
-        A lock that the positions contradict most of the time is refused; where a joint stands
-        elsewhere is said.
+    def _check_locked(self) -> None:
+        """Refuse a lock that the positions contradict; say where the joint stands elsewhere.
 
         Raises
         ------
         LogError
         """
-        notes, moving = [], np.empty(0, bool)
+        notes = []
         for name, (low, high) in self._held.items():
             joint, at = name.removesuffix(".q"), 0.5 * (low + high)
             held = self.known.locked[joint]
-            q = np.concatenate(self._places.get(name, [np.empty(0)]))
-            known, wanders = np.isfinite(q), high - low > RULES.locked_play
-            if wanders and known.any():
-                at = float(np.median(q[known]))
-                moves = ~(np.abs(np.where(known, q, at) - at) <= RULES.locked_play)
-                if moves.mean() < 0.5:
-                    moving = moves if not len(moving) else moving | moves
-                    notes.append(
-                        f"'{joint}' is locked and moves in {moves.sum()} of {len(q)} rows, whose "
-                        "equations are left out"
-                    )
-                    wanders = False
-            if wanders:
+            if high - low > RULES.locked_play:
                 raise LogError(
                     f"{self.source}: the joint '{joint}' is locked, but '{name}' moves by "
                     f"{high - low:.3g} ({low:.4g} … {high:.4g}); take the lock out, or give a "
@@ -523,7 +410,6 @@ class Reading:
                     f"--lock {joint}={at:.4g}"
                 )
         self._naming = replace(self._naming, notes=(*self._naming.notes, *notes))
-        return moving
 
     def finish(self) -> dict[str, Array]:
         """Return the columns, each (N,), as far as they were kept.
@@ -533,9 +419,8 @@ class Reading:
         LogError
             If a value cannot be, or the times are too few or do not increase.
         """
-        moving = self._check_locked()
-        asked = bool(self._beside) or moving.any()
-        times = np.concatenate(self._kept["t"]) if asked else np.empty(0)
+        self._check_locked()
+        times = np.concatenate(self._kept["t"]) if self._beside else np.empty(0)
         if self.keep:
             self._unify()
         elif self._is_mixed():
@@ -572,9 +457,6 @@ class Reading:
                 numbers.finish()
         self.clock.finish()
         values = {c: np.concatenate(kept) for c, kept in self._kept.items() if kept}
-        if moving.any():
-            near = np.interp(values["t"], times, moving.astype(float)) > 0
-            values |= {c: np.where(near, np.nan, x) for c, x in values.items() if c[-4:] == ".tau"}
         if self.known.base is not None:
             raw = {key: np.concatenate(x) for key, x in self._beside.items()}
             flags = [c.flag for c in self.known.base.contacts]
@@ -597,14 +479,14 @@ class Reading:
         # Torque that is missing for a while, or altogether, comes at no rate of its own.
         gone = {c for c, x in values.items() if c.endswith(".tau") and 2 * _gaps(x) < RULES.fewest}
         gone = {c for c in gone if np.isnan(values[c]).any()}
-        kept = {*gone, *self.commands}  # commands are held, whatever comes between
+        kept = {*gone, *self._naming.commands}  # commands are held, whatever comes between
         found, note = unify_rates({c: x for c, x in values.items() if c not in kept})
         if not note:
             return
         near = np.searchsorted(values["t"], found["t"]).clip(0, len(values["t"]) - 1)
         found |= {c: values[c][near] for c in gone}
         last = np.searchsorted(values["t"], found["t"], side="right") - 1
-        found |= {c: values[c][last.clip(0)] for c in self.commands}
+        found |= {c: values[c][last.clip(0)] for c in self._naming.commands}
         self.numbers = {c: Numbers(c, self.source) for c in found}
         self._kept = {c: [x] for c, x in found.items()}
         columns = tuple(c for c in self._naming.columns if c.name in found)

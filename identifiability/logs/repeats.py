@@ -84,13 +84,13 @@ def drop_repeats(
     LogError
         If nothing is left of a held-out log.
     """
-    first = [log if log.motion_alone else _first_pass(log) for log in (*logs, *held_out)]
-    pairs = zip(first, _find_copies(first), strict=True)
+    every = [*logs, *held_out]
+    pairs = zip(every, _find_copies(every), strict=True)
     left = [_keep(log, copied & (not log.motion_alone)) for log, copied in pairs]
     hints = tuple(
         f"{log.name} repeats rows that were given before, noise and all ({len(log) - count} of "
         f"{len(log)}): they count once; give each measurement once."
-        for log, kept in zip([*logs, *held_out], left, strict=True)
+        for log, kept in zip(every, left, strict=True)
         if (count := sum(len(part) for part in kept)) < len(log)
     )
     n = len(logs)
@@ -115,67 +115,6 @@ def _keep(log: Recording, copied: np.ndarray) -> list[Recording]:
     if len(stretches) == 1:
         return [log.rows(*stretches[0])]
     return [log.cut(a, b, f"{log.name}, rows {a + 1}–{b}") for a, b in stretches]
-
-
-def _first_pass(log: Recording) -> Recording:
-    """Return a log that is too long to be held without what only repeats its first part."""
-    if isinstance(log, Log) or len(_shown(log)) < 2:
-        return log
-    windows = signals.spread_windows(len(log))
-    kinds = _kinds([log])
-    shown = [_values(part, log.joints, kinds) for part in _shown(log)]
-    near = _near(np.concatenate(shown), len(kinds))
-    for (at, _), window in zip(windows, shown, strict=True):
-        differs = np.asarray((np.abs(np.diff(window, axis=0)) > near).any(1))
-        moves = differs[: len(window) - RUN]
-        if moves.any():
-            moving = int(np.argmax(moves))
-            start, begin = at + moving, window[moving : moving + RUN]
-            break
-    else:
-        return log
-    # Most rows are told apart by the one column that changes most often there, the last of such: a
-    # motion may be repeated, the noise of a torque is not.
-    names = [f"{joint}.{kind}" for kind in kinds for joint in log.joints]
-    changes = [len(np.unique(x)) for x in np.rint(begin / near).T]
-    one = max(range(len(names)), key=lambda k: (changes[k], k))
-    buffer, first = np.empty(0), start + 1
-    for values in log.column(names[one], first, len(log)):
-        buffer = np.concatenate([buffer, values])
-        like = _where(buffer[:, None], begin[:, [one]], near[[one]])
-        if len(like):
-            rows = _values(log.rows(first, first + len(buffer)), log.joints, kinds)
-            for k in np.intersect1d(like, _where(rows, begin, near)).tolist():
-                period = first + k - start
-                again = _comes_again(log, period, near, kinds)
-                return log.cut(0, period, log.name) if again else log
-        first, buffer = first + max(0, len(buffer) - RUN + 1), buffer[1 - RUN :]
-    return log
-
-
-def _where(rows: Array, run: Array, near: Array) -> np.ndarray:
-    """Return from which of some rows (N, k) on they agree with a run (RUN, k), (m,) int."""
-    at = np.arange(max(0, len(rows) - len(run) + 1))
-    for k, wanted in enumerate(run):
-        at = at[(np.abs(rows[at + k] - wanted) <= near).all(1)]
-    return at
-
-
-def _comes_again(log: LogFile, period: int, near: Array, kinds: Sequence[str]) -> bool:
-    """Return whether all that is looked at from a row on is what came so many rows before."""
-    for a, b in signals.spread_windows(len(log)):
-        stop = min(b, len(log) - period)
-        if stop > a:
-            pair = (
-                _values(log.rows(s, e), log.joints, kinds)
-                for s, e in ((a, stop), (a + period, stop + period))
-            )
-            now, then = pair
-            same = np.asarray((np.abs(now - then) <= near).all(1))
-            told = _noise_changes(now, near, len(log.joints))
-            if min(same.mean(), same[told].mean() if told.any() else 1.0) < RULES.nearly_all:
-                return False
-    return True
 
 
 def _find_copies(logs: Sequence[Recording]) -> list[np.ndarray]:

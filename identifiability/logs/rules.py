@@ -21,10 +21,9 @@ class Rules(RuleTable):
         float, "share of its usual step, or range, by which a joint moves, reasoned"
     ] = 0.1
     slowest_step: Annotated[float, "usual steps of a log are not longer [s], by hand"] = 0.5
-    speeds: Annotated[
-        tuple[float, float],
-        "slowest and fastest that a log's fastest joint is [rad/s or m/s], by hand",
-    ] = (0.002, 30.0)
+    steps: Annotated[
+        tuple[float, float], "steps of a log whose times are in no seconds [s], by hand"
+    ] = (5e-5, 0.2)
     epoch: Annotated[
         tuple[float, float], "seconds since 1970 between 2000 and 2100 [s], reasoned"
     ] = (9.46e8, 4.1e9)

@@ -6,18 +6,16 @@ is a sentence before anything else is looked at.
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identifiability.foundation.errors import LogError
-from identifiability.logs.command_names import choose_commands
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.form import LINE_END, PLAIN, Form, find_encoding, find_form, is_whole
+from identifiability.logs.form import LINE_END, PLAIN, Form, find_encoding, find_form
 from identifiability.logs.formats.bags import hash_files
 from identifiability.logs.formats.reader import (
     MISSING,
@@ -29,7 +27,6 @@ from identifiability.logs.formats.reader import (
 from identifiability.logs.naming import name_columns
 from identifiability.logs.reading import with_index
 from identifiability.logs.tables import Table, is_parquet, open_parquet, opened, parsing
-from identifiability.logs.to_si import call_currents, missing_torque
 from identifiability.robot.floating import BASE_JOINTS
 
 if TYPE_CHECKING:
@@ -78,8 +75,6 @@ def _scan_csv(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[s
 
         start = read()
         table, rest = begin_csv(path, start)
-        # Lines that show whether the last one is whole.
-        lines = table.form.plain_text(rest).decode(errors="replace").splitlines()[:-1][:1000]
         row, byte, ended = 0, len(start) - len(rest), False
         pieces = [(row, byte)]
         while not ended:
@@ -89,7 +84,7 @@ def _scan_csv(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[s
             too_long = len(rest) > 8 * PIECE_BYTES
             cut = len(rest) if ended else _last_line(rest, table.form) or len(rest) * too_long
             if ended:
-                table, cut = _leave_half_line(table, rest, lines)
+                table, cut = _leave_half_line(table, rest)
             if cut or (ended and (len(pieces) == 1 or rest)):
                 frame = table.parse(rest[:cut], row)
                 each(frame, table.form)
@@ -114,11 +109,6 @@ def begin_csv(path: Path, start: bytes) -> tuple[Table, bytes]:
     text = start[:BEGINNING].decode(encoding, errors="replace")
     form = find_form(text, encoding)
     check_columns(path, len(form.columns))
-    if form.plain:
-        header, rest = _split_header(start)
-        names = header.decode("utf-8-sig").strip()
-        columns = tuple(next(csv.reader([names], skipinitialspace=True), []))
-        return Table(path, columns, (), header, replace(form, columns=columns)), rest
     mark = {" ": "\t"}.get(form.separator, form.separator)
     line = mark.join(f'"{name.replace(chr(34), chr(34) * 2)}"' for name in form.columns) + "\n"
     # A letter of another code, in a comment, takes as many bytes as it has.
@@ -129,25 +119,20 @@ def begin_csv(path: Path, start: bytes) -> tuple[Table, bytes]:
     return Table(path, form.columns, (), line.encode(), form), start[at:]
 
 
-def _leave_half_line(table: Table, rest: bytes, lines: Sequence[str]) -> tuple[Table, int]:
-    """Return how much of the end of a file is whole, with a note if the last line is left out."""
+def _leave_half_line(table: Table, rest: bytes) -> tuple[Table, int]:
+    """Return how much of the end of a file is whole, with a note if the last line is left out.
+
+    One without an end may lack digits that nobody misses.
+    """
     end_of_file = table.form.plain_text(rest)
     at = max(end_of_file.rfind(b"\n"), end_of_file.rfind(b"\r")) + 1
     last = end_of_file[at:].decode(errors="replace")
-    others = [line for line in lines if line.strip()]
-    if not last.strip() or not others or is_whole(last, others, table.form):
+    if not last.strip():
         return table, len(rest)
     kept = len(rest) - len(last.encode(table.form.encoding, "replace"))
     note = "its last line has no end and was left out, for it may have been cut"
     form = replace(table.form, notes=(*table.form.notes, note))
     return replace(table, form=form), kept
-
-
-def _split_header(start: bytes) -> tuple[bytes, bytes]:
-    """Return the first line that is not blank with all before it, and the rest."""
-    match = re.match(rb"(?:\xef\xbb\xbf)?\s*[^\r\n]*(?:\r\n|\r|\n|$)", start)
-    at = match.end() if match else 0
-    return start[:at], start[at:]
 
 
 def _last_line(piece: bytes, form: Form) -> int:
@@ -287,13 +272,10 @@ def check_header(path: Path, known: Conventions) -> None:
         line = table.form.plain_text(rest).decode(errors="replace").partition("\n")[0]
         row = dict(zip(table.columns, table.form.split(line), strict=False))
     texts = {name: text for name, text in row.items() if not table.form.is_number(text)}
-    commands, alone = choose_commands(table.columns, str(path), known)
-    columns = [commands[c].name if c in commands else c for c in table.columns]
-    made = missing_torque(columns, known) if known.motion_alone else []
-    made = [f"{joint}.tau" for joint in known.joints] if alone else made
-    found = [*columns, *made]
-    called = call_currents(found, known)
-    sources = dict(zip(called, found, strict=True))
-    units = dict(zip(called, table.form.units, strict=False))
-    currents = {name for name, column in sources.items() if name != column}
-    name_columns(called, str(path), known, units, texts, currents=currents, made=made)
+    name_columns(
+        table.columns,
+        str(path),
+        known,
+        dict(zip(table.columns, table.form.units, strict=False)),
+        texts,
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
@@ -36,8 +37,8 @@ NEAR, ALLOWED = 20, 3
 #: The tail is one sample in so many, at least and at most so many samples; no more are mended.
 TAIL_SHARE, TAIL_LEAST, TAIL_MOST = 2000, 20, 200
 
-#: Samples that are looked at together.
-PIECE = 16_384
+#: Samples that are judged by each other; the last so many and up to as many more together.
+BLOCK = 65_536
 
 #: Samples on each side that a judgement draws on, and the filters.
 REACH, FILTERS = NEAR + 3 * WIDEST, 2 * WIDEST
@@ -60,126 +61,85 @@ class Spike:
     instead: float
 
 
-@frozen
-class Candidate:
-    """A spike that stands out from those around it.
-
-    Attributes
-    ----------
-    row : int
-    height : float
-        Above the opening of the column; negative below its closing.
-    around : (2 REACH + 1,)
-        The column around it; NaN beyond its ends.
-    """
-
-    row: int
-    height: float
-    around: Array
-
-    def predict(self, wrong: set[int]) -> float:
-        """Return the cubic through the nearest two right samples on each side, at this one.
-
-        At an end of the column it is the line through those on one side.
-        """
-        offset = np.arange(-REACH, REACH + 1)
-        right = np.isfinite(self.around) & [self.row + k not in wrong for k in offset]
-        nodes = np.array([*offset[right & (offset < 0)][-2:], *offset[right & (offset > 0)][:2]])
-        weights = [np.prod([m / (m - n) for m in nodes if m != n]) for n in nodes]
-        return float(np.dot(weights, self.around[nodes + REACH]))
-
-
 class SpikeFinder:
     """Looks for wrong samples in a column that comes piece by piece; memory is bounded.
 
-    What is found does not depend on the pieces.
+    Blocks of fixed rows are judged, so that what is found does not depend on the pieces.
     """
 
     def __init__(self) -> None:
-        self._held: list[Array] = []
-        self._waiting = 0
-        self._start = self._judged = 0  # row of the first that is held, and is to be judged
-        self._step, self._finest = 0.0, np.inf
-        self._low, self._high = np.inf, -np.inf
-        self._tail = np.zeros(TAIL_MOST + 1)
-        self._found: list[Candidate] = []
+        self._held, self._start = np.empty(0), 0  # what is not judged, with what is beside it
+        self._judged = 0
+        self._found: list[Spike] = []
 
     def add(self, values: Array) -> None:
         """Take in the next values, (N,)."""
-        self._held.append(values)
-        self._waiting += len(values)
-        if self._waiting >= PIECE:
-            self._judge(last=False)
+        self._held = np.concatenate([self._held, values])
+        while self._start + len(self._held) >= self._judged + 2 * BLOCK + REACH:
+            self._judge(self._judged + BLOCK)
 
     def finish(self) -> list[Spike]:
         """Return the wrong samples in their order."""
-        if self._waiting + self._start > FILTERS:
-            self._judge(last=True)
-        size = int(np.clip(self._judged // TAIL_SHARE, TAIL_LEAST, TAIL_MOST))
-        finest = self._finest if self._finest < np.inf else 0.0
-        least = max(
-            self._least,
-            RULES.spike_around * finest,
-            RULES.spike_tail * float(self._tail[-1 - size]),
-        )
-        found = sorted((c for c in self._found if abs(c.height) > least), key=lambda c: c.row)
-        # Consecutive samples on one side make one spike. Beside a high one, a right sample stands
-        # in a hole that its neighbours do not show.
-        every = {c.row for c in found}
-        wrong: dict[int, Candidate] = {}
-        for _, group in groupby(enumerate(found), lambda e: (e[1].row - e[0], e[1].height > 0)):
-            spike = [c for _, c in group]
-            returns = spike[0].row > 0 and spike[-1].row < self._judged - 1
-            enough = least if returns else max(least, self._high - self._low)
-            if any(abs(c.around[REACH] - c.predict(every)) > enough for c in spike):
-                wrong |= {c.row: c for c in spike}
-        return [Spike(row, float(c.around[REACH]), c.predict({*wrong})) for row, c in wrong.items()]
+        self._judge(None)
+        return self._found
 
-    @property
-    def _least(self) -> float:
-        """Height that none but wrong spikes reach, by what is known so far."""
-        return max(RULES.spike_steps * self._step, RULES.spike_tail * float(self._tail[0]))
+    def _judge(self, stop: int | None) -> None:
+        """Judge the rows up to one, or all that are left."""
+        last = None if stop is None else stop - self._start + REACH
+        x = self._held[:last]
+        for spike in _find(x, first=self._start == 0, last=stop is None):
+            row = self._start + spike.row
+            if row >= self._judged and (stop is None or row < stop):
+                self._found.append(replace(spike, row=row))
+        if stop is not None:
+            drop = stop - REACH - self._start
+            self._held, self._start, self._judged = self._held[drop:], self._start + drop, stop
 
-    def _judge(self, *, last: bool) -> None:
-        x = np.concatenate(self._held)
-        first = self._start == 0
-        ready = self._start + len(x) - (0 if last else REACH)
-        before, after = (FILTERS if at else 0 for at in (first, last))
-        inner = slice(before, before + len(x))
-        wide = _extend(_extend(x, before)[::-1], after)[::-1]
-        with np.errstate(invalid="ignore", over="ignore"):  # what is no number is refused later
-            low, high = _open(wide), _close(wide)
-            above, below = (wide - low)[inner], (high - wide)[inner]
-            smooth = _close(low)[inner]
-            steps = np.abs(np.diff(smooth))
-            rough = np.abs(np.diff(x))
-        rough[~(rough > 0)] = np.inf
-        height = np.maximum(above, below)
-        own = slice(self._judged - self._start, ready - self._start)
-        # The step before the first own sample was counted with the piece before, if there is one.
-        counted = slice(max(own.start - 1, 0), own.stop - 1)
-        self._step = max(self._step, float(steps[counted].max(initial=0.0)))
-        self._low = min(self._low, float(smooth[own].min(initial=np.inf)))
-        self._high = max(self._high, float(smooth[own].max(initial=-np.inf)))
-        self._finest = min(self._finest, float(rough.min(initial=np.inf)))
-        higher = height[own][~(height[own] <= self._tail[0])]  # soon few
-        self._tail = np.sort(np.concatenate([self._tail, higher]))[-TAIL_MOST - 1 :]
-        for k in own.start + np.flatnonzero(height[own] > self._least):
-            if height[k] > RULES.spike_around * _usual(height, int(k)):
-                sign = 1.0 if above[k] >= below[k] else -1.0
-                self._keep(x, int(k), sign * float(height[k]))
-        self._judged = ready
-        if not last:
-            drop = max(0, ready - REACH - self._start)
-            self._start, self._held, self._waiting = self._start + drop, [x[drop:]], 0
 
-    def _keep(self, x: Array, k: int, height: float) -> None:
-        around = np.full(2 * REACH + 1, np.nan)
-        low, high = max(0, k - REACH), min(len(x), k + REACH + 1)
-        around[low - k + REACH : high - k + REACH] = x[low:high]
-        self._found.append(Candidate(self._start + k, height, around))
-        if len(self._found) > 2 * TAIL_MOST:
-            self._found = sorted(self._found, key=lambda c: (-abs(c.height), c.row))[:TAIL_MOST]
+def _find(x: Array, *, first: bool, last: bool) -> list[Spike]:
+    """Return the wrong samples of a stretch of a column, (N,), which may be its first or last."""
+    if len(x) <= 2 * FILTERS:
+        return []
+    before, after = (FILTERS if at else 0 for at in (first, last))
+    inner = slice(before, before + len(x))
+    wide = _extend(_extend(x, before)[::-1], after)[::-1]
+    with np.errstate(invalid="ignore", over="ignore"):  # what is no number is refused later
+        low, high = _open(wide), _close(wide)
+        above, below = (wide - low)[inner], (high - wide)[inner]
+        smooth = _close(low)[inner]
+        rough = np.abs(np.diff(x))
+        step, span = np.abs(np.diff(smooth)).max(), float(np.ptp(smooth))
+    height = np.maximum(above, below)
+    size = int(np.clip(len(x) // TAIL_SHARE, TAIL_LEAST, TAIL_MOST))
+    least = max(
+        RULES.spike_steps * float(step),
+        RULES.spike_around * float(rough[rough > 0].min(initial=np.inf) if rough.any() else 0.0),
+        RULES.spike_tail * float(np.sort(height)[-1 - size] if len(x) > size else 0.0),
+    )
+    far = np.flatnonzero(height > least).tolist()
+    found = [k for k in far if height[k] > RULES.spike_around * _usual(height, k)]
+    # Consecutive samples on one side make one spike. Beside a high one, a right sample stands in a
+    # hole that its neighbours do not show.
+    wrong: set[int] = set()
+    for _, group in groupby(enumerate(found), lambda e: (e[1] - e[0], above[e[1]] >= below[e[1]])):
+        spike = [k for _, k in group]
+        ends = (first and spike[0] == 0) or (last and spike[-1] == len(x) - 1)
+        enough = max(least, span) if ends else least
+        if any(abs(x[k] - _foretell(x, k, {*found})) > enough for k in spike):
+            wrong |= {*spike}
+    return [Spike(k, float(x[k]), _foretell(x, k, wrong)) for k in sorted(wrong)]
+
+
+def _foretell(x: Array, k: int, wrong: set[int]) -> float:
+    """Return the cubic through the nearest two right samples on each side, at a sample.
+
+    At an end of the column it is the line through those on one side.
+    """
+    near = range(max(0, k - REACH), min(len(x), k + REACH + 1))
+    right = [i - k for i in near if i not in wrong and np.isfinite(x[i])]
+    nodes = [*[n for n in right if n < 0][-2:], *[n for n in right if n > 0][:2]]
+    weights = [np.prod([m / (m - n) for m in nodes if m != n]) for n in nodes]
+    return float(np.dot(weights, x[[k + n for n in nodes]]))
 
 
 def _extend(x: Array, count: int) -> Array:

@@ -89,7 +89,7 @@ class Table:
         Row and place at which each piece begins; last the number of rows and the end. Places are
         bytes of a CSV and groups of rows of a Parquet file, small ones together.
     header : bytes
-        What is put before rows of a CSV: its own header, or one that was made of it.
+        What is put before rows of a CSV, made of its own header.
     form : Form
         How a CSV was written.
     """

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -15,10 +15,9 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import TIME_UNITS, Array
-from identifiability.logs.aliases import CHANNEL_WORDS, COMMANDED, words_of
 from identifiability.logs.checks import to_floats
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.naming import Column, Naming, rename
+from identifiability.logs.naming import Column, Naming
 from identifiability.logs.rules import RULES
 
 if TYPE_CHECKING:
@@ -52,70 +51,22 @@ def settle_angles(naming: Naming, known: Conventions) -> Naming:
 
 def _settle(column: Column, known: Conventions) -> Column:
     owner, _, kind = column.name.rpartition(".")
-    if owner in known.scales and kind in ANGULAR and column.factor == 1.0:
+    if column.unit or kind not in ANGULAR:
+        return column
+    if owner in known.scales:
         scale, offset = known.scales[owner]
         shift = -offset / scale if kind in ("q", "q_ref") else 0.0
         return replace(column, factor=scale, offset=shift)
-    if owner in known.degrees and kind in ANGULAR and column.factor == 1.0:
-        return replace(column, factor=DEGREE)
-    return column
+    return replace(column, factor=DEGREE) if owner in known.degrees else column
 
 
 # Torque columns as they were measured: currents, motor torques, other units, other signs.
 
 
-#: What columns of motor currents are called.
-CURRENT = ".current"
-
-_TORQUES = {*CHANNEL_WORDS["tau"], *CHANNEL_WORDS["current"]}
-_POSITION = re.compile(
-    rf"((?:^|.*[^A-Za-z]))(?:{'|'.join(CHANNEL_WORDS['q'])})(?![A-Za-z])", re.IGNORECASE
-)
-
 #: What is said of a sensor behind the gears.
 BEHIND = (
     "torque was measured behind the gears, where no inertia of rotors is seen: the model has none"
 )
-
-
-def call_currents(found: Sequence[str], known: Conventions) -> list[str]:
-    """Return names under which a table's columns are looked for.
-
-    The current of a joint stands for its torque where that was not measured.
-    """
-    names = [known.columns.apply(name.strip()) for name in found]
-    owners = [name.removesuffix(CURRENT) for name in names]
-    return [
-        f"{owner}.tau" if owner != name and not _has_torque(owner, names, known) else given
-        for given, name, owner in zip(found, names, owners, strict=True)
-    ]
-
-
-def _has_torque(owner: str, names: Sequence[str], known: Conventions) -> bool:
-    return bool({f"{owner}.tau", f"{known.columns.apply(owner)}.tau"} & set(names))
-
-
-def has_torque(columns: Iterable[str], known: Conventions) -> bool:
-    """Whether any column of a table tells by its name that it is torque or current."""
-    every = ({*words_of(c), *words_of(rename(c.strip(), known))} for c in columns)
-    return any(words & _TORQUES for words in every)
-
-
-def missing_torque(columns: Iterable[str], known: Conventions) -> list[str]:
-    """Return what torques of a table would be called that holds none, nor a current; else none.
-
-    They are called as its positions are, so that what is understood of these is so of them; where
-    a rule renames positions alone, as they become. Torque is what a rule makes torque, too.
-    """
-    new = {name: rename(name.strip(), known) for name in columns}
-    if has_torque(new, known):
-        return []
-    said = {name: {*words_of(name), *words_of(becomes)} for name, becomes in new.items()}
-    called: list[str] = []
-    for name in (name for name, words in said.items() if not words & COMMANDED):
-        own, becomes = (_POSITION.sub(r"\1tau", n, count=1) for n in (name, new[name]))
-        called.append(own if rename(own, known) == becomes else becomes)
-    return [name for name in dict.fromkeys(called) if name not in {*new, *new.values()}]
 
 
 def settle_torque(naming: Naming, known: Conventions, source: str) -> Naming:
@@ -180,13 +131,8 @@ def _tell(factors: Mapping[str, float], currents: Sequence[str], known: Conventi
 # What a log's times are given in: seconds, thousandths of them, dates; taken only when certain.
 #
 # A unit that the sidecar, an option or the column itself states is taken. Else steps of up to half
-# a second are seconds. Longer ones are no steps of a log of motion: they are read in the one unit
-# in which they are, if what the joints do in that time leaves no other; where it does, one has to
-# say.
+# a second are seconds, and longer ones in the one unit in which they are steps of a log of motion.
 
-
-#: Samples over which the speed of the fastest joint is taken.
-LAG = 5
 
 #: First samples that show which steps there are.
 SHOWN = 20_000
@@ -203,6 +149,7 @@ def settle_time(naming: Naming, first: pd.DataFrame, source: str, known: Convent
     source : str
         What sentences call the table.
     known : Conventions
+
 
     Raises
     ------
@@ -223,7 +170,7 @@ def settle_time(naming: Naming, first: pd.DataFrame, source: str, known: Convent
         return naming  # what is wrong with them is said by others
     unit, why = known.time_unit, "as was said"
     if not unit and time.factor == 1.0:
-        unit, why = _find_unit(t, naming, first, source)
+        unit, why = _find_unit(t, source)
     factor = TIME_UNITS[unit] if unit else time.factor
     notes = [f"the times are in {unit}, {why}"] if unit and unit != "s" else []
     offset = float(t[0]) if RULES.epoch[0] < t[0] * factor < RULES.epoch[1] else 0.0
@@ -299,8 +246,8 @@ def _with(naming: Naming, time: Column, *notes: str) -> Naming:
     return replace(naming, columns=columns, notes=(*naming.notes, *notes))
 
 
-def _find_unit(t: Array, naming: Naming, first: pd.DataFrame, source: str) -> tuple[str, str]:
-    """Return the unit of times (N,) and why; nothing for seconds, or for times that are no unit's.
+def _find_unit(t: Array, source: str) -> tuple[str, str]:
+    """Return the unit of times (N,) and why; nothing for seconds.
 
     Raises
     ------
@@ -308,65 +255,18 @@ def _find_unit(t: Array, naming: Naming, first: pd.DataFrame, source: str) -> tu
         If it may be more than one.
     """
     step = float(np.median(np.diff(t)))
-    # Usual steps of a log of motion are not shorter [s].
-    fits = [u for u, size in TIME_UNITS.items() if 5e-05 <= step * size <= RULES.slowest_step]
-    proved = _by_velocities(t, naming, first)
-    if proved in fits and proved != "s":
-        return proved, "for which velocities are what positions change by"
-    if step <= RULES.slowest_step or not fits:
+    if step <= RULES.slowest_step:
         return "", ""
-    rate = f"{1 / (step * TIME_UNITS[fits[0]]):.4g} Hz"
+    fits = [u for u, size in TIME_UNITS.items() if RULES.steps[0] <= step * size <= RULES.steps[1]]
     dated = [u for u in fits if RULES.epoch[0] < t[0] * TIME_UNITS[u] < RULES.epoch[1]]
-    if len(dated) == 1:
-        return dated[0], f"for they count from 1970 ({rate})"
-    speed = _top_speed(t, naming, first)
-    # Nobody writes a log with longer steps than this.
-    every = [*fits, *(["s"] if step <= 20.0 else [])]
-    moving = [
-        u for u in every if not speed or RULES.speeds[0] <= speed / TIME_UNITS[u] <= RULES.speeds[1]
-    ]
-    if moving == ["s"]:
+    fits = dated or fits
+    if not fits:  # what is wrong with them is said by others
         return "", ""
-    if len(moving) == 1:
-        return moving[0], f"for they rise by {step:.6g} from sample to sample ({rate})"
-    each = [f"{u} ({1 / (step * TIME_UNITS[u]):.3g} Hz)" for u in every]
+    each = [f"{u} ({1 / (step * TIME_UNITS[u]):.4g} Hz)" for u in fits]
+    if len(fits) == 1:
+        return fits[0], f"for they rise by {step:.6g} from sample to sample: {each[0]}"
     raise LogError(
         f"{source}: the times rise by {step:.6g} from sample to sample, which may be "
-        f"{' or '.join(each)}; say which, with {' or '.join(f'--time-unit {u}' for u in every)}, "
-        "or with `unit` under [time] in the sidecar."
+        f"{' or '.join(each)}; say their unit with --time-unit, or with `unit` under "
+        "[time] in the sidecar."
     )
-
-
-def _channels(naming: Naming, first: pd.DataFrame, kind: str) -> list[Array]:
-    """Return what the first rows have of a kind, (N,) each, joint by joint."""
-    columns = {c.name: c for c in naming.columns}
-    found = [c for j in naming.joints if (c := columns.get(f"{j}.{kind}")) is not None]
-    plain = [c for c in found if first[c.source].dtype.kind in "iuf"]
-    return [c.scale(to_floats(first[c.source]))[:SHOWN] for c in plain]
-
-
-def _top_speed(t: Array, naming: Naming, first: pd.DataFrame) -> float:
-    """Return the speed of the fastest joint over some samples, in units of the times."""
-    span = np.maximum(t[LAG:] - t[:-LAG], 1e-300)
-    moved = [np.abs(q[LAG:] - q[:-LAG]) / span for q in _channels(naming, first, "q")]
-    tops = [float(np.nanquantile(x, 0.95)) for x in moved if len(x) and np.isfinite(x).any()]
-    return max(tops, default=0.0)
-
-
-def _by_velocities(t: Array, naming: Naming, first: pd.DataFrame) -> str:
-    """Return the unit in which positions change as fast as measured velocities say, or nothing."""
-    q, dq = (_channels(naming, first, kind) for kind in ("q", "dq"))
-    if not q or len(q) != len(dq) or not (np.diff(t) > 0).all():
-        return ""
-    slope = np.gradient(np.stack(q, 1), t, axis=0)
-    rate = np.stack(dq, 1)
-    if not (np.isfinite(slope).all() and np.isfinite(rate).all()):
-        return ""
-    sizes = np.linalg.norm(slope), np.linalg.norm(rate)
-    least = (1 - RULES.derivative_unexplained) ** 0.5
-    if min(sizes) <= 0 or float((slope * rate).sum()) < least * sizes[0] * sizes[1]:
-        return ""
-    ratio = float((slope * rate).sum()) / sizes[1] ** 2
-    # Velocities have a unit if they have the size of the slope up to this power of ten.
-    near = [u for u, size in TIME_UNITS.items() if abs(np.log10(ratio / size)) < 0.1]
-    return near[0] if near else ""

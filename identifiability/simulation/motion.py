@@ -282,15 +282,18 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
         return PrescribedMotion(log.t, log.q, log.dq, log.ddq, log.name)
     t, q, gaps = log.t, log.q, Gaps.of(log.name, log.clock, [log.t])
     grid = gaps.divide(np.inf)
-    if grid is None or gaps.lost.sum() > len(log):
-        dt, _ = log.even_step()
-    else:  # lost samples are bridged as where a log is fitted
+    dt, few = gaps.step, gaps.lost.sum() <= len(log)
+    if grid is not None and few:  # lost samples are bridged as where a log is fitted
         gaps.check(len(log))
-        at, dt = grid.places(0, len(log)), gaps.step
+        at = grid.places(0, len(log))
         t, q = fill(t, at), fill(q, at)
     cutoff = choose_band([Spectrum.of([q], dt)]).outputs
-    if grid is not None and gaps.length.max() > LOG_RULES.gap_bridged / cutoff:
-        log.even_step()  # which says where the gap is
+    long = gaps.length > LOG_RULES.gap_bridged / cutoff
+    if long.any() or not few:
+        raise LogError(
+            f"{log.name} has a gap of {gaps.tell(long | (not few))}; velocity and acceleration "
+            "cannot be computed across it: split the log there."
+        )
     smooth = signals.lowpass(q, dt, cutoff)
     dq = signals.differentiate(smooth, dt)
     return PrescribedMotion(t, smooth, dq, signals.differentiate(dq, dt), log.name)

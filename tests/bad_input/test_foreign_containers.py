@@ -56,11 +56,11 @@ def test_arrays_are_a_log_in_the_robots_order(arrays, bare):
     ("change", "sentence"),
     [
         ({"tau": np.zeros((200, 3))}, r"q is 200×2, tau is 200×3; .* \(N, n\)"),
-        ({"t": np.zeros((2, 3))}, r"t must be \(N,\), not 2×3"),
+        ({"t": np.zeros((2, 3))}, r"t is 2×3, q is .*give t as \(N,\)"),
         ({"q": np.zeros((7, 2))}, r"q is 7×2, tau is 200×2"),
-        ({"joints": ("a",)}, r"joints names 1 of 2 columns"),
-        ({"joints": ("a", "a")}, r"joints names 'a' more than once"),
-        ({"t": np.zeros(7)}, r"q is 200×2, but there are 7 times"),
+        ({"joints": ("a",)}, r"joints names a, which are not 2 joints"),
+        ({"joints": ("a", "a")}, r"joints names a, a, which are not 2"),
+        ({"t": np.zeros(7)}, r"t is 7, q is 200×2"),
         ({"q": "abc"}, r"q must be an array of numbers"),
     ],
 )

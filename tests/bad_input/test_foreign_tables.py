@@ -64,7 +64,7 @@ FORMS = {
 }
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
 @pytest.mark.parametrize("form", FORMS)
 def test_other_forms_are_read_and_said_short_and_long_alike(
     form, encoding, bare, known, write, monkeypatch
@@ -122,16 +122,12 @@ def test_a_file_cut_anywhere_loses_its_last_line_with_a_note(bare, known, write)
         assert len(log) == 200 - content[-cut:].count("\n") + (ended and 0)
 
 
-def test_a_last_line_of_fixed_digits_needs_no_end(bare, known, write):
-    content = bare.to_csv(index=False, float_format="%.6f")
-    log = read_both(write("log.csv", content[:-1]), known)
-    assert (len(log), log.notes) == (200, ())
-    for cut in (2, 5, 8, 20):
-        assert len(Log.read(write("log.csv", content[:-cut]), known)) == 199
-    powers = bare.to_csv(index=False, float_format="%.5e")
-    assert len(read_both(write("log.csv", powers[:-1]), known)) == 200
-    for cut in (2, 4, 5, 6):
-        assert len(LogFile.read(write("log.csv", powers[:-cut]), known)) == 199
+def test_a_last_line_without_an_end_is_left_out_short_and_long_alike(bare, known, write):
+    for form in ("%.6f", "%.5e"):
+        content = bare.to_csv(index=False, float_format=form)
+        log = read_both(write("log.csv", content[:-1]), known)
+        assert len(log) == 199
+        assert "left out, for it may have been cut" in log.notes[-1]
 
 
 def test_what_is_hashed_is_what_is_read(bare, known, write, monkeypatch):
@@ -173,9 +169,7 @@ def test_time_as_index_is_taken_and_said(bare, known, tmp_path):
 DEGREES = {"shoulder.q": "shoulder.q [°]", "elbow.q": "elbow.q [°]"}
 
 
-@pytest.mark.parametrize(
-    "encoding", ["cp1252", "latin-1", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"]
-)
+@pytest.mark.parametrize("encoding", ["cp1252", "latin-1", "utf-8-sig", "utf-16"])
 @pytest.mark.parametrize("form", [{}, {"separator": ";", "decimal": ","}])
 def test_units_are_read_in_the_code_that_a_table_is_written_in(encoding, form, bare, known, write):
     angles = [c for c in bare if c.endswith(".q")]

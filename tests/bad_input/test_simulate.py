@@ -83,7 +83,7 @@ def test_motion_outside_the_workspace_is_refused(q, sentence, simulates, write):
 def test_a_motion_file_names_its_unknown_joint(simulates, write):
     motion = motion_of(0.7 + 0.02 * SWING).rename(columns={"slider3.q": "slidre3.q"})
     said = simulates("3-rps", write("motion.csv", motion))
-    assert "'slidre3.q' names a joint that the robot does not have, did you mean 'slider3'?" in said
+    assert "for slidre3, which the robot does not have; if these are they, add --map 'sli" in said
 
 
 def test_a_motion_file_with_a_gap_is_refused(simulates, write):

@@ -98,7 +98,7 @@ def test_no_torque_other_units_and_other_joints_are_refused(frame, frame_of, sav
     spoilt = {
         "all torques are zero": frame.assign(**dict.fromkeys(torques, 0.0)),
         "times the time derivative of 'elbow.q'": turned,
-        "names a joint that the robot does not have": frame.rename(
+        "has no columns for the actuated joint elbow": frame.rename(
             columns=lambda c: c.replace("elbow", "wrist")
         ),
     }

@@ -17,11 +17,9 @@ from __future__ import annotations
 
 import hashlib
 import sqlite3
-import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
-from functools import partial
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -84,10 +82,6 @@ BASE = {
 #: Bytes of a message of joint states: some ten thousand joints.
 MOST_MESSAGE = 1_000_000
 
-
-#: Records of an MCAP: a message, and what stands before its data; messages together, and how much
-#: stands before them where they are not compressed.
-_MESSAGE, _HEAD, _CHUNK, _BEFORE_RECORDS = 0x05, struct.Struct("<HIQQ"), 0x06, 40
 
 #: How long the longest is, by what stands before each; nothing of them is read.
 _LONGEST = (
@@ -207,49 +201,8 @@ def _opened(path: Path) -> Iterator[Any]:
     _check_files(path)
     with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
         for part in reader.readers:
-            _pass_over(getattr(part, "storage", None))
+            _check_chunks(getattr(part, "storage", None))
         yield reader
-
-
-def _pass_over(storage: Any) -> None:
-    """Let MCAP files pass over large messages of other topics, which else are read with the rest.
-
-    Where messages are compressed together, all of them have to be read.
-    """
-    for part in getattr(storage, "storages", [storage]):
-        chunks = getattr(part, "chunks", None)
-        if chunks is None:
-            continue
-        if any(c.compression for c in chunks):
-            for chunk in chunks:
-                _check_chunk(part.path, chunk.uncompressed_size)
-            continue
-        if not chunks and not part.statistics.chunk_count:
-            part.messages_scan = partial(_scan, part)
-        # Bytes of messages of an MCAP that are read together.
-        elif max((c.uncompressed_size for c in chunks), default=0) > 16_000_000:
-            part.messages = partial(_scan, part)
-
-
-def _scan(
-    part: Any, connections: Iterable[Any], start: int | None = None, stop: int | None = None
-) -> Iterator[tuple[Any, int, bytes]]:
-    """Yield connection, time of recording [ns] and data of the messages of some connections."""
-    wanted, file = {c.id: c for c in connections}, part.bio
-    file.seek(part.data_start)
-    while file.tell() < part.data_end:
-        kind, length = struct.unpack("<BQ", file.read(9))
-        after = file.tell() + length
-        if kind == _CHUNK:
-            file.seek(_BEFORE_RECORDS, 1)  # its records follow as they do outside of it
-            continue
-        if kind == _MESSAGE:
-            channel, _, recorded, _ = _HEAD.unpack(file.read(_HEAD.size))
-            inside = (start is None or start <= recorded) and (stop is None or recorded < stop)
-            if channel in wanted and inside:
-                _check_length(part.path, length)
-                yield wanted[channel], recorded, file.read(length - _HEAD.size)
-        file.seek(after)
 
 
 def _check_files(path: Path) -> None:
@@ -273,18 +226,20 @@ def _check_files(path: Path) -> None:
                     _check_length(file, base.execute(_LONGEST, JOINT_STATE).fetchone()[0] or 0)
 
 
-def _check_chunk(path: Path, length: int) -> None:
-    """Refuse messages that are compressed together and do not fit in memory.
+def _check_chunks(storage: Any) -> None:
+    """Refuse an MCAP whose messages stand together in parts that do not fit in memory.
 
     Raises
     ------
     LogError
     """
-    if length > MOST_BYTES:
-        raise LogError(
-            f"{path} has {length / 1e6:.0f} MB compressed together; up to "
-            f"{MOST_BYTES // 10**6} MB are read: record joint states alone."
-        )
+    for part in getattr(storage, "storages", [storage]):
+        longest = max((c.uncompressed_size for c in getattr(part, "chunks", ())), default=0)
+        if longest > MOST_BYTES:
+            raise LogError(
+                f"{part.path} has {longest / 1e6:.0f} MB together in one part; up to "
+                f"{MOST_BYTES // 10**6} MB are read: record joint states alone."
+            )
 
 
 def _check_length(path: Path, length: int) -> None:

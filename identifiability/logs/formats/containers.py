@@ -168,24 +168,19 @@ def stack_arrays(
     import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
 
     times = np.asarray(t, float)
-    if times.ndim != 1:
-        raise LogError(f"{source}: t must be (N,), not {_shape(times)}.")
     arrays = {kind: np.asarray(x, float) for kind, x in channels.items()}
     arrays = {kind: x[:, None] if x.ndim == 1 else x for kind, x in arrays.items()}
     shapes = {x.shape for x in arrays.values()}
-    if len(shapes) > 1 or any(x.ndim != 2 for x in arrays.values()):
-        told = ", ".join(f"{kind} is {_shape(x)}" for kind, x in arrays.items())
-        raise LogError(f"{source}: {told}; give each as (N, n), a row a sample, a column a joint.")
-    rows, count = next(iter(shapes))
-    if rows != len(times):
-        kind, array = next(iter(arrays.items()))
-        raise LogError(f"{source}: {kind} is {_shape(array)}, but there are {len(times)} times.")
+    if times.ndim != 1 or shapes != {(len(times), *next(iter(shapes))[-1:])}:
+        told = ", ".join(f"{kind} is {_shape(x)}" for kind, x in {"t": times, **arrays}.items())
+        raise LogError(
+            f"{source}: {told}; give t as (N,) and all else as (N, n), a row a sample, a column a "
+            "joint."
+        )
+    count = next(iter(shapes))[1]
     names = numbered(count) if joints is None else tuple(joints)
-    if len(names) != count:
-        raise LogError(f"{source}: joints names {len(names)} of {count} columns.")
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise LogError(f"{source}: joints names '{twice[0]}' more than once.")
+    if len(names) != count or len({*names}) < count:
+        raise LogError(f"{source}: joints names {listing(names)}, which are not {count} joints.")
     columns = {f"{j}.{kind}": x[:, k] for kind, x in arrays.items() for k, j in enumerate(names)}
     return pd.DataFrame({"t": times, **columns})
 

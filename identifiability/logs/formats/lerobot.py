@@ -19,6 +19,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import numbered
+from identifiability.logs.aliases import KINDS
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.reader import (
     MOST_DESCRIBED,
@@ -43,12 +44,6 @@ FEATURES = {
     "observation.effort": "tau",
     "observation.current": "current",
     "action": "cmd",
-}
-
-#: Ends of names that tell the channel.
-_ENDS = {
-    **{"pos": "q", "position": "q", "vel": "dq", "velocity": "dq"},
-    **{"effort": "tau", "torque": "tau", "current": "current"},
 }
 
 _COMMANDS = {"q": "cmd", "dq": "dq_cmd", "tau": "tau_cmd", "current": "current_cmd"}
@@ -199,12 +194,12 @@ def _columns(feature: str, count: int, info: Mapping[str, Any]) -> list[str]:
     own = FEATURES[feature]
     if not isinstance(names, list) or len(names) != count or len({*names}) < count:
         return [f"{name}.{own}" for name in numbered(count)]
-    ends = _ENDS if own != "cmd" else {end: _COMMANDS[kind] for end, kind in _ENDS.items()}
     found = []
     for name in map(str, names):
         joint, _, end = name.rpartition(".")
-        kind = ends.get(end, own) if own in ("q", "cmd") else own
-        found.append(f"{joint if joint and end in _ENDS else name}.{kind}")
+        kind = KINDS.get(end, own) if joint and own in ("q", "cmd") else own
+        kind = _COMMANDS.get(kind, kind) if own == "cmd" else kind
+        found.append(f"{joint if joint and end in KINDS else name}.{kind}")
     return found
 
 

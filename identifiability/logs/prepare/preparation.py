@@ -19,7 +19,7 @@ from identifiability.foundation.rounding import format_count
 from identifiability.foundation.values import frozen
 from identifiability.logs import fourier, signals
 from identifiability.logs.commands import of_commands
-from identifiability.logs.gaps import Gaps, StaleRule, fill, tell_steps
+from identifiability.logs.gaps import Gaps, StaleRule, fill
 from identifiability.logs.log import Log, join_logs
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.mend import check_units, find_contradictions
@@ -271,7 +271,7 @@ def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
     if plan.cutoff is None and plan.series is None:
         plan = replace(plan, smoothing=_choose_smoothing(windows, plan.step))
     if stale is not None:
-        notes += filter(None, (stale.note, tell_steps(raw.logs, stale.steps["q"])))
+        notes += [stale.note] if stale.note else []
     if len(windows) > 1:
         notes.append(
             f"what holds for the whole log was decided on {len(windows)} windows of "

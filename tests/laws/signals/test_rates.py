@@ -43,7 +43,8 @@ def test_fast_positions_are_taken_at_the_times_of_slow_torques():
     np.testing.assert_array_equal(log.t, tau)
     assert deviation(log, "q") < 1e-9
     assert deviation(log, "tau") == 0.0
-    assert "q 500 Hz, tau 100 Hz; cells are empty between" in log.notes[-1]
+    assert "q in 4000, tau in 790 of" in log.notes[-1]
+    assert "cells are empty between" in log.notes[-1]
     assert "brought to the times of a.tau" in log.notes[-1]
 
 

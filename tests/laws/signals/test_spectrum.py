@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.logs import Log, signals
-from identifiability.logs.gaps import StaleRule, find_stale, interpolate, tell_steps
+from identifiability.logs.gaps import StaleRule, find_stale, interpolate
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
@@ -190,15 +190,3 @@ def test_repeated_values_are_mended_and_said():
     error = np.abs(samples.motion.actuated_a - clean.motion.actuated_a)
     assert error.max() < 0.01 * np.abs(clean.motion.actuated_a).max()
     assert StaleRule.of([log]).note == ""
-
-
-def test_the_step_of_a_coarse_encoder_is_said():
-    log = log_of(1000.0, 1.0, "log")
-    coarse = replace(log, q=np.round(log.q / 2e-3) * 2e-3)
-    (rule, fine) = (StaleRule.of([x]) for x in (coarse, log))
-    assert tell_steps([coarse], rule.steps["q"]).startswith("positions come in steps, of 0.002 at")
-    assert tell_steps([log], fine.steps["q"]) == ""
-    digits = replace(log, q=np.round(log.q, 6))
-    assert tell_steps([digits], StaleRule.of([digits]).steps["q"]) == ""
-    notes = prepare_samples(Robot.load("two-link"), coarse).notes
-    assert sum("come in steps" in note for note in notes) == 1

@@ -142,9 +142,9 @@ def test_pieces_do_not_matter(piece, monkeypatch):
     good = np.concatenate([friction(k) + noise(0.05, k) for k in range(4)])
     bad = good.copy()
     bad[[0, 331, 1400, 1402, 2000, 3999]] += 200.0
+    monkeypatch.setattr(spikes, "BLOCK", 1000)
     wanted = find_spikes(bad)
     assert [s.row for s in wanted] == [0, 331, 1400, 1402, 2000, 3999]
-    monkeypatch.setattr(spikes, "PIECE", 100)
     finder = SpikeFinder()
     for k in range(0, len(bad), piece):
         finder.add(bad[k : k + piece])
