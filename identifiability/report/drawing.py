@@ -289,7 +289,8 @@ def legend_above(axes: Axes, **style: Any) -> None:
 def whiskers(axes: Axes, x: Array, y: Array, reach: Any, **style: Any) -> None:
     """Draw points with errors along x, by default large blue ones with caps."""
     large: Any = {"color": BLUE, "markersize": 7, "elinewidth": 2, "capsize": 3}
-    axes.errorbar(x, y, xerr=reach, fmt="o", **large | style)
+    shown, half = (np.where(np.isfinite(v), v, np.nan) for v in (x, reach))
+    axes.errorbar(shown, y, xerr=half, fmt="o", **large | style)
 
 
 def log_scale(axes: Axes, low: float, high: float) -> None:

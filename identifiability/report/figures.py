@@ -252,7 +252,8 @@ def draw_shrink(names: Sequence[str], errors: Array) -> Figure:
         ε_RA as fractions.
     """
     figure, axes = row_canvas(names, 28, top=14, right=60, xlabel="error on unseen motion [%]")
-    bars = axes.barh(np.arange(len(names)), 100 * errors, height=0.55, color=BLUE, alpha=0.75)
+    shown = 100 * np.where(np.isfinite(errors), errors, np.nan)
+    bars = axes.barh(np.arange(len(names)), shown, height=0.55, color=BLUE, alpha=0.75)
     axes.bar_label(bars, fmt="%.3g %%", padding=5)
     return figure
 
@@ -307,9 +308,12 @@ def draw_ladder(
         The model to use, and the one with the best predictive log density.
     """
     figure, (axes,) = canvas(720, 320, (62, 16, 40, 44))
-    fitted, unseen, spread = 100 * fitted, 100 * unseen, 100 * np.nan_to_num(spread)
+    fitted, unseen, spread = (
+        100 * np.where(np.isfinite(x), x, np.nan) for x in (fitted, unseen, spread)
+    )
     band: Any = {"color": BLUE, "alpha": 0.16, "linewidth": 0, "label": "± SE"}
-    axes.fill_between(sizes, unseen - spread, unseen + spread, **band)
+    half = np.nan_to_num(spread)
+    axes.fill_between(sizes, unseen - half, unseen + half, **band)
     axes.plot(sizes, unseen, "o-", color=BLUE, markersize=5, label="unseen motion")
     hollow: Any = {"color": MUTED, "fillstyle": "none", "markersize": 4, "linewidth": 1}
     axes.plot(sizes, fitted, "o-", label="fitted motion", **hollow)
