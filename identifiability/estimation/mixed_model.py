@@ -34,6 +34,7 @@ from identifiability.estimation.noise import (
     whiten,
 )
 from identifiability.estimation.rules import RULES
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -193,8 +194,9 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
     rest = left - Z @ scipy.linalg.lstsq(Z, left, lapack_driver="gelsy")[0]
     lagged = LaggedProducts.of(np.column_stack([Z, left]), runs)
     every = RestrictedLikelihood(lagged, float(rest @ rest), scale, FLOOR_RICH)
-    if every.silent:  # what rounding leaves says nothing
-        return silent
+    if every.silent:  # what rounding leaves says nothing, unless something that is missing is exact
+        exact = JointNoise(np.empty(0), NEARLY * scale / np.sqrt(len(y)))
+        return exact if left @ left > NEARLY**2 else silent
     owner = np.repeat(np.arange(-1, len(parts)), [basis.shape[1], *(p.shape[1] for p in parts)])
     found = [_settle(every, owner, np.full(len(parts), start)) for start in (PRECISIONS[-1], 1.0)]
     _, best, prior = min(found, key=lambda x: x[0])

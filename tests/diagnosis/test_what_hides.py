@@ -1,9 +1,13 @@
 """What a motion can never name gains nothing: it looks like parameters that the model has."""
 
+import numpy as np
+
+from identifiability import diagnose, simulate
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
+from identifiability.simulation import random_trajectory
 from identifiability.workflows.diagnose import Setting, look
 from identifiability.workflows.diagnose.problem import know_nothing
 
@@ -31,3 +35,16 @@ def test_the_rotor_of_the_first_joint_is_its_links_inertia(logs_of):
     model = ("rigid_body", "viscous_friction", "coulomb_friction")
     found = odds(robot, logs_of("six-dof-arm")[:2], *model, effects=["actuator_inertia"])
     assert found["actuator_inertia", "joint_1"] <= 0
+
+
+def test_what_is_missing_in_logs_without_noise_is_named(tmp_path):
+    """A simulator's torque is exact: beside all that may be missing rounding alone is left."""
+    robot, rng = Robot.load("two-link"), np.random.default_rng(0)
+    stiff = tmp_path / "stiff.xml"
+    text = robot.path.read_text()
+    stiff.write_text(text.replace('damping="0.6"', 'stiffness="4" damping="0.6"'))
+    shapes = [random_trajectory(robot, rng) for _ in range(3)]
+    logs = [simulate(str(stiff), shape) for shape in shapes]
+    found = diagnose(robot, logs[:2], logs[2:], quick=True)
+    assert [(e.name, e.joints) for e in found.effects] == [("joint_stiffness", ("elbow",))]
+    assert found.held_after < 1e-6 < 0.01 < found.held_before
