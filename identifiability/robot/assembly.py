@@ -699,10 +699,7 @@ def _nominal(
         if kind == "Fc":
             values |= name_numbers(joint, {"frictionloss": value}, parts)
     every = values | given
-    joints = ("Fv", "Fc", "Fc+", "Fc-", "K", *parts[:1])
-    positive = {n for n in every if n.rpartition(".")[2] in joints}
-    positive |= {n for n in given if n.rpartition(".")[2] in ("m", "Ixx", "Iyy", "Izz")}
-    check_nominal(robot.path, every, positive)
+    check_nominal(robot.path, every, parts[0])
     return every
 
 

@@ -265,6 +265,7 @@ def _reason(error: Exception, root: ET.Element) -> str:
 
 def _take_out_idle(spec: Any) -> None:
     """Remove what has no share in the motion, above all what would be read from other files."""
+    spec.nkey = spec.nuserdata = 0  # room for what is not there
     idle = (spec.sensors, spec.pairs, spec.excludes, spec.tuples, spec.skins, spec.lights)
     for element in [e for kind in idle for e in kind]:
         spec.delete(element)

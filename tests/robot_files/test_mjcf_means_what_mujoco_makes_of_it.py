@@ -82,7 +82,7 @@ REFUSED = {
         arm(elbow='stiffness="1 0 2"'), "'elbow' has stiffness or damping that is not linear"),
     "drag": (arm(elbow='damping="1 2"'), "'elbow' has stiffness or damping that is not linear"),
     "a spring that pushes": (
-        arm(after=TENDON.format('stiffness="-9" springlength="0.2"')), "states stiffness = -9"),
+        arm(after=TENDON.format('stiffness="-9" springlength="0.2"')), "states elbow.K = -2.25"),
     "plastic spring": (arm(elbow='stiffness="1" springyield="0.1"'), "springyield"),
     "slack tendon": (
         arm(after=TENDON.format('stiffness="1" springlength="0 1"')), "'cable' has stiffness or"),
