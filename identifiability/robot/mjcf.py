@@ -5,7 +5,6 @@ Fixed tendons are sums of joints, equalities between them couplings.
 
 from __future__ import annotations
 
-import copy
 import re
 import warnings
 import xml.etree.ElementTree as ET
@@ -34,6 +33,8 @@ from identifiability.robot.sidecar import Sidecar
 #: Directions of slides and hinges.
 AXES = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 
+_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+_SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _GEOM, _FROM = mujoco.mjtGeom, mujoco.mjtInertiaFromGeom
 _FILED = (int(_GEOM.mjGEOM_MESH), int(_GEOM.mjGEOM_HFIELD), int(_GEOM.mjGEOM_SDF))
 
@@ -66,50 +67,37 @@ def compile_mjcf(
         With MuJoCo's reason, and the near match of a name that is not there.
     """
     with _refused(path, root):
-        if floating is not None:
-            root = float_on_joints(root, floating)
-        spec = _parse(path, root, fixed=fixed, changed=floating is not None)
+        spec = _parse(path, root)
+        if fixed or floating is not None:
+            replace_free_joints(spec, floating)
         leave_out(spec, outside)
         return spec.compile()
 
 
-def _free_joints(root: ET.Element) -> list[tuple[ET.Element, ET.Element, int]]:
-    """Return body and element of every free joint, and the coordinates before it without theirs."""
-    found, before = [], 0
-    for parent in list(root.iter()):
-        if parent.tag not in ("body", "worldbody"):
-            continue
-        for child in list(parent):
-            kind = child.get("type", "hinge") if child.tag == "joint" else child.tag
-            if kind in ("free", "freejoint"):
-                found.append((parent, child, before))
-            elif child.tag == "joint":
-                before += 4 if kind == "ball" else 1
-    return found
+def replace_free_joints(spec: Any, floating: int | None = None) -> None:
+    """Take all free joints out of a MuJoCo spec, or one, for which three slides and hinges stand.
 
-
-def float_on_joints(root: ET.Element, which: int) -> ET.Element:
-    """Return an MJCF with three slides and three hinges at zero for one of its free joints.
-
-    The base is where the world is, and keyframes say so.
+    The base is then where the world is, and keyframes say so.
     """
-    root = copy.deepcopy(root)
-    body, free, before = _free_joints(root)[which]
-    at = list(body).index(free)
-    body.remove(free)
-    still = dict.fromkeys(("damping", "armature", "frictionloss", "stiffness", "ref"), "0")
-    still |= {"limited": "false", "pos": "0 0 0", "actuatorfrclimited": "false"}
-    for k, name in enumerate(BASE_JOINTS):
-        kind, axis = "slide" if k < SIX // 2 else "hinge", " ".join(map(str, AXES[k % 3]))
-        body.insert(at + k, ET.Element("joint", still, name=name, type=kind, axis=axis))
-    for word in ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"):
-        body.attrib.pop(word, None)
-    start = before + 7 * which
-    for key in root.iter("key"):
-        numbers = key.get("qpos", "").split()
-        if numbers:
-            key.set("qpos", " ".join([*numbers[:start], *["0"] * SIX, *numbers[start + 7 :]]))
-    return root
+    found, start = [], 0
+    for joint in spec.joints:
+        kind = int(joint.type)
+        found += [(joint, start)] if kind == _FREE else []
+        start += {_FREE: 7, int(mujoco.mjtJoint.mjJNT_BALL): 4}.get(kind, 1)
+    for joint, at in reversed(found if floating is None else [found[floating]]):
+        body, names = joint.parent, () if floating is None else BASE_JOINTS
+        spec.delete(joint)
+        for key in spec.keys:
+            q = np.array(key.qpos)
+            key.qvel = []
+            key.qpos = np.concatenate([q[:at], np.zeros(len(names)), q[at + 7 :]]) if len(q) else q
+        for k, name in enumerate(names):
+            new = body.add_joint(name=name, type=_SCALAR[k < SIX // 2], axis=AXES[k % 3])
+            for word in ("damping", "armature", "frictionloss", "stiffness", "ref"):
+                setattr(new, word, np.zeros_like(getattr(new, word)))
+            new.limited = new.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
+            body.pos, body.quat = np.zeros(3), np.eye(4)[0]
+            body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
 
 
 def find_floating(path: Path, m: Any, outside: Collection[str], extra: Sidecar) -> int | None:
@@ -147,25 +135,6 @@ def find_floating(path: Path, m: Any, outside: Collection[str], extra: Sidecar) 
     return found[0] if found else None
 
 
-def bolt_down(root: ET.Element) -> ET.Element:
-    """Return an MJCF without free joints, and keyframes without their coordinates."""
-    root = copy.deepcopy(root)
-    free, start = [], None
-    for body, joint, before in _free_joints(root):
-        body.remove(joint)
-        free.append(joint)
-        start = before if start is None else start
-    for key in root.iter("key"):
-        for name, width in (("qpos", 7), ("qvel", 6)):
-            numbers = key.get(name, "").split()
-            if free and numbers:
-                # Of several bodies that float, nothing says whose coordinates come when.
-                del key.attrib[name]
-                if len(free) == 1 and start is not None:
-                    key.set(name, " ".join(numbers[:start] + numbers[start + width :]))
-    return root
-
-
 def leave_out(spec: Any, outside: Collection[str]) -> None:
     """Name all bodies and joints, and delete some bodies with all that refers to them."""
     _name_all(spec)
@@ -190,10 +159,8 @@ def _mesh_files(path: Path, spec: Any) -> tuple[Path, ...]:
     return tuple(folder / mesh.file for mesh in spec.meshes if mesh.file)
 
 
-def _parse(path: Path, root: ET.Element, *, fixed: bool = False, changed: bool = False) -> Any:
-    root = bolt_down(root) if fixed else root
-    text = ET.tostring(root, "unicode") if fixed or changed else file_text(path, root)
-    spec = mujoco.MjSpec.from_string(text)
+def _parse(path: Path, root: ET.Element) -> Any:
+    spec = mujoco.MjSpec.from_string(file_text(path, root))
     spec.modelfiledir = str(path.parent)
     _take_out_idle(spec)
     _check_meshes(path, spec)
@@ -384,7 +351,6 @@ def read_tendon_coupling(path: Path, m: Any, k: int, actuated: Collection[str]) 
 
 
 _EQ, _TRN, _WRAP = mujoco.mjtEq, mujoco.mjtTrn, mujoco.mjtWrap
-_SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _ON_JOINT = (int(_TRN.mjTRN_JOINT), int(_TRN.mjTRN_JOINTINPARENT))
 
 
