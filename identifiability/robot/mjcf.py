@@ -19,9 +19,11 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError, listing, near_match
+from identifiability.robot.cables import straight
 from identifiability.robot.floating import BASE_JOINTS, SIX
 from identifiability.robot.markup import check_regular, check_weight, file_text, read_markup
 from identifiability.robot.parts import Coupling, Entry, Term, couple
+from identifiability.robot.servo import JointServo
 from identifiability.robot.sidecar import Sidecar
 
 # Compile an MJCF with MuJoCo, whose reading of the file is the reference.
@@ -480,37 +482,79 @@ def read_entries(m: Any, floating: Any = None) -> dict[str, dict[str, Entry]]:
     return found
 
 
+def find_drive(m: Any, a: int) -> tuple[str, dict[int, float], int | None, float]:
+    """Return where an actuator acts: its name, joints with coefficients, straight tendon, gear."""
+    name, kind = m.actuator(a).name or f"number {a + 1}", int(m.actuator_trntype[a])
+    target, gear = int(m.actuator_trnid[a, 0]), float(m.actuator_gear[a, 0])
+    if kind in _ON_JOINT:
+        return name, {target: 1.0}, None, gear
+    if kind != int(_TRN.mjTRN_TENDON):
+        return name, {}, None, gear
+    return name, find_arms(m, target) or {}, target if straight(m, target) else None, gear
+
+
 def driven_joints(m: Any) -> dict[int, tuple[int, float]]:
     """Return which joint each actuator drives, and how many times its force acts there."""
-    return {a: gear for a in range(m.nu) if (gear := _gear(m, a)) is not None}
+    found = {}
+    for a in range(m.nu):
+        _, arms, _, gear = find_drive(m, a)
+        if len(arms) == 1:
+            ((j, c),) = arms.items()
+            found[a] = j, gear * c
+    return found
 
 
-def _gear(m: Any, a: int) -> tuple[int, float] | None:
-    """Return the joint that an actuator drives and how many times its force acts there."""
-    target, gear = int(m.actuator_trnid[a, 0]), float(m.actuator_gear[a, 0])
-    if int(m.actuator_trntype[a]) in _ON_JOINT:
-        return target, gear
-    if int(m.actuator_trntype[a]) != int(_TRN.mjTRN_TENDON):
-        return None
-    arms = find_arms(m, target) or {}
-    return (*arms, gear * next(iter(arms.values()))) if len(arms) == 1 else None  # type: ignore[return-value]
+def find_servos(m: Any) -> dict[str, JointServo]:
+    """Return the servos that a compiled MJCF states, by joint.
+
+    Several at one joint add up, say one that holds a position and one that damps.
+    """
+    found: dict[str, JointServo] = {}
+    motors: set[str] = set()
+    for a, (j, gear) in driven_joints(m).items():
+        name, bias = m.joint(j).name, m.actuator_biasprm[a]
+        if _law(m, a) not in ("q_ref", "dq_ref") or bias[0] or not gear:
+            motors.add(name)
+            continue
+        low, high = -np.inf, np.inf
+        if m.actuator_forcelimited[a]:
+            low, high = sorted(m.actuator_forcerange[a] * gear)
+        before = found.get(name, JointServo(0.0, 0.0, 0.0, 0.0))
+        found[name] = JointServo(
+            before.kp - float(gear**2 * bias[1]),
+            before.kv - float(gear**2 * bias[2]),
+            before.low + float(low),
+            before.high + float(high),
+        )
+    return {name: servo for name, servo in found.items() if name not in motors}
+
+
+def _law(m: Any, a: int) -> str:
+    """Return what an actuator holds: a position, a speed or a torque; nothing of any other."""
+    gain, bias = m.actuator_gainprm[a], m.actuator_biasprm[a]
+    fixed = int(m.actuator_gaintype[a]) == int(mujoco.mjtGain.mjGAIN_FIXED)
+    plain = int(m.actuator_dyntype[a]) == int(mujoco.mjtDyn.mjDYN_NONE)
+    kind = int(m.actuator_biastype[a])
+    if not (fixed and plain and gain[0]):
+        return ""
+    if kind == int(mujoco.mjtBias.mjBIAS_NONE):
+        return "tau"
+    if kind != int(mujoco.mjtBias.mjBIAS_AFFINE) or gain[0] < 0:
+        return ""
+    if bias[1] == -gain[0]:
+        return "q_ref"
+    return "dq_ref" if not bias[1] and bias[2] == -gain[0] else ""
 
 
 def _command(m: Any, a: int, gear: float) -> tuple[str, float, float, float] | None:
     """Return what ``ctrl`` is of a motor or servo: channel, factor, and its least and largest."""
-    gain, bias = m.actuator_gainprm[a], m.actuator_biasprm[a]
+    law, gain = _law(m, a), float(m.actuator_gainprm[a, 0])
     low, high = m.actuator_ctrlrange[a] if m.actuator_ctrllimited[a] else (-np.inf, np.inf)
-    fixed = int(m.actuator_gaintype[a]) == int(mujoco.mjtGain.mjGAIN_FIXED)
-    if not fixed or int(m.actuator_dyntype[a]) != int(mujoco.mjtDyn.mjDYN_NONE) or not gain[0]:
+    if not law:
         return None
-    kind = int(m.actuator_biastype[a])
-    if kind == int(mujoco.mjtBias.mjBIAS_AFFINE) and bias[1] == -gain[0]:
-        return "q_ref", 1.0 / gear, float(low), float(high)
-    if kind == int(mujoco.mjtBias.mjBIAS_AFFINE) and not bias[1] and bias[2] == -gain[0]:
-        return "dq_ref", 1.0 / gear, float(low), float(high)
-    if kind != int(mujoco.mjtBias.mjBIAS_NONE):
-        return None
+    if law != "tau":
+        return law, 1.0 / gear, float(low), float(high)
     if m.actuator_forcelimited[a]:
-        ends = sorted(m.actuator_forcerange[a] / gain[0])
+        ends = sorted(m.actuator_forcerange[a] / gain)
         low, high = max(low, ends[0]), min(high, ends[1])
-    return "tau", gear * float(gain[0]), float(low), float(high)
+    return "tau", gear * gain, float(low), float(high)
