@@ -14,16 +14,9 @@ from typing import Any, NoReturn
 import numpy as np
 import pinocchio as pin
 
-from identifiability.foundation.errors import ClosureError, RobotError, listing, near_match
+from identifiability.foundation.errors import ClosureError, RobotError, listing
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import (
-    BASE,
-    INERTIAL_KINDS,
-    Array,
-    Renames,
-    find_named,
-    is_pattern,
-)
+from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames
 from identifiability.foundation.rules import Tolerance
 from identifiability.robot import closure
 from identifiability.robot.cables import stretch_home
@@ -51,9 +44,12 @@ from identifiability.robot.sidecar import (
     LimitEntry,
     LoopEntry,
     Owners,
+    ServoEntry,
     Sidecar,
+    by_name,
+    check_known,
     renaming,
-    spread_patterns,
+    settle_names,
 )
 
 # Axes that are combinations of joints: stated in the sidecar, or tendons of the robot file.
@@ -83,13 +79,7 @@ def combine_joints(
     known = (*stated.tree.single, *stated.locked)
     found = dict(stated.combinations)
     for entry in entries:
-        for joint in entry.joints:
-            if joint not in known:
-                raise RobotError(
-                    f"The sidecar of {path}: the axis '{entry.name}' names the joint '{joint}', "
-                    f"which does not turn or slide by itself{near_match(joint, known)} Known: "
-                    f"{listing(known)}."
-                )
+        check_known(path, f"axes.{entry.name}.joints", entry.joints, known)
         moving = {joint: c for joint, c in entry.joints.items() if joint not in stated.locked}
         if moving:
             found[entry.name] = _restated(found.get(entry.name), moving, entry.rest)
@@ -146,15 +136,7 @@ def read_bounds(
     RobotError
         If a body is not there, or the masses of bodies contradict the total one.
     """
-    known: dict[str, BodyBoundsEntry] = {}
-    for text in sorted(entry.bodies, key=is_pattern, reverse=True):  # a name says more
-        named = find_named(text, bodies)
-        if not named and text not in stated.welded:
-            raise RobotError(
-                f"The sidecar of {path}: [bounds.bodies] names '{text}', which is no moving body"
-                f"{near_match(text, bodies)} Known: {listing(bodies)}."
-            )
-        known |= dict.fromkeys(named, entry.bodies[text])
+    known = by_name(path, "bounds.bodies", entry.bodies, bodies, stated.welded)
     bounds = [_of_body(body, known[body], stated) for body in bodies if body in known]
     if entry.total_mass is None:
         return tuple(bounds)
@@ -464,9 +446,8 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     stated, driven = motor_tendons(stated, motors)
     axes = combine_joints(path, extra.axes, stated, taken)
     dofs = tuple(d for j in stated.tree.joints for d in j.dofs)
-    owners = Owners(bodies, (*dofs, *motors, *axes), (*stated.locked, *stated.welded))
-    extra = spread_patterns(path, extra, owners)
-    _check_sidecar(path, extra, bodies, stated, (*motors, *axes))
+    owners = Owners(bodies, dofs, (*motors, *axes), tuple(stated.locked), tuple(stated.welded))
+    extra = settle_names(path, extra, owners)
     loops = stated.loops
     if extra.loops is not None:
         loops = [_sidecar_loop(path, entry, stated) for entry in extra.loops]
@@ -498,7 +479,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         prior_relative=extra.prior_relative,
         prior={name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
         prior_share=dict(extra.prior_share),
-        ties=tuple(_ties(extra, stated)),
+        ties=tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
         shapes=extra.shapes,
         reference=extra.reference,
         columns=Renames.of(renaming(extra.columns)),
@@ -518,11 +499,9 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     )
     robot = choose_joints(robot, extra, stated)
     for key in ("gain", "ratio", "sign"):
-        _check_known(
-            path, f"torque.{key}", getattr(robot.torque, key), ("", *robot.joints, *motors)
-        )
+        check_known(path, f"torque.{key}", getattr(robot.torque, key), ("", *robot.joints, *motors))
     lifted = robot.torque.compensated
-    _check_known(
+    check_known(
         path, "torque.compensated", lifted if isinstance(lifted, tuple) else (), robot.joints
     )
     limits = [extra.limits.get(joint, LimitEntry()) for joint in robot.joints]
@@ -534,90 +513,32 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         acceleration_limits=np.array([np.inf if limit.a is None else limit.a for limit in limits]),
         transmission=_transmission(robot, extra),
     )
-    motors = robot.motor_joints  # a body alone has none
-    servo = read_servo(path, extra.servo, stated.servos, motors) if motors else None
+    motors = robot.motor_joints
+    servo = None
+    if motors:  # a body alone has none
+        gains = _servo_tables(path, extra.servo, motors)
+        servo = read_servo(path, extra.servo, gains, stated.servos, motors)
     if robot.base is None:
         robot = replace(robot, servo=servo)
     else:  # torque is made of commands only where a robot is held
         robot = replace(robot, base=replace(robot.base, servo=servo))
     lines = (a.name for a in (*(x for x in robot.axes if x.row is not None), *robot.passive_axes))
     along = [k.along for k in extra.known_torque]
-    _check_known(path, "known_torque", along, (*lines, *robot.locked))
+    check_known(path, "known_torque", along, (*lines, *robot.locked))
     return robot
 
 
-def _check_sidecar(
-    path: Path, extra: Sidecar, bodies: tuple[str, ...], stated: Stated, lines: tuple[str, ...]
-) -> None:
-    """Refuse a sidecar that names what the robot does not have; what is locked may have limits."""
-    dofs = (*(d for j in stated.tree.joints for d in j.dofs), *stated.locked)
-    known = (*bodies, *dofs, *lines)
-    _check_known(path, "symbols", extra.symbols, (*known, *stated.welded))
-    _check_known(
-        path, "base_parameters.bodies", extra.base_parameters.bodies, (*bodies, *stated.welded)
-    )
-    _check_known(path, "limits", extra.limits, dofs)
-    _check_known(path, "prior_share", extra.prior_share, bodies)
-    _check_known(path, "guessed", extra.guessed, (*bodies, *stated.welded))
-    _check_known(path, "rest", extra.rest, (*stated.tree.single, *stated.locked))
-    tied = [name for tie in _ties(extra, stated) for members in tie.values() for name in members]
-    tables = {key: getattr(extra, key) for key in ("nominal", "prior", "shapes", "reference")}
-    for key, names in {"symmetry": tied, **tables}.items():
-        owners = [name.rpartition(".")[0] for name in names]
-        gone = [body for body in stated.welded if body in owners]
-        if gone:
-            raise RobotError(
-                f"The sidecar of {path}: [{key}] names the body '{gone[0]}', which hangs behind a "
-                "locked joint and is one with what is before; take the line out, or give the "
-                "values of both together."
-            )
-        _check_known(path, key, owners, (*known, BASE))
-
-
-def _ties(extra: Sidecar, stated: Stated) -> list[dict[str, tuple[str, ...]]]:
-    """Return the sums that symmetry allows; with a locked leg legs are no longer equal."""
-    gone = {*stated.locked, *stated.welded}
-    every = [{k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry]
-    names = [{n.rpartition(".")[0] for members in tie.values() for n in members} for tie in every]
-    return [tie for tie, owners in zip(every, names, strict=True) if not owners & gone]
-
-
-def _check_known(path: Path, key: str, given: Any, known: tuple[str, ...]) -> None:
-    for name in given:
-        if name not in known:
-            raise RobotError(
-                f"The sidecar of {path}: [{key}] names '{name}', which the robot does not have"
-                f"{near_match(name, known)} Known: {listing(known)}."
-            )
-
-
 def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
-    ends = []
     places = ((entry.body1, entry.point1), (entry.body2, entry.point2))
-    for body, point in places:
-        joint, rotation, translation = _find_body(path, body, stated)
-        ends.append(Point(joint, rotation @ np.array(point) + translation))
+    only = (pin.FrameType.BODY,)
+    ends = [_find_frame(path, "loops", body, at, stated, only)[0] for body, at in places]
     frame = None
     if entry.frame is not None:
-        joint, rotation, _ = _find_body(path, entry.frame, stated)
-        frame = LoopFrame(entry.frame, joint, rotation)
+        origin, rotation = _find_frame(path, "loops", entry.frame, (0, 0, 0), stated, only)
+        frame = LoopFrame(entry.frame, origin.joint, rotation)
     axes = tuple("xyz".index(a) for a in entry.axes)
     name = entry.name or f"{entry.body1}-{entry.body2}"
     return Loop(name, ends[0], ends[1], axes, places, frame)
-
-
-def _find_body(path: Path, body: str, stated: Stated) -> tuple[int, Array, Array]:
-    """Return the joint of the tree that a body is behind, and its rotation and place there."""
-    model = stated.model
-    frames = [f for f in model.frames if f.name == body and f.type == pin.FrameType.BODY]
-    if not frames:
-        known = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
-        raise RobotError(
-            f"The sidecar of {path}: a loop names the body '{body}', which the robot does not "
-            f"have{near_match(body, known)} Known: {listing(known)}."
-        )
-    place = frames[0].placement
-    return stated.last[frames[0].parentJoint], np.array(place.rotation), np.array(place.translation)
 
 
 def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ...]) -> Base | None:
@@ -657,20 +578,19 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ..
 
 
 def _find_frame(
-    path: Path, key: str, name: str, at: Sequence[float], stated: Stated
+    path: Path,
+    key: str,
+    name: str,
+    at: Sequence[float],
+    stated: Stated,
+    kinds: Sequence[Any] = (pin.FrameType.BODY, pin.FrameType.OP_FRAME),
 ) -> tuple[Point, Array]:
     """Return a point in a frame as a point of the tree, and the frame's axes in its joint's."""
-    kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
-    frames = [f for kind in kinds for f in stated.model.frames if f.name == name and f.type == kind]
-    if not frames:
-        known = [f.name for f in stated.model.frames if f.type in kinds]
-        raise RobotError(
-            f"The sidecar of {path}: [[{key}]] names the frame '{name}', which the robot does not "
-            f"have{near_match(name, known)} Known: {listing(known)}."
-        )
-    place = frames[0].placement
+    found = {f.name: f for kind in kinds[::-1] for f in stated.model.frames if f.type == kind}
+    check_known(path, key, [name], found)
+    place = found[name].placement
     where = place.act(np.array(at, float))
-    return Point(stated.last[frames[0].parentJoint], where), np.array(place.rotation)
+    return Point(stated.last[found[name].parentJoint], where), np.array(place.rotation)
 
 
 def _nominal(
@@ -701,6 +621,19 @@ def _nominal(
     every = values | given
     check_nominal(robot.path, every, parts[0])
     return every
+
+
+def _servo_tables(
+    path: Path, entry: ServoEntry | None, joints: tuple[str, ...]
+) -> dict[str, dict[str, Any]]:
+    """Return what the sidecar says of servos, by joint; a number is for all joints."""
+    given = {key: getattr(entry, key, None) for key in ("kp", "kv", "limit")}
+    return {
+        key: by_name(path, f"servo.{key}", value, joints)
+        if isinstance(value, dict)
+        else dict.fromkeys(joints if value is not None else (), value)
+        for key, value in given.items()
+    }
 
 
 def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:
@@ -736,16 +669,7 @@ def _scales(path: Path, extra: Sidecar, stated: Stated) -> dict[str, tuple[float
     given = {
         rule.name or key: rule for key, rule in extra.columns.items() if not isinstance(rule, str)
     }
-    out: dict[str, tuple[float, float]] = {}
-    for text in sorted(given, key=is_pattern, reverse=True):
-        found = find_named(text, lines)
-        if not found:
-            raise RobotError(
-                f"The sidecar of {path}: [columns] scales '{text}', which is no joint"
-                f"{near_match(text, lines)} They are {listing(lines)}."
-            )
-        out |= dict.fromkeys(found, (given[text].scale, given[text].offset))
-    return out
+    return by_name(path, "columns", {k: (r.scale, r.offset) for k, r in given.items()}, lines)
 
 
 def _known_torque(extra: Sidecar, stated: Stated) -> tuple[KnownTorque, ...]:

@@ -31,7 +31,7 @@ from identifiability.robot.locate import find_sidecar, locate_robot
 from identifiability.robot.locking import LockOption, add_couplings, read_locks, settle_locks, weld
 from identifiability.robot.markup import check_magnitudes, check_regular, check_weight, read_markup
 from identifiability.robot.parts import Coupling, Stated
-from identifiability.robot.sidecar import Sidecar, read_sidecar
+from identifiability.robot.sidecar import Sidecar, check_known, read_sidecar
 
 # Links without mass between the axes of one joint, which a URDF needs for a universal joint.
 
@@ -97,11 +97,7 @@ def merge_axes(
 
 
 def _check(path: Path, model: Any, bodies: tuple[str, ...], link: str) -> None:
-    if link not in bodies:
-        raise RobotError(
-            f"The sidecar of {path}: 'massless' names '{link}', which is no moving link"
-            f"{near_match(link, bodies)}"
-        )
+    check_known(path, "massless", [link], bodies)
     index = bodies.index(link) + 1
     mass = float(model.inertias[index].mass)
     carried = [k for k in range(1, model.njoints) if model.parents[k] == index]

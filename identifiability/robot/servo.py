@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.names import Array, find_named, is_pattern
+from identifiability.foundation.errors import RobotError, listing
+from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 
@@ -190,6 +190,7 @@ def state_delay(delays: Array, names: Sequence[str]) -> str:
 def read_servo(
     path: Path,
     entry: Any,
+    tables: Mapping[str, Mapping[str, Any]],
     stated: Mapping[str, JointServo],
     joints: tuple[str, ...],
 ) -> Servo | None:
@@ -200,8 +201,10 @@ def read_servo(
     path : Path
         The robot file, for sentences.
     entry : ServoEntry or None
-        The sidecar's ``[servo]``: kp, kv, limit (a number, or by joint), delay and rate. Gains are
-        told by logs where it says ``"fit"``, or where neither it nor the file says anything.
+        The sidecar's ``[servo]``: delay and rate.
+    tables : mapping
+        Its kp, kv and limit, by joint. Gains are told by logs where it says ``"fit"``, or where
+        neither it nor the file says anything.
     stated : mapping
         What the robot file states, by joint.
     joints : tuple of str
@@ -214,7 +217,10 @@ def read_servo(
     """
     if entry is None and not all(j in stated for j in joints):
         return None
-    given = {key: _by_joint(path, key, entry, joints) for key in ("kp", "kv", "limit")}
+    given = {
+        key: {j: np.nan if x == FIT else float(x) for j, x in table.items()}
+        for key, table in tables.items()
+    }
     none = JointServo(np.nan, np.nan)
     files = [stated.get(j, none) for j in joints]
     kp = np.array([given["kp"].get(j, f.kp) for j, f in zip(joints, files, strict=True)])
@@ -248,27 +254,3 @@ def read_servo(
     return Servo(
         kp, kv, low, high, delay, source, rate or RATE, rate is None, limit_open=limit_open
     )
-
-
-def _by_joint(path: Path, key: str, entry: Any, joints: tuple[str, ...]) -> dict[str, float]:
-    """Return what the sidecar gives by joint; a name goes before a pattern."""
-    value = None if entry is None else getattr(entry, key)
-    if value is None:
-        return {}
-    if not isinstance(value, dict):
-        return dict.fromkeys(joints, _number(value))
-    out: dict[str, float] = {}
-    for text in sorted(value, key=is_pattern, reverse=True):
-        found = find_named(text, joints)
-        if not found:
-            raise RobotError(
-                f"The sidecar of {path}: [servo] {key} names '{text}', which is no actuated joint"
-                f"{near_match(text, joints)} They are {listing(joints)}."
-            )
-        out |= dict.fromkeys(found, _number(value[text]))
-    return out
-
-
-def _number(value: float | str) -> float:
-    """Return a gain or limit; NaN for one that logs shall tell."""
-    return np.nan if value == FIT else float(value)

@@ -40,7 +40,7 @@ BAD = {
     ),
     "no inertia parts": ("inertia_parts = []", "'inertia_parts': list should have at least 1"),
     "inertia parts twice": ('inertia_parts = ["Ia", "Ia"]', "name each one once"),
-    "unknown loop body": (LOOP + '"bas"', "names the body 'bas', .* did you mean 'base'"),
+    "unknown loop body": (LOOP + '"bas"', "names 'bas', .* did you mean 'base'"),
     "loop without equations": (LOOP + '"link2"', "no loop moves them; name the missing actuated"),
     "unknown axis": (LOOP + '"base"\naxes = ["w"]', "should be 'x', 'y' or 'z'"),
     "unknown coupled joint": (COUPLING + 'of = "sholder"', "'sholder', did you mean 'shoulder'"),
@@ -54,7 +54,7 @@ BAD = {
     "singular gear": (GEAR + "[[1, 1], [1, 1]]", SQUARE),
     "gear without ratio": (GEAR + "[[1, 0], [0, 1]]\nratio = [0, 1]", "needs 2 non-zero ratios"),
     "axis of nothing": (AXIS + "{}", "should have at least 1 item"),
-    "axis of an unknown joint": (AXIS + "{elbo = 1}", "names the joint 'elbo', .* mean 'elbow'"),
+    "axis of an unknown joint": (AXIS + "{elbo = 1}", "names 'elbo', .* mean 'elbow'"),
     "axis without a part": (AXIS + "{elbow = 0, shoulder = 1}", "zero would leave nothing"),
     "axis called as a joint": (
         AXIS.replace("both", "elbow") + "{elbow = 1, shoulder = 1}",
