@@ -14,13 +14,13 @@ from typing import Any, NoReturn
 import numpy as np
 import pinocchio as pin
 
-from identifiability.foundation.errors import ClosureError, RobotError, listing
+from identifiability.foundation.errors import ClosureError, RobotError, listing, near_match
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames
 from identifiability.foundation.rules import Tolerance
 from identifiability.robot import closure
 from identifiability.robot.cables import stretch_home
-from identifiability.robot.closure import ACCEPTED, find_assemblies, loop_jacobian, newton
+from identifiability.robot.closure import ACCEPTED, find_assemblies, newton
 from identifiability.robot.description import Bound, Description, Ellipsoid
 from identifiability.robot.floating import BASE_JOINTS, Base, Contact, Imu, Wrench
 from identifiability.robot.kinematics import Point, body_names
@@ -198,16 +198,19 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     pulling = {cable.name for cable in robot.cables}
     names = [n for n in robot.tree.single if n not in pulling] if names is None else names
     names = [name for name in names if name not in robot.locked]
-    index = np.array([_driven_dof(robot, n) for n in names], int)
-    if not names and robot.locked:
-        raise RobotError(f"{robot.path}: every actuated joint is locked; leave one that moves.")
-    if not names and extra.actuated is None:
-        raise RobotError(
-            f"{robot.path} has no joint that turns or slides by itself; there is nothing to "
-            "identify. A base that floats is not supported: make its joint 'fixed'."
-        )
+    for name in names:
+        if name not in robot.tree.single:
+            raise RobotError(
+                f"{robot.path}: '{name}' cannot be actuated, as it is no joint that turns or slides"
+                f"{near_match(name, robot.tree.single)} Known: {listing(robot.tree.single)}. Write "
+                "an actuated ball as three hinges in one body."
+            )
     if len(set(names)) != len(names) or not names:
-        raise RobotError(f"{robot.path}: the actuated joints are {names}; name each one once.")
+        raise RobotError(
+            f"{robot.path}: the actuated joints that are not locked are {names}; name each one "
+            "once, and leave one that moves."
+        )
+    index = np.array([robot.dof_index(name) for name in names], int)
     dependent = np.array([k for k in range(robot.nv) if k not in set(index.tolist())], int)
     robot = replace(robot, actuated=index, dependent=dependent, home=_set_home(robot, extra))
     if not len(dependent) and not robot.equations:
@@ -219,14 +222,12 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     if count < len(dependent):
         _refuse_loose(robot, count)
     if count > len(dependent):
-        _refuse_unstated(
-            robot, count, stated=bool(extra.actuated or (robot.mjcf and stated.actuated))
-        )
         raise RobotError(
-            f"{robot.path}: the loops give {count} independent equations for "
-            f"{len(dependent)} passive joints, so not all {len(index)} actuated joints are free; "
-            "remove an actuator or a closure (or give the lengths and angles of redundant loops "
-            "all their digits)."
+            f"{robot.path}: the loops give {count} independent equations for {len(dependent)} "
+            f"passive joints, so not all {len(index)} actuated joints are free; remove an actuator "
+            "or a closure, or name the joints that have motors, in <actuator> of an MJCF or in the "
+            f'sidecar: actuated = ["{names[0]}", …] (or give the lengths and angles of redundant '
+            "loops all their digits)."
         )
     _check_closed_home(robot)
     if not len(dependent):  # the loops say nothing that is not so anyway
@@ -238,44 +239,13 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     return robot
 
 
-def _refuse_unstated(robot: Description, count: int, *, stated: bool) -> None:
-    """Refuse a closed robot of which nothing says where its motors are."""
-    moving = len(robot.actuated) + len(robot.dependent)
-    if stated or len(robot.dependent) or moving <= count:
-        return
-    where = "with a <motor> each in <actuator>, or " if robot.mjcf else ""
-    raise RobotError(
-        f"{robot.path}: nothing says which of its {moving} joints have motors, and its loops leave "
-        f"{moving - count} of them free; name these {where}in the sidecar: actuated = "
-        f'["{robot.joints[0]}", …]. The joints are {listing(robot.joints)}.'
-    )
-
-
-def _driven_dof(robot: Description, name: str) -> int:
-    """Return the index in ``v`` of an actuated joint; only hinges and slides can be."""
-    for j in robot.tree.joints:
-        if j.nv > 1 and (name in j.dofs or name == j.dofs[0].rpartition(".")[0]):
-            raise RobotError(
-                f"{robot.path}: the {j.kind} joint '{j.dofs[0].rpartition('.')[0]}' cannot be "
-                "actuated; only joints with one axis can: write an actuated ball as three hinges "
-                "in one body, and fix a floating base to the ground."
-            )
-    return robot.dof_index(name)
-
-
 def _set_home(robot: Description, extra: Sidecar) -> Array:
     """Return the file's home with the positions that the sidecar states."""
     home, single = np.array(robot.home), robot.tree.single
+    check_known(robot.path, "home", extra.home, (*single, *robot.locked))
     for name, value in extra.home.items():
-        if name in robot.locked:
-            continue
-        if name not in single:
-            dof = robot.dof_index(name)
-            raise RobotError(
-                f"The sidecar of {robot.path}: [home] gives '{robot.dofs[dof]}', an axis of a ball "
-                "or free joint, one position; give the whole position as a keyframe."
-            )
-        home[single[name].iq] = value
+        if name in single:
+            home[single[name].iq] = value
     return home
 
 
@@ -305,41 +275,18 @@ def _refuse_loose(robot: Description, count: int) -> NoReturn:
     """Say what to do about passive joints that no equation determines."""
     if count or robot.loops or robot.couplings:
         _check_closed_home(robot)
-    wide = [j for j in robot.tree.joints if j.nv > 1]
-    A = loop_jacobian(robot, robot.home[None])[0]
-    floating = [
-        j
-        for j in wide
-        if j.kind == "free" and np.abs(A[:, j.iv : j.iv + j.nv]).max(initial=0) < ROUNDOFF
-    ]
-    if floating:
-        name = floating[0].dofs[0].rpartition(".")[0]
-        advice = (
-            'remove that joint, or write base = "fixed" into the sidecar'
-            if robot.mjcf
-            else "make that joint 'fixed' in the URDF"
-        )
-        raise RobotError(
-            f"{robot.path} floats on the free joint '{name}', which nothing determines: robots "
-            "must stand on the ground (a floating base is not supported); if this one was bolted "
-            f"down while it was measured, {advice}."
-        )
-    why = f"but the loops give only {count} independent equations"
-    rest = "add the closures, or choose a home position away from singularities"
-    if not robot.equations:
-        why = "and no loop moves them"
-        rest = "or add the closures; what swings freely, as a pendulum does, is not served"
-    name = "name the missing actuated joints (<actuator> in MJCF, 'actuated' in the sidecar)"
-    advice = f"{name}, {rest}"
+    wide = [f"{j.kind} joint '{j.dofs[0].rpartition('.')[0]}'"
+            for j in robot.tree.joints if j.nv > 1]  # fmt: skip
+    balls = ""
     if wide:
-        name, kind = wide[0].dofs[0].rpartition(".")[0], wide[0].kind
-        hinges = ", or write the ball as three hinges in one body with an actuator each"
-        advice = f"the {kind} joint '{name}' can only be passive in a closed loop: add the closure"
-        advice += hinges if kind == "ball" else ""
+        balls = f" The {listing(wide)} can only be passive in a closed loop; write a ball that is "
+        balls += "driven as three hinges in one body."
     raise RobotError(
         f"{robot.path}: {len(robot.dependent)} joints have no actuator ({listing(robot.passive)}) "
-        f"{why}; {advice}. "
-        f"{_propose_locks(robot.passive)}"
+        f"and the loops give only {count} independent equations; name the missing actuated joints "
+        "(<actuator> in MJCF, 'actuated' in the sidecar), add the closures, or choose a home "
+        "position away from singularities. What swings freely, as a pendulum does, is not served."
+        f"{balls} {_propose_locks([n for n in robot.passive if n in robot.tree.single])}"
     )
 
 

@@ -150,7 +150,10 @@ def read_forces(path: Path, m: Any, locked: Mapping[str, float]) -> Forces:
             combinations[line.name] = Combination(weights, own, rest)
         else:
             what = ", ".join(numbers)
-            raise _refusal(path, f"'{line.name}' has {what} and bends, or drives no joint")
+            raise _refusal(
+                path,
+                f"the tendon or actuator '{line.name}' has {what} and bends, or drives no joint",
+            )
     _refuse_on_balls(path, m, total)
     stiff = total.pop("stiffness")
     for d in np.flatnonzero(stiff):
@@ -185,18 +188,18 @@ def _lines(m: Any) -> Iterator[Line]:
         cable = t if straight(m, t) else None
         rest = float(m.tendon_lengthspring[t, 0])
         yield Line(cable_name(m, t), find_arms(m, t) or {}, cable, _numbers(m, "tendon", t), rest)
-    for a in range(m.nu):
+    for a in range(len(m.actuator_trntype)):
         name, arms, cable, gear = find_drive(m, a)
-        t = int(m.actuator_trnid[a, 0]) if m.actuator_trntype[a] == _ON_TENDON else None
         numbers = {
             word: value * abs(gear) ** _POWERS[word]
             for word, value in _numbers(m, "actuator", a).items()
         }
-        if t is None:
-            yield Line(name, arms, cable, numbers)
+        if m.actuator_trntype[a] == _ON_TENDON:
+            pulled = int(m.actuator_trnid[a, 0])
+            rest = float(m.tendon_lengthspring[pulled, 0])
+            yield Line(cable_name(m, pulled), arms, cable, numbers, rest)
         else:
-            rest = float(m.tendon_lengthspring[t, 0])
-            yield Line(cable_name(m, t), arms, cable, numbers, rest)
+            yield Line(name, arms, cable, numbers)
 
 
 def _numbers(m: Any, kind: str, k: int) -> dict[str, float]:
@@ -215,7 +218,7 @@ def find_drives(m: Any, locked: Mapping[str, float]) -> tuple[list[str] | None, 
     """
     names: list[str] = []
     other: tuple[str, ...] = ()
-    for a in range(m.nu):
+    for a in range(len(m.actuator_trntype)):
         name, arms, cable, _ = find_drive(m, a)
         joints = [m.joint(j).name for j in arms]
         moving = [joint for joint in joints if joint not in locked]

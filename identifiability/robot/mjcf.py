@@ -374,7 +374,7 @@ def find_outside(m: Any, extra: Sidecar) -> tuple[str, ...]:
     reached = {of_joint[j] for j in (*named, *(extra.actuated or ())) if j in of_joint}
     reached |= {of_body[b] for x in extra.loops or () for b in (x.body1, x.body2) if b in of_body}
     if extra.actuated is None:
-        driven = {b for a in range(m.nu) for b in _moved_by(m, a)}
+        driven = {b for a in range(len(m.actuator_trntype)) for b in _moved_by(m, a)}
         if not m.nu:
             driven = {int(b) for b in m.jnt_bodyid[np.isin(m.jnt_type, _SCALAR)]}
         reached |= {int(top[b]) for b in driven}
@@ -496,7 +496,7 @@ def find_drive(m: Any, a: int) -> tuple[str, dict[int, float], int | None, float
 def driven_joints(m: Any) -> dict[int, tuple[int, float]]:
     """Return which joint each actuator drives, and how many times its force acts there."""
     found = {}
-    for a in range(m.nu):
+    for a in range(len(m.actuator_trntype)):
         _, arms, _, gear = find_drive(m, a)
         if len(arms) == 1:
             ((j, c),) = arms.items()

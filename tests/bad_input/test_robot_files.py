@@ -56,7 +56,7 @@ def equality(inside):
 MJCF = {
     "a joint that swings freely": (
         ('<motor name="elbow_motor" joint="elbow"/>', ""),
-        r"1 joints have no actuator \(elbow\) and no loop moves them; name .* what swings freely, "
+        r"1 joints have no actuator \(elbow\) and .*; name .* What swings freely, "
         "as a pendulum does, is not served",
     ),
     "body without mass": (
@@ -157,7 +157,7 @@ URDF = {
     ),
     "floating joint": (
         ('"joint_2" type="revolute"', '"joint_2" type="floating"'),
-        "floats on the free joint 'joint_2', .* not supported.*'fixed' in the URDF",
+        "The free joint 'joint_2' can only be passive",
     ),
     "no joint type": (
         ('"joint_2" type="revolute"', '"joint_2"'),
@@ -180,12 +180,12 @@ ACTUATORS = re.search("(?s)<actuator>.*</actuator>", FIVE).group(0)
 CLOSED = {
     "no actuators": (
         (ACTUATORS, ""),
-        r"nothing says which of its 4 joints have motors, and its loops leave 2 of them free; name "
-        r"these with a <motor> each in <actuator>, or in the sidecar: actuated = \[",
+        r"so not all 4 actuated joints are free; .* name the joints that have motors, in "
+        r"<actuator> of an MJCF or in the sidecar: actuated = \[",
     ),
     "too few actuators": (
         (MOTOR, ""),
-        r"3 joints have no actuator \(left_elbow, right_shoulder, right_elbow\) but the loops give "
+        r"3 joints have no actuator \(left_elbow, right_shoulder, right_elbow\) and the loops give "
         "only 2 independent equations; name the missing",
     ),
     "too many actuators": (
