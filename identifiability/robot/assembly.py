@@ -187,14 +187,6 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     names = extra.actuated if extra.actuated is not None else stated.actuated
     if names is not None and stated.floating is not None:
         names = [*BASE_JOINTS, *(n for n in names if n not in BASE_JOINTS)]
-    if extra.actuated is None and stated.undriven:
-        actuator, *pulled = stated.undriven
-        held = f" {_propose_locks(pulled)}"
-        raise RobotError(
-            f"{robot.path}: the actuator '{actuator}' drives no single joint; name the joints "
-            'whose torque is measured in the sidecar: actuated = ["joint1", …].'
-            f"{held if pulled else ''}"
-        )
     pulling = {cable.name for cable in robot.cables}
     names = [n for n in robot.tree.single if n not in pulling] if names is None else names
     names = [name for name in names if name not in robot.locked]
@@ -208,7 +200,8 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     if len(set(names)) != len(names) or not names:
         raise RobotError(
             f"{robot.path}: the actuated joints that are not locked are {names}; name each one "
-            "once, and leave one that moves."
+            'once whose torque is measured, in the sidecar: actuated = ["joint1", …], and leave '
+            "one that moves."
         )
     index = np.array([robot.dof_index(name) for name in names], int)
     dependent = np.array([k for k in range(robot.nv) if k not in set(index.tolist())], int)
@@ -277,6 +270,9 @@ def _refuse_loose(robot: Description, count: int) -> NoReturn:
         _check_closed_home(robot)
     wide = [f"{j.kind} joint '{j.dofs[0].rpartition('.')[0]}'"
             for j in robot.tree.joints if j.nv > 1]  # fmt: skip
+    single = [name for name in robot.passive if name in robot.tree.single]
+    locks = listing([f"--lock {name}" for name in single], between=" ") or "--lock joint"
+    example = f"--lock {(*single, 'joint')[0]}"
     balls = ""
     if wide:
         balls = f" The {listing(wide)} can only be passive in a closed loop; write a ball that is "
@@ -286,15 +282,8 @@ def _refuse_loose(robot: Description, count: int) -> NoReturn:
         f"and the loops give only {count} independent equations; name the missing actuated joints "
         "(<actuator> in MJCF, 'actuated' in the sidecar), add the closures, or choose a home "
         "position away from singularities. What swings freely, as a pendulum does, is not served."
-        f"{balls} {_propose_locks([n for n in robot.passive if n in robot.tree.single])}"
+        f"{balls} What stands still, as a gripper may, is locked: {locks} (or {example}=0.02)."
     )
-
-
-def _propose_locks(joints: Sequence[str]) -> str:
-    """Return what to write of joints that may stand still."""
-    locks = listing([f"--lock {joint}" for joint in joints], between=" ")
-    where = f"--lock {joints[0]}=0.02 where that is not at home" if joints else ""
-    return f"What stands still, as a gripper may, is locked: {locks} ({where})."
 
 
 def position_limits(
@@ -637,18 +626,15 @@ def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:
     m = len(entry.motors)
     whole = len(entry.coupling) == m and all(len(row) == n for row in entry.coupling)
     coupling = np.array(entry.coupling, float) if whole else np.zeros((m, n))
-    if m < n or not np.linalg.cond(coupling) * ROUNDOFF < 1 or not coupling.any(axis=1).all():
+    ratio = np.ones(m) if entry.ratio is None else np.array(entry.ratio, float)
+    offset = np.zeros(n) if entry.offset is None else np.array(entry.offset, float)
+    fits = ratio.shape == (m,) and offset.shape == (n,) and bool(np.all(ratio))
+    regular = m >= n and coupling.any(axis=1).all() and np.linalg.cond(coupling) * ROUNDOFF < 1
+    if not (fits and regular):
         raise RobotError(
             f"The sidecar of {robot.path}: [transmission] needs at least {n} motors that move all "
             f"the actuated joints {listing(robot.motor_joints)}: a row of {n} numbers in "
-            f"'coupling' for each motor, and together of rank {n}, such as an invertible {n}×{n} "
-            "coupling."
-        )
-    ratio = np.ones(m) if entry.ratio is None else np.array(entry.ratio, float)
-    offset = np.zeros(n) if entry.offset is None else np.array(entry.offset, float)
-    if ratio.shape != (m,) or offset.shape != (n,) or not np.all(ratio):
-        raise RobotError(
-            f"The sidecar of {robot.path}: [transmission] needs {m} non-zero ratios (one a motor) "
-            f"and {n} offsets (one a joint)."
+            f"'coupling' for each motor, together of rank {n}; and, where given, a ratio that is "
+            f"not zero for each motor and {n} offsets."
         )
     return Transmission(tuple(entry.motors), coupling, ratio, offset)

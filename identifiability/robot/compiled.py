@@ -58,7 +58,6 @@ _BENT = (
     ("actuator", "actuator_dampingpoly"),
 )
 
-_ON_BODY = int(mujoco.mjtTrn.mjTRN_BODY)  # adhesion, which acts on contacts alone
 _ON_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
 
 
@@ -208,27 +207,19 @@ def _numbers(m: Any, kind: str, k: int) -> dict[str, float]:
     return {word: float(x[k]) for word, x in arrays.items() if x is not None and x[k]}
 
 
-def find_drives(m: Any, locked: Mapping[str, float]) -> tuple[list[str] | None, tuple[str, ...]]:
-    """Return the joints that actuators drive (None without actuators), and one that drives none.
+def find_drives(m: Any, locked: Collection[str]) -> list[str] | None:
+    """Return the joints that actuators drive, None without actuators.
 
-    That one's joints, if it pulls some by a tendon, stand behind it.
-
-    A joint may have several actuators, say one that holds a position and one that damps; an
-    actuator whose joints are all locked drives nothing.
+    A joint may have several actuators, say one that holds a position and one that damps. One that
+    pulls at several joints that move drives none of them alone.
     """
     names: list[str] = []
-    other: tuple[str, ...] = ()
-    for a in range(len(m.actuator_trntype)):
-        name, arms, cable, _ = find_drive(m, a)
-        joints = [m.joint(j).name for j in arms]
-        moving = [joint for joint in joints if joint not in locked]
-        if cable is not None:
-            names.append(cable_name(m, cable))
-        elif len(moving) == 1:
-            names += moving
-        elif (moving or not joints) and m.actuator_trntype[a] != _ON_BODY:
-            other = other or (name, *joints)
-    return list(dict.fromkeys(names)) if names or other else None, other
+    every = range(len(m.actuator_trntype))
+    for a in every:
+        _, arms, cable, _ = find_drive(m, a)
+        moving = [name for name in (m.joint(j).name for j in arms) if name not in locked]
+        names += [cable_name(m, cable)] if cable is not None else moving if len(moving) == 1 else []
+    return list(dict.fromkeys(names)) if every else None
 
 
 def _refuse_fields(path: Path, m: Any) -> None:
@@ -310,7 +301,7 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     off, home = int(m.opt.disableflags), _home(m)
     joints = [m.joint(j) for j in np.flatnonzero(np.isin(m.jnt_type, [HINGE, SLIDE]))]
     at_home = {j.name: extra.home.get(j.name, float(home[j.qposadr[0]])) for j in joints}
-    driven = extra.actuated or find_drives(m, {})[0] or ()
+    driven = extra.actuated or find_drives(m, ()) or ()
     couplings = add_couplings(_couplings(path, m, driven), extra.couplings)
     locked, couplings = settle_locks(path, read_locks(extra.locked), at_home, couplings)
     model, places, names, welded = _build_tree(m, locked)
@@ -333,18 +324,16 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     kept = np.ones(m.nq, bool)
     kept[[int(m.joint(name).qposadr[0]) for name in locked]] = False
     _set_limits(model, m, kept)
-    actuated, other = find_drives(m, locked)
     return Stated(
         model=model,
         tree=tree,
         last=last,
         loops=_loops(path, m, places, last),
         couplings=couplings,
-        actuated=actuated,
+        actuated=find_drives(m, locked),
         home=np.append(home[kept], np.zeros(len(cables))),
         posed=m.nkey > 0,
         springs=forces.springs,
-        undriven=other,
         locked=locked,
         welded=welded,
         combinations=forces.combinations,

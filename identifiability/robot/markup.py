@@ -50,18 +50,9 @@ def check_magnitudes(path: Path, model: Any) -> None:
             f"{path} has {model.nv} degrees of freedom; robots of up to {MOST_JOINTS} are read: "
             "lock joints that do not move ([locked] in the sidecar, or --lock)."
         )
-    if not np.all(np.abs(model.gravity.linear) < LARGEST):
-        raise RobotError(f"{path} states a gravity that is none; give it in m/s².")
-    for k in range(1, model.njoints):
-        body, place = model.inertias[k], model.jointPlacements[k].translation
-        numbers = np.concatenate([body.toDynamicParameters(), place])
-        if body.mass < 0:  # told as such later; its centre may be a quotient of nothing
-            numbers = np.array([body.mass])
-        if not np.all(np.abs(numbers) < LARGEST) or 0 < abs(body.mass) < SMALLEST:
-            raise RobotError(
-                f"{path}: mass, inertia or place of what joint '{model.names[k]}' moves is no "
-                "number of a robot; give kg, m and kg·m²."
-            )
+    places = [model.jointPlacements[k].translation for k in range(model.njoints)]
+    if not np.all(np.abs([model.gravity.linear, *places]) < LARGEST):
+        raise RobotError(f"{path}: gravity, or the place of a joint, is no number of a robot.")
 
 
 #: Kinds of parameters that are not negative, beside those of rotors.

@@ -263,8 +263,6 @@ class Stated:
         Whether a keyframe states `home`.
     springs : mapping
         Joint to stiffness [N·m/rad or N/m] and position at which it is relaxed.
-    undriven : tuple of str
-        An actuator that drives no single joint, if there is one, and those that its tendon pulls.
     locked : mapping
         Locked joint to position [rad or m]; none of them is in the tree.
     welded : mapping
@@ -303,7 +301,6 @@ class Stated:
     home: Array | None = None
     posed: bool = False
     springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    undriven: tuple[str, ...] = ()
     locked: Mapping[str, float] = field(default_factory=dict)
     welded: Mapping[str, Array] = field(default_factory=dict)
     combinations: Mapping[str, Combination] = field(default_factory=dict)

@@ -9,7 +9,7 @@ LOOP = 'actuated = ["shoulder"]\n[[loops]]\nbody1 = "link2"\nbody2 = '
 COUPLING = 'actuated = ["shoulder"]\n[[couplings]]\njoint = "elbow"\n'
 GEAR = '[transmission]\nmotors = ["m1", "m2"]\ncoupling = '
 
-SQUARE = "needs at least 2 motors that move all .* an invertible 2×2 coupling"
+SQUARE = "needs at least 2 motors that move all .* together of rank 2"
 AXIS = '[[axes]]\nname = "both"\njoints = '
 BAD = {
     "no TOML": ("actuated = ", "is not valid TOML: Invalid value"),
@@ -61,7 +61,10 @@ BAD = {
     ),
     "ragged gear": (GEAR + "[[1, 0], [1]]", SQUARE),
     "singular gear": (GEAR + "[[1, 1], [1, 1]]", SQUARE),
-    "gear without ratio": (GEAR + "[[1, 0], [0, 1]]\nratio = [0, 1]", "needs 2 non-zero ratios"),
+    "gear without ratio": (
+        GEAR + "[[1, 0], [0, 1]]\nratio = [0, 1]",
+        "a ratio that is not zero for each motor",
+    ),
     "axis of nothing": (AXIS + "{}", "should have at least 1 item"),
     "axis of an unknown joint": (AXIS + "{elbo = 1}", "names 'elbo', .* mean 'elbow'"),
     "axis without a part": (AXIS + "{elbow = 0, shoulder = 1}", "zero would leave nothing"),

@@ -136,7 +136,10 @@ ROBOTS = {
     "a name": (arm(name="x" * 501), "control characters or more than 500 letters"),
     "a name on two lines": (arm(name="a&#10;b"), "has control characters"),
     "mass": (arm(mass="1e16"), "is no number of a robot"),
-    "gravity": (arm(head='<option gravity="0 0 1e16"/>'), "states a gravity that is none"),
+    "gravity": (
+        arm(head='<option gravity="0 0 1e16"/>'),
+        "gravity, or the place of a joint, is no number",
+    ),
     "advice": (ring(60), r"joints have no actuator .*--lock follower\d+ and \d+ more"),
 }
 
