@@ -129,7 +129,7 @@ def test_a_motor_is_no_servo_and_a_sidecar_states_one_by_joint_and_pattern(arm):
     ("text", "said"),
     [
         ("[servo]\nkp = {shoulder = 3}\n", "gives no kp of elbow"),
-        ('[servo]\nkp = 3\nkv = {"wrist" = 1}\n', "no actuated joint"),
+        ('[servo]\nkp = 3\nkv = {"wrist" = 1}\n', "names 'wrist', which the robot does not"),
         ("[servo]\nkp = 0\n", "neither kp nor kv"),
         (
             "[servo]\nkp = -1\n",

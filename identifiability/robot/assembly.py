@@ -16,18 +16,11 @@ import pinocchio as pin
 
 from identifiability.foundation.errors import ClosureError, RobotError, listing, near_match
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import (
-    BASE,
-    INERTIAL_KINDS,
-    Array,
-    Renames,
-    find_named,
-    is_pattern,
-)
+from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames
 from identifiability.foundation.rules import Tolerance
 from identifiability.robot import closure
 from identifiability.robot.cables import stretch_home
-from identifiability.robot.closure import ACCEPTED, find_assemblies, loop_jacobian, newton
+from identifiability.robot.closure import ACCEPTED, find_assemblies, newton
 from identifiability.robot.description import Bound, Description, Ellipsoid
 from identifiability.robot.floating import BASE_JOINTS, Base, Contact, Imu, Wrench
 from identifiability.robot.kinematics import Point, body_names
@@ -51,9 +44,12 @@ from identifiability.robot.sidecar import (
     LimitEntry,
     LoopEntry,
     Owners,
+    ServoEntry,
     Sidecar,
+    by_name,
+    check_known,
     renaming,
-    spread_patterns,
+    settle_names,
 )
 
 # Axes that are combinations of joints: stated in the sidecar, or tendons of the robot file.
@@ -83,13 +79,7 @@ def combine_joints(
     known = (*stated.tree.single, *stated.locked)
     found = dict(stated.combinations)
     for entry in entries:
-        for joint in entry.joints:
-            if joint not in known:
-                raise RobotError(
-                    f"The sidecar of {path}: the axis '{entry.name}' names the joint '{joint}', "
-                    f"which does not turn or slide by itself{near_match(joint, known)} Known: "
-                    f"{listing(known)}."
-                )
+        check_known(path, f"axes.{entry.name}.joints", entry.joints, known)
         moving = {joint: c for joint, c in entry.joints.items() if joint not in stated.locked}
         if moving:
             found[entry.name] = _restated(found.get(entry.name), moving, entry.rest)
@@ -146,15 +136,7 @@ def read_bounds(
     RobotError
         If a body is not there, or the masses of bodies contradict the total one.
     """
-    known: dict[str, BodyBoundsEntry] = {}
-    for text in sorted(entry.bodies, key=is_pattern, reverse=True):  # a name says more
-        named = find_named(text, bodies)
-        if not named and text not in stated.welded:
-            raise RobotError(
-                f"The sidecar of {path}: [bounds.bodies] names '{text}', which is no moving body"
-                f"{near_match(text, bodies)} Known: {listing(bodies)}."
-            )
-        known |= dict.fromkeys(named, entry.bodies[text])
+    known = by_name(path, "bounds.bodies", entry.bodies, bodies, stated.welded)
     bounds = [_of_body(body, known[body], stated) for body in bodies if body in known]
     if entry.total_mass is None:
         return tuple(bounds)
@@ -205,27 +187,23 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     names = extra.actuated if extra.actuated is not None else stated.actuated
     if names is not None and stated.floating is not None:
         names = [*BASE_JOINTS, *(n for n in names if n not in BASE_JOINTS)]
-    if extra.actuated is None and stated.undriven:
-        actuator, *pulled = stated.undriven
-        held = f" {_propose_locks(pulled)}"
-        raise RobotError(
-            f"{robot.path}: the actuator '{actuator}' drives no single joint; name the joints "
-            'whose torque is measured in the sidecar: actuated = ["joint1", …].'
-            f"{held if pulled else ''}"
-        )
     pulling = {cable.name for cable in robot.cables}
     names = [n for n in robot.tree.single if n not in pulling] if names is None else names
     names = [name for name in names if name not in robot.locked]
-    index = np.array([_driven_dof(robot, n) for n in names], int)
-    if not names and robot.locked:
-        raise RobotError(f"{robot.path}: every actuated joint is locked; leave one that moves.")
-    if not names and extra.actuated is None:
-        raise RobotError(
-            f"{robot.path} has no joint that turns or slides by itself; there is nothing to "
-            "identify. A base that floats is not supported: make its joint 'fixed'."
-        )
+    for name in names:
+        if name not in robot.tree.single:
+            raise RobotError(
+                f"{robot.path}: '{name}' cannot be actuated, as it is no joint that turns or slides"
+                f"{near_match(name, robot.tree.single)} Known: {listing(robot.tree.single)}. Write "
+                "an actuated ball as three hinges in one body."
+            )
     if len(set(names)) != len(names) or not names:
-        raise RobotError(f"{robot.path}: the actuated joints are {names}; name each one once.")
+        raise RobotError(
+            f"{robot.path}: the actuated joints that are not locked are {names}; name each one "
+            'once whose torque is measured, in the sidecar: actuated = ["joint1", …], and leave '
+            "one that moves."
+        )
+    index = np.array([robot.dof_index(name) for name in names], int)
     dependent = np.array([k for k in range(robot.nv) if k not in set(index.tolist())], int)
     robot = replace(robot, actuated=index, dependent=dependent, home=_set_home(robot, extra))
     if not len(dependent) and not robot.equations:
@@ -237,14 +215,12 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     if count < len(dependent):
         _refuse_loose(robot, count)
     if count > len(dependent):
-        _refuse_unstated(
-            robot, count, stated=bool(extra.actuated or (robot.mjcf and stated.actuated))
-        )
         raise RobotError(
-            f"{robot.path}: the loops give {count} independent equations for "
-            f"{len(dependent)} passive joints, so not all {len(index)} actuated joints are free; "
-            "remove an actuator or a closure (or give the lengths and angles of redundant loops "
-            "all their digits)."
+            f"{robot.path}: the loops give {count} independent equations for {len(dependent)} "
+            f"passive joints, so not all {len(index)} actuated joints are free; remove an actuator "
+            "or a closure, or name the joints that have motors, in <actuator> of an MJCF or in the "
+            f'sidecar: actuated = ["{names[0]}", …] (or give the lengths and angles of redundant '
+            "loops all their digits)."
         )
     _check_closed_home(robot)
     if not len(dependent):  # the loops say nothing that is not so anyway
@@ -256,44 +232,13 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     return robot
 
 
-def _refuse_unstated(robot: Description, count: int, *, stated: bool) -> None:
-    """Refuse a closed robot of which nothing says where its motors are."""
-    moving = len(robot.actuated) + len(robot.dependent)
-    if stated or len(robot.dependent) or moving <= count:
-        return
-    where = "with a <motor> each in <actuator>, or " if robot.mjcf else ""
-    raise RobotError(
-        f"{robot.path}: nothing says which of its {moving} joints have motors, and its loops leave "
-        f"{moving - count} of them free; name these {where}in the sidecar: actuated = "
-        f'["{robot.joints[0]}", …]. The joints are {listing(robot.joints)}.'
-    )
-
-
-def _driven_dof(robot: Description, name: str) -> int:
-    """Return the index in ``v`` of an actuated joint; only hinges and slides can be."""
-    for j in robot.tree.joints:
-        if j.nv > 1 and (name in j.dofs or name == j.dofs[0].rpartition(".")[0]):
-            raise RobotError(
-                f"{robot.path}: the {j.kind} joint '{j.dofs[0].rpartition('.')[0]}' cannot be "
-                "actuated; only joints with one axis can: write an actuated ball as three hinges "
-                "in one body, and fix a floating base to the ground."
-            )
-    return robot.dof_index(name)
-
-
 def _set_home(robot: Description, extra: Sidecar) -> Array:
     """Return the file's home with the positions that the sidecar states."""
     home, single = np.array(robot.home), robot.tree.single
+    check_known(robot.path, "home", extra.home, (*single, *robot.locked))
     for name, value in extra.home.items():
-        if name in robot.locked:
-            continue
-        if name not in single:
-            dof = robot.dof_index(name)
-            raise RobotError(
-                f"The sidecar of {robot.path}: [home] gives '{robot.dofs[dof]}', an axis of a ball "
-                "or free joint, one position; give the whole position as a keyframe."
-            )
-        home[single[name].iq] = value
+        if name in single:
+            home[single[name].iq] = value
     return home
 
 
@@ -323,49 +268,22 @@ def _refuse_loose(robot: Description, count: int) -> NoReturn:
     """Say what to do about passive joints that no equation determines."""
     if count or robot.loops or robot.couplings:
         _check_closed_home(robot)
-    wide = [j for j in robot.tree.joints if j.nv > 1]
-    A = loop_jacobian(robot, robot.home[None])[0]
-    floating = [
-        j
-        for j in wide
-        if j.kind == "free" and np.abs(A[:, j.iv : j.iv + j.nv]).max(initial=0) < ROUNDOFF
-    ]
-    if floating:
-        name = floating[0].dofs[0].rpartition(".")[0]
-        advice = (
-            'remove that joint, or write base = "fixed" into the sidecar'
-            if robot.mjcf
-            else "make that joint 'fixed' in the URDF"
-        )
-        raise RobotError(
-            f"{robot.path} floats on the free joint '{name}', which nothing determines: robots "
-            "must stand on the ground (a floating base is not supported); if this one was bolted "
-            f"down while it was measured, {advice}."
-        )
-    why = f"but the loops give only {count} independent equations"
-    rest = "add the closures, or choose a home position away from singularities"
-    if not robot.equations:
-        why = "and no loop moves them"
-        rest = "or add the closures; what swings freely, as a pendulum does, is not served"
-    name = "name the missing actuated joints (<actuator> in MJCF, 'actuated' in the sidecar)"
-    advice = f"{name}, {rest}"
+    wide = [f"{j.kind} joint '{j.dofs[0].rpartition('.')[0]}'"
+            for j in robot.tree.joints if j.nv > 1]  # fmt: skip
+    single = [name for name in robot.passive if name in robot.tree.single]
+    locks = listing([f"--lock {name}" for name in single], between=" ") or "--lock joint"
+    example = f"--lock {(*single, 'joint')[0]}"
+    balls = ""
     if wide:
-        name, kind = wide[0].dofs[0].rpartition(".")[0], wide[0].kind
-        hinges = ", or write the ball as three hinges in one body with an actuator each"
-        advice = f"the {kind} joint '{name}' can only be passive in a closed loop: add the closure"
-        advice += hinges if kind == "ball" else ""
+        balls = f" The {listing(wide)} can only be passive in a closed loop; write a ball that is "
+        balls += "driven as three hinges in one body."
     raise RobotError(
         f"{robot.path}: {len(robot.dependent)} joints have no actuator ({listing(robot.passive)}) "
-        f"{why}; {advice}. "
-        f"{_propose_locks(robot.passive)}"
+        f"and the loops give only {count} independent equations; name the missing actuated joints "
+        "(<actuator> in MJCF, 'actuated' in the sidecar), add the closures, or choose a home "
+        "position away from singularities. What swings freely, as a pendulum does, is not served."
+        f"{balls} What stands still, as a gripper may, is locked: {locks} (or {example}=0.02)."
     )
-
-
-def _propose_locks(joints: Sequence[str]) -> str:
-    """Return what to write of joints that may stand still."""
-    locks = listing([f"--lock {joint}" for joint in joints], between=" ")
-    where = f"--lock {joints[0]}=0.02 where that is not at home" if joints else ""
-    return f"What stands still, as a gripper may, is locked: {locks} ({where})."
 
 
 def position_limits(
@@ -464,9 +382,8 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     stated, driven = motor_tendons(stated, motors)
     axes = combine_joints(path, extra.axes, stated, taken)
     dofs = tuple(d for j in stated.tree.joints for d in j.dofs)
-    owners = Owners(bodies, (*dofs, *motors, *axes), (*stated.locked, *stated.welded))
-    extra = spread_patterns(path, extra, owners)
-    _check_sidecar(path, extra, bodies, stated, (*motors, *axes))
+    owners = Owners(bodies, dofs, (*motors, *axes), tuple(stated.locked), tuple(stated.welded))
+    extra = settle_names(path, extra, owners)
     loops = stated.loops
     if extra.loops is not None:
         loops = [_sidecar_loop(path, entry, stated) for entry in extra.loops]
@@ -498,7 +415,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         prior_relative=extra.prior_relative,
         prior={name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
         prior_share=dict(extra.prior_share),
-        ties=tuple(_ties(extra, stated)),
+        ties=tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
         shapes=extra.shapes,
         reference=extra.reference,
         columns=Renames.of(renaming(extra.columns)),
@@ -518,11 +435,9 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     )
     robot = choose_joints(robot, extra, stated)
     for key in ("gain", "ratio", "sign"):
-        _check_known(
-            path, f"torque.{key}", getattr(robot.torque, key), ("", *robot.joints, *motors)
-        )
+        check_known(path, f"torque.{key}", getattr(robot.torque, key), ("", *robot.joints, *motors))
     lifted = robot.torque.compensated
-    _check_known(
+    check_known(
         path, "torque.compensated", lifted if isinstance(lifted, tuple) else (), robot.joints
     )
     limits = [extra.limits.get(joint, LimitEntry()) for joint in robot.joints]
@@ -534,90 +449,32 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         acceleration_limits=np.array([np.inf if limit.a is None else limit.a for limit in limits]),
         transmission=_transmission(robot, extra),
     )
-    motors = robot.motor_joints  # a body alone has none
-    servo = read_servo(path, extra.servo, stated.servos, motors) if motors else None
+    motors = robot.motor_joints
+    servo = None
+    if motors:  # a body alone has none
+        gains = _servo_tables(path, extra.servo, motors)
+        servo = read_servo(path, extra.servo, gains, stated.servos, motors)
     if robot.base is None:
         robot = replace(robot, servo=servo)
     else:  # torque is made of commands only where a robot is held
         robot = replace(robot, base=replace(robot.base, servo=servo))
     lines = (a.name for a in (*(x for x in robot.axes if x.row is not None), *robot.passive_axes))
     along = [k.along for k in extra.known_torque]
-    _check_known(path, "known_torque", along, (*lines, *robot.locked))
+    check_known(path, "known_torque", along, (*lines, *robot.locked))
     return robot
 
 
-def _check_sidecar(
-    path: Path, extra: Sidecar, bodies: tuple[str, ...], stated: Stated, lines: tuple[str, ...]
-) -> None:
-    """Refuse a sidecar that names what the robot does not have; what is locked may have limits."""
-    dofs = (*(d for j in stated.tree.joints for d in j.dofs), *stated.locked)
-    known = (*bodies, *dofs, *lines)
-    _check_known(path, "symbols", extra.symbols, (*known, *stated.welded))
-    _check_known(
-        path, "base_parameters.bodies", extra.base_parameters.bodies, (*bodies, *stated.welded)
-    )
-    _check_known(path, "limits", extra.limits, dofs)
-    _check_known(path, "prior_share", extra.prior_share, bodies)
-    _check_known(path, "guessed", extra.guessed, (*bodies, *stated.welded))
-    _check_known(path, "rest", extra.rest, (*stated.tree.single, *stated.locked))
-    tied = [name for tie in _ties(extra, stated) for members in tie.values() for name in members]
-    tables = {key: getattr(extra, key) for key in ("nominal", "prior", "shapes", "reference")}
-    for key, names in {"symmetry": tied, **tables}.items():
-        owners = [name.rpartition(".")[0] for name in names]
-        gone = [body for body in stated.welded if body in owners]
-        if gone:
-            raise RobotError(
-                f"The sidecar of {path}: [{key}] names the body '{gone[0]}', which hangs behind a "
-                "locked joint and is one with what is before; take the line out, or give the "
-                "values of both together."
-            )
-        _check_known(path, key, owners, (*known, BASE))
-
-
-def _ties(extra: Sidecar, stated: Stated) -> list[dict[str, tuple[str, ...]]]:
-    """Return the sums that symmetry allows; with a locked leg legs are no longer equal."""
-    gone = {*stated.locked, *stated.welded}
-    every = [{k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry]
-    names = [{n.rpartition(".")[0] for members in tie.values() for n in members} for tie in every]
-    return [tie for tie, owners in zip(every, names, strict=True) if not owners & gone]
-
-
-def _check_known(path: Path, key: str, given: Any, known: tuple[str, ...]) -> None:
-    for name in given:
-        if name not in known:
-            raise RobotError(
-                f"The sidecar of {path}: [{key}] names '{name}', which the robot does not have"
-                f"{near_match(name, known)} Known: {listing(known)}."
-            )
-
-
 def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
-    ends = []
     places = ((entry.body1, entry.point1), (entry.body2, entry.point2))
-    for body, point in places:
-        joint, rotation, translation = _find_body(path, body, stated)
-        ends.append(Point(joint, rotation @ np.array(point) + translation))
+    only = (pin.FrameType.BODY,)
+    ends = [_find_frame(path, "loops", body, at, stated, only)[0] for body, at in places]
     frame = None
     if entry.frame is not None:
-        joint, rotation, _ = _find_body(path, entry.frame, stated)
-        frame = LoopFrame(entry.frame, joint, rotation)
+        origin, rotation = _find_frame(path, "loops", entry.frame, (0, 0, 0), stated, only)
+        frame = LoopFrame(entry.frame, origin.joint, rotation)
     axes = tuple("xyz".index(a) for a in entry.axes)
     name = entry.name or f"{entry.body1}-{entry.body2}"
     return Loop(name, ends[0], ends[1], axes, places, frame)
-
-
-def _find_body(path: Path, body: str, stated: Stated) -> tuple[int, Array, Array]:
-    """Return the joint of the tree that a body is behind, and its rotation and place there."""
-    model = stated.model
-    frames = [f for f in model.frames if f.name == body and f.type == pin.FrameType.BODY]
-    if not frames:
-        known = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
-        raise RobotError(
-            f"The sidecar of {path}: a loop names the body '{body}', which the robot does not "
-            f"have{near_match(body, known)} Known: {listing(known)}."
-        )
-    place = frames[0].placement
-    return stated.last[frames[0].parentJoint], np.array(place.rotation), np.array(place.translation)
 
 
 def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ...]) -> Base | None:
@@ -657,20 +514,19 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ..
 
 
 def _find_frame(
-    path: Path, key: str, name: str, at: Sequence[float], stated: Stated
+    path: Path,
+    key: str,
+    name: str,
+    at: Sequence[float],
+    stated: Stated,
+    kinds: Sequence[Any] = (pin.FrameType.BODY, pin.FrameType.OP_FRAME),
 ) -> tuple[Point, Array]:
     """Return a point in a frame as a point of the tree, and the frame's axes in its joint's."""
-    kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
-    frames = [f for kind in kinds for f in stated.model.frames if f.name == name and f.type == kind]
-    if not frames:
-        known = [f.name for f in stated.model.frames if f.type in kinds]
-        raise RobotError(
-            f"The sidecar of {path}: [[{key}]] names the frame '{name}', which the robot does not "
-            f"have{near_match(name, known)} Known: {listing(known)}."
-        )
-    place = frames[0].placement
+    found = {f.name: f for kind in kinds[::-1] for f in stated.model.frames if f.type == kind}
+    check_known(path, key, [name], found)
+    place = found[name].placement
     where = place.act(np.array(at, float))
-    return Point(stated.last[frames[0].parentJoint], where), np.array(place.rotation)
+    return Point(stated.last[found[name].parentJoint], where), np.array(place.rotation)
 
 
 def _nominal(
@@ -699,11 +555,21 @@ def _nominal(
         if kind == "Fc":
             values |= name_numbers(joint, {"frictionloss": value}, parts)
     every = values | given
-    joints = ("Fv", "Fc", "Fc+", "Fc-", "K", *parts[:1])
-    positive = {n for n in every if n.rpartition(".")[2] in joints}
-    positive |= {n for n in given if n.rpartition(".")[2] in ("m", "Ixx", "Iyy", "Izz")}
-    check_nominal(robot.path, every, positive)
+    check_nominal(robot.path, every, parts[0])
     return every
+
+
+def _servo_tables(
+    path: Path, entry: ServoEntry | None, joints: tuple[str, ...]
+) -> dict[str, dict[str, Any]]:
+    """Return what the sidecar says of servos, by joint; a number is for all joints."""
+    given = {key: getattr(entry, key, None) for key in ("kp", "kv", "limit")}
+    return {
+        key: by_name(path, f"servo.{key}", value, joints)
+        if isinstance(value, dict)
+        else dict.fromkeys(joints if value is not None else (), value)
+        for key, value in given.items()
+    }
 
 
 def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:
@@ -739,16 +605,7 @@ def _scales(path: Path, extra: Sidecar, stated: Stated) -> dict[str, tuple[float
     given = {
         rule.name or key: rule for key, rule in extra.columns.items() if not isinstance(rule, str)
     }
-    out: dict[str, tuple[float, float]] = {}
-    for text in sorted(given, key=is_pattern, reverse=True):
-        found = find_named(text, lines)
-        if not found:
-            raise RobotError(
-                f"The sidecar of {path}: [columns] scales '{text}', which is no joint"
-                f"{near_match(text, lines)} They are {listing(lines)}."
-            )
-        out |= dict.fromkeys(found, (given[text].scale, given[text].offset))
-    return out
+    return by_name(path, "columns", {k: (r.scale, r.offset) for k, r in given.items()}, lines)
 
 
 def _known_torque(extra: Sidecar, stated: Stated) -> tuple[KnownTorque, ...]:
@@ -769,18 +626,15 @@ def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:
     m = len(entry.motors)
     whole = len(entry.coupling) == m and all(len(row) == n for row in entry.coupling)
     coupling = np.array(entry.coupling, float) if whole else np.zeros((m, n))
-    if m < n or not np.linalg.cond(coupling) * ROUNDOFF < 1 or not coupling.any(axis=1).all():
+    ratio = np.ones(m) if entry.ratio is None else np.array(entry.ratio, float)
+    offset = np.zeros(n) if entry.offset is None else np.array(entry.offset, float)
+    fits = ratio.shape == (m,) and offset.shape == (n,) and bool(np.all(ratio))
+    regular = m >= n and coupling.any(axis=1).all() and np.linalg.cond(coupling) * ROUNDOFF < 1
+    if not (fits and regular):
         raise RobotError(
             f"The sidecar of {robot.path}: [transmission] needs at least {n} motors that move all "
             f"the actuated joints {listing(robot.motor_joints)}: a row of {n} numbers in "
-            f"'coupling' for each motor, and together of rank {n}, such as an invertible {n}×{n} "
-            "coupling."
-        )
-    ratio = np.ones(m) if entry.ratio is None else np.array(entry.ratio, float)
-    offset = np.zeros(n) if entry.offset is None else np.array(entry.offset, float)
-    if ratio.shape != (m,) or offset.shape != (n,) or not np.all(ratio):
-        raise RobotError(
-            f"The sidecar of {robot.path}: [transmission] needs {m} non-zero ratios (one a motor) "
-            f"and {n} offsets (one a joint)."
+            f"'coupling' for each motor, together of rank {n}; and, where given, a ratio that is "
+            f"not zero for each motor and {n} offsets."
         )
     return Transmission(tuple(entry.motors), coupling, ratio, offset)

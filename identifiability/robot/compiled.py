@@ -6,7 +6,7 @@ With damping, dry friction, rotors and springs, joint by joint.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,15 +23,15 @@ from identifiability.robot.locking import add_couplings, read_locks, settle_lock
 from identifiability.robot.markup import MOST_EQUALITIES
 from identifiability.robot.mjcf import (
     compile_mjcf,
-    driven_joints,
     find_arms,
+    find_drive,
     find_floating,
     find_outside,
+    find_servos,
     read_entries,
     read_tendon_coupling,
 )
 from identifiability.robot.parts import Combination, Coupling, Loop, Stated
-from identifiability.robot.servo import find_servos
 from identifiability.robot.sidecar import Sidecar
 
 # Damping, dry friction, rotors and springs of a compiled MJCF, joint by joint.
@@ -44,10 +44,45 @@ from identifiability.robot.sidecar import Sidecar
 #: Spring stiffness [N·m/rad or N/m] and the position at which it is relaxed [rad or m].
 Spring = tuple[float, float]
 
-_SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-_ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
-_ON_BODY = int(mujoco.mjtTrn.mjTRN_BODY)  # adhesion, which acts on contacts alone
+#: Numbers of a joint, tendon or actuator, and how often its coefficient enters along a joint.
+_POWERS = {"stiffness": 2, "damping": 2, "frictionloss": 1, "armature": 2}
+
+#: What is not linear in speed or position, by whose it is; older versions of MuJoCo lack some.
+_BENT = (
+    ("joint", "jnt_stiffnesspoly"),
+    ("joint", "jnt_springyield"),
+    ("dof", "dof_dampingpoly"),
+    ("tendon", "tendon_stiffnesspoly"),
+    ("tendon", "tendon_dampingpoly"),
+    ("tendon", "tendon_springyield"),
+    ("actuator", "actuator_dampingpoly"),
+)
+
 _ON_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
+
+
+@dataclass
+class Line:
+    """What acts along joints, or along a straight tendon: a spring, a tendon, an actuator.
+
+    Attributes
+    ----------
+    name : str
+    arms : mapping
+        Joint to its coefficient.
+    cable : int or None
+        The straight tendon.
+    numbers : mapping
+        ``stiffness``, ``damping``, ``frictionloss`` and ``armature``, as far as they are not zero.
+    rest : float
+        Where a spring is relaxed.
+    """
+
+    name: str
+    arms: Mapping[int, float]
+    cable: int | None
+    numbers: Mapping[str, float]
+    rest: float = 0.0
 
 
 @dataclass
@@ -82,220 +117,124 @@ def read_forces(path: Path, m: Any, locked: Mapping[str, float]) -> Forces:
         If there are others than along single joints, or they are not linear in speed or position.
     """
     _refuse_fields(path, m)
-    forces = Forces(np.array(m.dof_damping), np.array(m.dof_frictionloss), np.array(m.dof_armature))
-    stiffness, pull = np.zeros(m.nv), np.zeros(m.nv)
+    idle = _switched_off(m)
+    total = {word: np.zeros(m.nv) for word in _POWERS}
+    for word in ("damping", "frictionloss", "armature"):
+        total[word] += 0.0 if word in idle else getattr(m, f"dof_{word}")
+    pull, springs = np.zeros(m.nv), dict[str, Spring]()
+    beside: dict[str, dict[str, float]] = {}
+    combinations: dict[str, Combination] = {}
+    cables: dict[int, dict[str, float]] = {}
     locks = {int(m.joint(name).id): at for name, at in locked.items()}
-    for j in range(m.njnt):
-        if j not in locks:
-            _add_joint_spring(path, m, j, stiffness, pull)
-    for t in range(m.ntendon):
-        _add_tendon(path, m, t, locks, forces, stiffness, pull)
-    for a in range(len(m.actuator_trntype)):
-        _add_actuator(path, m, a, locks, forces)
-    _refuse_on_balls(path, m, forces)
-    bits, off = mujoco.mjtDisableBit, int(m.opt.disableflags)
-    idle = []
-    if off & int(bits.mjDSBL_DAMPER):
-        forces.damping[:] = 0.0
-        idle.append("damping")
-    if off & (int(bits.mjDSBL_FRICTIONLOSS) | int(bits.mjDSBL_CONSTRAINT)):
-        forces.frictionloss[:] = 0.0
-        idle.append("frictionloss")
-    if off & int(bits.mjDSBL_SPRING):
-        idle.append("stiffness")
-    forces.combinations = {
-        name: Combination(c.weights, {**c.numbers, **dict.fromkeys(idle, 0.0)}, c.rest)
-        for name, c in forces.combinations.items()
-    }
-    for each in forces.cables.values():
-        each.update(dict.fromkeys(idle, 0.0))
-    if not off & int(bits.mjDSBL_SPRING):
-        forces.springs = {
-            m.joint(int(m.dof_jntid[d])).name: (float(stiffness[d]), float(pull[d] / stiffness[d]))
-            for d in np.flatnonzero(stiffness)
-        } | {
-            cable_name(m, t): (each["stiffness"], float(m.tendon_lengthspring[t, 0]))
-            for t, each in forces.cables.items()
-            if each["stiffness"]
-        }
-    return forces
-
-
-def find_drives(m: Any, locked: Mapping[str, float]) -> tuple[list[str] | None, tuple[str, ...]]:
-    """Return the joints that actuators drive (None without actuators), and one that drives none.
-
-    That one's joints, if it pulls some by a tendon, stand behind it.
-
-    A joint may have several actuators, say one that holds a position and one that damps; an
-    actuator whose joints are all locked drives nothing.
-    """
-    locks = {int(m.joint(name).id): at for name, at in locked.items()}
-    working = [a for a in range(len(m.actuator_trntype)) if not _idle(m, a, locks)]
-    joints = {a: _driven(m, a, locks) for a in working}
-    names = [
-        m.joint(j).name if j is not None else cable_name(m, int(m.actuator_trnid[a, 0]))
-        for a, j in joints.items()
-        if j is not None or _pulls(m, a)
-    ]
-    idle = [
-        a
-        for a, j in joints.items()
-        if j is None and m.actuator_trntype[a] != _ON_BODY and not _pulls(m, a)
-    ]
-    other: tuple[str, ...] = ()
-    if idle:
-        pulled = m.actuator_trntype[idle[0]] == mujoco.mjtTrn.mjTRN_TENDON
-        arms = (pulled and find_arms(m, int(m.actuator_trnid[idle[0], 0]))) or ()
-        other = (
-            m.actuator(idle[0]).name or f"number {idle[0] + 1}",
-            *(m.joint(j).name for j in arms),
-        )
-    return list(dict.fromkeys(names)) if names or other else None, other
-
-
-def _idle(m: Any, a: int, locks: Mapping[int, float]) -> bool:
-    """Whether all joints that an actuator drives are locked."""
-    kind, target = int(m.actuator_trntype[a]), int(m.actuator_trnid[a, 0])
-    if kind == _ON_TENDON:
-        arms = find_arms(m, target)
-        return bool(arms) and all(j in locks for j in arms or ())
-    return kind in _ON_JOINT and target in locks
-
-
-def _pulls(m: Any, a: int) -> bool:
-    """Whether an actuator pulls at a straight tendon."""
-    return int(m.actuator_trntype[a]) == _ON_TENDON and straight(m, int(m.actuator_trnid[a, 0]))
-
-
-def _driven(m: Any, a: int, locks: Mapping[int, float]) -> int | None:
-    """Return the joint that an actuator drives, or None."""
-    target = int(m.actuator_trnid[a, 0])
-    if int(m.actuator_trntype[a]) in _ON_JOINT:
-        return target
-    single = _single(m, target, locks) if int(m.actuator_trntype[a]) == _ON_TENDON else None
-    return single[0] if single is not None else None
-
-
-def _single(m: Any, t: int, locks: Mapping[int, float]) -> tuple[int, float, float] | None:
-    """Return the one joint that moves a tendon: its index, coefficient, and length at zero."""
-    arms = find_arms(m, t) or {}
-    moving = [(j, c) for j, c in arms.items() if j not in locks]
-    if len(moving) != 1:
-        return None
-    return *moving[0], sum(c * locks[j] for j, c in arms.items() if j in locks)
-
-
-def _extra(m: Any, name: str, k: int) -> Any:
-    """Return an entry of an array that older versions of MuJoCo lack, else zero."""
-    array = getattr(m, name, None)
-    return 0.0 if array is None else array[k]
-
-
-def _add_joint_spring(path: Path, m: Any, j: int, stiffness: Array, pull: Array) -> None:
-    name, dof = m.joint(j).name, int(m.jnt_dofadr[j])
-    bent = np.any(_extra(m, "jnt_stiffnesspoly", j))
-    width = {0: 6, 1: 3}.get(int(m.jnt_type[j]), 1)
-    if bent or any(np.any(_extra(m, "dof_dampingpoly", d)) for d in range(dof, dof + width)):
-        raise _refusal(path, f"the joint '{name}' has stiffness or damping that is not linear")
-    if not (m.jnt_stiffness[j] or bent):
-        return
-    if _extra(m, "jnt_springyield", j):
-        raise _refusal(path, f"the joint '{name}' has a spring that yields (springyield)")
-    if int(m.jnt_type[j]) not in _SCALAR:
-        raise _refusal(path, f"the ball or free joint '{name}' has stiffness")
-    stiffness[dof] += m.jnt_stiffness[j]
-    pull[dof] += m.jnt_stiffness[j] * m.qpos_spring[m.jnt_qposadr[j]]
-
-
-def _add_tendon(
-    path: Path,
-    m: Any,
-    t: int,
-    locks: Mapping[int, float],
-    forces: Forces,
-    stiffness: Array,
-    pull: Array,
-) -> None:
-    linear = {
-        "stiffness": float(m.tendon_stiffness[t]),
-        "damping": float(m.tendon_damping[t]),
-        "frictionloss": float(m.tendon_frictionloss[t]),
-        "armature": float(_extra(m, "tendon_armature", t)),
-    }
-    bent = [k for k in ("stiffness", "damping") if np.any(_extra(m, f"tendon_{k}poly", t))]
-    present = [k for k, value in linear.items() if value] + bent
-    arms = find_arms(m, t)
-    if not present or (arms and all(j in locks for j in arms)):
-        return
-    called = m.tendon(t).name
-    name = called or f"number {t + 1}"
-    single = _single(m, t, locks)
-    if single is None and not arms and not straight(m, t):
-        bends = "bends around a geom" if arms is None else "is not along joints"
-        raise _refusal(path, f"the tendon '{name}' has {present[0]} and {bends}")
-    low, high = m.tendon_lengthspring[t]
-    if bent or (linear["stiffness"] and (low != high or _extra(m, "tendon_springyield", t))):
-        raise _refusal(path, f"the tendon '{name}' has stiffness or damping that is not linear")
-    if single is None:
-        if arms is None:
-            forces.cables[t] = linear
-            return
-        weights = {m.joint(j).name: c for j, c in arms.items() if j not in locks}
-        still = sum(c * locks[j] for j, c in arms.items() if j in locks)
-        if not called:
-            raise RobotError(
-                f"{path}: the tendon {name} runs along several joints and has {present[0]}, and "
-                "parameters are named after it; give it a name."
-            )
-        forces.combinations[called] = Combination(weights, linear, low - still)
-        return
-    dof, arm = int(m.jnt_dofadr[single[0]]), single[1]
-    stiffness[dof] += linear["stiffness"] * arm**2
-    pull[dof] += linear["stiffness"] * arm * (low - single[2])
-    forces.damping[dof] += linear["damping"] * arm**2
-    forces.frictionloss[dof] += linear["frictionloss"] * abs(arm)
-    forces.armature[dof] += linear["armature"] * arm**2
-
-
-def _add_actuator(path: Path, m: Any, a: int, locks: Mapping[int, float], forces: Forces) -> None:
-    """Add the rotor and the damping that an actuator brings along."""
-    rotor, damping = (float(_extra(m, f"actuator_{k}", a)) for k in ("armature", "damping"))
-    bent = np.any(_extra(m, "actuator_dampingpoly", a))
-    if not (rotor or damping or bent) or _idle(m, a, locks):
-        return
-    name, joint = m.actuator(a).name or f"number {a + 1}", _driven(m, a, locks)
-    if _pulls(m, a) and not bent:
-        each = forces.cables.setdefault(
-            int(m.actuator_trnid[a, 0]),
-            dict.fromkeys(("stiffness", "damping", "frictionloss", "armature"), 0.0),
-        )
-        each["armature"] += rotor * float(m.actuator_gear[a, 0]) ** 2
-        each["damping"] += damping * float(m.actuator_gear[a, 0]) ** 2
-        return
-    if joint is None or bent:
-        what = "damping that is not linear" if bent else "armature or damping but drives no joint"
-        raise _refusal(path, f"the actuator '{name}' has {what}")
-    arm = float(m.actuator_gear[a, 0])
-    if int(m.actuator_trntype[a]) == _ON_TENDON:
-        single = _single(m, int(m.actuator_trnid[a, 0]), locks)
-        arm *= single[1] if single is not None else 1.0
-    dof = int(m.jnt_dofadr[joint])
-    forces.armature[dof] += rotor * arm**2
-    forces.damping[dof] += damping * arm**2
-
-
-def _refuse_on_balls(path: Path, m: Any, forces: Forces) -> None:
-    for d in range(m.nv):
-        j = int(m.dof_jntid[d])
-        if int(m.jnt_type[j]) in _SCALAR:
+    for line in _lines(m):
+        numbers = {word: x for word, x in line.numbers.items() if word not in idle}
+        moving = {j: c for j, c in line.arms.items() if j not in locks}
+        if not numbers or (line.arms and not moving):
             continue
-        for word in ("damping", "frictionloss", "armature"):
-            if getattr(forces, word)[d]:
-                raise _refusal(path, f"the ball or free joint '{m.joint(j).name}' has {word}")
+        rest = line.rest - sum(c * locks[j] for j, c in line.arms.items() if j in locks)
+        if len(moving) == 1:
+            ((j, c),) = moving.items()
+            dof = int(m.jnt_dofadr[j])
+            for word, value in numbers.items():
+                total[word][dof] += value * abs(c) ** _POWERS[word]
+            pull[dof] += numbers.get("stiffness", 0.0) * c * rest
+            continue
+        own = beside.setdefault(line.name, dict.fromkeys(_POWERS, 0.0))
+        own.update({word: own[word] + x for word, x in numbers.items()})
+        if line.cable is not None:
+            cables[line.cable] = own
+            springs |= {line.name: (own["stiffness"], rest)} if own["stiffness"] else {}
+        elif moving:
+            weights = {m.joint(j).name: c for j, c in moving.items()}
+            combinations[line.name] = Combination(weights, own, rest)
+        else:
+            what = ", ".join(numbers)
+            raise _refusal(
+                path,
+                f"the tendon or actuator '{line.name}' has {what} and bends, or drives no joint",
+            )
+    _refuse_on_balls(path, m, total)
+    stiff = total.pop("stiffness")
+    for d in np.flatnonzero(stiff):
+        springs[m.joint(int(m.dof_jntid[d])).name] = float(stiff[d]), float(pull[d] / stiff[d])
+    return Forces(**total, springs=springs, combinations=combinations, cables=cables)
+
+
+def _refuse_on_balls(path: Path, m: Any, total: Mapping[str, Array]) -> None:
+    for d, j in enumerate(m.dof_jntid):
+        wrong = [word for word, values in total.items() if values[d]]
+        if wrong and int(m.jnt_type[j]) not in _ALIGNED:
+            raise _refusal(path, f"the ball or free joint '{m.joint(j).name}' has {wrong[0]}")
+
+
+def _switched_off(m: Any) -> set[str]:
+    """Return the numbers that flags of the file switch off."""
+    bits, off = mujoco.mjtDisableBit, int(m.opt.disableflags)
+    flags = {
+        "damping": bits.mjDSBL_DAMPER,
+        "frictionloss": bits.mjDSBL_FRICTIONLOSS | bits.mjDSBL_CONSTRAINT,
+        "stiffness": bits.mjDSBL_SPRING,
+    }
+    return {word for word, flag in flags.items() if off & int(flag)}
+
+
+def _lines(m: Any) -> Iterator[Line]:
+    """Yield the springs of joints, the tendons and the actuators of a compiled model."""
+    for j in range(m.njnt):
+        rest = float(m.qpos_spring[m.jnt_qposadr[j]])
+        yield Line(m.joint(j).name, {j: 1.0}, None, _numbers(m, "jnt", j), rest)
+    for t in range(m.ntendon):
+        cable = t if straight(m, t) else None
+        rest = float(m.tendon_lengthspring[t, 0])
+        yield Line(cable_name(m, t), find_arms(m, t) or {}, cable, _numbers(m, "tendon", t), rest)
+    for a in range(len(m.actuator_trntype)):
+        name, arms, cable, gear = find_drive(m, a)
+        numbers = {
+            word: value * abs(gear) ** _POWERS[word]
+            for word, value in _numbers(m, "actuator", a).items()
+        }
+        if m.actuator_trntype[a] == _ON_TENDON:
+            pulled = int(m.actuator_trnid[a, 0])
+            rest = float(m.tendon_lengthspring[pulled, 0])
+            yield Line(cable_name(m, pulled), arms, cable, numbers, rest)
+        else:
+            yield Line(name, arms, cable, numbers)
+
+
+def _numbers(m: Any, kind: str, k: int) -> dict[str, float]:
+    """Return the numbers of a joint, tendon or actuator that are not zero."""
+    arrays = {word: getattr(m, f"{kind}_{word}", None) for word in _POWERS}
+    return {word: float(x[k]) for word, x in arrays.items() if x is not None and x[k]}
+
+
+def find_drives(m: Any, locked: Collection[str]) -> list[str] | None:
+    """Return the joints that actuators drive, None without actuators.
+
+    A joint may have several actuators, say one that holds a position and one that damps. One that
+    pulls at several joints that move drives none of them alone.
+    """
+    names: list[str] = []
+    every = range(len(m.actuator_trntype))
+    for a in every:
+        _, arms, cable, _ = find_drive(m, a)
+        moving = [name for name in (m.joint(j).name for j in arms) if name not in locked]
+        names += [cable_name(m, cable)] if cable is not None else moving if len(moving) == 1 else []
+    return list(dict.fromkeys(names)) if every else None
 
 
 def _refuse_fields(path: Path, m: Any) -> None:
     """Refuse what acts on whole bodies beside gravity."""
+    for kind, array in _BENT:
+        bent = getattr(m, array, np.zeros(0))
+        if np.any(bent):
+            k = int(np.flatnonzero(bent)[0]) // (bent.size // len(bent))
+            named = m.joint(m.dof_jntid[k]) if kind == "dof" else getattr(m, kind)(k)
+            what = f"springs or damping that is not linear ({array})"
+            raise _refusal(path, f"the {kind.replace('dof', 'joint')} '{named.name}' has {what}")
+    low, high = m.tendon_lengthspring.T
+    slack = np.flatnonzero((low != high) & (m.tendon_stiffness != 0.0))
+    if len(slack):
+        raise _refusal(path, f"the tendon '{m.tendon(slack[0]).name}' is slack between two lengths")
     lifted = np.flatnonzero(m.body_gravcomp * m.body_mass)
     if len(lifted):
         raise _refusal(path, f"the body '{m.body(int(lifted[0])).name}' has gravcomp")
@@ -362,7 +301,7 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     off, home = int(m.opt.disableflags), _home(m)
     joints = [m.joint(j) for j in np.flatnonzero(np.isin(m.jnt_type, [HINGE, SLIDE]))]
     at_home = {j.name: extra.home.get(j.name, float(home[j.qposadr[0]])) for j in joints}
-    driven = extra.actuated or find_drives(m, {})[0] or ()
+    driven = extra.actuated or find_drives(m, ()) or ()
     couplings = add_couplings(_couplings(path, m, driven), extra.couplings)
     locked, couplings = settle_locks(path, read_locks(extra.locked), at_home, couplings)
     model, places, names, welded = _build_tree(m, locked)
@@ -385,25 +324,23 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     kept = np.ones(m.nq, bool)
     kept[[int(m.joint(name).qposadr[0]) for name in locked]] = False
     _set_limits(model, m, kept)
-    actuated, other = find_drives(m, locked)
     return Stated(
         model=model,
         tree=tree,
         last=last,
         loops=_loops(path, m, places, last),
         couplings=couplings,
-        actuated=actuated,
+        actuated=find_drives(m, locked),
         home=np.append(home[kept], np.zeros(len(cables))),
         posed=m.nkey > 0,
         springs=forces.springs,
-        undriven=other,
         locked=locked,
         welded=welded,
         combinations=forces.combinations,
         cables=cables,
         outside=outside,
         entries=read_entries(scene, compile_mjcf(path, root) if fixed else None),
-        servos=find_servos(m, driven_joints(m)),
+        servos=find_servos(m),
         **_floating(scene, which, gravity),
         radii=_name_frames(model, m, places),
         drawn=_drawn(m),

@@ -31,7 +31,7 @@ from identifiability.robot.locate import find_sidecar, locate_robot
 from identifiability.robot.locking import LockOption, add_couplings, read_locks, settle_locks, weld
 from identifiability.robot.markup import check_magnitudes, check_regular, check_weight, read_markup
 from identifiability.robot.parts import Coupling, Stated
-from identifiability.robot.sidecar import Sidecar, read_sidecar
+from identifiability.robot.sidecar import Sidecar, check_known, read_sidecar
 
 # Links without mass between the axes of one joint, which a URDF needs for a universal joint.
 
@@ -97,11 +97,7 @@ def merge_axes(
 
 
 def _check(path: Path, model: Any, bodies: tuple[str, ...], link: str) -> None:
-    if link not in bodies:
-        raise RobotError(
-            f"The sidecar of {path}: 'massless' names '{link}', which is no moving link"
-            f"{near_match(link, bodies)}"
-        )
+    check_known(path, "massless", [link], bodies)
     index = bodies.index(link) + 1
     mass = float(model.inertias[index].mass)
     carried = [k for k in range(1, model.njoints) if model.parents[k] == index]
@@ -173,15 +169,8 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     if reason or printed:  # a link whose inertia is misspelt is read without any, but told of
         reason = printed[0][:300] if printed else reason
         raise RobotError(f"{path} cannot be read as URDF: {reason}.")
-    read = {f.name for f in model.frames if f.type == pin.FrameType.BODY}
-    lost = [link.get("name", "") for link in root.findall("link") if link.get("name") not in read]
-    if lost:
-        raise RobotError(
-            f"{path}: the links {listing(lost)} were lost in reading; connect them to the root "
-            "link by joints."
-        )
     if extra.base is None and not top and not extra.loops:
-        _ask_for_base(path, root)
+        _ask_for_base(path, model)
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     fixed = {name for name, joint in joints.items() if joint.get("type") == "fixed"}
     follow = {n: j.find("mimic") for n, j in joints.items() if n not in fixed}
@@ -193,13 +182,6 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     ]
     _check_mimics(path, mimics, joints)
     couplings = add_couplings(mimics, extra.couplings)
-    for c in couplings:
-        if c in mimics and c.of is not None and c.of not in joints:
-            raise RobotError(
-                f"{path}: the joint '{c.joint}' follows '{c.of}', which is not there"
-                f"{near_match(c.of, joints)} Correct the file, or state it in the sidecar: "
-                f'[[couplings]] joint = "{c.joint}", of = "…".'
-            )
     # What follows a fixed joint stands still as well, and what is fixed need not be locked.
     wanted: dict[str, float | None] = {c.joint: None for c in mimics if c.of is None}
     wanted |= {n: at for n, at in read_locks(extra.locked).items() if at or n not in fixed}
@@ -276,46 +258,28 @@ _LEG = re.compile(
 GROUND = ("world", "map", "ground", "earth")
 
 
-def _ask_for_base(path: Path, root: ET.Element) -> None:
+def _ask_for_base(path: Path, model: Any) -> None:
     """Refuse a robot on legs whose root link hangs on nothing: it may walk, or be bolted down.
 
     Raises
     ------
     RobotError
     """
-    ends = {  # in the order of the file either may stand first
-        joint: [
-            "" if (end := joint.find(tag)) is None else end.get("link", "")
-            for tag in ("parent", "child")
-        ]
-        for joint in root.findall("joint")
-    }
-    children = {child for _, child in ends.values()}
-    tops = [link.get("name", "") for link in root.findall("link")]
-    base, *others = [name for name in tops if name not in children] or [""]
-    if others:  # some of them hang on nothing and carry nothing
-        return
-    weighs = {
-        link.get("name") for link in root.findall("link") if link.find("inertial") is not None
-    }
-    waiting, legs, heavy = [base], list[str](), False
-    while waiting:
-        link = waiting.pop()
-        heavy = heavy or link in weighs
-        for joint, (parent, child) in ends.items():
-            if parent != link:
-                continue
-            if joint.get("type") == "fixed":
-                waiting.append(child)
-            elif _LEG.search(re.sub(r"([a-z])([A-Z])", r"\1 \2", f"{joint.get('name')} {child}")):
-                legs.append(child)
-    if len(legs) < 2 or not heavy or base in GROUND:
+    bodies = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
+    first = [k for k in range(1, model.njoints) if model.parents[k] == 0]
+    names = {body_names(model)[k - 1]: model.names[k] for k in first}
+    legs = [
+        body
+        for body, joint in names.items()
+        if _LEG.search(re.sub(r"([a-z])([A-Z])", r"\1 \2", f"{joint} {body}"))
+    ]
+    if len(legs) < 2 or not model.inertias[0].mass or bodies[0] in GROUND:
         return
     raise RobotError(
-        f"{path}: its root link '{base}' hangs on nothing and carries the legs {listing(legs, 4)}, "
-        "so it may walk; if it was bolted down or hung up while it was measured, write "
-        f'base = "fixed" into {path.with_suffix(".toml").name} beside it, and base = "floating" if '
-        "it stood on its own feet."
+        f"{path}: its root link '{bodies[0]}' hangs on nothing and carries the legs "
+        f"{listing(legs, 4)}, so it may walk; if it was bolted down or hung up while it was "
+        f'measured, write base = "fixed" into {path.with_suffix(".toml").name} beside it, and '
+        'base = "floating" if it stood on its own feet.'
     )
 
 

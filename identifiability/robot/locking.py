@@ -20,7 +20,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected
 from identifiability.robot.description import Description
 from identifiability.robot.kinematics import body_names
-from identifiability.robot.parts import Coupling, Term, couple, hold_still, lead_by_another
+from identifiability.robot.parts import Coupling, Term, couple, hold_still
 
 #: Joints by name; a number is where one is held, none is its home position.
 Locks = Mapping[str, float | None]
@@ -120,23 +120,15 @@ def _carry_on(
             elif c.joint in locked and less.of is not None:
                 _hold(path, locked, less.of, _source(path, less, locked[c.joint], home))
             elif c.joint in locked:
-                left.append(_turn_round(path, less, locked[c.joint]))
+                raise RobotError(
+                    f"{path}: the joint '{c.joint}' cannot be locked, as it follows "
+                    f"{listing(less.sources)}; lock all but one of those too."
+                )
             else:
                 left.append(less)
                 continue
             found = True
     return left
-
-
-def _turn_round(path: Path, coupling: Coupling, at: float) -> Coupling:
-    """Return a coupling of several joints as one of another joint, where its own is locked."""
-    other = lead_by_another(coupling, at)
-    if other is None:
-        raise RobotError(
-            f"{path}: the joint '{coupling.joint}' cannot be locked: it follows "
-            f"{listing(coupling.sources)}, and none of them enters linearly; lock one of those too."
-        )
-    return other
 
 
 def _source(path: Path, coupling: Coupling, value: float, home: Mapping[str, float]) -> float:

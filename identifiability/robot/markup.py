@@ -1,22 +1,21 @@
-"""The XML of a robot file: as far as its size allows, refused where parsers crash or misread.
+"""The XML of a robot file: as far as its size allows, with includes in their places.
 
-What has no end, numbers that no arithmetic holds and too many joints are refused at once;
-inertials and numbers in the XML of an MJCF are found here.
+Numbers that no arithmetic holds and too many joints are refused; inertials and numbers in the XML
+of an MJCF are written here.
 """
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from unicodedata import category
 
 import numpy as np
 
-from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.errors import RobotError
+from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.robot.servo import Servo
 
@@ -51,47 +50,39 @@ def check_magnitudes(path: Path, model: Any) -> None:
             f"{path} has {model.nv} degrees of freedom; robots of up to {MOST_JOINTS} are read: "
             "lock joints that do not move ([locked] in the sidecar, or --lock)."
         )
-    if not np.all(np.abs(model.gravity.linear) < LARGEST):
-        raise RobotError(f"{path} states a gravity that is none; give it in m/s².")
-    for k in range(1, model.njoints):
-        body, place = model.inertias[k], model.jointPlacements[k].translation
-        numbers = np.concatenate([body.toDynamicParameters(), place])
-        if body.mass < 0:  # told as such later; its centre may be a quotient of nothing
-            numbers = np.array([body.mass])
-        if not np.all(np.abs(numbers) < LARGEST) or 0 < abs(body.mass) < SMALLEST:
-            raise RobotError(
-                f"{path}: mass, inertia or place of what joint '{model.names[k]}' moves is no "
-                "number of a robot; give kg, m and kg·m²."
-            )
+    places = [model.jointPlacements[k].translation for k in range(model.njoints)]
+    if not np.all(np.abs([model.gravity.linear, *places]) < LARGEST):
+        raise RobotError(f"{path}: gravity, or the place of a joint, is no number of a robot.")
 
 
-#: In words, what no file may state below zero.
-NOT_NEGATIVE = "stiffness, damping, friction, armature, mass and moments of inertia"
+#: Kinds of parameters that are not negative, beside those of rotors.
+_NOT_NEGATIVE = ("m", "Ixx", "Iyy", "Izz", "Fv", "Fc", "Fc+", "Fc-", "K")
 
 
-def check_nominal(path: Path, values: Mapping[str, float], positive: Collection[str]) -> None:
-    """Refuse values that files state and no joint has.
+def check_nominal(path: Path, values: Mapping[str, float], rotor: str) -> None:
+    """Refuse values that files state and no robot has.
 
     Parameters
     ----------
     path : Path
     values : mapping
         By name of the parameter.
-    positive : collection of str
-        Those that are not negative: friction, stiffness, rotors; masses and moments, if stated.
+    rotor : str
+        The kind of parameter that the inertia of an actuator is.
 
     Raises
     ------
     RobotError
     """
     for name, value in values.items():
-        joint, _, kind = name.rpartition(".")
-        if kind not in INERTIAL_KINDS and not abs(value) < LARGEST:  # bodies were asked before
+        owner, _, kind = name.rpartition(".")
+        if not abs(value) < LARGEST:
             raise RobotError(f"{path}: {name} = {value:g} is no number of a robot; give SI units.")
-        if value < 0 and name in positive:
+        if value < 0 and kind in (*_NOT_NEGATIVE, rotor):
             raise RobotError(
-                f"{path}: the file, or its sidecar, states {name} = {value:g}; {NOT_NEGATIVE} are "
-                f"not negative: correct '{joint}'."
+                f"{path}: the file, or its sidecar, states {name} = {value:g}; stiffness, damping, "
+                "friction, armature, mass and moments of inertia are not negative: correct "
+                f"'{owner}'."
             )
 
 
@@ -102,33 +93,13 @@ def check_nominal(path: Path, values: Mapping[str, float], positive: Collection[
 MOST_BYTES = 50_000_000
 MOST_BODIES = 200
 MOST_ELEMENTS = 20_000
-MOST_ATTRIBUTES = 1_000  # of an element; MuJoCo takes their square in time
 DEEPEST = 250
 
 #: Closures and couplings: five for each degree of freedom that a robot may have.
 MOST_EQUALITIES = 500
 
-#: Bytes in which the first element begins: all that declarations of a document could cost.
-PROLOG = 65_536
-
-#: Files that are included, and how deep in each other.
-MOST_INCLUDES, DEEPEST_INCLUDE = 100, 20
-
-#: Elements of MJCF without a share in the motion; MuJoCo takes the square of them in time to leave
-#: them out.
-MOST_IDLE = 2_000
-_IDLE = ("light", "texture", "material", "mesh", "skin", "hfield", "tuple", "pair", "exclude")
-
-#: What MuJoCo makes room for before anything is looked at: numbers of rows, columns, values, and of
-#: values for each element of a kind.
-MOST_ROOM, MOST_USER = 5_000, 100
-_ROOMS = {
-    "size": ("nuserdata", "nkey", *(f"nuser_{k}" for k in (
-        "body", "jnt", "geom", "site", "cam", "tendon", "actuator", "sensor"))),
-    "numeric": ("size",),
-    "hfield": ("nrow", "ncol"),
-    "texture": ("width", "height"),
-}  # fmt: skip
+#: Files that are included; one that includes itself is refused by their number.
+MOST_INCLUDES = 100
 
 
 def check_regular(path: Path) -> None:
@@ -147,57 +118,6 @@ def check_regular(path: Path) -> None:
         raise RobotError(f"{path} cannot be read: it is no file.")
 
 
-class _Bounded(ET.TreeBuilder):
-    """Builds the tree of a file, as long as it is no larger than what is read."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__()
-        self._path, self.elements, self._depth, self._spaces = path, 0, 0, 0
-
-    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
-        """Refuse declarations, whose attributes and entities multiply what a file holds."""
-        del name, pubid, system
-        raise RobotError(
-            f"{self._path} declares a document type, <!DOCTYPE …>; no robot needs one: take it "
-            "out, and write its entities where they are used."
-        )
-
-    def start(self, tag: Any, attrs: Mapping[Any, Any]) -> ET.Element:
-        self.elements += 1
-        self._depth += 1
-        if self.elements > MOST_ELEMENTS:
-            raise _too_many(self._path)
-        if self._depth > DEEPEST:
-            raise _too_deep(self._path)
-        if len(attrs) > MOST_ATTRIBUTES:
-            raise RobotError(
-                f"{self._path} has a <{tag}> with more than {MOST_ATTRIBUTES} attributes; no "
-                "element has so many: correct it."
-            )
-        return super().start(tag, dict(attrs))
-
-    def start_ns(self, prefix: str, uri: str) -> None:
-        """Count a declaration of a namespace, which is none of the attributes."""
-        del prefix, uri
-        self._spaces += 1
-        if self._spaces > MOST_ATTRIBUTES:
-            raise RobotError(
-                f"{self._path} declares more than {MOST_ATTRIBUTES} namespaces; leave them out."
-            )
-
-    def end(self, tag: str) -> ET.Element:
-        self._depth -= 1
-        return super().end(tag)
-
-
-def _too_many(path: Path) -> RobotError:
-    return RobotError(f"{path} has more than {MOST_ELEMENTS} elements; simplify it.")
-
-
-def _too_deep(path: Path) -> RobotError:
-    return RobotError(f"{path} nests elements deeper than {DEEPEST} levels; flatten it.")
-
-
 def parse_xml(path: Path, roots: tuple[str, ...]) -> ET.Element:
     """Return the root element of a file, which must be one of some.
 
@@ -208,15 +128,15 @@ def parse_xml(path: Path, roots: tuple[str, ...]) -> ET.Element:
     check_regular(path)
     check_weight(path, [path])
     try:
-        # What has no end is looked at again from its start with each piece, and what a handler
-        # refuses is read on to the end of the piece: declarations are in the first, of a few bytes.
-        tree, content = _Bounded(path), path.read_bytes()
-        parser = ET.XMLParser(target=tree)
-        parser.feed(content[:PROLOG])
-        if len(content) > PROLOG and not tree.elements:
-            raise RobotError(f"{path} has no element in its first {PROLOG // 1000} kB.")
-        parser.feed(content[PROLOG:])
-        root: ET.Element = parser.close()
+        content = path.read_bytes()
+        if b"<!DOCTYPE" in content:  # its entities and attributes multiply what a file holds
+            raise RobotError(
+                f"{path} declares a document type, <!DOCTYPE …>; no robot needs one: take it out, "
+                "and write its entities where they are used."
+            )
+        if content.count(b"<") > 4 * MOST_ELEMENTS:
+            raise _too_large(path)
+        root: ET.Element = ET.fromstring(content)
     except ET.ParseError as error:
         raise RobotError(f"{path} is not an MJCF or URDF file: it is not XML ({error}).") from None
     except OSError as error:
@@ -244,181 +164,75 @@ def check_weight(path: Path, files: Sequence[Path]) -> None:
         )
 
 
-def expand_includes(
-    path: Path, root: ET.Element, above: tuple[Path, ...], found: list[Path]
-) -> None:
-    """Put the children of included files where they are included.
-
-    Parameters
-    ----------
-    path : Path
-        The file that `root` is of.
-    root : Element
-    above : tuple of Path
-        The files that led to it, itself the last.
-    found : list of Path
-        Where the files that were included are put down.
-
-    Raises
-    ------
-    RobotError
-    """
+def _expand_includes(path: Path, root: ET.Element, found: list[Path]) -> None:
+    """Put the children of included files where they are included, and note these files."""
     for parent in list(root.iter()):
         for child in [c for c in parent if c.tag == "include"]:
             file = path.parent / child.get("file", "")
-            if file in above:
-                raise RobotError(f"{above[-1]} includes {file}, which includes it; break the ring.")
-            if len(above) > DEEPEST_INCLUDE:
-                raise RobotError(
-                    f"{above[0]} includes files deeper in each other than {DEEPEST_INCLUDE} "
-                    "levels; put them together."
-                )
-            check_regular(file)
             found.append(file)
             if len(found) > MOST_INCLUDES:
                 raise RobotError(
-                    f"{above[0]} includes more than {MOST_INCLUDES} files; put them together."
+                    f"{path} includes more than {MOST_INCLUDES} files, or files include each other "
+                    "in a ring; put them together."
                 )
-            check_weight(above[0], [above[0], *found])
+            check_weight(path, [path, *found])
             inner = parse_xml(file, ("mujoco", "mujocoinclude"))
-            expand_includes(path, inner, (*above, file), found)
+            _expand_includes(path, inner, found)
             at = list(parent).index(child)
             parent[at : at + 1] = list(inner)
 
 
-def check_size(path: Path, root: ET.Element) -> None:
-    """Refuse what would take minutes, or all the memory, with <replicate> counted out.
+def _too_large(path: Path) -> RobotError:
+    return RobotError(
+        f"{path} is too large: robots of up to {MOST_BODIES} bodies, {MOST_ELEMENTS} elements and "
+        f"{DEEPEST} levels are read; simplify it."
+    )
 
-    Raises
-    ------
-    RobotError
-    """
+
+def _check_size(path: Path, root: ET.Element) -> None:
+    """Refuse what would take minutes, or all the memory, with <replicate> counted out."""
     level, bodies, elements = [(root, 1)], 0, 0
     for _ in range(DEEPEST):
         below = []
         for element, times in level:
             bodies += times * (element.tag in ("body", "link"))
             elements += times
-            if element.tag == "replicate":
-                copies = min(_number((element.get("count") or "").strip()), 1e9)
-                times *= max(int(copies), 1)  # noqa: PLW2901
-            below += [(child, times) for child in element]
-        if bodies > MOST_BODIES:
-            raise RobotError(
-                f"{path} has more bodies than {MOST_BODIES}; robots of up to so many can be read."
-            )
-        if elements > MOST_ELEMENTS:
-            raise _too_many(path)
+            copies = element.get("count", "") if element.tag == "replicate" else ""
+            many = times * (int(copies) if copies.lstrip("+").isdecimal() else 1)
+            below += [(child, many) for child in element]
         level = below
-        if not level:
-            return
-    raise _too_deep(path)
-
-
-def check_room(path: Path, root: ET.Element) -> None:
-    """Refuse an MJCF for which MuJoCo would need much time or memory before it looks at anything.
-
-    Raises
-    ------
-    RobotError
-    """
-    sensors = sum(len(section) for section in root.findall("sensor"))
-    meshes = sum("mesh" in e.attrib or "hfield" in e.attrib for e in root.iter("geom"))
-    if sensors + meshes + sum(e.tag in _IDLE for e in root.iter()) > MOST_IDLE:
-        raise RobotError(
-            f"{path} has more than {MOST_IDLE} sensors, materials, meshes and the like, which "
-            "identification has no use for; take them out."
-        )
-    for element in root.iter():
-        for key in _ROOMS.get(element.tag, ()):
-            text = element.get(key, "").strip()
-            most = MOST_USER if key.startswith("nuser_") else MOST_ROOM
-            if _number(text) > most:
-                raise RobotError(
-                    f'{path}: <{element.tag}> has {key}="{text[:20]}"; it is read up to {most}.'
-                )
-
-
-def _number(text: str) -> float:
-    """Return the number that a text is, however it is written; 0 if it is none."""
-    for read in (float, lambda x: float(int(x, 0))):
-        try:
-            number = float(read(text[:30]))
-            return 0.0 if math.isnan(number) else number
-        except (ValueError, OverflowError):
-            continue
-    return 0.0
-
-
-# The XML of a robot file: parse it, and refuse what its parser would crash on or misread.
-
-
-_URDF_JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
-_ENDLESS = ("nan", "inf", "infinity")
-#: Elements of MJCF that bring in what is no robot of rigid bodies, and what to do instead.
-_SOFT = "only rigid bodies are supported; take it out of the file"
-_REFUSED = {
-    "attach": "let MuJoCo write the file out in full (mujoco.mj_saveLastXML)",
-    **dict.fromkeys(("composite", "flexcomp", "flex"), _SOFT),
-}
+        if not level or bodies > MOST_BODIES or elements > MOST_ELEMENTS:
+            break
+    if level or bodies > MOST_BODIES or elements > MOST_ELEMENTS:
+        raise _too_large(path)
 
 
 def read_markup(path: Path) -> ET.Element:
-    """Return the root element of a robot file, checked, with MJCF includes in their places.
+    """Return the root element of a robot file, with MJCF includes in their places.
 
     Raises
     ------
     RobotError
     """
     root, _ = _with_includes(path)
-    check_size(path, root)
+    _check_size(path, root)
     _check_names(path, root)
-    _check_signs(path, root)
-    (_check_mjcf if root.tag == "mujoco" else _check_urdf)(path, root)
+    if root.tag == "robot":
+        _check_expanded(path, root)
     return root
 
 
-#: What is not negative, by the elements that state it.
-_NOT_NEGATIVE = {
-    **dict.fromkeys(
-        ("joint", "tendon", "fixed", "spatial", "dynamics"),
-        ("stiffness", "damping", "friction", "frictionloss", "armature"),
-    ),
-    "inertial": ("mass", "diaginertia"),
-    "mass": ("value",),
-    "inertia": ("ixx", "iyy", "izz"),
-    "geom": ("mass", "density"),
-}
-
-
-def _check_signs(path: Path, root: ET.Element) -> None:
-    """Refuse negative stiffness, damping, armature, friction, mass and principal inertia."""
-    owner = {child: parent for parent in root.iter() for child in parent}
+def _check_expanded(path: Path, root: ET.Element) -> None:
+    """Refuse what xacro has not gone through: the parts that it stands for would be lost."""
     for element in root.iter():
-        stated = {key: _numbers(element.get(key, "")) for key in _NOT_NEGATIVE.get(element.tag, ())}
-        worst = {key: min(x) for key, x in stated.items() if x}
-        for key, value in worst.items():
-            if value < 0:
-                at = next((e for e in _upwards(element, owner) if e.get("name")), element)
-                raise RobotError(
-                    f"{path}: <{element.tag}> of '{at.get('name', '')}' states {key} = {value:g}; "
-                    f"{NOT_NEGATIVE} are not negative: correct it."
-                )
-
-
-def _upwards(element: ET.Element, owner: Mapping[ET.Element, ET.Element]) -> Iterator[ET.Element]:
-    at: ET.Element | None = element
-    while at is not None:
-        yield at
-        at = owner.get(at)
-
-
-def _numbers(text: str) -> list[float]:
-    """Return the numbers of an attribute, none if it is no list of numbers."""
-    try:
-        return [float(x) for x in text.split()]
-    except ValueError:
-        return []
+        space, _, tag = element.tag.rpartition("}")
+        named = [text for text in element.attrib.values() if "${" in text or "$(" in text]
+        if named or ("xacro" in space and tag not in ("property", "arg")):
+            left = named[0] if named else f"<xacro:{tag}>"
+            raise RobotError(
+                f"{path} is a xacro file that was not expanded ('{left}' is left in it); run "
+                f"'xacro {path.name} > robot.urdf' and give robot.urdf."
+            )
 
 
 def file_text(path: Path, root: ET.Element) -> str:
@@ -427,7 +241,7 @@ def file_text(path: Path, root: ET.Element) -> str:
         text = path.read_text(encoding="utf-8-sig")
     except ValueError:  # another encoding
         text = ""
-    if text and "<include" not in text and "<!ENTITY" not in text:
+    if text and "<include" not in text:
         return text
     return ET.tostring(root, encoding="unicode")
 
@@ -447,7 +261,7 @@ def _with_includes(path: Path) -> tuple[ET.Element, list[Path]]:
     found: list[Path] = []
     root = parse_xml(path, ("mujoco", "robot"))
     if root.tag == "mujoco":
-        expand_includes(path, root, (path,), found)
+        _expand_includes(path, root, found)
     return root, found
 
 
@@ -460,77 +274,6 @@ def _check_names(path: Path, root: ET.Element) -> None:
                     f"{path}: the name '{name}' of a <{element.tag}> has control characters or "
                     f"more than {LONGEST_NAME} letters; give it another."
                 )
-
-
-def _check_mjcf(path: Path, root: ET.Element) -> None:
-    names = {e.get("name") for e in root.iter()}
-    check_room(path, root)
-    for element in root.iter():
-        if element.tag in _REFUSED:
-            raise RobotError(f"{path} uses <{element.tag}>; {_REFUSED[element.tag]}.")
-        for key, text in element.items():
-            if text not in names and any(w.strip("+-") in _ENDLESS for w in text.lower().split()):
-                raise RobotError(
-                    f'{path}: <{element.tag} name="{element.get("name", "")}"> has {key}="{text}"; '
-                    "expected finite numbers."
-                )
-
-
-def _check_expanded(path: Path, root: ET.Element) -> None:
-    """Refuse what xacro has not gone through: the parts that it stands for would be lost."""
-    for element in root.iter():
-        space, _, tag = element.tag.rpartition("}")
-        left = "xacro" in space and tag not in ("property", "arg")
-        named = [text for text in element.attrib.values() if "${" in text or "$(" in text]
-        if left or named:
-            what = f"<xacro:{tag}>" if left else f"'{named[0]}'"
-            raise RobotError(
-                f"{path} is a xacro file that was not expanded ({what} is left in it); run "
-                f"'xacro {path.name} > robot.urdf' and give robot.urdf."
-            )
-
-
-def _check_urdf(path: Path, root: ET.Element) -> None:
-    _check_expanded(path, root)
-    links = [e.get("name", "") for e in root.findall("link")]
-    known = set(links)
-    if not links:
-        raise RobotError(
-            f"{path} has no <link>; it may only define parts that xacro puts into other files: "
-            "give the file of the whole robot."
-        )
-    children = set()
-    for joint in root.findall("joint"):
-        kind = joint.get("type")
-        if kind is not None and kind not in _URDF_JOINTS:
-            raise RobotError(
-                f"{path}: joint '{joint.get('name', '')}' is of the unknown type "
-                f"'{kind}'{near_match(kind, _URDF_JOINTS)} The types are {', '.join(_URDF_JOINTS)}."
-            )
-        for end in ("parent", "child"):
-            named = {e.get("link", "") for e in joint.findall(end)}
-            if len(named) > 1:
-                raise RobotError(
-                    f"{path}: joint '{joint.get('name', '')}' names {len(named)} {end} links, "
-                    f"{listing(sorted(named))}; a joint has one: keep the right one."
-                )
-            link = next(iter(named), "")
-            if link not in known:
-                raise RobotError(
-                    f"{path}: joint '{joint.get('name', '')}' names the {end} link '{link}', which "
-                    f"is not there{near_match(link, links)}"
-                )
-            if end == "child":
-                children.add(link)
-        mimic = joint.find("mimic")
-        if mimic is not None and mimic.get("joint") == joint.get("name"):
-            raise RobotError(f"{path}: joint '{joint.get('name')}' mimics itself; name another.")
-    roots = [link or "one without a name" for link in links if link not in children]
-    if len(roots) > 1:
-        raise RobotError(
-            f"{path}: the links {listing(roots)} hang on no joint, but only the root link may; "
-            "connect the others to it by joints, or they would be lost."
-        )
 
 
 def drop_repeated(root: ET.Element) -> None:

@@ -5,7 +5,6 @@ Fixed tendons are sums of joints, equalities between them couplings.
 
 from __future__ import annotations
 
-import copy
 import re
 import warnings
 import xml.etree.ElementTree as ET
@@ -20,9 +19,11 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError, listing, near_match
+from identifiability.robot.cables import straight
 from identifiability.robot.floating import BASE_JOINTS, SIX
 from identifiability.robot.markup import check_regular, check_weight, file_text, read_markup
 from identifiability.robot.parts import Coupling, Entry, Term, couple
+from identifiability.robot.servo import JointServo
 from identifiability.robot.sidecar import Sidecar
 
 # Compile an MJCF with MuJoCo, whose reading of the file is the reference.
@@ -34,6 +35,8 @@ from identifiability.robot.sidecar import Sidecar
 #: Directions of slides and hinges.
 AXES = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 
+_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+_SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _GEOM, _FROM = mujoco.mjtGeom, mujoco.mjtInertiaFromGeom
 _FILED = (int(_GEOM.mjGEOM_MESH), int(_GEOM.mjGEOM_HFIELD), int(_GEOM.mjGEOM_SDF))
 
@@ -66,50 +69,37 @@ def compile_mjcf(
         With MuJoCo's reason, and the near match of a name that is not there.
     """
     with _refused(path, root):
-        if floating is not None:
-            root = float_on_joints(root, floating)
-        spec = _parse(path, root, fixed=fixed, changed=floating is not None)
+        spec = _parse(path, root)
+        if fixed or floating is not None:
+            replace_free_joints(spec, floating)
         leave_out(spec, outside)
         return spec.compile()
 
 
-def _free_joints(root: ET.Element) -> list[tuple[ET.Element, ET.Element, int]]:
-    """Return body and element of every free joint, and the coordinates before it without theirs."""
-    found, before = [], 0
-    for parent in list(root.iter()):
-        if parent.tag not in ("body", "worldbody"):
-            continue
-        for child in list(parent):
-            kind = child.get("type", "hinge") if child.tag == "joint" else child.tag
-            if kind in ("free", "freejoint"):
-                found.append((parent, child, before))
-            elif child.tag == "joint":
-                before += 4 if kind == "ball" else 1
-    return found
+def replace_free_joints(spec: Any, floating: int | None = None) -> None:
+    """Take all free joints out of a MuJoCo spec, or one, for which three slides and hinges stand.
 
-
-def float_on_joints(root: ET.Element, which: int) -> ET.Element:
-    """Return an MJCF with three slides and three hinges at zero for one of its free joints.
-
-    The base is where the world is, and keyframes say so.
+    The base is then where the world is, and keyframes say so.
     """
-    root = copy.deepcopy(root)
-    body, free, before = _free_joints(root)[which]
-    at = list(body).index(free)
-    body.remove(free)
-    still = dict.fromkeys(("damping", "armature", "frictionloss", "stiffness", "ref"), "0")
-    still |= {"limited": "false", "pos": "0 0 0", "actuatorfrclimited": "false"}
-    for k, name in enumerate(BASE_JOINTS):
-        kind, axis = "slide" if k < SIX // 2 else "hinge", " ".join(map(str, AXES[k % 3]))
-        body.insert(at + k, ET.Element("joint", still, name=name, type=kind, axis=axis))
-    for word in ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"):
-        body.attrib.pop(word, None)
-    start = before + 7 * which
-    for key in root.iter("key"):
-        numbers = key.get("qpos", "").split()
-        if numbers:
-            key.set("qpos", " ".join([*numbers[:start], *["0"] * SIX, *numbers[start + 7 :]]))
-    return root
+    found, start = [], 0
+    for joint in spec.joints:
+        kind = int(joint.type)
+        found += [(joint, start)] if kind == _FREE else []
+        start += {_FREE: 7, int(mujoco.mjtJoint.mjJNT_BALL): 4}.get(kind, 1)
+    for joint, at in reversed(found if floating is None else [found[floating]]):
+        body, names = joint.parent, () if floating is None else BASE_JOINTS
+        spec.delete(joint)
+        for key in spec.keys:
+            q = np.array(key.qpos)
+            key.qvel = []
+            key.qpos = np.concatenate([q[:at], np.zeros(len(names)), q[at + 7 :]]) if len(q) else q
+        for k, name in enumerate(names):
+            new = body.add_joint(name=name, type=_SCALAR[k < SIX // 2], axis=AXES[k % 3])
+            for word in ("damping", "armature", "frictionloss", "stiffness", "ref"):
+                setattr(new, word, np.zeros_like(getattr(new, word)))
+            new.limited = new.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
+            body.pos, body.quat = np.zeros(3), np.eye(4)[0]
+            body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
 
 
 def find_floating(path: Path, m: Any, outside: Collection[str], extra: Sidecar) -> int | None:
@@ -147,25 +137,6 @@ def find_floating(path: Path, m: Any, outside: Collection[str], extra: Sidecar) 
     return found[0] if found else None
 
 
-def bolt_down(root: ET.Element) -> ET.Element:
-    """Return an MJCF without free joints, and keyframes without their coordinates."""
-    root = copy.deepcopy(root)
-    free, start = [], None
-    for body, joint, before in _free_joints(root):
-        body.remove(joint)
-        free.append(joint)
-        start = before if start is None else start
-    for key in root.iter("key"):
-        for name, width in (("qpos", 7), ("qvel", 6)):
-            numbers = key.get(name, "").split()
-            if free and numbers:
-                # Of several bodies that float, nothing says whose coordinates come when.
-                del key.attrib[name]
-                if len(free) == 1 and start is not None:
-                    key.set(name, " ".join(numbers[:start] + numbers[start + width :]))
-    return root
-
-
 def leave_out(spec: Any, outside: Collection[str]) -> None:
     """Name all bodies and joints, and delete some bodies with all that refers to them."""
     _name_all(spec)
@@ -190,10 +161,8 @@ def _mesh_files(path: Path, spec: Any) -> tuple[Path, ...]:
     return tuple(folder / mesh.file for mesh in spec.meshes if mesh.file)
 
 
-def _parse(path: Path, root: ET.Element, *, fixed: bool = False, changed: bool = False) -> Any:
-    root = bolt_down(root) if fixed else root
-    text = ET.tostring(root, "unicode") if fixed or changed else file_text(path, root)
-    spec = mujoco.MjSpec.from_string(text)
+def _parse(path: Path, root: ET.Element) -> Any:
+    spec = mujoco.MjSpec.from_string(file_text(path, root))
     spec.modelfiledir = str(path.parent)
     _take_out_idle(spec)
     _check_meshes(path, spec)
@@ -265,6 +234,7 @@ def _reason(error: Exception, root: ET.Element) -> str:
 
 def _take_out_idle(spec: Any) -> None:
     """Remove what has no share in the motion, above all what would be read from other files."""
+    spec.nkey = spec.nuserdata = 0  # room for what is not there
     idle = (spec.sensors, spec.pairs, spec.excludes, spec.tuples, spec.skins, spec.lights)
     for element in [e for kind in idle for e in kind]:
         spec.delete(element)
@@ -383,7 +353,6 @@ def read_tendon_coupling(path: Path, m: Any, k: int, actuated: Collection[str]) 
 
 
 _EQ, _TRN, _WRAP = mujoco.mjtEq, mujoco.mjtTrn, mujoco.mjtWrap
-_SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _ON_JOINT = (int(_TRN.mjTRN_JOINT), int(_TRN.mjTRN_JOINTINPARENT))
 
 
@@ -405,7 +374,7 @@ def find_outside(m: Any, extra: Sidecar) -> tuple[str, ...]:
     reached = {of_joint[j] for j in (*named, *(extra.actuated or ())) if j in of_joint}
     reached |= {of_body[b] for x in extra.loops or () for b in (x.body1, x.body2) if b in of_body}
     if extra.actuated is None:
-        driven = {b for a in range(m.nu) for b in _moved_by(m, a)}
+        driven = {b for a in range(len(m.actuator_trntype)) for b in _moved_by(m, a)}
         if not m.nu:
             driven = {int(b) for b in m.jnt_bodyid[np.isin(m.jnt_type, _SCALAR)]}
         reached |= {int(top[b]) for b in driven}
@@ -513,37 +482,79 @@ def read_entries(m: Any, floating: Any = None) -> dict[str, dict[str, Entry]]:
     return found
 
 
+def find_drive(m: Any, a: int) -> tuple[str, dict[int, float], int | None, float]:
+    """Return where an actuator acts: its name, joints with coefficients, straight tendon, gear."""
+    name, kind = m.actuator(a).name or f"number {a + 1}", int(m.actuator_trntype[a])
+    target, gear = int(m.actuator_trnid[a, 0]), float(m.actuator_gear[a, 0])
+    if kind in _ON_JOINT:
+        return name, {target: 1.0}, None, gear
+    if kind != int(_TRN.mjTRN_TENDON):
+        return name, {}, None, gear
+    return name, find_arms(m, target) or {}, target if straight(m, target) else None, gear
+
+
 def driven_joints(m: Any) -> dict[int, tuple[int, float]]:
     """Return which joint each actuator drives, and how many times its force acts there."""
-    return {a: gear for a in range(m.nu) if (gear := _gear(m, a)) is not None}
+    found = {}
+    for a in range(len(m.actuator_trntype)):
+        _, arms, _, gear = find_drive(m, a)
+        if len(arms) == 1:
+            ((j, c),) = arms.items()
+            found[a] = j, gear * c
+    return found
 
 
-def _gear(m: Any, a: int) -> tuple[int, float] | None:
-    """Return the joint that an actuator drives and how many times its force acts there."""
-    target, gear = int(m.actuator_trnid[a, 0]), float(m.actuator_gear[a, 0])
-    if int(m.actuator_trntype[a]) in _ON_JOINT:
-        return target, gear
-    if int(m.actuator_trntype[a]) != int(_TRN.mjTRN_TENDON):
-        return None
-    arms = find_arms(m, target) or {}
-    return (*arms, gear * next(iter(arms.values()))) if len(arms) == 1 else None  # type: ignore[return-value]
+def find_servos(m: Any) -> dict[str, JointServo]:
+    """Return the servos that a compiled MJCF states, by joint.
+
+    Several at one joint add up, say one that holds a position and one that damps.
+    """
+    found: dict[str, JointServo] = {}
+    motors: set[str] = set()
+    for a, (j, gear) in driven_joints(m).items():
+        name, bias = m.joint(j).name, m.actuator_biasprm[a]
+        if _law(m, a) not in ("q_ref", "dq_ref") or bias[0] or not gear:
+            motors.add(name)
+            continue
+        low, high = -np.inf, np.inf
+        if m.actuator_forcelimited[a]:
+            low, high = sorted(m.actuator_forcerange[a] * gear)
+        before = found.get(name, JointServo(0.0, 0.0, 0.0, 0.0))
+        found[name] = JointServo(
+            before.kp - float(gear**2 * bias[1]),
+            before.kv - float(gear**2 * bias[2]),
+            before.low + float(low),
+            before.high + float(high),
+        )
+    return {name: servo for name, servo in found.items() if name not in motors}
+
+
+def _law(m: Any, a: int) -> str:
+    """Return what an actuator holds: a position, a speed or a torque; nothing of any other."""
+    gain, bias = m.actuator_gainprm[a], m.actuator_biasprm[a]
+    fixed = int(m.actuator_gaintype[a]) == int(mujoco.mjtGain.mjGAIN_FIXED)
+    plain = int(m.actuator_dyntype[a]) == int(mujoco.mjtDyn.mjDYN_NONE)
+    kind = int(m.actuator_biastype[a])
+    if not (fixed and plain and gain[0]):
+        return ""
+    if kind == int(mujoco.mjtBias.mjBIAS_NONE):
+        return "tau"
+    if kind != int(mujoco.mjtBias.mjBIAS_AFFINE) or gain[0] < 0:
+        return ""
+    if bias[1] == -gain[0]:
+        return "q_ref"
+    return "dq_ref" if not bias[1] and bias[2] == -gain[0] else ""
 
 
 def _command(m: Any, a: int, gear: float) -> tuple[str, float, float, float] | None:
     """Return what ``ctrl`` is of a motor or servo: channel, factor, and its least and largest."""
-    gain, bias = m.actuator_gainprm[a], m.actuator_biasprm[a]
+    law, gain = _law(m, a), float(m.actuator_gainprm[a, 0])
     low, high = m.actuator_ctrlrange[a] if m.actuator_ctrllimited[a] else (-np.inf, np.inf)
-    fixed = int(m.actuator_gaintype[a]) == int(mujoco.mjtGain.mjGAIN_FIXED)
-    if not fixed or int(m.actuator_dyntype[a]) != int(mujoco.mjtDyn.mjDYN_NONE) or not gain[0]:
+    if not law:
         return None
-    kind = int(m.actuator_biastype[a])
-    if kind == int(mujoco.mjtBias.mjBIAS_AFFINE) and bias[1] == -gain[0]:
-        return "q_ref", 1.0 / gear, float(low), float(high)
-    if kind == int(mujoco.mjtBias.mjBIAS_AFFINE) and not bias[1] and bias[2] == -gain[0]:
-        return "dq_ref", 1.0 / gear, float(low), float(high)
-    if kind != int(mujoco.mjtBias.mjBIAS_NONE):
-        return None
+    if law != "tau":
+        return law, 1.0 / gear, float(low), float(high)
     if m.actuator_forcelimited[a]:
-        ends = sorted(m.actuator_forcerange[a] / gain[0])
+        ends = sorted(m.actuator_forcerange[a] / gain)
         low, high = max(low, ends[0]), min(high, ends[1])
-    return "tau", gear * float(gain[0]), float(low), float(high)
+    return "tau", gear * gain, float(low), float(high)

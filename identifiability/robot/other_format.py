@@ -16,7 +16,7 @@ from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_text
 from identifiability.foundation.rules import Tolerance
-from identifiability.robot.description import ENDLESS, Bound, Description
+from identifiability.robot.description import ENDLESS, Description
 from identifiability.robot.files import PLACEHOLDER
 from identifiability.robot.kinematics import WORLD, Joint, Point
 from identifiability.robot.markup import numbers
@@ -246,33 +246,22 @@ def _servo(robot: Description) -> dict[str, Any]:
     return {key: table for key, table in told.items() if table}
 
 
-def _without(given: dict[str, Any], gone: Collection[str]) -> dict[str, Any]:
-    """Return a sidecar without what is said of joints and bodies that are gone."""
-    kept = _pruned(given, gone)
-    kept["symmetry"] = [
-        {**entry, "tie": {k: v for k, v in entry["tie"].items() if not _any_of(v, gone)}}
-        for entry in given.get("symmetry", [])
-    ]
-    kept["known_torque"] = [
-        entry for entry in given.get("known_torque", []) if entry["along"] not in gone
-    ]
-    kept["effects"] = [
-        text for text in given.get("effects", []) if text.partition("@")[2] not in gone
-    ]
-    return {key: value for key, value in kept.items() if value or key in given}
-
-
-def _any_of(names: list[str], gone: Collection[str]) -> bool:
-    return any(name.rpartition(".")[0] in gone for name in names)
-
-
-def _pruned(value: Any, gone: Collection[str]) -> Any:
+def _without(value: Any, gone: Collection[str]) -> Any:
+    """Return a part of a sidecar without what is said of joints and bodies that are gone."""
     if isinstance(value, dict):
-        left = {k: v for k, v in value.items() if k not in gone}
-        return {k: _pruned(v, gone) for k, v in left.items() if k.rpartition(".")[0] not in gone}
+        return {k: _without(v, gone) for k, v in value.items() if not _is_of(k, gone)}
     if isinstance(value, list):
-        return [_pruned(v, gone) for v in value if not (isinstance(v, str) and v in gone)]
+        said = [[*v.values()] if isinstance(v, dict) else [v] for v in value]
+        kept = [v for v, x in zip(value, said, strict=True) if not any(_is_of(w, gone) for w in x)]
+        return [_without(v, gone) for v in kept]
     return value
+
+
+def _is_of(text: Any, gone: Collection[str]) -> bool:
+    """Whether a text is a name, a parameter of it, or an effect at it."""
+    if not isinstance(text, str):
+        return False
+    return bool({text, text.rpartition(".")[0], text.partition("@")[2]} & {*gone})
 
 
 def _loops(robot: Description, ground: str) -> list[dict[str, Any]]:
@@ -330,7 +319,12 @@ def _bounds(robot: Description) -> dict[str, Any]:
     out: dict[str, Any] = {}
     for bound in (b for b in robot.bounds if len(b.bodies) == 1):
         entry: dict[str, Any] = {} if bound.mass is None else {"mass": list(bound.mass)}
-        _check_turn(robot, bound)
+        turned = not np.allclose(bound.rotation, np.eye(3), atol=1e-9)
+        if turned and (bound.box is not None or bound.ellipsoid is not None):
+            raise RobotError(
+                f"The frame of '{bound.bodies[0]}' in {robot.path} is turned against its joint, so "
+                "what [bounds] says of its centre cannot be said in the other format: take it out."
+            )
         if bound.box is not None:
             spans = zip(bound.box, bound.origin.tolist(), strict=True)
             entry["box"] = [[low + at, high + at] for (low, high), at in spans]
@@ -339,15 +333,6 @@ def _bounds(robot: Description) -> dict[str, Any]:
             entry["ellipsoid"] = {"centre": centre, "radii": list(bound.ellipsoid.radii)}
         out[bound.bodies[0]] = entry
     return out
-
-
-def _check_turn(robot: Description, bound: Bound) -> None:
-    turned = not np.allclose(bound.rotation, np.eye(3), atol=1e-9)
-    if turned and (bound.box is not None or bound.ellipsoid is not None):
-        raise RobotError(
-            f"The frame of '{bound.bodies[0]}' in {robot.path} is turned against its joint, so "
-            "what [bounds] says of its centre cannot be said in the other format: take it out."
-        )
 
 
 # The same robot in the other format: an MJCF of a URDF, a URDF of an MJCF.
@@ -370,25 +355,16 @@ def write_converted(robot: Description, path: Path) -> None:
     RobotError
         If the format cannot hold it, or nothing here can write it.
     """
-    _check(robot, path)
+    odd = [cable.name for cable in robot.cables]
+    odd += [j.dofs[0].rpartition(".")[0] for j in robot.tree.joints if j.nv > 1]
+    if odd:
+        raise RobotError(
+            f"{robot.path} has tendons between bodies, or joints that turn every way "
+            f"({listing(odd, 4)}), which cannot be written in another format: export it in its "
+            "own, or as JSON."
+        )
     robot.check_stands("conversion to another format")
     top = converted_mjcf(robot) if path.suffix == ".xml" else converted_urdf(robot)
     ET.indent(top)
     write_text(path, ET.tostring(top, encoding="unicode") + "\n")
     write_text(path.with_suffix(".toml"), toml_text(converted_sidecar(robot, path)))
-
-
-def _check(robot: Description, path: Path) -> None:
-    word = "MJCF" if path.suffix == ".xml" else "URDF"
-    own = "MJCF" if robot.mjcf else "URDF"
-    if robot.cables:
-        raise RobotError(
-            f"{robot.path} has tendons between bodies ({listing([t.name for t in robot.cables])}), "
-            f"which cannot be written as {word}: export it as {own}, or as JSON."
-        )
-    odd = [j.dofs[0].rpartition(".")[0] for j in robot.tree.joints if j.nv > 1]
-    if odd:
-        raise RobotError(
-            f"{robot.path} has joints that turn every way ({listing(odd, 4)}), which cannot be "
-            f"written as {word}: export it as {own}, or as JSON."
-        )

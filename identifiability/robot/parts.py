@@ -263,8 +263,6 @@ class Stated:
         Whether a keyframe states `home`.
     springs : mapping
         Joint to stiffness [N·m/rad or N/m] and position at which it is relaxed.
-    undriven : tuple of str
-        An actuator that drives no single joint, if there is one, and those that its tendon pulls.
     locked : mapping
         Locked joint to position [rad or m]; none of them is in the tree.
     welded : mapping
@@ -303,7 +301,6 @@ class Stated:
     home: Array | None = None
     posed: bool = False
     springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    undriven: tuple[str, ...] = ()
     locked: Mapping[str, float] = field(default_factory=dict)
     welded: Mapping[str, Array] = field(default_factory=dict)
     combinations: Mapping[str, Combination] = field(default_factory=dict)
@@ -335,7 +332,7 @@ def name_numbers(
     return {f"{joint}.{kind}": value for word, value in numbers.items() for kind in kinds[word]}
 
 
-# Couplings of several joints: stated, with some joints held still, or led by another joint.
+# Couplings of several joints: stated, and with some joints held still.
 
 
 def couple(name: str, joint: str, terms: Iterable[Term]) -> Coupling:
@@ -364,22 +361,3 @@ def hold_still(coupling: Coupling, locked: Mapping[str, float]) -> Coupling:
         poly = Polynomial(term.polynomial)(Polynomial([still, 1.0]))
         terms.append(Term(moving, tuple(map(float, poly.coef))))
     return couple(coupling.name, coupling.joint, terms)
-
-
-def lead_by_another(coupling: Coupling, at: float) -> Coupling | None:
-    """Return what a coupling says of another joint where its own one stands still, or None.
-
-    The other is one that enters linearly, and once.
-    """
-    for k, term in enumerate(coupling.terms):
-        poly = Polynomial(term.polynomial).trim()
-        others = [t for i, t in enumerate(coupling.terms) if i != k]
-        once = [j for j in term.weights if not any(j in t.weights for t in others)]
-        if poly.degree() != 1 or not once:
-            continue
-        slope = float(poly.coef[1]) * term.weights[once[0]]
-        rest = {j: -w / term.weights[once[0]] for j, w in term.weights.items() if j != once[0]}
-        new = [Term({}, ((at - float(poly.coef[0])) / slope,)), Term(rest, (0.0, 1.0))]
-        new += [Term(t.weights, tuple(-c / slope for c in t.polynomial)) for t in others]
-        return couple(coupling.name, once[0], new)
-    return None

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.names import Array, find_named, is_pattern
+from identifiability.foundation.errors import RobotError, listing
+from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 
@@ -190,6 +190,7 @@ def state_delay(delays: Array, names: Sequence[str]) -> str:
 def read_servo(
     path: Path,
     entry: Any,
+    tables: Mapping[str, Mapping[str, Any]],
     stated: Mapping[str, JointServo],
     joints: tuple[str, ...],
 ) -> Servo | None:
@@ -200,8 +201,10 @@ def read_servo(
     path : Path
         The robot file, for sentences.
     entry : ServoEntry or None
-        The sidecar's ``[servo]``: kp, kv, limit (a number, or by joint), delay and rate. Gains are
-        told by logs where it says ``"fit"``, or where neither it nor the file says anything.
+        The sidecar's ``[servo]``: delay and rate.
+    tables : mapping
+        Its kp, kv and limit, by joint. Gains are told by logs where it says ``"fit"``, or where
+        neither it nor the file says anything.
     stated : mapping
         What the robot file states, by joint.
     joints : tuple of str
@@ -214,7 +217,10 @@ def read_servo(
     """
     if entry is None and not all(j in stated for j in joints):
         return None
-    given = {key: _by_joint(path, key, entry, joints) for key in ("kp", "kv", "limit")}
+    given = {
+        key: {j: np.nan if x == FIT else float(x) for j, x in table.items()}
+        for key, table in tables.items()
+    }
     none = JointServo(np.nan, np.nan)
     files = [stated.get(j, none) for j in joints]
     kp = np.array([given["kp"].get(j, f.kp) for j, f in zip(joints, files, strict=True)])
@@ -248,67 +254,3 @@ def read_servo(
     return Servo(
         kp, kv, low, high, delay, source, rate or RATE, rate is None, limit_open=limit_open
     )
-
-
-def _by_joint(path: Path, key: str, entry: Any, joints: tuple[str, ...]) -> dict[str, float]:
-    """Return what the sidecar gives by joint; a name goes before a pattern."""
-    value = None if entry is None else getattr(entry, key)
-    if value is None:
-        return {}
-    if not isinstance(value, dict):
-        return dict.fromkeys(joints, _number(value))
-    out: dict[str, float] = {}
-    for text in sorted(value, key=is_pattern, reverse=True):
-        found = find_named(text, joints)
-        if not found:
-            raise RobotError(
-                f"The sidecar of {path}: [servo] {key} names '{text}', which is no actuated joint"
-                f"{near_match(text, joints)} They are {listing(joints)}."
-            )
-        out |= dict.fromkeys(found, _number(value[text]))
-    return out
-
-
-def _number(value: float | str) -> float:
-    """Return a gain or limit; NaN for one that logs shall tell."""
-    return np.nan if value == FIT else float(value)
-
-
-def find_servos(m: Any, driven: Mapping[int, tuple[int, float]]) -> dict[str, JointServo]:
-    """Return the servos that a compiled MJCF states, by joint.
-
-    Several at one joint add up, say one that holds a position and one that damps.
-
-    Parameters
-    ----------
-    m : mujoco.MjModel
-    driven : mapping
-        Actuator to the joint that it drives, and how many times its force acts there.
-    """
-    import mujoco  # noqa: PLC0415 - who has a URDF does not wait for it
-
-    found: dict[str, JointServo] = {}
-    motors: set[str] = set()
-    for a, (j, gear) in driven.items():
-        name, gain, bias = m.joint(j).name, m.actuator_gainprm[a], m.actuator_biasprm[a]
-        affine = int(m.actuator_biastype[a]) == int(mujoco.mjtBias.mjBIAS_AFFINE)
-        fixed = int(m.actuator_gaintype[a]) == int(mujoco.mjtGain.mjGAIN_FIXED)
-        plain = int(m.actuator_dyntype[a]) == int(mujoco.mjtDyn.mjDYN_NONE)
-        position = affine and gain[0] > 0 and bias[1] == -gain[0]
-        velocity = affine and gain[0] > 0 and bias[1] == 0 and bias[2] == -gain[0]
-        if not (fixed and plain and gear and not bias[0] and (position or velocity)):
-            motors.add(name)
-            continue
-        ends = (-np.inf, np.inf)
-        if m.actuator_forcelimited[a]:
-            ends = tuple(sorted(m.actuator_forcerange[a] * gear))
-        own = JointServo(
-            0.0 - gear**2 * bias[1], 0.0 - gear**2 * bias[2], float(ends[0]), float(ends[1])
-        )
-        other = found.get(name)
-        found[name] = own if other is None else _add(own, other)
-    return {name: servo for name, servo in found.items() if name not in motors}
-
-
-def _add(a: JointServo, b: JointServo) -> JointServo:
-    return JointServo(a.kp + b.kp, a.kv + b.kv, a.low + b.low, a.high + b.high)

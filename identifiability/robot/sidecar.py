@@ -9,7 +9,7 @@ goes before a pattern, and of two patterns the one that stands last.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
@@ -24,8 +24,8 @@ from pydantic import (
 )
 
 from identifiability.foundation.documents import described, read_document
-from identifiability.foundation.errors import RobotError, listing
-from identifiability.foundation.names import INERTIAL_KINDS, Renames, find_named, is_pattern
+from identifiability.foundation.errors import RobotError, listing, near_match
+from identifiability.foundation.names import BASE, INERTIAL_KINDS, Renames, find_named, is_pattern
 from identifiability.foundation.values import frozen
 from identifiability.robot.markup import LARGEST, LONGEST_NAME
 from identifiability.robot.measured_torque import Interpolation, Side
@@ -516,10 +516,67 @@ def read_sidecar(path: Path | None) -> Sidecar:
     return read_document(path, Sidecar, "TOML", "sidecar", RobotError)
 
 
-# Patterns in a sidecar's tables: ``wrist_*.Fv`` for every joint, motor and axis that fits.
+# Names and patterns in a sidecar's tables: ``wrist_*.Fv`` for every joint or axis that fits.
 
 
 V = TypeVar("V")
+
+
+def check_known(path: Path, key: str, given: Iterable[str], known: Iterable[str]) -> None:
+    """Refuse a sidecar that names what the robot does not have.
+
+    Parameters
+    ----------
+    path : Path
+        The robot file, for sentences.
+    key : str
+        Of the sidecar.
+    given, known : iterable of str
+
+    Raises
+    ------
+    RobotError
+    """
+    known = list(known)
+    for name in given:
+        if name not in known:
+            raise RobotError(
+                f"The sidecar of {path}: [{key}] names '{name}', which the robot does not have, or "
+                f"which hangs behind a locked joint{near_match(name, known)} Known: "
+                f"{listing(known)}."
+            )
+
+
+def by_name(
+    path: Path, key: str, table: Mapping[str, V], known: Collection[str], gone: Collection[str] = ()
+) -> dict[str, V]:
+    """Return what a table says of every name that its names and patterns stand for.
+
+    A name goes before a pattern, and of two patterns the one that stands last.
+
+    Parameters
+    ----------
+    path : Path
+        The robot file, for sentences.
+    key : str
+        Of the table.
+    table : mapping
+    known : collection of str
+    gone : collection of str
+        What may be named, too, and is not returned: what is locked, and bodies behind it.
+
+    Raises
+    ------
+    RobotError
+        If nothing fits a name or pattern.
+    """
+    out: dict[str, V] = {}
+    for text in sorted(table, key=is_pattern, reverse=True):
+        found = find_named(text, known)
+        if not found and not find_named(text, gone):
+            check_known(path, key, [text], known)
+        out |= dict.fromkeys(found, table[text])
+    return out
 
 
 @frozen
@@ -529,21 +586,46 @@ class Owners:
     Attributes
     ----------
     bodies : tuple of str
+    joints : tuple of str
     lines : tuple of str
-        Joints, motors and axes.
-    gone : tuple of str
-        What is locked, and bodies behind it: a pattern may fit nothing else.
+        Motors and axes.
+    locked, welded : tuple of str
+        Locked joints, and bodies behind them.
     """
 
     bodies: tuple[str, ...]
+    joints: tuple[str, ...]
     lines: tuple[str, ...]
-    gone: tuple[str, ...] = ()
+    locked: tuple[str, ...] = ()
+    welded: tuple[str, ...] = ()
+
+    def parameters(self, path: Path, key: str, table: Mapping[str, V]) -> dict[str, V]:
+        """Return a table of parameters by name; kinds of inertia are bodies'.
+
+        Raises
+        ------
+        RobotError
+            If the robot has no such body, joint, motor or axis.
+        """
+        out: dict[str, V] = {}
+        for text in sorted(table, key=is_pattern, reverse=True):
+            owner, _, kind = text.rpartition(".")
+            kinds = find_named(kind, INERTIAL_KINDS) if is_pattern(kind) else [kind]
+            known = (*self.bodies, *self.joints, *self.lines)
+            if is_pattern(text):
+                inertial = is_pattern(kind) or kind in INERTIAL_KINDS or kind[:8] == "payload_"
+                known = self.bodies if inertial else (*self.joints, *self.lines)
+            gone = (*self.locked, *self.welded) if is_pattern(owner) else self.locked
+            known = (*known, *(() if is_pattern(text) else (BASE, *self.locked)))
+            found = by_name(path, key, {owner if kinds else text: table[text]}, known, gone)
+            out |= {f"{name}.{k}": value for name, value in found.items() for k in kinds}
+        return out
 
 
-def spread_patterns(path: Path, extra: Sidecar, owners: Owners) -> Sidecar:
+def settle_names(path: Path, extra: Sidecar, owners: Owners) -> Sidecar:
     """Return a sidecar in which every name that a pattern stands for is written out.
 
-    A name goes before a pattern, and of two patterns the one that stands last.
+    Sums of symmetry of which a part is locked are no longer equal, and left out.
 
     Parameters
     ----------
@@ -555,67 +637,30 @@ def spread_patterns(path: Path, extra: Sidecar, owners: Owners) -> Sidecar:
     Raises
     ------
     RobotError
-        If nothing fits a pattern.
+        If it names what the robot does not have.
     """
+    bodies, joints = (*owners.bodies, *owners.welded), (*owners.joints, *owners.locked)
+    check_known(path, "symbols", extra.symbols, (*bodies, *joints, *owners.lines))
+    check_known(path, "base_parameters", extra.base_parameters.bodies, bodies)
+    check_known(path, "guessed", extra.guessed, bodies)
+    check_known(path, "rest", extra.rest, joints)
+    gone = {*owners.locked, *owners.welded}
+    ties = []
+    for entry in extra.symmetry:
+        if any(name.rpartition(".")[0] in gone for names in entry.tie.values() for name in names):
+            continue
+        tie = {
+            whole: [*owners.parameters(path, "symmetry", dict.fromkeys(names, True))]
+            for whole, names in entry.tie.items()
+        }
+        ties.append(entry.model_copy(update={"tie": tie}))
     tables = {
-        key: _spread(path, key, getattr(extra, key), owners)
+        key: owners.parameters(path, key, getattr(extra, key))
         for key in ("nominal", "prior", "shapes", "reference")
     }
-    limits: dict[str, LimitEntry] = {}
-    for text in sorted(extra.limits, key=is_pattern, reverse=True):
-        names = _fitting(path, "limits", text, owners.lines, owners.gone)
-        limits |= dict.fromkeys(names, extra.limits[text])
-    ties = [
-        s.model_copy(
-            update={
-                "tie": {
-                    name: [n for text in members for n in _named(path, "symmetry", text, owners)]
-                    for name, members in s.tie.items()
-                }
-            }
-        )
-        for s in extra.symmetry
-    ]
-    shares: dict[str, float] = {}
-    for text in sorted(extra.prior_share, key=is_pattern, reverse=True):
-        names = _fitting(path, "prior_share", text, owners.bodies, owners.gone)
-        shares |= dict.fromkeys(names, extra.prior_share[text])
-    own = {"limits": limits, "symmetry": ties, "prior_share": shares}
+    own = {
+        "limits": by_name(path, "limits", extra.limits, owners.joints, owners.locked),
+        "prior_share": by_name(path, "prior_share", extra.prior_share, owners.bodies, gone),
+        "symmetry": ties,
+    }
     return extra.model_copy(update={**tables, **own})
-
-
-def _spread(path: Path, key: str, table: Mapping[str, V], owners: Owners) -> dict[str, V]:
-    out: dict[str, V] = {}
-    for text in sorted(table, key=is_pattern, reverse=True):
-        out |= dict.fromkeys(_named(path, key, text, owners), table[text])
-    return out
-
-
-def _named(path: Path, key: str, text: str, owners: Owners) -> list[str]:
-    """Return the parameters that a text stands for; those of inertia are bodies'."""
-    if not is_pattern(text):
-        return [text]
-    owner, _, kind = text.rpartition(".")
-    kinds = find_named(kind, INERTIAL_KINDS) if is_pattern(kind) else [kind]
-    of_bodies = is_pattern(kind) or kind in INERTIAL_KINDS or kind.startswith("payload_")
-    known = owners.bodies if of_bodies else owners.lines
-    return [
-        f"{name}.{k}"
-        for name in _fitting(path, key, owner if kinds else text, known, owners.gone, text)
-        for k in kinds
-    ]
-
-
-def _fitting(
-    path: Path, key: str, pattern: str, known: Sequence[str], gone: Sequence[str], text: str = ""
-) -> list[str]:
-    """Return the names that fit a pattern, none where only what is gone does; a name is itself."""
-    if not is_pattern(pattern):
-        return [pattern]
-    found = find_named(pattern, known)
-    if not found and not find_named(pattern, gone):
-        raise RobotError(
-            f"The sidecar of {path}: [{key}] has the pattern '{text or pattern}', which nothing "
-            f"fits; the names are {listing(known)}."
-        )
-    return found

@@ -40,7 +40,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pinocchio as pin
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from identifiability.foundation.documents import first_problem, read_document, toml_text
 from identifiability.foundation.errors import RobotError, listing, near_match
@@ -51,8 +51,7 @@ from identifiability.robot.sidecar import Sidecar, Span, Triple
 
 #: The link on which the first ones stand.
 BASE = "base"
-#: What a table cannot say.
-LOOPS = ("closures", "loops", "springs", "cables", "couplings", "equals", "passive")
+
 
 _PI = re.compile(r"([+-]?)\s*(\d{0,9}\.?\d{0,9})\s*\*?\s*(?:pi|π)\s*(?:/\s*(\d{1,9}\.?\d{0,9}))?")
 
@@ -84,16 +83,6 @@ Name = Annotated[str, Field(min_length=1)]
 
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _open(cls, given: Any) -> Any:
-        for key in LOOPS if isinstance(given, dict) else ():
-            if key in given:
-                raise ValueError(
-                    f"'{key}' is of loops, springs or cables, which no table holds; write an MJCF"
-                )
-        return given
 
 
 class Row(_Strict):

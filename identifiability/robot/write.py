@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import re
 import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from identifiability.foundation.errors import OutputError, RobotError, listing
+from identifiability.foundation.documents import toml_text
+from identifiability.foundation.errors import OutputError, RobotError
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_together
@@ -314,79 +314,25 @@ def _write_joint(
         joint.set("springref", f"{np.degrees(rest) if turned and degrees else rest:.17g}")
 
 
-_MEANING = {
-    "nominal": "parameters that the robot file cannot hold",
-    "shapes": "Stribeck velocities and periods of the effects",
-    "reference": "values by which the loads of effects are known",
-    "rest": "where the springs of joints are relaxed",
-    "servo.kp": "found in logs [N·m/rad or N/m]",
-    "servo.kv": "found in logs [N·m·s/rad or N·s/m]",
-    "servo.limit": "found in logs [N·m or N]",
-    "locked": "joints that do not move, and where they are held",
-}
-
-
 def _sidecar_text(robot: Description, tables: Mapping[str, Mapping[str, float]]) -> str | None:
-    """Return the template's sidecar with other tables of numbers, or None if none is needed.
-
-    Raises
-    ------
-    RobotError
-        If one of them does not stand there in a table of its own.
-    """
-    if robot.lock_option:
-        tables = {**tables, "locked": robot.locked}
+    """Return the template's sidecar with other tables of numbers, or None if none is needed."""
+    given = {} if robot.sidecar is None else tomllib.loads(robot.sidecar.read_text("utf-8-sig"))
     gains = {} if robot.servo is None else robot.servo.by_joint(robot.joints)
-    tables = {**tables, **{f"servo.{k}": of for k, of in gains.items()}}
-    if robot.sidecar is None and not any(tables.values()) and robot.base_option is None:
+    new: dict[str, Any] = {key: dict(table) for key, table in tables.items()}
+    new |= {"locked": dict(robot.locked)} if robot.lock_option else {}
+    new |= {"base": robot.base_option} if robot.base_option is not None else {}
+    new |= {"servo": given.get("servo", {}) | gains} if gains else {}
+    if robot.sidecar is None and not any(new.values()):
         return None
-    given = robot.sidecar.read_text(encoding="utf-8-sig") if robot.sidecar is not None else ""
-    if robot.lock_option:  # which adds to a list that may stand there
-        given = re.sub(r"^locked\s*=\s*\[[^\]]*\].*\n", "", given, flags=re.MULTILINE)
-    if robot.base_option is not None:
-        given = re.sub(r"^base\s*=.*\n", "", given, flags=re.MULTILINE)
-        given = f'base = "{robot.base_option}"\n{given}'
-    for key in gains:  # in place of what said that logs shall tell them
-        given = re.sub(rf"^{key}\s*=.*\n?", "", given, flags=re.MULTILINE)
-    heads = {f"[{key}]" for key in tables}
-    lines, skipping = [], False
-    for line in given.splitlines():
-        if line.strip().startswith("["):
-            skipping = line.strip().split("#")[0].strip() in heads
-        if not skipping:
-            lines.append(line)
-    for key, table in tables.items():
-        lines += ["", f"[{key}]  # {_MEANING[key]}"] if table else []
-        lines += [f"{json.dumps(name)} = {float(value)!r}" for name, value in table.items()]
-    text = "\n".join(lines).strip() + "\n"
-    wanted = {k: v for k, v in tomllib.loads(given).items() if k not in tables}
-    wanted |= {key: dict(table) for key, table in tables.items() if table and "." not in key}
-    wanted |= {"servo": wanted.get("servo", {}) | gains} if gains else {}
-    try:
-        same = tomllib.loads(text) == wanted
-    except tomllib.TOMLDecodeError:
-        same = False
-    if not same:  # written inline or with dotted keys
-        named = [f"[{key}]" for key in tables if key in tomllib.loads(given)]
-        raise RobotError(
-            f"{robot.sidecar} does not state {listing(named)} as a table of its own, so it cannot "
-            "be replaced; write it so."
-        )
-    return text
+    return toml_text({k: v for k, v in (given | new).items() if v or k not in new})
 
 
 def _check_beside(beside: Path, path: Path, *, needed: bool) -> None:
     """Refuse a sidecar that would replace another kind of file, or pair up with this robot."""
-    if not beside.exists():
-        return
-    if not needed:
-        raise OutputError(
-            f"'{beside}' would be read as the sidecar of '{path}', which has none; give another "
-            "name, or move it away."
-        )
+    problem = "would be read as the sidecar of" if beside.exists() and not needed else ""
     try:
-        read_sidecar(beside)
+        read_sidecar(beside if beside.exists() else None)
     except RobotError:
-        raise OutputError(
-            f"'{beside}' is no sidecar, but that of '{path}' must have its name; give another name."
-        ) from None
+        problem = "is no sidecar, but has the name of that of"
+    if problem:
+        raise OutputError(f"'{beside}' {problem} '{path}'; give another name, or move it away.")

@@ -23,7 +23,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Robot
 from identifiability.robot.closure import count_independent
 from identifiability.robot.kinematics import Point
-from identifiability.robot.mjcf import bolt_down, leave_out, quiet
+from identifiability.robot.mjcf import leave_out, quiet, replace_free_joints
 from identifiability.robot.servo import UNLIMITED, Servo
 from identifiability.robot.write import write_robot
 from identifiability.simulation.forces import JointTerms, both_directions
@@ -90,7 +90,6 @@ def compile_forward(
         bodies = {b: np.array([values[f"{b}.{k}"] for k in INERTIAL_KINDS]) for b in robot.bodies}
         write_robot(robot, path, bodies, joints, {})
         top = ET.parse(path).getroot()
-        top = bolt_down(top) if robot.bolted and top.tag == "mujoco" else top
     text = (
         bare_urdf(top, balance="true")
         if top.tag == "robot"
@@ -98,6 +97,8 @@ def compile_forward(
     )
     try:
         spec = mujoco.MjSpec.from_string(text)
+        if robot.bolted:
+            replace_free_joints(spec)
         if robot.outside:
             leave_out(spec, robot.outside)
         _add_closures(spec, robot)

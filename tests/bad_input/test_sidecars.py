@@ -9,7 +9,7 @@ LOOP = 'actuated = ["shoulder"]\n[[loops]]\nbody1 = "link2"\nbody2 = '
 COUPLING = 'actuated = ["shoulder"]\n[[couplings]]\njoint = "elbow"\n'
 GEAR = '[transmission]\nmotors = ["m1", "m2"]\ncoupling = '
 
-SQUARE = "needs at least 2 motors that move all .* an invertible 2×2 coupling"
+SQUARE = "needs at least 2 motors that move all .* together of rank 2"
 AXIS = '[[axes]]\nname = "both"\njoints = '
 BAD = {
     "no TOML": ("actuated = ", "is not valid TOML: Invalid value"),
@@ -21,10 +21,16 @@ BAD = {
         "[limits]\nelbow = {q = [0, 1], vel = 2}",
         r"'limits\.elbow\.vel' .* known here\. The keys are q, v, a, tau, power\.",
     ),
-    "unknown actuated joint": ('actuated = ["shoulde"]', "'shoulde', did you mean 'shoulder'"),
-    "no actuated joint": ("actuated = []", r"actuated joints are \[\]; name each one once"),
+    "unknown actuated joint": (
+        'actuated = ["shoulde"]',
+        "'shoulde' cannot be actuated, .* did you mean 'shoulder'",
+    ),
+    "no actuated joint": (
+        "actuated = []",
+        r"actuated joints that are not locked are \[\]; name each",
+    ),
     "actuated twice": ('actuated = ["elbow", "elbow"]', "name each one once"),
-    "unknown home joint": ("[home]\nelbw = 1", "no joint 'elbw', did you mean 'elbow'"),
+    "unknown home joint": ("[home]\nelbw = 1", "names 'elbw', .* did you mean 'elbow'"),
     "home in words": ('[home]\nelbow = "up"', r"'home\.elbow': input should be a valid number"),
     "home nan": ("[home]\nelbow = nan", r"'home\.elbow': input should be a finite number"),
     "unknown symbol": ('[symbols]\nlink9 = "1"', "names 'link9', .* did you mean 'link"),
@@ -40,8 +46,11 @@ BAD = {
     ),
     "no inertia parts": ("inertia_parts = []", "'inertia_parts': list should have at least 1"),
     "inertia parts twice": ('inertia_parts = ["Ia", "Ia"]', "name each one once"),
-    "unknown loop body": (LOOP + '"bas"', "names the body 'bas', .* did you mean 'base'"),
-    "loop without equations": (LOOP + '"link2"', "no loop moves them; name the missing actuated"),
+    "unknown loop body": (LOOP + '"bas"', "names 'bas', .* did you mean 'base'"),
+    "loop without equations": (
+        LOOP + '"link2"',
+        "only 0 independent equations; name the missing actuated",
+    ),
     "unknown axis": (LOOP + '"base"\naxes = ["w"]', "should be 'x', 'y' or 'z'"),
     "unknown coupled joint": (COUPLING + 'of = "sholder"', "'sholder', did you mean 'shoulder'"),
     "coupled to itself": (COUPLING + 'of = "elbow"', "cannot be coupled to itself"),
@@ -52,9 +61,12 @@ BAD = {
     ),
     "ragged gear": (GEAR + "[[1, 0], [1]]", SQUARE),
     "singular gear": (GEAR + "[[1, 1], [1, 1]]", SQUARE),
-    "gear without ratio": (GEAR + "[[1, 0], [0, 1]]\nratio = [0, 1]", "needs 2 non-zero ratios"),
+    "gear without ratio": (
+        GEAR + "[[1, 0], [0, 1]]\nratio = [0, 1]",
+        "a ratio that is not zero for each motor",
+    ),
     "axis of nothing": (AXIS + "{}", "should have at least 1 item"),
-    "axis of an unknown joint": (AXIS + "{elbo = 1}", "names the joint 'elbo', .* mean 'elbow'"),
+    "axis of an unknown joint": (AXIS + "{elbo = 1}", "names 'elbo', .* mean 'elbow'"),
     "axis without a part": (AXIS + "{elbow = 0, shoulder = 1}", "zero would leave nothing"),
     "axis called as a joint": (
         AXIS.replace("both", "elbow") + "{elbow = 1, shoulder = 1}",

@@ -165,9 +165,9 @@ def test_inspection_says_what_is_named_after_an_axis(load_text):
     assert "(cable.Fv, cable.K)" in said
 
 
-def test_a_tendon_along_several_joints_needs_a_name(load_text):
-    with pytest.raises(RobotError, match=r"the tendon number 1 runs along .* give it a name"):
-        load_text(arm(after=CABLE.replace('name="cable" ', "")))
+def test_a_tendon_along_several_joints_has_a_name_of_its_own(load_text):
+    robot = load_text(arm(after=CABLE.replace('name="cable" ', "")))
+    assert robot.tendon_axes == ("tendon1",)
     with pytest.raises(RobotError, match="the axis 'elbow' has the name of a body, joint"):
         load_text(arm(after=CABLE.replace('name="cable"', 'name="elbow"')))
 

@@ -213,7 +213,7 @@ def test_couplings_of_a_sidecar_add_to_those_of_the_file(load_text):
         ("", ["f1=high"], "'f1' cannot be locked at 'high'"),
         ("", ["f1=0.1", "f2=0.2"], "'f2' is locked at 0.2, .* puts it at -0.19; lock one of them"),
         ("", ["j1", "f1"], "no joint that moves"),
-        ('[nominal]\n"left.m" = 1.0', ["f1"], "names the body 'left', .* behind a locked joint"),
+        ('[nominal]\n"left.m" = 1.0', ["f1"], "names 'left', .* behind a locked joint"),
         ('locked = ["f1", "f1"]', None, "each one once"),
     ],
 )

@@ -132,5 +132,5 @@ def test_a_plane_may_turn_with_the_table(agrees, tmp_path):
 
 
 def test_a_frame_that_is_not_there_is_refused(load_text):
-    with pytest.raises(RobotError, match="a loop names the body 'tabel'"):
+    with pytest.raises(RobotError, match=r"names 'tabel', .* did you mean 'table'"):
         load_text(turntable(""), sidecar=IN_THE_TABLE.replace('frame = "table"', 'frame = "tabel"'))

@@ -139,9 +139,9 @@ def test_a_cable_of_the_file_is_named_and_stays_in_what_is_written(load_text, tm
     ("tendon", "sentence"),
     [
         ('<spatial name="w" stiffness="5"><site site="start"/><geom geom="drum"/>'
-         '<site site="end"/></spatial>', "the tendon 'w' has stiffness and bends around a geom"),
+         '<site site="end"/></spatial>', "'w' has stiffness and bends"),
         ('<spatial name="s" stiffness="5" springlength="0.1 0.2"><site site="start"/>'
-         '<site site="end"/></spatial>', "'s' has stiffness or damping that is not linear"),
+         '<site site="end"/></spatial>', "'s' is slack between"),
         ('<spatial name="elbow" stiffness="5"><site site="start"/><site site="end"/></spatial>',
          "the tendon 'elbow' has the name of a joint"),
     ],
