@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from identifiability.estimation.estimate import Kind, Method, choose_estimator
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.instrumental import InstrumentalVariables, RenoisedLeastSquares
+from identifiability.estimation.instrumental import RenoisedLeastSquares
 from identifiability.estimation.least_squares import OrdinaryLeastSquares
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
@@ -71,27 +71,6 @@ def add_instruments(
     if len(echoes) == len(parts) and isinstance(plain, OrdinaryLeastSquares):
         return replace(opening, samples=echoes), RenoisedLeastSquares(plain)
     return opening, plain
-
-
-def follow(
-    estimator: Estimator, robot: Robot, parts: Sequence[tuple[Log, Samples]]
-) -> list[Samples]:
-    """Return logs that were prepared anew with what an estimator takes, as it took it before.
-
-    Parameters
-    ----------
-    estimator : Estimator
-    robot : Robot
-    parts : sequence of (Log, Samples)
-        Logs, and what was prepared of them.
-    """
-    found: list[Samples | None] = [None] * len(parts)
-    if isinstance(estimator, InstrumentalVariables):
-        found = _find_instruments(robot, parts, always=True)
-        return [s or _own_motion(x) for s, (_, x) in zip(found, parts, strict=True)]
-    if isinstance(estimator, RenoisedLeastSquares):
-        found = [add_echoes(robot, log, s) for log, s in parts]
-    return [s or x for s, (_, x) in zip(found, parts, strict=True)]
 
 
 def _find_instruments(

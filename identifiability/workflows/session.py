@@ -49,7 +49,7 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import full_model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.instruments import add_instruments, follow
+from identifiability.workflows.instruments import add_instruments
 from identifiability.workflows.opening import (
     Logs,
     Opening,
@@ -336,29 +336,7 @@ class Session:
             return rows
         joints, samples = self.structure.robot.joints, rows.opening.samples
         information, burst, _ = weigh_rows(joints, samples, rows.alike, rows.estimator)
-        rows = replace(rows, information=information, burst=burst)
-        return self._gather_unseen(rows) if rows.opening.validation else rows
-
-    def _gather_unseen(self, rows: Weighed) -> Weighed:
-        """Return the rows with those of held-out logs, which predictions do not compute again.
-
-        They get what the estimator takes, as fitted ones have it.
-        """
-        opening, logs = rows.opening, self.recordings.held_out
-        pairs = [
-            (log, samples)
-            for log, samples in zip(logs, opening.validation, strict=True)
-            if isinstance(log, Log) and isinstance(samples, Samples)
-        ]
-        if len(pairs) == len(logs):
-            own = tuple(follow(rows.estimator, opening.robot, pairs))
-            opening = replace(opening, validation=own)
-        regression = opening.unseen
-        if regression is None or rows.alike.instrumented != (regression.instruments is not None):
-            return rows
-        found = gather_information(regression, shown=True, engine=self.engine)
-        weighed, _ = weigh_outliers(found, forget_noise(rows.estimator))
-        return replace(rows, opening=opening, held_out=weighed)
+        return replace(rows, information=information, burst=burst)
 
 
 @frozen
@@ -374,9 +352,6 @@ class Weighed:
         About all columns: with every row alike, and weighed.
     burst : str
         A sentence on outliers, if any.
-    held_out : Information or None
-        Of logs that are held out, each row weighed; None where there are none, or one is too long
-        for what the estimator takes.
     """
 
     opening: Opening
@@ -384,7 +359,6 @@ class Weighed:
     alike: Information
     information: Information
     burst: str = ""
-    held_out: Information | None = None
 
 
 def weigh_rows(

@@ -265,7 +265,6 @@ def assess_ladder(
     missing: Alternatives = NO_ALTERNATIVES,
     *,
     late: Callable[[Submodel], Array] | None = None,
-    unseen: Information | None = None,
 ) -> tuple[ModelResult, ...]:
     """Return the results of all m models.
 
@@ -285,8 +284,6 @@ def assess_ladder(
         What may be missing beside all base parameters.
     late : callable(Submodel), optional
         What errors of delays do to the values of a model, (L, k).
-    unseen : Information, optional
-        About all base parameters, of logs that were held out.
     """
     m = len(models)
     error, unseen_error = fitted.relative_error(), held_out.relative_error()
@@ -305,13 +302,11 @@ def assess_ladder(
     for k, (model, real) in enumerate(zip(models, physical, strict=True)):
         submodel, reduced, fit = model.submodel, model.information, model.estimate
         along = fitted.residual[:, :, k], fitted.series, rng, replicates
-        others = None if unseen is None else submodel.reduce(unseen)
-        uncertainty = assess_uncertainty(reduced, fit, *along, others)
+        uncertainty = assess_uncertainty(reduced, fit, *along)
         reported, reported_uncertainty = model.reported, uncertainty
         if reported is not model:
-            others = None if unseen is None else reported.submodel.reduce(unseen)
             reported_uncertainty = assess_uncertainty(
-                reported.information, reported.estimate, *along, others
+                reported.information, reported.estimate, *along
             )
         if late is not None:
             uncertainty = replace(uncertainty, late=late(submodel))

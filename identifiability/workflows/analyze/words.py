@@ -23,7 +23,6 @@ from identifiability.regression.information import Information
 from identifiability.regression.structure import BaseParameters
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.assessment import ModelResult
-from identifiability.workflows.opening import Opening
 from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 
 # What logs say of each other, in words.
@@ -77,44 +76,23 @@ class SeveralLogs:
 
 
 def compare_logs(
-    joints: Sequence[str], opening: Opening, information: Information, result: ModelResult
-) -> SeveralLogs:
-    """Return what logs say of each other under a model.
-
-    Where logs that were held out differ from the fitted ones, that comes first.
-
-    Parameters
-    ----------
-    joints : sequence of str
-        The n actuated ones.
-    opening : Opening
-    information : Information
-        About the base parameters.
-    result : ModelResult
-    """
-    found = _compare_fitted(joints, opening.samples, information, result)
-    motions, columns = result.uncertainty.held_out, result.submodel.columns
-    if motions is None or motions.agree:
-        return found
-    fitted = opening.samples[0].name if len(opening.samples) == 1 else "the fitted logs"
-    names = (fitted, *(opening.validation[k - 1].name for k in motions.which[1:]))
-    away = [motions.away(one)[1] for one in range(1, len(names))]
-    odd = 1 + int(np.argmax([(z**2).sum() for z in away]))
-    hint = (
-        f"{names[odd]}, which was held out, disagrees with {fitted}: "
-        f"{differences(motions, columns, odd)}. {CAUSE.capitalize()}, {LEFT_OUT}; compare says "
-        "what changed. Intervals are widened to hold both."
-    )
-    text, hints = (" ".join(filter(None, (hint, x))) for x in (found.statement, found.hint))
-    return SeveralLogs(motions, names, columns, text, hints)
-
-
-def _compare_fitted(
     joints: Sequence[str],
     samples: Sequence[Prepared],
     information: Information,
     result: ModelResult,
 ) -> SeveralLogs:
+    """Return what logs say of each other under a model.
+
+    Parameters
+    ----------
+    joints : sequence of str
+        The n actuated ones.
+    samples : sequence of Samples
+        The fitted logs.
+    information : Information
+        About the base parameters.
+    result : ModelResult
+    """
     columns = result.submodel.columns
     if len(samples) > 1:
         motions = result.uncertainty.motions

@@ -188,8 +188,6 @@ class _Fitted:
     late : DelayErrors
     burst : str
         A sentence on outliers, if any.
-    unseen : Information or None
-        What held-out logs say of the parameters by themselves.
     """
 
     opening: Opening
@@ -199,7 +197,6 @@ class _Fitted:
     out: Prediction
     late: DelayErrors
     burst: str
-    unseen: Information | None
 
 
 def _fit(
@@ -223,8 +220,7 @@ def _fit(
     if opening.unseen is not None:
         out = [predict(opening.unseen, values[:, : 2 * len(ladder.models)], engine=engine)]
     return _Fitted(
-        *(opening, rows.information, ladder, within, (out or [within])[0], late, rows.burst),
-        rows.held_out,
+        opening, rows.information, ladder, within, (out or [within])[0], late, rows.burst
     )
 
 
@@ -268,13 +264,12 @@ def _judge(
         draws,
         missing,
         late=fitted.late.move,
-        unseen=fitted.unseen,
     )
     at = select_model(results, ladder.near)
     results, contradicted = tell_with_file(ladder.models, results, within, thresholds)
     results, nothing = doubt(opening.silence or opening.misread, results, at, out)
     joints = session.structure.robot.joints
-    several = compare_logs(joints, opening, fitted.information, results[at])
+    several = compare_logs(joints, opening.samples, fitted.information, results[at])
     hints = [*opening.hints, fitted.burst, contradicted[at], ladder.short]
     hints += check_cutoff(opening, recordings, session.how)
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest

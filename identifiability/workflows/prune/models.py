@@ -463,8 +463,6 @@ class Question:
         The model that pruning starts from.
     estimator : Estimator
     delays : DelayErrors
-    held_out : Information or None
-        What logs that were held out say of the same.
     """
 
     opening: Opening
@@ -472,7 +470,6 @@ class Question:
     start: Submodel
     estimator: Estimator
     delays: DelayErrors
-    held_out: Information | None
 
     @cached_property
     def full(self) -> Estimate | None:
@@ -583,7 +580,7 @@ def measure_models(
     missing = find_missing(opening)
     (result,) = assess_ladder(
         own_model, [physical], own, own_validation, Thresholds(), rng, replicates, missing,
-        late=question.delays.move, unseen=question.held_out,
+        late=question.delays.move,
     )  # fmt: skip
     spread = result.uncertainty
     error, error_unseen = fitted.relative_error(), unseen.relative_error()
@@ -597,15 +594,9 @@ def measure_models(
     weights = np.zeros(len(steps))
     first = first_allowed(steps)
     weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
-    # Where nothing differs from logs held out under the model to use, no other is asked.
-    same = spread.held_out is None or spread.held_out.agree
-    others = None if same else question.held_out
     spreads = [
         replace(
-            resample(
-                *(reported.information, reported.estimate, spread.block, rng, replicates),
-                None if others is None else reported.submodel.reduce(others),
-            ),
+            resample(reported.information, reported.estimate, spread.block, rng, replicates),
             late=question.delays.move(reported.submodel),
         )
         for reported in (model.reported for model in starmap(question.recall, fits))

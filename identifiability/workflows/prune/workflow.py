@@ -201,7 +201,6 @@ def _ask(session: Session, rows: Weighed, entry: LadderEntry) -> Question:
         start=start,
         estimator=settle_noise(rows.estimator, start.reduce(rows.information)),
         delays=DelayErrors.of(session, rows),
-        held_out=rows.held_out,
     )
 
 
@@ -276,7 +275,7 @@ def _hint(session: Session, rows: Weighed, measured: Measured) -> tuple[str, ...
         state_mounting(session.structure.robot, result.verdicts),
         *opening.hints[first:],
         *check_cutoff(opening, session.recordings, session.how),
-        compare_logs(joints, opening, rows.information, result).hint,
+        compare_logs(joints, opening.samples, rows.information, result).hint,
     )
     return tuple(filter(None, said))
 
