@@ -10,7 +10,7 @@ from scipy.special import chdtri
 
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Folds, Score
-from identifiability.estimation.instrumental import InstrumentalVariables, RenoisedLeastSquares
+from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.least_squares import (
     BY_NAME,
     LogNoise,
@@ -30,9 +30,6 @@ from identifiability.regression.information import Information
 
 #: An estimator, or its name.
 Method = str | Estimator
-
-#: Estimators that mend what another one finds.
-CORRECTED = (InstrumentalVariables, RenoisedLeastSquares)
 
 ESTIMATORS: dict[str, Estimator] = {e.name: e for e in BY_NAME}
 
@@ -70,8 +67,7 @@ WEIGHINGS = 10
 MOST: Tolerance = 1e6
 
 #: ``ls``: least squares. ``iv``: instrumental variables, which noise in the motion does not bias.
-#: ``auto``: the latter if any log has a second record of its motion; else the former, corrected by
-#: what new noise of the motion does to it where it does anything.
+#: ``auto``: the latter if any log has a second record of its motion.
 Kind = EstimatorKind
 
 
@@ -118,7 +114,7 @@ def weigh_logs(information: Information, estimator: Estimator) -> Information:
     estimator : Estimator
     """
     fresh = forget_noise(estimator)
-    plain = fresh.base if isinstance(fresh, CORRECTED) else fresh
+    plain = fresh.base if isinstance(fresh, InstrumentalVariables) else fresh
     known = np.ones((1, len(information.counts)))
     known = known if information.weights is None else information.weights
     alive = known.max(axis=0) > 0  # others were left out
@@ -149,11 +145,7 @@ def weigh_logs(information: Information, estimator: Estimator) -> Information:
         weighed = information.weigh(weights @ member)
         if not short.any() or np.abs(np.log(weights / before)).max() < SETTLED:
             break
-    if weighed.echo is None:
-        return weighed
-    echo = weighed.echo  # it has as many logs of its own for each log
-    of_log = echo.log * (int(information.log.max()) + 1) // (int(echo.log.max()) + 1)
-    return replace(weighed, echo=echo.weigh(weights @ (of_log == logs[:, None])))
+    return weighed
 
 
 def _shrink(mean: Array, dof: Array) -> Array:
@@ -192,7 +184,7 @@ def settle_noise(estimator: Estimator, whole: Information) -> Estimator:
         About all columns.
     """
     fresh = forget_noise(estimator)
-    plain = fresh.base if isinstance(fresh, CORRECTED) else fresh
+    plain = fresh.base if isinstance(fresh, InstrumentalVariables) else fresh
     if not isinstance(plain, OrdinaryLeastSquares):
         return fresh
     fit = fit_whole(plain, whole)
@@ -209,7 +201,7 @@ def forget_noise(estimator: Estimator) -> Estimator:
 
 
 def _with_noise(estimator: Estimator, noise: LogNoise | None) -> Estimator:
-    if isinstance(estimator, CORRECTED):
+    if isinstance(estimator, InstrumentalVariables):
         return replace(estimator, base=replace(estimator.base, noise=noise))
     if isinstance(estimator, OrdinaryLeastSquares):
         return replace(estimator, noise=noise)

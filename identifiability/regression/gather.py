@@ -84,9 +84,8 @@ def gather_information(
         factors = [np.vstack(pair) for pair in zip(factors, lengths, strict=True)]
     found = zip(seen, bases, held, sums, strict=True)
     parts = tuple(ActuatorBlocks(np.flatnonzero(s), *rest) for s, *rest in found)
-    echo = None if regression.echo is None else gather_information(regression.echo, 1)
     has = regression.instruments is not None
-    return Information(names, parts, counts, data, logs, has, echo)
+    return Information(names, parts, counts, data, logs, has)
 
 
 def _block_edges(samples: Prepared, size: int) -> Array:

@@ -57,7 +57,7 @@ class Pair:
             Of the two logs among all.
         """
         seen = [
-            Excerpt.of(structure.regression([replace(s, instrument=None, echoes=())]), EXCERPT)
+            Excerpt.of(structure.regression([replace(s, instrument=None)]), EXCERPT)
             for s in (self.first, self.second)
         ]
         one, two = (

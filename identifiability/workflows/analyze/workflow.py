@@ -94,8 +94,7 @@ def analyze(
         (``ols``).
     estimator : {"auto", "ls", "iv"}
         Least squares, or instrumental variables, which noise in the motion does not bias; ``auto``
-        takes the latter if any log has a second record of its motion, and else corrects the former
-        by what new noise of the motion does to it.
+        takes the latter if any log has a second record of its motion.
     replicates : int, optional
         Refits of the block bootstrap, 0 for none; by default 2000, or 200 if `quick`.
     posterior : bool

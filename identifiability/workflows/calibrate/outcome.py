@@ -81,8 +81,6 @@ class Experiment:
         As in `analyze`.
     structure : Structure or None
         What is behind the columns: with it intervals know what the model leaves out.
-    echo : Information or None
-        What new noise of the motion does to the columns.
     """
 
     submodel: Submodel
@@ -95,7 +93,6 @@ class Experiment:
     thresholds: Thresholds = Thresholds()
     replicates: int = 200
     structure: Structure | None = None
-    echo: Information | None = None
 
     @staticmethod
     def of(regression: Regression, submodel: Submodel, **how: Any) -> Experiment:
