@@ -172,14 +172,6 @@ def measure_memory(information: Information, fit: Estimate) -> tuple[Array, Arra
     return variance, np.maximum(_share(raw, known, B, N / B), 1.0)
 
 
-def taken_of_blocks(information: Information, fit: Estimate) -> Array:
-    """Return what a fit's columns take of noise of variance 1 in each block, (n, B)."""
-    part = information.select(fit.kept)
-    turn, _ = _take(part, fit.weights)
-    taken: Array = fit.weights[:, None] * part.squares_of_blocks(turn)
-    return taken
-
-
 def _take(part: Information, weights: Array) -> tuple[Array, Array]:
     """Return unit coordinates (k + 1, k), and what columns take of noise of variance 1, (n,)."""
     k = part.size

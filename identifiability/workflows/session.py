@@ -23,7 +23,6 @@ from identifiability.estimation.estimate import (
     Outliers,
     forget_noise,
     settle_noise,
-    weigh_logs,
     weigh_outliers,
 )
 from identifiability.estimation.estimator import Estimator
@@ -367,10 +366,9 @@ def weigh_rows(
     information: Information,
     estimator: Estimator,
 ) -> tuple[Information, str, Outliers | None]:
-    """Return the information with rows weighed by their noise; a sentence on outliers, and these.
+    """Return the information with outliers weighed down; a sentence on them, and these.
 
-    Outlying stretches are weighed down, and logs count by their noise. Said is what would have
-    moved a value out of its interval.
+    Said is what would have moved a value out of its interval.
 
     Parameters
     ----------
@@ -383,7 +381,6 @@ def weigh_rows(
     estimator : Estimator
     """
     weighed, found = weigh_outliers(information, forget_noise(estimator))
-    weighed = weigh_logs(weighed, estimator)
     if found is None or found.moved.max() <= REACH:
         return weighed, "", found
     most, where = int(np.argmax(found.moved)), where_outlying(joints, samples, found)

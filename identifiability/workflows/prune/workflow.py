@@ -275,7 +275,7 @@ def _hint(session: Session, rows: Weighed, measured: Measured) -> tuple[str, ...
         state_mounting(session.structure.robot, result.verdicts),
         *opening.hints[first:],
         *check_cutoff(opening, session.recordings, session.how),
-        compare_logs(joints, opening.samples, rows.information, result).hint,
+        compare_logs(joints, opening.samples, result).hint,
     )
     return tuple(filter(None, said))
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-from identifiability.estimation.estimate import estimate, find_estimator, settle_noise, weigh_logs
+from identifiability.estimation.estimate import estimate, find_estimator, settle_noise
 from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.least_squares import _sum_lags, measure_memory
 from identifiability.estimation.noise import autocorrelation_time
-from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.foundation.numbers import ENDS
 from identifiability.physical.fitted_model import LeastSquares
 
@@ -254,54 +253,6 @@ def loud(rng, sizes, rho=0.8, samples=900):
     return gather(W, tau, 8, [samples] * len(sizes)), W, tau
 
 
-def test_a_log_counts_by_its_noise_and_a_noisy_one_does_no_harm():
-    """Twelve times the noise in a second log once left values four times worse."""
-    wls, off = find_estimator("wls"), []
-    for seed in range(25):
-        whole, *_ = loud(np.random.default_rng([21, seed]), (0.5, 6.0))
-        some = (whole.take(whole.log == 0), whole, weigh_logs(whole, wls))
-        off.extend(wls.fit(one).value - np.arange(1.0, 5.0) for one in some)
-    alone, alike, weighed = np.sqrt(np.mean(np.reshape(off, (25, 3, 4)) ** 2, axis=(0, 2)))
-    assert alike > 2.5 * alone
-    assert weighed < 1.05 * alone
-
-
-def test_the_weights_of_logs_are_those_of_their_noise_and_one_on_average():
-    whole, *_ = loud(np.random.default_rng(1), (1.0, 3.0, 1.0))
-    found = weigh_logs(whole, find_estimator("wls"))
-    first = np.unique(whole.log, return_index=True)[1]
-    weights = found.weights[:, first]
-    np.testing.assert_allclose(found.weights @ whole.counts, whole.samples)
-    np.testing.assert_allclose(weights[:, 0] / weights[:, 1], 9.0, rtol=0.35)
-    np.testing.assert_allclose(found.weighed_samples, whole.samples)
-    again = weigh_logs(found, find_estimator("wls")).weights
-    np.testing.assert_allclose(again, found.weights, rtol=0.05)
-
-
-def test_logs_of_one_noise_count_alike_up_to_chance():
-    for seed in range(5):
-        whole, *_ = loud(np.random.default_rng([22, seed]), (1.0, 1.0))
-        found = weigh_logs(whole, find_estimator("wls"))
-        np.testing.assert_allclose(found.weights, 1.0, atol=0.15)
-    assert weigh_logs(whole, find_estimator("ols")) is whole
-    one = whole.take(whole.log == 0)
-    assert weigh_logs(one, find_estimator("wls")) is one
-
-
-def test_intervals_hold_where_logs_are_weighed():
-    wls, inside = find_estimator("wls"), []
-    for seed in range(40):
-        rng = np.random.default_rng([23, seed])
-        whole, W, tau = loud(rng, (0.5, 6.0), samples=600)
-        found = weigh_logs(whole, wls)
-        fit = settle_noise(wls, found).fit(found)
-        spread = assess_uncertainty(
-            found, fit, tau - W @ fit.value, np.repeat([0, 1], 600), rng, 60
-        )
-        inside.append(np.abs(fit.value - np.arange(1.0, 5.0)) <= 1.96 * spread.robust)
-    assert np.mean(inside) > 0.92
-
-
 def test_weights_stay_with_their_blocks():
     whole, *_ = loud(np.random.default_rng(4), (1.0, 3.0))
     found = whole.weigh(np.where(whole.log == 0, 2.0, 0.5))
@@ -314,18 +265,3 @@ def test_weights_stay_with_their_blocks():
     assert both.weights[:, -1].tolist() == [1.0] * 2
     merged = found.merge(np.arange(0, len(found.counts), 2))
     np.testing.assert_allclose(merged.weighed_samples, found.weighed_samples)
-
-
-def test_a_log_that_is_too_short_for_a_fit_of_its_own_counts_by_its_noise_too():
-    whole, *_ = loud(np.random.default_rng(5), (1.0, 3.0))
-    short = whole.take((whole.log == 0) | (np.arange(len(whole.counts)) < 120))  # seven blocks
-    found = weigh_logs(short, find_estimator("wls")).weights
-    assert (found[:, 0] > 2.0 * found[:, -1]).all()
-
-
-def test_what_logs_disagree_about_is_no_noise():
-    _, W, tau = loud(np.random.default_rng(6), (1.0, 1.0))
-    later = np.repeat([0.0, 1.0], 900)[:, None]
-    apart = gather(W, tau + 3.0 * later * W[:, :, 0], 8, [900, 900])
-    found = weigh_logs(apart, find_estimator("wls"))
-    np.testing.assert_allclose(found.weights, 1.0, atol=0.2)
