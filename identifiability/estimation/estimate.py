@@ -11,7 +11,7 @@ from scipy.special import chdtri
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Folds, Score
 from identifiability.estimation.instrumental import InstrumentalVariables
-from identifiability.estimation.least_squares import BY_NAME, LogNoise, Noise, OrdinaryLeastSquares
+from identifiability.estimation.least_squares import BY_NAME, Noise, OrdinaryLeastSquares
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.linalg import ROUNDOFF
@@ -89,10 +89,8 @@ def settle_noise(estimator: Estimator, whole: Information) -> Estimator:
 
     A model that leaves something out leaves it in the residual, where it looks like noise, slow
     noise above all: a constant torque remembers for ever. Noise is a property of the logs, so it is
-    measured once, beside all columns. To its variance comes what a model leaves more than the whole
-    one (`Noise.beside`): an actuator whose torque the model cannot explain must not decide what
-    others need. Where too few outputs are independent to fit all columns, and for other estimators,
-    each model measures its own.
+    measured once, beside all columns. Where too few outputs are independent to fit all columns, and
+    for other estimators, each model measures its own.
 
     Parameters
     ----------
@@ -105,11 +103,7 @@ def settle_noise(estimator: Estimator, whole: Information) -> Estimator:
     if not isinstance(plain, OrdinaryLeastSquares):
         return fresh
     fit = fit_whole(plain, whole)
-    if fit is None:
-        return fresh
-    noise, fits = Noise(fit.variance, fit.times), (OrdinaryLeastSquares().fit(whole), fit)
-    left = np.stack([noise.count_left(whole, f) for f in fits])
-    return _with_noise(fresh, LogNoise(noise.variance, noise.times, left))
+    return fresh if fit is None else _with_noise(fresh, Noise(fit.variance, fit.times))
 
 
 def forget_noise(estimator: Estimator) -> Estimator:
@@ -117,7 +111,7 @@ def forget_noise(estimator: Estimator) -> Estimator:
     return _with_noise(estimator, None)
 
 
-def _with_noise(estimator: Estimator, noise: LogNoise | None) -> Estimator:
+def _with_noise(estimator: Estimator, noise: Noise | None) -> Estimator:
     if isinstance(estimator, InstrumentalVariables):
         return replace(estimator, base=replace(estimator.base, noise=noise))
     if isinstance(estimator, OrdinaryLeastSquares):
