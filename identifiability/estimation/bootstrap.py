@@ -115,7 +115,7 @@ def bootstrap(
     rng : numpy.random.Generator
     replicates : int
     length : float
-        Samples a block; see `noise.block_length`.
+        Samples a block.
 
     Raises
     ------

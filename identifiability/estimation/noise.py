@@ -64,44 +64,6 @@ def integrate_correlation(acf: Array) -> Array:
     return time
 
 
-def block_length(residual: Array) -> float:
-    """Return the block length for a block bootstrap of residuals (N, n), the largest over columns.
-
-    The automatic choice for the circular bootstrap [Politis & White 2004, with the correction of
-    Patton, Politis & White 2009]: long enough that blocks are nearly independent, short enough
-    that there are many.
-    """
-    return max((_politis_white(column) for column in residual.T), default=1.0)
-
-
-#: Lags over which autocorrelations must be small, at least [Politis & White 2004].
-LEAST_WINDOW = 5
-
-
-def _politis_white(x: Array) -> float:
-    n = len(x)
-    centred = x - x.mean()
-    if not centred.any() or n < 2 * LEAST_WINDOW:
-        return 1.0
-    window = max(LEAST_WINDOW, int(np.sqrt(np.log10(n))))
-    most = int(np.ceil(np.sqrt(n))) + window
-    covariance = lagged_sums(centred)[: most + 1] / n
-    rho = covariance / covariance[0]
-    small = np.abs(rho[1:]) < 2 * np.sqrt(np.log10(n) / n)
-    # The first lag after which `window` correlations in a row are nothing.
-    runs = np.convolve(small, np.ones(window), mode="valid") == window
-    lag = int(runs.argmax()) if runs.any() else int(np.flatnonzero(~small).max(initial=0)) + 1
-    reach = min(2 * max(lag, 1), most)
-    k = np.arange(1, reach + 1)
-    flat_top = np.minimum(1.0, 2.0 * (1.0 - k / reach))
-    spread = 2.0 * np.sum(flat_top * k * covariance[1 : reach + 1])
-    density = covariance[0] + 2.0 * np.sum(flat_top * covariance[1 : reach + 1])
-    if density <= 0:
-        return 1.0
-    length = (1.5 * spread**2 / density**2) ** (1 / 3) * n ** (1 / 3)
-    return float(np.clip(length, 1.0, np.ceil(min(3 * np.sqrt(n), n / 3))))
-
-
 # Autoregressive series by their partial autocorrelations: predict, whiten, colour.
 #
 # Any partial autocorrelations inside (-1, 1) make a stationary series [Monahan 1984]; innovations

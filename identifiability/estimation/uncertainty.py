@@ -14,7 +14,6 @@ from scipy.special import chdtrc, chdtri, fdtrc, stdtrit
 from identifiability.estimation.bootstrap import Bootstrap, ScoreScatter, bootstrap, scatter_scores
 from identifiability.estimation.estimate import forget_noise
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.noise import block_length
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.linalg import ROUNDOFF, sandwich
@@ -361,12 +360,7 @@ class Uncertainty:
 
 
 def assess_uncertainty(
-    information: Information,
-    fit: Estimate,
-    residual: Array,
-    series: np.ndarray,
-    rng: np.random.Generator,
-    replicates: int,
+    information: Information, fit: Estimate, rng: np.random.Generator, replicates: int
 ) -> Uncertainty:
     """Return the standard deviations of a fit by every road.
 
@@ -375,40 +369,14 @@ def assess_uncertainty(
     information : Information
         About the fitted columns.
     fit : Estimate
-    residual : (N, n)
-    series : (N,) int
-        Which stretch of consecutive samples a residual comes from.
     rng : numpy.random.Generator
     replicates : int
         Of the bootstrap; 0 for none.
     """
-    length = max(block_length(residual[series == k]) for k in np.unique(series))
-    return resample(information, fit, length, rng, replicates)
-
-
-def resample(
-    information: Information,
-    fit: Estimate,
-    length: float,
-    rng: np.random.Generator,
-    replicates: int,
-) -> Uncertainty:
-    """Return the standard deviations of a fit for which a block length is known.
-
-    Parameters
-    ----------
-    information, fit, rng, replicates
-        As in `assess_uncertainty`.
-    length : float [samples]
-        Block length of the bootstrap, unless that leaves few blocks and the residual forgets
-        sooner.
-    """
-    # The automatic choice is itself uncertain where it leaves few blocks: then what the residual
-    # remembers is enough.
     memory, short = float(fit.times.max()), information.samples / (2 * RULES.blocks_fewest)
-    length = min(length, max(RULES.memories * memory, short))
-    shortened = information.samples < RULES.blocks_fewest * length
-    length = max(LEAST_MEMORIES * memory, short) if shortened else length
+    length = RULES.memories * memory
+    if information.samples < RULES.blocks_fewest * length:
+        length = max(LEAST_MEMORIES * memory, short)
     drawn, note = None, ""
     if not replicates:
         note = "No logs were resampled: ask for some replicates."

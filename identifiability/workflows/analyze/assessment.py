@@ -301,12 +301,11 @@ def assess_ladder(
     full = fit_whole(models[0].estimate.estimator, models[0].whole) if spoken else None
     for k, (model, real) in enumerate(zip(models, physical, strict=True)):
         submodel, reduced, fit = model.submodel, model.information, model.estimate
-        along = fitted.residual[:, :, k], fitted.series, rng, replicates
-        uncertainty = assess_uncertainty(reduced, fit, *along)
+        uncertainty = assess_uncertainty(reduced, fit, rng, replicates)
         reported, reported_uncertainty = model.reported, uncertainty
         if reported is not model:
             reported_uncertainty = assess_uncertainty(
-                reported.information, reported.estimate, *along
+                reported.information, reported.estimate, rng, replicates
             )
         if late is not None:
             uncertainty = replace(uncertainty, late=late(submodel))

@@ -129,8 +129,7 @@ class Experiment:
         method = settle_noise(find_estimator(self.method), whole)
         fit = method.fit(information)
         left = tau - W @ submodel.fixed
-        residual = left - W @ (submodel.M @ fit.value)
-        spread = assess_uncertainty(information, fit, residual, self.log, rng, self.replicates)
+        spread = assess_uncertainty(information, fit, rng, self.replicates)
         omitted = None
         if self.structure is not None:
             full = fit_whole(method, whole)

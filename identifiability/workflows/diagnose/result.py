@@ -370,9 +370,7 @@ def keep_completed(d: Findings) -> Fit:
     low, raw = found.joint_rms()[:, 0], found.joint_rms(raw=True)[:, 0]
     unseen = d.gap.joint_rms()[:, -1]
     unseen_raw = np.sqrt(np.maximum(raw**2 - low**2, 0.0) + unseen**2)
-    uncertainty = assess_uncertainty(
-        information, fit, found.residual[:, :, 0], found.series, np.random.default_rng(d.seed), 0
-    )
+    uncertainty = assess_uncertainty(information, fit, np.random.default_rng(d.seed), 0)
     spread = measure_spread(information, fit, uncertainty, (low, raw), (unseen, unseen_raw))
     return Fit(
         structure=structure,

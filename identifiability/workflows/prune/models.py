@@ -30,7 +30,7 @@ from identifiability.estimation.torque_errors import (
     standard_error_over_joints,
     take_turns,
 )
-from identifiability.estimation.uncertainty import Uncertainty, resample
+from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, Steps
@@ -596,7 +596,7 @@ def measure_models(
     weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
     spreads = [
         replace(
-            resample(reported.information, reported.estimate, spread.block, rng, replicates),
+            assess_uncertainty(reported.information, reported.estimate, rng, replicates),
             late=question.delays.move(reported.submodel),
         )
         for reported in (model.reported for model in starmap(question.recall, fits))

@@ -1,6 +1,5 @@
 """What noise remembers is found from blocks of time, and weighs: planted noise, known truth."""
 
-
 import numpy as np
 import pytest
 from scipy.stats import t
