@@ -19,7 +19,7 @@ from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternative
 from identifiability.estimation.decide import decide_submodel, find_left_out
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import Estimate, settle_signs
-from identifiability.estimation.evidence import Mixture
+from identifiability.estimation.evidence import Evidence, Level, Mixture
 from identifiability.estimation.least_squares import dependence
 from identifiability.estimation.prediction import (
     Prediction,
@@ -78,10 +78,10 @@ class JudgedModel:
         ε_RA on the logs it was fitted to.
     error_ra_validation : float
         ε_RA on the validation logs.
-    error_se : float
-        Standard error of the difference of its held-out ε_RA to another model's.
-    error_joints, error_joints_validation, error_joints_se : float
-        The same three of the error over each joint's own scale, by which models are chosen.
+    error_joints, error_joints_validation : float
+        The same two of the error over each joint's own scale, by which models are chosen.
+    spread : float
+        Relative standard error of the difference of its error on folds to the best model's.
     infeasible : tuple of str
         Parameters with a sign that physics forbids, the paper's test.
     """
@@ -91,11 +91,25 @@ class JudgedModel:
     verdicts: tuple[Verdict, ...]
     error_ra: float
     error_ra_validation: float
-    error_se: float
     error_joints: float
     error_joints_validation: float
-    error_joints_se: float
+    spread: float
     infeasible: tuple[str, ...]
+
+    @property
+    def unseen(self) -> tuple[float, float]:
+        """ε_RA, and the error over each joint's own scale, of motion that was not fitted."""
+        return self.error_ra_validation, self.error_joints_validation
+
+    @property
+    def error_se(self) -> float:
+        """Standard error of the difference of its unseen ε_RA to the best model's."""
+        return self.spread * self.unseen[0]
+
+    @property
+    def error_joints_se(self) -> float:
+        """The same of the error over each joint's own scale."""
+        return self.spread * self.unseen[1]
 
     @property
     def name(self) -> str:
@@ -174,7 +188,7 @@ class ModelResult(JudgedModel):
     ----------
     uncertainty : Uncertainty
     worse_at : tuple of str
-        Joints at which it surely errs more on unseen motion than the best model does.
+        Joints at which it surely errs more on folds than the best model does.
     error_ra_physical : float
         ε_RA of the nearest real robot, on the same samples as `error_ra_validation`.
     error_ra_real, error_ra_file, error_ra_other : float
@@ -265,6 +279,7 @@ def assess_ladder(
     missing: Alternatives = NO_ALTERNATIVES,
     *,
     late: Callable[[Submodel], Array] | None = None,
+    judged: Sequence[Evidence] = (),
 ) -> tuple[ModelResult, ...]:
     """Return the results of all m models.
 
@@ -284,17 +299,13 @@ def assess_ladder(
         What may be missing beside all base parameters.
     late : callable(Submodel), optional
         What errors of delays do to the values of a model, (L, k).
+    judged : sequence of Evidence, optional
+        Of each model against the best, on folds.
     """
     m = len(models)
     error, unseen_error = fitted.relative_error(), held_out.relative_error()
     each = fitted.joint_error()
     joints, unseen_joints = fitted.error_over_joints(), held_out.error_over_joints()
-    best = int(np.nanargmin(unseen_joints[:m])) if np.isfinite(unseen_joints[:m]).any() else 0
-    spread, joints_spread = (
-        held_out.standard_error(best),
-        held_out.standard_error_over_joints(best),
-    )
-    above = held_out.joints_above(best)
     torque = float(np.sqrt(np.mean(fitted.rms**2)))
     results = []
     spoken = bool(models) and bool(models[0].estimate.kept)
@@ -323,11 +334,10 @@ def assess_ladder(
             ),
             error_ra=float(error[k]),
             error_ra_validation=float(unseen_error[k]),
-            error_se=float(spread[k]),
             error_joints=float(joints[k]),
             error_joints_validation=float(unseen_joints[k]),
-            error_joints_se=float(joints_spread[k]),
-            worse_at=tuple(np.array(model.structure.robot.joints)[above[:, k]].tolist()),
+            spread=judged[k].error.se if judged else float("nan"),
+            worse_at=_worse_at(model, judged[k]) if judged else (),
             error_ra_physical=float(unseen_error[m + k]),
             error_ra_real=float(error[m + k]),
             error_ra_file=float(error[2 * m + k]),
@@ -339,6 +349,11 @@ def assess_ladder(
         )
         results.append(result)
     return tuple(results)
+
+
+def _worse_at(model: FittedModel, judged: Evidence) -> tuple[str, ...]:
+    levels = zip(model.structure.robot.joints, judged.joint_levels, strict=True)
+    return tuple(joint for joint, level in levels if level is Level.WORSE)
 
 
 def hold_over(uncertainty: Uncertainty, model: FittedModel, real: PhysicalResult) -> Uncertainty:

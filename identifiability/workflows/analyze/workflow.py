@@ -263,6 +263,7 @@ def _judge(
         draws,
         missing,
         late=fitted.late.move,
+        judged=ladder.judged,
     )
     at = select_model(results, ladder.near)
     results, contradicted = tell_with_file(ladder.models, results, within, thresholds)

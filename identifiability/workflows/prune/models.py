@@ -25,11 +25,7 @@ from identifiability.estimation.evidence import Evidence, Mixture, mix_labels, w
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.estimation.refits import Equations
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.torque_errors import (
-    standard_error,
-    standard_error_over_joints,
-    take_turns,
-)
+from identifiability.estimation.torque_errors import take_turns
 from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.engines.local import Serial
@@ -400,6 +396,11 @@ class PrunedModel(JudgedModel):
     weight: float
 
     @property
+    def unseen(self) -> tuple[float, float]:
+        """ε_RA, and the error over each joint's own scale, of motion that was not fitted."""
+        return self.error_ra_unseen, self.error_joints_unseen
+
+    @property
     def reason(self) -> str:
         """Why the move was made, in words."""
         return explain(self.step)
@@ -582,12 +583,8 @@ def measure_models(
         own_model, [physical], own, own_validation, Thresholds(), rng, replicates, missing,
         late=question.delays.move,
     )  # fmt: skip
-    spread = result.uncertainty
     error, error_unseen = fitted.relative_error(), unseen.relative_error()
     joints, joints_unseen = fitted.error_over_joints(), unseen.error_over_joints()
-    memory = float(spread.times.mean())
-    error_se = standard_error(unseen.sums, memory, chosen)
-    joints_se = standard_error_over_joints(unseen.sums, memory, chosen)
     best = steps[best_step(steps)].score
     judged = [Evidence.of(step.score, best) for step in steps]
     unit = max(steps[0].score.error ** 2, 1e-300)
@@ -624,11 +621,10 @@ def measure_models(
             ),
             error_ra=float(error[k]),
             error_ra_unseen=float(error_unseen[k]),
-            error_se=float(error_se[k]),
             error_ra_validation=float(error_validation[k]),
             error_joints=float(joints[k]),
             error_joints_unseen=float(joints_unseen[k]),
-            error_joints_se=float(joints_se[k]),
+            spread=judged[k].error.se,
             error_joints_validation=float(joints_validation[k]),
             error_squares=step.score.error**2 / unit,
             error_squares_se=2.0 * judged[k].error.se * step.score.error**2 / unit,
