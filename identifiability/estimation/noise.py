@@ -30,17 +30,11 @@ from identifiability.logs.prepare import Samples
 FLOOR: Tolerance = 0.05
 
 
-def lagged_sums(x: Array) -> Array:
-    """Return the sums of products of each column of (N, …) with itself at every lag, by FFT."""
-    size = 1 << (2 * len(x) - 1).bit_length()
-    spectrum = np.fft.rfft(x, size, axis=0)
-    sums: Array = np.fft.irfft(np.abs(spectrum) ** 2, size, axis=0)[: len(x)]
-    return sums
-
-
 def autocorrelation(residual: Array) -> Array:
     """Return the autocorrelation of each column of residuals (N, n) by FFT, (N, n); 1 at lag 0."""
-    acf = lagged_sums(residual - residual.mean(0))
+    size = 1 << (2 * len(residual) - 1).bit_length()
+    spectrum = np.fft.rfft(residual - residual.mean(0), size, axis=0)
+    acf = np.fft.irfft(np.abs(spectrum) ** 2, size, axis=0)[: len(residual)]
     variance = np.where(acf[0] > 0, acf[0], 1.0)
     scaled: Array = acf / variance
     return scaled
@@ -547,18 +541,6 @@ class JointNoise:
 
 #: Noise of all joints, which are independent.
 ARNoise = tuple[JointNoise, ...]
-
-
-def fit_joint(y: Array, blocks: Sequence[Array], runs: Runs) -> JointNoise:
-    """Return the noise of one joint; the order is the one with the least BIC."""
-    runs, (y, *blocks) = take_data(runs, y, *blocks)
-    if not len(y):
-        return JointNoise(np.empty(0), 1.0)
-    problem = RestrictedLikelihood.of(
-        y, span_columns(blocks, int(RULES.columns_most * len(y))), runs
-    )
-    best = problem.maximise()
-    return JointNoise(np.tanh(best), problem.sigma(best))
 
 
 def span_columns(blocks: Sequence[Array], most: int) -> Array:
