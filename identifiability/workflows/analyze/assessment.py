@@ -313,25 +313,16 @@ def assess_ladder(
     for k, (model, real) in enumerate(zip(models, physical, strict=True)):
         submodel, reduced, fit = model.submodel, model.information, model.estimate
         uncertainty = assess_uncertainty(reduced, fit, rng, replicates)
-        reported, reported_uncertainty = model.reported, uncertainty
-        if reported is not model:
-            reported_uncertainty = assess_uncertainty(
-                reported.information, reported.estimate, rng, replicates
-            )
         if late is not None:
             uncertainty = replace(uncertainty, late=late(submodel))
-            reported_uncertainty = replace(reported_uncertainty, late=late(reported.submodel))
         as_good = real.as_good or real.elsewhere
         if as_good:
             uncertainty = hold_over(uncertainty, model, real)
-            reported_uncertainty = hold_over(reported_uncertainty, reported, real)
         result = ModelResult(
             submodel=submodel,
             estimate=fit,
             uncertainty=uncertainty,
-            verdicts=decide_reported(
-                reported, reported_uncertainty, torque, thresholds, full, missing
-            ),
+            verdicts=decide_model(model, uncertainty, torque, thresholds, full, missing),
             error_ra=float(error[k]),
             error_ra_validation=float(unseen_error[k]),
             error_joints=float(joints[k]),
@@ -343,7 +334,7 @@ def assess_ladder(
             error_ra_file=float(error[2 * m + k]),
             error_ra_other=float(error[3 * m + k]),
             error_real_joints=each[:, [m + k, 2 * m + k, 3 * m + k]],
-            infeasible=forbidden_signs(reported.submodel, reported.information, reported.estimate),
+            infeasible=forbidden_signs(model),
             physical=real,
             physical_as_good=as_good,
         )
@@ -364,8 +355,8 @@ def hold_over(uncertainty: Uncertainty, model: FittedModel, real: PhysicalResult
     return replace(uncertainty, real=np.where(model.estimate.determined, apart, 0.0)[None])
 
 
-def decide_reported(
-    reported: FittedModel,
+def decide_model(
+    model: FittedModel,
     uncertainty: Uncertainty,
     torque: float,
     thresholds: Thresholds,
@@ -373,11 +364,11 @@ def decide_reported(
     missing: Alternatives,
     models: Mixture | None = None,
 ) -> tuple[Verdict, ...]:
-    """Return the verdicts on a model as it is told (`FittedModel.reported`).
+    """Return the verdicts on a model.
 
     Parameters
     ----------
-    reported : FittedModel
+    model : FittedModel
     uncertainty : Uncertainty
     torque : float [N·m or N]
         Root mean square of the measured torque.
@@ -389,11 +380,11 @@ def decide_reported(
     models : Mixture, optional
         What all models of a path say of its labels.
     """
-    submodel, part, fit = reported.submodel, reported.information, reported.estimate
-    stated = np.linalg.lstsq(
-        submodel.M, reported.structure.nominal_base - submodel.fixed, rcond=None
-    )[0]
-    left_out = find_left_out(reported.structure, submodel, reported.whole, fit, full)
+    submodel, part, fit = model.submodel, model.information, model.estimate
+    stated = np.linalg.lstsq(submodel.M, model.structure.nominal_base - submodel.fixed, rcond=None)[
+        0
+    ]
+    left_out = find_left_out(model.structure, submodel, model.whole, fit, full)
     aliases = _aliases(part, fit, submodel)
     own = missing.of_labels(submodel, fit)
     return decide_submodel(
@@ -432,13 +423,12 @@ def tell_with_file(
 def _add_file(
     model: FittedModel, result: ModelResult, share: float, thresholds: Thresholds
 ) -> tuple[ModelResult, str]:
-    reported = model.reported
-    fit = reported.estimate
-    data = LeastSquares.likelihood(reported.information, fit)
+    fit = model.estimate
+    data = LeastSquares.likelihood(model.information, fit)
     own = np.linalg.pinv(data.R)
     variance = (own**2).sum(1) * data.variance
     # What all samples share lies along directions of its own; the rest is noise of every row.
-    shared = result.uncertainty.shared @ np.linalg.pinv(model.to_x).T @ reported.to_x.T
+    shared = result.uncertainty.shared
     wide = np.array([v.sigma_robust for v in result.verdicts]) ** 2
     wide = np.maximum(wide - (shared**2).sum(0), 0.0)
     sure = fit.determined & (variance > 0) & np.isfinite(wide)
@@ -446,13 +436,13 @@ def _add_file(
     along = data.R @ shared.T
     L = np.linalg.cholesky(wider * data.variance * np.eye(len(data.R)) + along @ along.T)
     rows, aim = (scipy.linalg.solve_triangular(L, x, lower=True) for x in (data.R, data.z))
-    outside, rest = (x / np.sqrt(wider * data.variance) for x in reported.left_out)
+    outside, rest = (x / np.sqrt(wider * data.variance) for x in model.left_out)
     try:
         both = combine_with_file(
-            reported.structure,
-            np.vstack([rows @ reported.to_x, outside]),
+            model.structure,
+            np.vstack([rows @ model.to_x, outside]),
             np.concatenate([aim, rest]),
-            reported.to_x,
+            model.to_x,
             share,
         )
     except ValueError:  # bodies that no prior can be around are said elsewhere
@@ -474,9 +464,10 @@ def _add_file(
     return replace(result, verdicts=tuple(verdicts)), both.hint
 
 
-def forbidden_signs(submodel: Submodel, information: Information, fit: Estimate) -> tuple[str, ...]:
+def forbidden_signs(model: FittedModel) -> tuple[str, ...]:
     """Return the parameters with a sign that physics forbids, the paper's test."""
-    settled = settle_signs(information, fit, submodel.nonnegative)
+    submodel, fit = model.submodel, model.estimate
+    settled = settle_signs(model.information, fit, submodel.nonnegative)
     forbidden = submodel.nonnegative & fit.determined & (settled < 0)
     return tuple(c for c, bad in zip(submodel.columns, forbidden, strict=True) if bad)
 

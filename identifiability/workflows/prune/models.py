@@ -43,9 +43,8 @@ from identifiability.workflows.analyze.assessment import (
     JudgedModel,
     ModelResult,
     assess_ladder,
-    decide_reported,
+    decide_model,
     forbidden_signs,
-    hold_over,
     tell_with_file,
 )
 from identifiability.workflows.analyze.fit import DelayErrors
@@ -592,21 +591,20 @@ def measure_models(
     first = first_allowed(steps)
     weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
     spreads = [
-        replace(
-            assess_uncertainty(reported.information, reported.estimate, rng, replicates),
-            late=question.delays.move(reported.submodel),
+        result.uncertainty
+        if k == chosen
+        else replace(
+            assess_uncertainty(model.information, model.estimate, rng, replicates),
+            late=question.delays.move(model.submodel),
         )
-        for reported in (model.reported for model in starmap(question.recall, fits))
+        for k, model in enumerate(starmap(question.recall, fits))
     ]
-    own_reported = own_model[0].reported
-    if result.physical_as_good:
-        spreads[chosen] = hold_over(spreads[chosen], own_reported, physical)
-    models = _mix(question, fits, spreads, weights, own_reported) if replicates else None
+    models = _mix(question, fits, spreads, weights, own_model[0]) if replicates else None
     torque = float(np.sqrt(np.mean(own.rms**2)))
     result = replace(
         result,
-        verdicts=decide_reported(
-            own_reported, spreads[chosen], torque, Thresholds(), question.full, missing, models
+        verdicts=decide_model(
+            own_model[0], spreads[chosen], torque, Thresholds(), question.full, missing, models
         ),
     )
     submodels = tuple(
@@ -616,9 +614,7 @@ def measure_models(
             estimate=model.estimate,
             verdicts=result.verdicts
             if k == chosen
-            else decide_reported(
-                model.reported, spreads[k], torque, Thresholds(), question.full, missing
-            ),
+            else decide_model(model, spreads[k], torque, Thresholds(), question.full, missing),
             error_ra=float(error[k]),
             error_ra_unseen=float(error_unseen[k]),
             error_ra_validation=float(error_validation[k]),
@@ -631,9 +627,7 @@ def measure_models(
             density=judged[k].density.value,
             density_se=judged[k].density.se,
             weight=float(weights[k]),
-            infeasible=forbidden_signs(
-                model.reported.submodel, model.reported.information, model.reported.estimate
-            ),
+            infeasible=forbidden_signs(model),
         )
         for k, (step, model) in enumerate(zip(steps, starmap(question.recall, fits), strict=True))
     )
@@ -698,20 +692,18 @@ def _mix(
     fits: Sequence[tuple[Submodel, Estimate]],
     spreads: Sequence[Uncertainty],
     weights: Array,
-    reported: FittedModel,
+    own: FittedModel,
 ) -> Mixture:
-    """Return what all models of the path say of the labels of one, as it is told."""
-    inverse = np.linalg.pinv(reported.submodel.M)
+    """Return what all models of the path say of the labels of one."""
+    inverse = np.linalg.pinv(own.submodel.M)
     # Models of less weight than this share of the heaviest's are no part of a mixture.
     heavy = np.flatnonzero(weights > 1e-3 * weights.max())
     values, sigmas = [], []
     for k in heavy.tolist():
-        model = question.recall(*fits[k]).reported
+        model = question.recall(*fits[k])
         L = inverse @ model.submodel.M
         L[np.abs(L) < ROUNDING] = 0.0
-        values.append(
-            inverse @ (model.submodel.expand(model.estimate.value) - reported.submodel.fixed)
-        )
+        values.append(inverse @ (model.submodel.expand(model.estimate.value) - own.submodel.fixed))
         sigmas.append(_spread_labels(L, model.estimate, spreads[k].robust))
     return mix_labels(weights[heavy], np.array(values), np.array(sigmas))
 
@@ -729,7 +721,7 @@ def _spread_labels(L: Array, fit: Estimate, robust: Array) -> Array:
 
 def contradicts(model: FittedModel, full: Estimate | None) -> bool:
     """Return whether a sign that physics forbids is so sure that its verdict would be known."""
-    wrong = forbidden_signs(model.submodel, model.information, model.estimate)
+    wrong = forbidden_signs(model)
     scatter = scatter_scores(model.information, model.estimate, 1.0) if wrong else None
     if scatter is None:
         return False
