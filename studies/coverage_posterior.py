@@ -125,8 +125,7 @@ class Subject:
             self.analysis.structure, self.full.submodel, whole, find_estimator("wls")
         )
         part, fit = model.information, model.estimate
-        left = tau - self.base @ self.full.submodel.expand(fit.value)
-        spread = assess_uncertainty(part, fit, left, e.log, rng, 200)
+        spread = assess_uncertainty(part, fit, rng, 200)
         held = {"robust interval": np.abs(fit.value - self.truth) <= REACH * spread.robust}
         before, sd = self._before(part, tau)
         held["one mean time"] = np.abs(before - self.truth) <= REACH * sd

@@ -31,6 +31,7 @@ from shared import data_folder, study_parser, write_answer
 
 from identifiability import Log, Robot, estimate
 from identifiability.estimation.prediction import predict
+from identifiability.estimation.torque_errors import change_interval
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import build_ladder, ladder_path, read_ladder
 from identifiability.regression.regression import Model, Regression
@@ -89,7 +90,9 @@ def judge(robot: Robot, out: Ladder) -> dict[str, Any]:
     held = Regression(robot, Model.of(*out.effects), out.validation, out.base.kept)
     values = [model_4.expand(fit.value), chosen.submodel.expand(chosen.estimate.value)]
     prediction = predict(held, np.stack(values, 1))
-    error, spread = prediction.relative_error(), prediction.standard_error(0)
+    off = np.abs(prediction.residual)
+    deviation = np.abs(prediction.tau - prediction.tau.mean())
+    change, _ = change_interval(off, deviation, np.random.default_rng(0))
     plain = eliminate_plainly(out.information)
     pairs = [(f"slider{k}.Fc+" in plain, f"slider{k}.Fc-" in plain) for k in (1, 2, 3)]
     return {
@@ -97,7 +100,7 @@ def judge(robot: Robot, out: Ladder) -> dict[str, Any]:
         "nine": set(chosen.columns) >= SLIDERS,
         "exact": set(chosen.columns) == MODEL_4,
         "feasible": out.feasible,
-        "as good": bool(error[1] <= error[0] + spread[1] + 1e-12),
+        "as good": change <= 1e-12,
         "plain": plain,
         "torn": sum(a != b for a, b in pairs),
     }

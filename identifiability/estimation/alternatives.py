@@ -25,8 +25,6 @@ from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 
-#: Echoes of a log, all of which are along the same smoothed motion.
-ECHOES = 2
 #: A direction of unit columns that is shorter than the root of this is none.
 THIN: Tolerance = 1e-10
 #: Groups that a sentence says; a table has them all.
@@ -184,9 +182,8 @@ def find_alternatives(
     they explain the rest. Where the motion has a second record, whose noise is another, a group is
     named only if both say that something is missing there.
     """
-    plain = replace(regression, instruments=None, echo=None)
-    if regression.instruments is None and regression.echo is None:
-        plain = regression
+    record = regression.instruments
+    plain = regression if record is None else replace(regression, instruments=None)
     # A wrong scale of one joint's torque is nearly the model itself, at any size: its prior alone
     # would widen every label. What weighs a known load tells it.
     every = find_families(None, commanded=commanded)
@@ -196,8 +193,6 @@ def find_alternatives(
         return NO_ALTERNATIVES
     model = missing.model()
     terms = model.search()
-    smoothed = None if regression.echo is None else regression.echo.samples[::ECHOES]
-    record = regression.instruments or smoothed
     if terms and record is not None:
         second = Missing.of(replace(plain, samples=record), families, structure.present)
         places = {t.group.place for t in second.model().search()}

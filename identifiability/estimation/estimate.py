@@ -10,15 +10,8 @@ from scipy.special import chdtri
 
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Folds, Score
-from identifiability.estimation.instrumental import InstrumentalVariables, RenoisedLeastSquares
-from identifiability.estimation.least_squares import (
-    BY_NAME,
-    LogNoise,
-    Noise,
-    OrdinaryLeastSquares,
-    WeightedLeastSquares,
-    taken_of_blocks,
-)
+from identifiability.estimation.instrumental import InstrumentalVariables
+from identifiability.estimation.least_squares import BY_NAME, Noise, OrdinaryLeastSquares
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.linalg import ROUNDOFF
@@ -30,9 +23,6 @@ from identifiability.regression.information import Information
 
 #: An estimator, or its name.
 Method = str | Estimator
-
-#: Estimators that mend what another one finds.
-CORRECTED = (InstrumentalVariables, RenoisedLeastSquares)
 
 ESTIMATORS: dict[str, Estimator] = {e.name: e for e in BY_NAME}
 
@@ -63,15 +53,8 @@ def find_estimator(method: Method) -> Estimator:
     return ESTIMATORS[method]
 
 
-#: Logs are weighed until no weight changes by more than this share, but no oftener than so; and no
-#: log counts more than another by more than this factor.
-SETTLED: Tolerance = 0.02
-WEIGHINGS = 10
-MOST: Tolerance = 1e6
-
 #: ``ls``: least squares. ``iv``: instrumental variables, which noise in the motion does not bias.
-#: ``auto``: the latter if any log has a second record of its motion; else the former, corrected by
-#: what new noise of the motion does to it where it does anything.
+#: ``auto``: the latter if any log has a second record of its motion.
 Kind = EstimatorKind
 
 
@@ -101,89 +84,13 @@ def choose_estimator(method: Method, kind: Kind, *, instruments: bool) -> Estima
     return base
 
 
-def weigh_logs(information: Information, estimator: Estimator) -> Information:
-    """Return the information with weights that make each actuator's noise one in all logs.
-
-    A log is worth what its noise allows: at every actuator its squares are weighed by the inverse
-    of the noise that its own fit finds there. What logs disagree about is no noise, and a log that
-    is too short to be fitted by itself counts by what the fit to all of them leaves in it. As far
-    as variances of so many independent outputs differ by chance they are taken as equal [Smyth
-    2004]. Weights are one on average, and all that follows knows one noise an actuator. Estimators
-    that weigh all actuators alike weigh all logs alike.
-
-    Parameters
-    ----------
-    information : Information
-        About all columns.
-    estimator : Estimator
-    """
-    fresh = forget_noise(estimator)
-    plain = fresh.base if isinstance(fresh, CORRECTED) else fresh
-    known = np.ones((1, len(information.counts)))
-    known = known if information.weights is None else information.weights
-    alive = known.max(axis=0) > 0  # others were left out
-    logs = np.unique(information.log[alive])
-    if len(logs) < 2 or not isinstance(plain, WeightedLeastSquares):
-        return information
-    member = (information.log == logs[:, None]) & alive
-    counts = member @ information.counts
-    rows = np.maximum(information.data.T @ member.T, 1)  # that are data, (n, L)
-    weights, weighed = np.ones((information.actuators, len(logs))), information
-    variance, dof = np.ones(weights.shape), np.ones(weights.shape)
-    own = [fit_whole(plain, information.take(at)) for at in member]
-    short = np.array([fit is None for fit in own])
-    for k, fit in enumerate(own):
-        if fit is not None:
-            variance[:, k], dof[:, k] = fit.variance, rows[:, k] / fit.times
-    for _ in range(WEIGHINGS):
-        if short.any():
-            fit = plain.fit(weighed)
-            left = (fit.variance * fit.times)[:, None] * taken_of_blocks(weighed, fit)
-            left += weighed.squares_of_blocks(np.append(-fit.value, 1.0)[:, None])
-            variance[:, short] = (left @ member.T / rows / weights)[:, short]
-            dof[:, short] = (rows / fit.times[:, None])[:, short]
-        # Rounding, which is all that there may be in a log, must not be all that counts.
-        floor = variance.max(1, keepdims=True) / MOST
-        before, weights = weights, _shrink(np.maximum(variance, floor), dof)
-        weights /= (weights @ counts / counts.sum())[:, None]
-        weighed = information.weigh(weights @ member)
-        if not short.any() or np.abs(np.log(weights / before)).max() < SETTLED:
-            break
-    if weighed.echo is None:
-        return weighed
-    echo = weighed.echo  # it has as many logs of its own for each log
-    of_log = echo.log * (int(information.log.max()) + 1) // (int(echo.log.max()) + 1)
-    return replace(weighed, echo=echo.weigh(weights @ (of_log == logs[:, None])))
-
-
-def _shrink(mean: Array, dof: Array) -> Array:
-    """Return one over mean squares (n, L), moved together as far as chance explains them.
-
-    Parameters
-    ----------
-    mean, dof : (n, L)
-        Mean squares, and independent squares that each is made of.
-    """
-    if not mean.all():
-        return np.ones(mean.shape)
-    log = np.log(mean)
-    apart = log - log.mean(1, keepdims=True)
-    chance = 2.0 / dof
-    scatter = (apart**2).sum(1, keepdims=True) / (mean.shape[1] - 1)
-    between = np.maximum(scatter - chance.mean(1, keepdims=True), 0.0)
-    found: Array = np.exp(-apart * between / (between + chance))
-    return found
-
-
 def settle_noise(estimator: Estimator, whole: Information) -> Estimator:
     """Return the estimator with the noise of the logs, for all models of them.
 
     A model that leaves something out leaves it in the residual, where it looks like noise, slow
     noise above all: a constant torque remembers for ever. Noise is a property of the logs, so it is
-    measured once, beside all columns. To its variance comes what a model leaves more than the whole
-    one (`Noise.beside`): an actuator whose torque the model cannot explain must not decide what
-    others need. Where too few outputs are independent to fit all columns, and for other estimators,
-    each model measures its own.
+    measured once, beside all columns. Where too few outputs are independent to fit all columns, and
+    for other estimators, each model measures its own.
 
     Parameters
     ----------
@@ -192,15 +99,11 @@ def settle_noise(estimator: Estimator, whole: Information) -> Estimator:
         About all columns.
     """
     fresh = forget_noise(estimator)
-    plain = fresh.base if isinstance(fresh, CORRECTED) else fresh
+    plain = fresh.base if isinstance(fresh, InstrumentalVariables) else fresh
     if not isinstance(plain, OrdinaryLeastSquares):
         return fresh
     fit = fit_whole(plain, whole)
-    if fit is None:
-        return fresh
-    noise, fits = Noise(fit.variance, fit.times), (OrdinaryLeastSquares().fit(whole), fit)
-    left = np.stack([noise.count_left(whole, f) for f in fits])
-    return _with_noise(fresh, LogNoise(noise.variance, noise.times, left))
+    return fresh if fit is None else _with_noise(fresh, Noise(fit.variance, fit.times))
 
 
 def forget_noise(estimator: Estimator) -> Estimator:
@@ -208,8 +111,8 @@ def forget_noise(estimator: Estimator) -> Estimator:
     return _with_noise(estimator, None)
 
 
-def _with_noise(estimator: Estimator, noise: LogNoise | None) -> Estimator:
-    if isinstance(estimator, CORRECTED):
+def _with_noise(estimator: Estimator, noise: Noise | None) -> Estimator:
+    if isinstance(estimator, InstrumentalVariables):
         return replace(estimator, base=replace(estimator.base, noise=noise))
     if isinstance(estimator, OrdinaryLeastSquares):
         return replace(estimator, noise=noise)
@@ -246,10 +149,9 @@ def estimate(information: Information, method: Method = "wls") -> Estimate:
 # sample the residual is far beyond that of all others, and least squares follows it. The mean
 # square of what a fit leaves of each block of time and actuator is compared with the usual one of
 # its log; Huber's weight of it [Huber 1964], one up to a limit and its inverse beyond, makes what
-# lies far out count by its own variance, as `estimate.weigh_logs` does with whole logs, so that it
-# moves the less the farther out it lies. The limit is what the largest of so many blocks is by
-# chance, so logs without outliers are as they were. Iterated to convergence from `Information`
-# alone.
+# lies far out count by its own variance, so that it moves the less the farther out it lies. The
+# limit is what the largest of so many blocks is by chance, so logs without outliers are as they
+# were. Iterated to convergence from `Information` alone.
 #
 # Far from the model is also what the model leaves out: where a joint turns round, say, again and
 # again. Such blocks are no accident but the only ones that say how the robot moves there, and

@@ -93,50 +93,6 @@ class Noise:
     variance: Array
     times: Array
 
-    def count_left(self, information: Information, fit: Estimate) -> Array:
-        """Return the mean square of what a fit leaves, with what its columns took of noise, (n,).
-
-        Parameters
-        ----------
-        information : Information
-        fit : Estimate
-            By least squares.
-        """
-        _, taken = _take(information.select(fit.kept), fit.weights)
-        left: Array = (fit.rss + self.variance * self.times * taken) / information.rows_each
-        return left
-
-
-@frozen
-class LogNoise(Noise):
-    """The noise of logs, measured beside a whole model of them.
-
-    Attributes
-    ----------
-    left : (2, n)
-        What the whole model leaves (`count_left`), fitted with equal weights and with its own
-        [torque²].
-    """
-
-    left: Array
-
-    def beside(self, information: Information, fit: Estimate, whole: Array) -> Noise:
-        """Return the noise with what a smaller model leaves more than the whole one.
-
-        What is left out is no noise, but an error of the model's equations all the same, which
-        is as large at an actuator whatever the logs' noise is there.
-
-        Parameters
-        ----------
-        information : Information
-        fit : Estimate
-            Of the smaller model, by least squares.
-        whole : (n,) [torque²]
-            What the whole one leaves.
-        """
-        more = np.maximum(self.count_left(information, fit) - whole, 0.0)
-        return Noise(self.variance + more, self.times)
-
 
 def measure_memory(information: Information, fit: Estimate) -> tuple[Array, Array]:
     """Return variance [torque²] and autocorrelation time [samples, at least 1] of noise, (n,) each.
@@ -170,14 +126,6 @@ def measure_memory(information: Information, fit: Estimate) -> tuple[Array, Arra
     variance = (fit.rss + slow * taken) / own_rows
     raw = np.divide(slow, variance, out=np.ones_like(slow), where=variance > 0)
     return variance, np.maximum(_share(raw, known, B, N / B), 1.0)
-
-
-def taken_of_blocks(information: Information, fit: Estimate) -> Array:
-    """Return what a fit's columns take of noise of variance 1 in each block, (n, B)."""
-    part = information.select(fit.kept)
-    turn, _ = _take(part, fit.weights)
-    taken: Array = fit.weights[:, None] * part.squares_of_blocks(turn)
-    return taken
 
 
 def _take(part: Information, weights: Array) -> tuple[Array, Array]:
@@ -249,19 +197,19 @@ class OrdinaryLeastSquares:
     Attributes
     ----------
     name, description : str
-    noise : LogNoise or None
+    noise : Noise or None
         That of the logs, where it is known (`estimate.settle_noise`); else it is measured in what
         each fit leaves.
     """
 
     name: str = "ols"
     description: str = "ordinary least squares"
-    noise: LogNoise | None = None
+    noise: Noise | None = None
 
     def fit(self, information: Information) -> Estimate:
         """Return the estimate with the smallest sum of squares."""
         plain = _solve(information, np.ones(information.actuators), self)
-        noise = measure_noise(information, plain, self.noise)
+        noise = self.noise or measure_noise(information, plain)
         return replace(plain, variance=noise.variance, times=noise.times)
 
     def refit(self, information: Information, fit: Estimate, counts: Array) -> Array:
@@ -309,31 +257,25 @@ class WeightedLeastSquares(OrdinaryLeastSquares):
 
     def fit(self, information: Information) -> Estimate:
         """Return the estimate with weights from what the ordinary one leaves."""
-        plain = _solve(information, np.ones(information.actuators), self)
-        noise = measure_noise(information, plain, self.noise)
+        noise = self.noise
+        if noise is None:
+            plain = _solve(information, np.ones(information.actuators), self)
+            noise = measure_noise(information, plain)
         fit = _solve(information, weigh(information, noise), self, noise.times)
         return replace(fit, variance=noise.variance)
 
 
-def measure_noise(
-    information: Information, plain: Estimate, known: LogNoise | None = None
-) -> Noise:
+def measure_noise(information: Information, plain: Estimate) -> Noise:
     """Return the noise in what a fit of equal weights leaves.
 
     What is large or slow at one actuator leaks into what a fit leaves of the others, so it is
-    measured beside weights by variance, and once more beside those by both. `known` is the logs'.
+    measured beside weights by variance, and once more beside those by both.
     """
-    if known is None:
-        noise = Noise(plain.variance, plain.times)
-    else:  # not from its own weights: an actuator that they favour hides what is left out there
-        noise = known.beside(information, plain, known.left[0])
-    enough = known is not None or len(information.counts) >= RULES.blocks_fewest
+    noise = Noise(plain.variance, plain.times)
+    enough = len(information.counts) >= RULES.blocks_fewest
     for _ in range(ROUNDS if enough and noise.variance.any() else 0):
         fit = _solve(information, weigh(information, noise), plain.estimator)
-        if known is None:
-            noise = Noise(*measure_memory(information, fit))
-        else:
-            noise = known.beside(information, fit, known.left[1])
+        noise = Noise(*measure_memory(information, fit))
     return noise
 
 

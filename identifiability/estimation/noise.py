@@ -30,17 +30,11 @@ from identifiability.logs.prepare import Samples
 FLOOR: Tolerance = 0.05
 
 
-def lagged_sums(x: Array) -> Array:
-    """Return the sums of products of each column of (N, …) with itself at every lag, by FFT."""
-    size = 1 << (2 * len(x) - 1).bit_length()
-    spectrum = np.fft.rfft(x, size, axis=0)
-    sums: Array = np.fft.irfft(np.abs(spectrum) ** 2, size, axis=0)[: len(x)]
-    return sums
-
-
 def autocorrelation(residual: Array) -> Array:
     """Return the autocorrelation of each column of residuals (N, n) by FFT, (N, n); 1 at lag 0."""
-    acf = lagged_sums(residual - residual.mean(0))
+    size = 1 << (2 * len(residual) - 1).bit_length()
+    spectrum = np.fft.rfft(residual - residual.mean(0), size, axis=0)
+    acf = np.fft.irfft(np.abs(spectrum) ** 2, size, axis=0)[: len(residual)]
     variance = np.where(acf[0] > 0, acf[0], 1.0)
     scaled: Array = acf / variance
     return scaled
@@ -62,44 +56,6 @@ def integrate_correlation(acf: Array) -> Array:
     window = np.where(beyond.any(0), beyond.argmax(0), len(acf) - 1)
     time: Array = times[window, np.arange(acf.shape[1])]
     return time
-
-
-def block_length(residual: Array) -> float:
-    """Return the block length for a block bootstrap of residuals (N, n), the largest over columns.
-
-    The automatic choice for the circular bootstrap [Politis & White 2004, with the correction of
-    Patton, Politis & White 2009]: long enough that blocks are nearly independent, short enough
-    that there are many.
-    """
-    return max((_politis_white(column) for column in residual.T), default=1.0)
-
-
-#: Lags over which autocorrelations must be small, at least [Politis & White 2004].
-LEAST_WINDOW = 5
-
-
-def _politis_white(x: Array) -> float:
-    n = len(x)
-    centred = x - x.mean()
-    if not centred.any() or n < 2 * LEAST_WINDOW:
-        return 1.0
-    window = max(LEAST_WINDOW, int(np.sqrt(np.log10(n))))
-    most = int(np.ceil(np.sqrt(n))) + window
-    covariance = lagged_sums(centred)[: most + 1] / n
-    rho = covariance / covariance[0]
-    small = np.abs(rho[1:]) < 2 * np.sqrt(np.log10(n) / n)
-    # The first lag after which `window` correlations in a row are nothing.
-    runs = np.convolve(small, np.ones(window), mode="valid") == window
-    lag = int(runs.argmax()) if runs.any() else int(np.flatnonzero(~small).max(initial=0)) + 1
-    reach = min(2 * max(lag, 1), most)
-    k = np.arange(1, reach + 1)
-    flat_top = np.minimum(1.0, 2.0 * (1.0 - k / reach))
-    spread = 2.0 * np.sum(flat_top * k * covariance[1 : reach + 1])
-    density = covariance[0] + 2.0 * np.sum(flat_top * covariance[1 : reach + 1])
-    if density <= 0:
-        return 1.0
-    length = (1.5 * spread**2 / density**2) ** (1 / 3) * n ** (1 / 3)
-    return float(np.clip(length, 1.0, np.ceil(min(3 * np.sqrt(n), n / 3))))
 
 
 # Autoregressive series by their partial autocorrelations: predict, whiten, colour.
@@ -585,18 +541,6 @@ class JointNoise:
 
 #: Noise of all joints, which are independent.
 ARNoise = tuple[JointNoise, ...]
-
-
-def fit_joint(y: Array, blocks: Sequence[Array], runs: Runs) -> JointNoise:
-    """Return the noise of one joint; the order is the one with the least BIC."""
-    runs, (y, *blocks) = take_data(runs, y, *blocks)
-    if not len(y):
-        return JointNoise(np.empty(0), 1.0)
-    problem = RestrictedLikelihood.of(
-        y, span_columns(blocks, int(RULES.columns_most * len(y))), runs
-    )
-    best = problem.maximise()
-    return JointNoise(np.tanh(best), problem.sigma(best))
 
 
 def span_columns(blocks: Sequence[Array], most: int) -> Array:

@@ -16,18 +16,13 @@ from scipy.special import stdtrit
 
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.least_squares import dependence
-from identifiability.estimation.noise import autocorrelation_time
 from identifiability.estimation.torque_errors import (
     ErrorSums,
     Layout,
     Turns,
     error_over_joints,
     joint_errors,
-    joint_weights,
-    joints_above,
     relative_error,
-    standard_error,
-    standard_error_over_joints,
 )
 from identifiability.estimation.uncertainty import Uncertainty, remembering_covariance
 from identifiability.foundation.engines.mapping import Engine, Steps
@@ -246,7 +241,7 @@ class Prediction:
         rows = np.array([data[log == k].sum(0) for k in range(len(t))])
         low, high = tau.min(0, initial=np.inf, where=data), tau.max(0, initial=-np.inf, where=data)
         layout = Layout.of(counts, torque, ~is_constant(low, high), rows)
-        parts = ((k, 0, *(x[log == k] for x in (tau, predicted, data))) for k in range(len(t)))
+        parts = ((k, *(x[log == k] for x in (tau, predicted, data))) for k in range(len(t)))
         sums = reduce(add, (ErrorSums.of(layout, *part) for part in parts))
         kept = tuple(t), tau, predicted, log, log, np.zeros_like(tau), data
         return Prediction(len(tau), sums, sums, *kept)
@@ -297,7 +292,7 @@ class Prediction:
             Of the torque as it was measured, not as it was low-passed.
         """
         sums = self.raw if raw else self.sums
-        rows = slice(None) if log is None else sums.log == log
+        rows = slice(None) if log is None else slice(log, log + 1)
         deviation = sums.deviation if log is None else sums.local
         return relative_error(sums.absolute[rows], deviation[rows])
 
@@ -319,37 +314,6 @@ class Prediction:
     def error_over_joints(self) -> Array:
         """Return the error over each joint's own scale, of each model, (m,)."""
         return error_over_joints(self.sums.squares, self.sums.variation)
-
-    def standard_error(self, against: int | None = None) -> Array:
-        """Return the standard error of ε_RA, or of its difference to a model's, (m,)."""
-        error = np.abs(self.residual).sum(1)
-        return standard_error(self.sums, self._memory(error, against), against)
-
-    def standard_error_over_joints(self, against: int | None = None) -> Array:
-        """Return the same of the error over each joint's own scale, (m,)."""
-        memory = self._memory(self._scaled_squares(), against)
-        return standard_error_over_joints(self.sums, memory, against)
-
-    def joints_above(self, against: int) -> np.ndarray:
-        """Return at which joints each model surely errs more than another, (n, m) bool."""
-        return joints_above(self.sums, self._memory(self._scaled_squares(), against), against)
-
-    def _scaled_squares(self) -> Array:
-        """Return squared errors, each joint on its own scale, summed over joints."""
-        weights = joint_weights(self.sums.variation.sum(0))
-        squares: Array = np.einsum("anm,n->am", self.residual**2, weights)
-        return squares
-
-    def _memory(self, error: Array, against: int | None) -> Array:
-        """Return the autocorrelation time of each model's error, the longest of any series."""
-        if against is not None:
-            error = error - error[:, [against]]
-        times = np.ones(error.shape[1])
-        for k in np.unique(self.series):
-            part = error[self.series == k]
-            if len(part) > 1:
-                times = np.maximum(times, autocorrelation_time(part))
-        return times
 
 
 @frozen
@@ -445,7 +409,7 @@ def _predict_part(
     sums, kept = [], []
     for m in (task.values.shape[2] for task in tasks):
         tau, predicted, none = np.empty((0, n)), np.empty((0, n, m)), np.empty(0, int)
-        sums.append([ErrorSums.of(layout, 0, 0, tau, predicted)] * 2)
+        sums.append([ErrorSums.of(layout, 0, tau, predicted)] * 2)
         kept.append([(np.empty(0), tau, predicted, tau, none, none, tau > 0)])
     for chunk in part.shown():
         before = int(layout.counts[: chunk.log].sum())
@@ -460,7 +424,7 @@ def _predict_part(
                 predicted = task.predict(chunk.W[at], before + start)
                 data = chunk.data[at]
                 for which, tau in enumerate((chunk.tau[at], chunk.raw[at])):
-                    sums[k][which] += ErrorSums.of(layout, chunk.log, start, tau, predicted, data)
+                    sums[k][which] += ErrorSums.of(layout, chunk.log, tau, predicted, data)
                 if task.kept:
                     some = chunk.t[at], chunk.tau[at], predicted, chunk.velocity[at]
                     kept[k].append((*some, log[at], series[at], data))

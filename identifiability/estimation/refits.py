@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.instrumental import InstrumentalVariables, RenoisedLeastSquares
+from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.least_squares import OrdinaryLeastSquares
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
@@ -205,9 +205,9 @@ class Equations:
     R : (k + 1, k + 1)
         Its loss; equations are in ``R x``.
     grams : (B, k + 1, k + 1)
-        Those of each block by least squares (of noisy motion, at what noise makes of values); of
-        none by instruments, which are combined anew for each resampled log: those of the log would
-        leave its weak directions less than no information.
+        Those of each block by least squares; of none by instruments, which are combined anew for
+        each resampled log: those of the log would leave its weak directions less than no
+        information.
     """
 
     information: Information
@@ -229,9 +229,7 @@ class Equations:
         estimator = full.estimator
         if isinstance(estimator, InstrumentalVariables):
             return Equations(information, full, R, np.empty((0, *R.shape)))
-        if isinstance(estimator, RenoisedLeastSquares):  # least squares at what noise makes of x
-            inverse = estimator.map_noise(information, full) @ inverse
-        elif getattr(type(estimator), "refit", None) is not OrdinaryLeastSquares.refit:
+        if getattr(type(estimator), "refit", None) is not OrdinaryLeastSquares.refit:
             return None
         grams = information.products(full.weights, inverse, inverse)
         return Equations(information, full, R, grams)

@@ -58,7 +58,6 @@ class Rules(RuleTable):
         float, "window [Sokal 1997] and stretches in autocorrelation times, literature"
     ] = 5.0
     stretches_fewest: Annotated[int, "stretches of scores that tell a scatter, by hand"] = 12
-    errors_fewest: Annotated[int, "stretches of errors that tell a scatter, by hand"] = 4
     unasked_level: Annotated[float, "level of a test that nobody asked for, level"] = 0.01
     columns_most: Annotated[
         float, "columns of the noise-free part, as a share of rows, by hand"

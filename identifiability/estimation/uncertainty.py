@@ -14,7 +14,6 @@ from scipy.special import chdtrc, chdtri, fdtrc, stdtrit
 from identifiability.estimation.bootstrap import Bootstrap, ScoreScatter, bootstrap, scatter_scores
 from identifiability.estimation.estimate import forget_noise
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.noise import block_length
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.linalg import ROUNDOFF, sandwich
@@ -70,8 +69,6 @@ class Motions:
     between : (k,)
         What the scatter adds to the standard deviations of the fit to all motions, in quadrature;
         a normal interval with it has the width of Student's t. Zero where motions agree.
-    level : float
-        Of each of the two tests.
     """
 
     which: np.ndarray
@@ -84,18 +81,17 @@ class Motions:
     ratio: float
     ratio_dof: float
     between: Array
-    level: float = Thresholds.sign_level
 
     @property
     def moved(self) -> np.ndarray:
         """Parameters whose values differ for sure, (k,) bool."""
-        moved: np.ndarray = self.p < self.level
+        moved: np.ndarray = self.p < Thresholds.sign_level
         return moved
 
     @property
     def agree(self) -> bool:
         """Whether neither test finds a difference."""
-        return not (self.moved.any() or self.pooled < self.level)
+        return not (self.moved.any() or self.pooled < Thresholds.sign_level)
 
     def away(self, one: int) -> tuple[Array, Array]:
         """Return the weighted mean of all other motions' values, and how many σ one is off, (k,).
@@ -127,38 +123,28 @@ class Motions:
         return float(holm(p).min())
 
 
-def compare_motions(
-    information: Information,
-    fit: Estimate,
-    time: float,
-    groups: np.ndarray | None = None,
-    level: float = Thresholds.sign_level,
-) -> Motions | None:
-    """Return what motions say of each other; None where fewer than two can be fitted.
+def compare_motions(information: Information, fit: Estimate, time: float) -> Motions | None:
+    """Return what logs say of each other; None where fewer than two can be fitted.
 
     Parameters
     ----------
     information : Information
         About the fitted columns.
     fit : Estimate
-        To all motions.
+        To all of them.
     time : float [samples]
         Autocorrelation time of the residual.
-    groups : (B,) int, optional
-        Which motion each block comes from; by default its log.
-    level : float
-        Of each of the two tests.
     """
-    groups = information.log if groups is None else groups
-    if len(np.unique(groups)) < 2:
+    log = information.log
+    if len(np.unique(log)) < 2:
         return None
     needed = len(fit.kept)
     torque = information.torque.sum()
     if fit.rss.sum() <= ROUNDOFF**2 * torque:  # rounding left these, and agrees with nothing
         return None
     found, own, sd, dof, errors = [], [], [], [], []
-    for one in np.unique(groups) if fit.kept else ():
-        part = information.take(groups == one)
+    for one in np.unique(log) if fit.kept else ():
+        part = information.take(log == one)
         if part.rows <= len(fit.kept):  # it determines nothing, and rounding would say what
             continue
         alone = forget_noise(fit.estimator).fit(part)
@@ -184,7 +170,7 @@ def compare_motions(
         return None
     values, spread = np.array([e.value for e in own]), np.array(sd)
     ratios, p, d = _welch(values, spread, np.array(dof))
-    pooled, ratio, ratio_dof = _pool(p, d, _correlate(own, spread), level)
+    pooled, ratio, ratio_dof = _pool(p, d, _correlate(own, spread))
     motions = Motions(
         which=np.array(found),
         values=values,
@@ -196,34 +182,10 @@ def compare_motions(
         ratio=ratio,
         ratio_dof=ratio_dof,
         between=np.zeros(information.size),
-        level=level,
     )
     if motions.agree:
         return motions
     return replace(motions, between=np.sqrt(_excess(motions, ratios, fit.value)))
-
-
-def compare_held_out(
-    information: Information, fit: Estimate, held_out: Information
-) -> Motions | None:
-    """Return what logs that were held out say of the fitted ones, which come first, together.
-
-    Each must have so many independent outputs a parameter, as long as noise of the fitted ones
-    lasts: if nothing changed, that of others is as long. None where there are not two.
-
-    Parameters
-    ----------
-    information, held_out : Information
-        About the fitted columns, of fitted logs and of others.
-    fit : Estimate
-        To the former.
-    """
-    both = information + held_out
-    groups = np.concatenate([np.zeros(len(information.log), int), 1 + held_out.log])
-    independent = np.bincount(groups, both.counts) * float(np.sum(1.0 / fit.times))
-    long = (independent >= Thresholds.outputs_per_parameter * len(fit.kept))[groups]
-    found = compare_motions(both.take(long), fit, fit.memory, groups[long], RULES.unasked_level)
-    return found if found is not None and found.which[0] == 0 else None
 
 
 def _welch(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
@@ -260,9 +222,7 @@ def _correlate(own: Sequence[Estimate], sd: Array) -> Array:
     return found
 
 
-def _pool(
-    p: Array, d: Array, correlation: Array, level: float = Thresholds.sign_level
-) -> tuple[float, float, float]:
+def _pool(p: Array, d: Array, correlation: Array) -> tuple[float, float, float]:
     """Return p-value, ratio and degrees of freedom of the sum over correlated parameters.
 
     Each parameter counts with the χ² that has its p-value; the sum is χ² of as many degrees of
@@ -282,7 +242,7 @@ def _pool(
     dof = 2 * mean**2 / variance
     ratio = float(square.sum()) / mean
     pooled = float(chdtrc(dof, ratio * dof))
-    return pooled, ratio if pooled < level else 1.0, dof
+    return pooled, ratio if pooled < Thresholds.sign_level else 1.0, dof
 
 
 def _excess(motions: Motions, ratios: Array, joint: Array) -> Array:
@@ -333,8 +293,6 @@ class Uncertainty:
         Why something is missing, if it is.
     motions : Motions or None
         What logs by themselves say of each other; None of one log, or of too short ones.
-    held_out : Motions or None
-        What logs that were held out say of the fitted ones, which come first.
     late : (L, k) or None
         What one standard deviation of the delay of a log's commands moves, which all its samples
         share.
@@ -352,7 +310,6 @@ class Uncertainty:
     block: float
     note: str = ""
     motions: Motions | None = None
-    held_out: Motions | None = None
     late: Array | None = None
     bias: Array | None = None
     real: Array | None = None
@@ -378,8 +335,7 @@ class Uncertainty:
         """
         wide = np.inf if self.scores is None else self.scores.widened
         largest = np.where(np.isfinite(self.white), wide, np.inf)
-        both = [m.between for m in (self.motions, self.held_out) if m is not None]
-        return np.hypot(largest, np.max(both, axis=0)) if both else largest
+        return largest if self.motions is None else np.hypot(largest, self.motions.between)
 
     def why_unjudged(self, rules: Thresholds) -> tuple[str, ...]:
         """Return why nothing can be said of each parameter, or nothing where it can, (k,).
@@ -404,13 +360,7 @@ class Uncertainty:
 
 
 def assess_uncertainty(
-    information: Information,
-    fit: Estimate,
-    residual: Array,
-    series: np.ndarray,
-    rng: np.random.Generator,
-    replicates: int,
-    held_out: Information | None = None,
+    information: Information, fit: Estimate, rng: np.random.Generator, replicates: int
 ) -> Uncertainty:
     """Return the standard deviations of a fit by every road.
 
@@ -419,43 +369,14 @@ def assess_uncertainty(
     information : Information
         About the fitted columns.
     fit : Estimate
-    residual : (N, n)
-    series : (N,) int
-        Which stretch of consecutive samples a residual comes from.
     rng : numpy.random.Generator
     replicates : int
         Of the bootstrap; 0 for none.
-    held_out : Information, optional
-        About the same columns, of logs that were not fitted.
     """
-    length = max(block_length(residual[series == k]) for k in np.unique(series))
-    return resample(information, fit, length, rng, replicates, held_out)
-
-
-def resample(
-    information: Information,
-    fit: Estimate,
-    length: float,
-    rng: np.random.Generator,
-    replicates: int,
-    held_out: Information | None = None,
-) -> Uncertainty:
-    """Return the standard deviations of a fit for which a block length is known.
-
-    Parameters
-    ----------
-    information, fit, rng, replicates, held_out
-        As in `assess_uncertainty`.
-    length : float [samples]
-        Block length of the bootstrap, unless that leaves few blocks and the residual forgets
-        sooner.
-    """
-    # The automatic choice is itself uncertain where it leaves few blocks: then what the residual
-    # remembers is enough.
     memory, short = float(fit.times.max()), information.samples / (2 * RULES.blocks_fewest)
-    length = min(length, max(RULES.memories * memory, short))
-    shortened = information.samples < RULES.blocks_fewest * length
-    length = max(LEAST_MEMORIES * memory, short) if shortened else length
+    length = RULES.memories * memory
+    if information.samples < RULES.blocks_fewest * length:
+        length = max(LEAST_MEMORIES * memory, short)
     drawn, note = None, ""
     if not replicates:
         note = "No logs were resampled: ask for some replicates."
@@ -466,11 +387,10 @@ def resample(
             note = str(error)
     scores = scatter_scores(information, fit, fit.memory)
     motions = compare_motions(information, fit, fit.memory)
-    unseen = None if held_out is None else compare_held_out(information, fit, held_out)
     mended = fit.correction
     bias = None if mended is None or not len(mended.bias) else mended.bias
     roads = drawn, scores, fit.times, length, note
-    return Uncertainty(fit.sigma, *roads, motions, unseen, bias=bias)
+    return Uncertainty(fit.sigma, *roads, motions, bias=bias)
 
 
 def remembering_covariance(information: Information, fit: Estimate) -> Array:

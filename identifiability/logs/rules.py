@@ -78,9 +78,6 @@ class Rules(RuleTable):
     reversal_blur: Annotated[
         float, "periods of the cut-off mixed with a dwell or reversal, calibrated"
     ] = 0.5
-    echo_nothing: Annotated[
-        float, "share of noise in accelerations that moves no value, by hand"
-    ] = 0.01
     noise_explained: Annotated[
         float, "what is left of a motion may be so many times its noise, by hand"
     ] = 1.15

@@ -18,7 +18,7 @@ from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet, stated_bounds
 from identifiability.physical.pseudo_inertia import natural_scale
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import Submodel, list_functions, tell_with_terms
+from identifiability.regression.reduction import Submodel, list_functions
 from identifiability.regression.structure import Structure
 
 # What the data say about the parameters: a compressed least-squares problem.
@@ -325,20 +325,6 @@ class FittedModel:
         """Fit a model."""
         part = submodel.reduce(whole)
         return FittedModel(structure, submodel, whole, part, estimator.fit(part))
-
-    @property
-    def reported(self) -> FittedModel:
-        """The model in the parameters that are reported: terms with their shares of functions."""
-        return self._told or self
-
-    @cached_property
-    def _told(self) -> FittedModel | None:
-        """Where it is not itself, which would be kept alive by what it remembers."""
-        R = self.whole.factor(self.estimate.weights)[:-1, :-1]
-        submodel = tell_with_terms(self.structure, self.submodel, R)
-        if np.array_equal(submodel.M, self.submodel.M):
-            return None
-        return FittedModel.of(self.structure, submodel, self.whole, self.estimate.estimator)
 
     @cached_property
     def to_x(self) -> Array:

@@ -38,7 +38,6 @@ def gather_information(
     regression: Regression,
     blocks: Annotated[int, at_least(1)] = BLOCKS,
     *,
-    shown: bool = False,
     engine: Engine | None = None,
     progress: Steps | None = None,
 ) -> Information:
@@ -50,29 +49,25 @@ def gather_information(
     blocks : int
         Blocks of time over all logs, at most; each holds consecutive samples of one log, and none
         reaches across a long gap.
-    shown : bool
-        Only samples that are looked at one by one (`Regression.windows`): all but of long logs.
     engine : Engine, optional
         Where stretches of long logs are worked on; here without.
     progress : callable(int, int), optional
     """
     names = tuple(p.name for p in regression.parameters)
     factors = _survey(regression)
-    windows = tuple(np.array([[0, s.outputs]]) for s in regression.samples)
-    windows = regression.windows if shown else windows
-    size = max(1, -(-sum(int(np.diff(w).sum()) for w in windows) // blocks))
-    edges = [_block_edges(*own, size) for own in zip(regression.samples, windows, strict=True)]
+    size = max(1, -(-regression.outputs // blocks))
+    edges = [_block_edges(samples, size) for samples in regression.samples]
     count, longest = sum(map(len, edges)), min(size, max(s.outputs for s in regression.samples))
     while True:
         seen = np.array([R[:, :-1].any(0) for R in factors])
         bases = [choose_basis(R, np.flatnonzero(s)) for R, s in zip(factors, seen, strict=True)]
-        gather = partial(_gather_part, seen=seen, bases=bases, edges=edges, shown=shown)
+        gather = partial(_gather_part, seen=seen, bases=bases, edges=edges)
         missed = np.zeros(seen.shape)
         held = [allot((count, min(longest, len(S)), len(S))) for S in bases]
         sums = [np.zeros((count, len(S))) for S in bases]
         counts, logs = np.zeros(count, int), np.zeros(count, int)
         data = np.zeros((count, len(bases)), int)
-        todo = [part for part in regression.parts() if part.is_shown or not shown]
+        todo = list(regression.parts())
         for part in todo:
             if part.remote:  # what is kept is not sent about
                 part.keep(None)
@@ -89,16 +84,14 @@ def gather_information(
         factors = [np.vstack(pair) for pair in zip(factors, lengths, strict=True)]
     found = zip(seen, bases, held, sums, strict=True)
     parts = tuple(ActuatorBlocks(np.flatnonzero(s), *rest) for s, *rest in found)
-    echo = None if regression.echo is None else gather_information(regression.echo, 1)
     has = regression.instruments is not None
-    return Information(names, parts, counts, data, logs, has, echo)
+    return Information(names, parts, counts, data, logs, has)
 
 
-def _block_edges(samples: Prepared, windows: np.ndarray, size: int) -> Array:
-    """Return where blocks of a log's windows (w, 2) begin; none reaches across a long gap."""
+def _block_edges(samples: Prepared, size: int) -> Array:
+    """Return where blocks of a log begin; none reaches across a long gap."""
     ends = (*samples.starts[1:], samples.outputs)
-    stretches = np.array([samples.starts, ends]).T
-    pairs = [(max(a, low), min(b, high)) for low, high in windows for a, b in stretches]
+    pairs = zip(samples.starts, ends, strict=True)
     return np.concatenate([np.arange(a, b, size) for a, b in pairs])
 
 
@@ -142,7 +135,7 @@ def _pieces(parts: Sequence[LogPart], found: Iterable[_Found], missed: Array) ->
 
 
 def _gather_part(
-    part: LogPart, seen: np.ndarray, bases: Sequence[Array], edges: Sequence[Array], *, shown: bool
+    part: LogPart, seen: np.ndarray, bases: Sequence[Array], edges: Sequence[Array]
 ) -> _Found:
     """Return the blocks of a part, and what columns not in `seen` are.
 
@@ -152,7 +145,7 @@ def _gather_part(
     into = [(np.flatnonzero(s), invert_basis(S)) for s, S in zip(seen, bases, strict=True)]
 
     def pieces() -> Iterator[_Piece]:
-        for chunk in part.shown() if shown else part.chunks():
+        for chunk in part.chunks():
             W, tau, moves, start = chunk.wide, chunk.tau, chunk.data, chunk.start
             if not seen.all():
                 missed[~seen] += np.einsum("nak,nak->ak", W, W)[~seen]

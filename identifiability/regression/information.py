@@ -309,9 +309,6 @@ class Information:
         Which log a block comes from.
     instrumented : bool
         Whether the parts hold ``[V W τ]``, with instruments V that stand for the k columns of W.
-    echo : Information or None
-        The same columns W along a smoothed motion, and as instruments along it with new noise: how
-        the log's own noise is tried once more. It has blocks and logs of its own.
     weights : (n, B) or None
         By which the squares of each actuator's blocks were weighed; None where they were not.
     within : (Information, (K + 1, k + 1)) or None
@@ -326,7 +323,6 @@ class Information:
     data: np.ndarray
     log: np.ndarray
     instrumented: bool = False
-    echo: Information | None = None
     weights: Array | None = None
     within: tuple[Information, Array] | None = None
 
@@ -605,8 +601,7 @@ class Information:
             own[:k, m] = -held
         map_ = block_diag(M, own) if self.instrumented else own
         parts = tuple(part.reduce(map_) for part in self.parts)
-        echo = None if self.echo is None else self.echo.reduce(M, columns)
-        return replace(self, columns=tuple(columns), parts=parts, echo=echo, within=(self, own))
+        return replace(self, columns=tuple(columns), parts=parts, within=(self, own))
 
     def select(self, columns: Sequence[int]) -> Information:
         """Return the information about some columns, the others held at zero."""
@@ -661,9 +656,6 @@ class Information:
         if (self.columns, self.instrumented) != (other.columns, other.instrumented):
             raise ValueError("only information about the same columns can be added")
         later = other.log + (self.log.max(initial=-1) + 1)
-        echo = self.echo if other.echo is None else other.echo
-        if self.echo is not None and other.echo is not None:
-            echo = self.echo + other.echo
         weights = None
         if self.weights is not None or other.weights is not None:
             ones = (np.ones((self.actuators, len(one.counts))) for one in (self, other))
@@ -676,7 +668,6 @@ class Information:
             np.concatenate([self.data, other.data]),
             np.concatenate([self.log, later]),
             self.instrumented,
-            echo,
             weights,
         )
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -526,40 +525,6 @@ def leave_to_terms(structure: Structure, R: Array, phi: Array) -> Array:
         out[terms] += share
         out[own[~R[:, own].any(axis=0)]] = 0.0
     return out
-
-
-def tell_with_terms(structure: Structure, submodel: Submodel, R: Array) -> Submodel:
-    """Return a model of the same torque whose terms are told with their shares of functions.
-
-    Data that cannot share a torque among a term and a function tell what both are together: the
-    term as it is best without the function. What is left are the function's own values, of columns
-    orthogonal to the terms.
-
-    Parameters
-    ----------
-    structure : Structure
-    submodel : Submodel
-    R : (r, b)
-        Rows of the base parameters, whose norms are those of torque on the data.
-    """
-    M, labels, base = submodel.M.copy(), list(submodel.labels), structure.parameters
-    columns = R @ submodel.M
-    for own, terms, _ in _contained(structure, R @ structure.G):
-        known = {k: at for at, k in enumerate(structure.base.kept.tolist())}
-        rows = [np.array([known[k] for k in some if k in known], int) for some in (own, terms)]
-        others = np.setdiff1d(np.arange(len(submodel.M)), rows[1])
-        curve = np.flatnonzero(submodel.M[rows[0]].any(axis=0))
-        told = np.flatnonzero(submodel.M[rows[1]].any(axis=0) & ~submodel.M[others].any(axis=0))
-        if not (curve.size and told.size):
-            continue
-        length = np.linalg.norm(columns[:, told], axis=0)
-        solved = np.linalg.lstsq(columns[:, told] / length, columns[:, curve], rcond=None)[0]
-        M[:, curve] -= submodel.M[:, told] @ (solved / length[:, None])
-        member = "|".join(re.escape(base[k].term) for k in own)
-        for k in told:
-            rest = re.sub(rf" [+−] (\S+·)?({member})", "", labels[k])
-            labels[k] = f"{rest} with its share of {base[own[0]].group}"
-    return replace(submodel, M=M, labels=tuple(labels))
 
 
 def _contained(structure: Structure, R: Array) -> Iterator[tuple[np.ndarray, np.ndarray, Array]]:

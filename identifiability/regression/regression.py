@@ -540,8 +540,8 @@ class Regression:
         Which columns of the model are computed (the base parameters'); None for all.
     instruments : tuple of Samples or LongSamples, or None
         Motion along which instruments are computed, of each log, sample by sample.
-    echo : Regression or None
-        Columns along the smoothed motion of every log, with instruments along it with new noise.
+    echo : None
+        Always: what is asked for by `estimation.groups`.
     memory : Memory or None
         Where rows of logs that take little of it are kept for other regressions, too.
     dwelling : bool
@@ -553,7 +553,7 @@ class Regression:
     samples: tuple[Prepared, ...]
     columns: np.ndarray | None = None
     instruments: tuple[Prepared, ...] | None = None
-    echo: Regression | None = None
+    echo: None = None
     memory: Memory | None = None
     dwelling: bool = False
 

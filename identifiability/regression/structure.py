@@ -321,8 +321,7 @@ class Structure:
     def regression(self, samples: Sequence[Prepared], *, keep: bool = False) -> Regression:
         """Return the columns of the base parameters along measured motion.
 
-        With instruments where every log has a second record of its motion, and an echo where one
-        was made of them.
+        With instruments where every log has a second record of its motion.
 
         Parameters
         ----------
@@ -332,10 +331,9 @@ class Structure:
         """
         others = tuple(s.beside for s in samples if isinstance(s, Samples) and s.beside is not None)
         beside = others if others and len(others) == len(samples) else None
-        echoes = [e for s in samples if isinstance(s, Samples) for e in s.echoes]
-        echo = self.regression(echoes) if echoes else None
-        what = self.robot, self.model, tuple(samples), self.base.kept, beside, echo
-        return Regression(*what, self.memory if keep else None)
+        memory = self.memory if keep else None
+        what = self.robot, self.model, tuple(samples), self.base.kept, beside
+        return Regression(*what, memory=memory)
 
 
 def _read_only(array: Array) -> Array:

@@ -7,14 +7,11 @@ from dataclasses import replace
 
 from identifiability.estimation.estimate import Kind, Method, choose_estimator
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.instrumental import InstrumentalVariables, RenoisedLeastSquares
-from identifiability.estimation.least_squares import OrdinaryLeastSquares
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.prepare import Samples
-from identifiability.logs.prepare.instruments import add_echoes, add_instrument, noise_share
+from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.repeats import Recording
-from identifiability.logs.rules import RULES
 from identifiability.robot import Robot
 from identifiability.workflows.opening import Opening
 
@@ -24,9 +21,8 @@ def add_instruments(
 ) -> tuple[Opening, Estimator]:
     """Return the estimator of a method and a kind, and fitted samples with what it takes.
 
-    Without a second record of any motion, what noise does to computed derivatives is tried instead
-    (`RenoisedLeastSquares`), where it does anything. Where a log is too long for memory, all are
-    fitted by least squares.
+    Without a second record of any motion, or where a log is too long for memory, all are fitted by
+    least squares.
 
     Parameters
     ----------
@@ -60,38 +56,10 @@ def add_instruments(
             "instrumental variables need: repeat the motion, or log '<joint>.dq' and '<joint>.ddq' "
             "as measured or the command in '<joint>.q_ref'; else leave out the estimator."
         )
-    if len(parts) < len(logs):
+    if len(parts) < len(logs) or not any(found):
         return opening, plain
-    if any(found):
-        samples = [s or _own_motion(x) for s, (_, x) in zip(found, parts, strict=True)]
-        return replace(opening, samples=tuple(samples)), chosen
-    loud = max(noise_share(robot, log, s.band) for log, s in parts) >= RULES.echo_nothing
-    tried = [add_echoes(robot, log, s) for log, s in parts] if loud else []
-    echoes = tuple(s for s in tried if s is not None)
-    if len(echoes) == len(parts) and isinstance(plain, OrdinaryLeastSquares):
-        return replace(opening, samples=echoes), RenoisedLeastSquares(plain)
-    return opening, plain
-
-
-def follow(
-    estimator: Estimator, robot: Robot, parts: Sequence[tuple[Log, Samples]]
-) -> list[Samples]:
-    """Return logs that were prepared anew with what an estimator takes, as it took it before.
-
-    Parameters
-    ----------
-    estimator : Estimator
-    robot : Robot
-    parts : sequence of (Log, Samples)
-        Logs, and what was prepared of them.
-    """
-    found: list[Samples | None] = [None] * len(parts)
-    if isinstance(estimator, InstrumentalVariables):
-        found = _find_instruments(robot, parts, always=True)
-        return [s or _own_motion(x) for s, (_, x) in zip(found, parts, strict=True)]
-    if isinstance(estimator, RenoisedLeastSquares):
-        found = [add_echoes(robot, log, s) for log, s in parts]
-    return [s or x for s, (_, x) in zip(found, parts, strict=True)]
+    samples = [s or _own_motion(x) for s, (_, x) in zip(found, parts, strict=True)]
+    return replace(opening, samples=tuple(samples)), chosen
 
 
 def _find_instruments(

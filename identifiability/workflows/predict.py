@@ -288,9 +288,8 @@ class TorquePrediction(Result):
         """Return each joint's error over its own scale in one log, (n,); nan without torque."""
         if self.errors is None or not self.measured[log]:
             return np.full(len(self.robot.joints), np.nan)
-        sums = self.errors[0].sums
-        rows = sums.log == sum(self.measured[:log])
-        return joint_errors(sums.squares[rows], sums.variation[rows])[:, 0]
+        sums, at = self.errors[0].sums, [sum(self.measured[:log])]
+        return joint_errors(sums.squares[at], sums.variation[at])[:, 0]
 
     def write(self, path: str | Path) -> Path:
         """Write all samples as CSV or Parquet, whole or not at all.

@@ -23,7 +23,6 @@ from identifiability.estimation.estimate import (
     Outliers,
     forget_noise,
     settle_noise,
-    weigh_logs,
     weigh_outliers,
 )
 from identifiability.estimation.estimator import Estimator
@@ -49,7 +48,7 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import full_model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.instruments import add_instruments, follow
+from identifiability.workflows.instruments import add_instruments
 from identifiability.workflows.opening import (
     Logs,
     Opening,
@@ -336,29 +335,7 @@ class Session:
             return rows
         joints, samples = self.structure.robot.joints, rows.opening.samples
         information, burst, _ = weigh_rows(joints, samples, rows.alike, rows.estimator)
-        rows = replace(rows, information=information, burst=burst)
-        return self._gather_unseen(rows) if rows.opening.validation else rows
-
-    def _gather_unseen(self, rows: Weighed) -> Weighed:
-        """Return the rows with those of held-out logs, which predictions do not compute again.
-
-        They get what the estimator takes, as fitted ones have it.
-        """
-        opening, logs = rows.opening, self.recordings.held_out
-        pairs = [
-            (log, samples)
-            for log, samples in zip(logs, opening.validation, strict=True)
-            if isinstance(log, Log) and isinstance(samples, Samples)
-        ]
-        if len(pairs) == len(logs):
-            own = tuple(follow(rows.estimator, opening.robot, pairs))
-            opening = replace(opening, validation=own)
-        regression = opening.unseen
-        if regression is None or rows.alike.instrumented != (regression.instruments is not None):
-            return rows
-        found = gather_information(regression, shown=True, engine=self.engine)
-        weighed, _ = weigh_outliers(found, forget_noise(rows.estimator))
-        return replace(rows, opening=opening, held_out=weighed)
+        return replace(rows, information=information, burst=burst)
 
 
 @frozen
@@ -374,9 +351,6 @@ class Weighed:
         About all columns: with every row alike, and weighed.
     burst : str
         A sentence on outliers, if any.
-    held_out : Information or None
-        Of logs that are held out, each row weighed; None where there are none, or one is too long
-        for what the estimator takes.
     """
 
     opening: Opening
@@ -384,7 +358,6 @@ class Weighed:
     alike: Information
     information: Information
     burst: str = ""
-    held_out: Information | None = None
 
 
 def weigh_rows(
@@ -393,10 +366,9 @@ def weigh_rows(
     information: Information,
     estimator: Estimator,
 ) -> tuple[Information, str, Outliers | None]:
-    """Return the information with rows weighed by their noise; a sentence on outliers, and these.
+    """Return the information with outliers weighed down; a sentence on them, and these.
 
-    Outlying stretches are weighed down, and logs count by their noise. Said is what would have
-    moved a value out of its interval.
+    Said is what would have moved a value out of its interval.
 
     Parameters
     ----------
@@ -409,7 +381,6 @@ def weigh_rows(
     estimator : Estimator
     """
     weighed, found = weigh_outliers(information, forget_noise(estimator))
-    weighed = weigh_logs(weighed, estimator)
     if found is None or found.moved.max() <= REACH:
         return weighed, "", found
     most, where = int(np.argmax(found.moved)), where_outlying(joints, samples, found)

@@ -2,7 +2,13 @@
 
 import numpy as np
 
-from identifiability.estimation.noise import autocovariance, colour, fit_joint, levinson, whiten
+from identifiability.estimation.noise import (
+    autocovariance,
+    colour,
+    fit_residual_noise,
+    levinson,
+    whiten,
+)
 from identifiability.simulation.simulator import ar1
 
 PACF = np.array([0.7, -0.4, 0.2])
@@ -47,8 +53,8 @@ def test_slow_noise_is_not_taken_for_fast_noise_beside_many_smooth_columns():
         y = np.concatenate([ar1((90,), 0.8, rng) for _ in range(4)])
         left = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
         naive.append(left[1:] @ left[:-1] / (left @ left))
-        noise = fit_joint(y, [columns], runs)
-        covariance = autocovariance(noise.pacf, 1)
+        noise = fit_residual_noise(y[:, None], columns[:, None], runs)
+        covariance = autocovariance(noise.pacf[0], 1)
         fitted.append(covariance[1] / covariance[0])
     assert np.mean(naive) < 0.6
     assert abs(np.mean(fitted) - 0.8) < 0.06

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from identifiability.effects import FAMILIES
+from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.logs.prepare import Samples, prepare_samples
+from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
 from identifiability.workflows.export import export
-from identifiability.workflows.instruments import follow
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -40,8 +41,11 @@ class Replayed:
 
 def fitted_samples(copy: Robot, result, log) -> Samples:
     """The log along which errors were stated."""
-    estimator = result.chosen.estimate.estimator
-    return follow(estimator, copy, [(log, prepare_samples(copy, log))])[0]
+    samples = prepare_samples(copy, log)
+    found = None
+    if isinstance(result.chosen.estimate.estimator, InstrumentalVariables):
+        found = add_instrument(copy, log, samples, always=True)
+    return found or samples
 
 
 def replay(robot: Robot, result, log, folder: Path) -> Replayed:

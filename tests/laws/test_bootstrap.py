@@ -8,13 +8,11 @@ import pytest
 from identifiability.estimation.bootstrap import bootstrap, draw_blocks, merge_blocks
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.least_squares import refit
-from identifiability.estimation.noise import block_length
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import find_base_parameters
-from identifiability.simulation.simulator import ar1
 
 
 @pytest.fixture(scope="module")
@@ -95,12 +93,3 @@ def test_blocks_do_not_cross_logs(problem):
     assert (np.diff(merged.log) >= 0).all()
     for log in (0, 1):
         assert merged.counts[merged.log == log].sum() == information.samples
-
-
-def test_the_block_length_grows_with_correlation():
-    rng = np.random.default_rng(0)
-    lengths = [block_length(ar1((750, 3), rho, rng)) for rho in (0.0, 0.5, 0.9, 0.98)]
-    assert lengths[0] < 8
-    assert lengths == sorted(lengths)
-    assert 12 < lengths[2] < 60
-    assert block_length(np.zeros((100, 2))) == 1.0

@@ -29,9 +29,7 @@ def test_intervals_cover_the_planted_torque_and_new_samples(rho, make_log, witho
         fit = estimate(information)
         found = predict(regression, fit.value[:, None])
         rng = np.random.default_rng(seed)
-        spread = assess_uncertainty(
-            information, fit, found.residual[:, :, 0], found.series, rng, 60
-        )
+        spread = assess_uncertainty(information, fit, rng, 60)
         rms = found.joint_rms()[:, 0]
         none = np.full(len(rms), np.nan)
         reach = measure_spread(information, fit, spread, (rms, rms), (none, none)).reach(W)

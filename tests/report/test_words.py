@@ -58,7 +58,6 @@ NOT_OURS = {
     r"foretells?": ("predictive likelihood", ()),
     r"confused": ("correlated", ()),
     r"spent on": ("contributes", ()),
-    r"echo(?:es)?|renoised": ("simulation extrapolation", ()),
     r"decisive": ("influential", ()),
     r"doubted|goes on from": ("borderline, warm start", ()),
     r"no real robot has exactly": ("not physically consistent", ()),

@@ -18,7 +18,6 @@ from identifiability.logs.prepare import Samples, prepare_samples
 from identifiability.logs.prepare.longsamples import Stretch, prepare_log
 from identifiability.logs.tables import opened
 from identifiability.regression.gather import gather_information
-from identifiability.regression.information import Information
 from identifiability.regression.regression import (
     LogPart,
     Model,
@@ -63,27 +62,6 @@ def test_a_long_log_is_gone_through_once(made, sizes, frame_of, saved, monkeypat
     found = analyze("two-link", LogFile.read(path), replicates=0, engine=Serial())
     assert not found.held_out.whole
     assert made[Stretch] == Log.read(path).t.tolist()
-
-
-@pytest.mark.parametrize("engine", [Serial(), Elsewhere()])
-def test_windows_of_a_log_are_gathered_alone_and_once(made, sizes, frame_of, saved, engine):
-    sizes(window=150)
-    robot, model = Robot.load("two-link"), Model.of("rigid_body", "viscous_friction")
-    file = LogFile.read(saved(frame_of("two-link", periods=6)))
-    regression = Regression(robot, model, (prepare_log(robot, file, engine=Serial()),))
-    found = gather_information(regression, 50, shown=True, engine=engine)
-    made.clear()
-    assert found.samples == 1500
-    assert (found.counts > 0).all()
-    chunks = [chunk for part in regression.parts() if part.is_shown for chunk in part.shown()]
-    assert sum(len(chunk.t) for chunk in chunks) == 1500
-    predict(regression, np.zeros((found.size, 1)), engine=engine)
-    assert not made
-    W, tau = (np.concatenate([getattr(c, k) for c in chunks]) for k in ("W", "tau"))
-    rows = Information.of_rows(found.columns, W, tau, np.zeros(1500, int), 30)
-    one, other = (x.factor().T @ x.factor() for x in (found, rows))
-    np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
-    assert set(found.counts.tolist()) == {30}  # five blocks a window, none over two
 
 
 def test_a_log_that_judges_is_gone_through_once(made, frame_of):

@@ -1,12 +1,11 @@
-"""A second record of a log's motion, with errors of its own; or new noise, where there is none.
+"""A second record of a log's motion, with errors of its own.
 
 Noise in the motion biases least squares. Instruments are the same columns along a second record of
 the motion, the first that exists of: a Fourier series that explains all that was measured of it but
 its noise; repetitions of it, in its own log or in others; the smoothed motion, where velocity and
 acceleration were measured with noise of their own; the motion that was commanded. Positions
-alone that are none of these have none: there new noise of the log's own size is drawn along the
-smoothed motion, which goes the way of the log. No simulator and no data sheet is asked: noise is
-what remains of differences of high order.
+alone that are none of these have none. No simulator and no data sheet is asked: noise is what
+remains of differences of high order.
 """
 
 from __future__ import annotations
@@ -24,7 +23,6 @@ from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, fourier, signals
-from identifiability.logs.base import GYRO
 from identifiability.logs.gaps import StaleRule
 from identifiability.logs.prepare.plan import (
     Plan,
@@ -33,9 +31,8 @@ from identifiability.logs.prepare.plan import (
     lowest_cutoff,
     noise_level,
     resolution,
-    usual_noise,
 )
-from identifiability.logs.prepare.preparation import SHORT, Preparation, make_plan
+from identifiability.logs.prepare.preparation import SHORT
 from identifiability.logs.prepare.samples import Samples
 from identifiability.logs.rules import RULES
 from identifiability.robot import Motion, Robot, complete_motion
@@ -432,7 +429,7 @@ def _delay(t: Array, x: Array, later: float) -> Array:
     return np.stack([np.interp(t - later, t, column) for column in x.T], 1)
 
 
-# New noise of a log's own size along its smoothed motion, by the way that the log went.
+# How much of an acceleration that was computed is noise.
 
 
 def noise_share(robot: Robot, log: Log, cutoff: float | None, seed: int = 0) -> float:
@@ -448,72 +445,21 @@ def noise_share(robot: Robot, log: Log, cutoff: float | None, seed: int = 0) -> 
     """
     if len(log) < SHORT:
         return 0.0
-    log = joint_log(robot, StaleRule.of([log]).mend(log))
+    log = replace(joint_log(robot, StaleRule.of([log]).mend(log)), base=None)
     if cutoff is None:
         size = np.zeros(1) if log.ddq is None else log.ddq.std(0)
         level = np.zeros(1) if log.ddq is None else noise_level(log.ddq, log.t)
-        return float(np.max(level[size > 0] / size[size > 0], initial=0.0))
-    plan = Plan(signals.sampling_step(log.t), cutoff, None, float(log.t[0]), None, 1, ())
-    smooth, noisy, _ = _draw(log, plan, np.random.default_rng(seed))
-    exact, moved = plan.derive(smooth)[2], plan.derive(noisy)[2]
-    moves = exact.std(0) > 0
-    share = (moved - exact).std(0)[moves] / exact.std(0)[moves]
-    return float(share.max(initial=0.0))
+    else:
+        plan = Plan(signals.sampling_step(log.t), cutoff, None, float(log.t[0]), None, 1, ())
+        rng = np.random.default_rng(seed)
+        q = _white_as(log.q, log.t, rng)
+        dq = None if log.dq is None else _white_as(log.dq, log.t, rng)
+        size = plan.derive(log)[2].std(0)
+        level = plan.derive(replace(log, q=q, dq=dq))[2].std(0)
+    return float(np.max(level[size > 0] / size[size > 0], initial=0.0))
 
 
-def add_echoes(robot: Robot, log: Log, samples: Samples, seed: int = 0) -> Samples | None:
-    """Return the samples with echoes of their noise; None where that cannot be tried.
-
-    Parameters
-    ----------
-    robot : Robot
-    log : Log
-        What the samples were prepared from.
-    samples : Samples
-        With computed derivatives.
-    seed : int
-        Of the new noise.
-    """
-    if samples.cutoff is None:
-        return None
-    plan = make_plan(robot, log, Preparation(derivatives="butterworth", cutoff=samples.cutoff))
-    log = joint_log(robot, plan.mend(log))
-    smooth, *noisy = map(plan.derive, _draw(log, plan, np.random.default_rng(seed)))
-    first = complete_along(robot, samples.motion, smooth)
-    others = [None if first is None else complete_along(robot, first, x) for x in noisy]
-    echoes = [
-        replace(samples, motion=first, instrument=other, notes=())
-        for other in others
-        if first is not None and other is not None
-    ]
-    note = (
-        "noise of the motion's own size was drawn anew along the smoothed motion; values are "
-        "corrected by what it does to them"
-    )
-    if len(echoes) < len(others):
-        return None
-    return replace(samples, echoes=tuple(echoes), notes=(*samples.notes, note))
-
-
-def _draw(log: Log, plan: Plan, rng: np.random.Generator) -> tuple[Log, Log, Log]:
-    """Return the smoothed log, and it with new noise, and with the same of the other sign.
-
-    What is odd in the noise cancels. It is white, of a base's sensor, which rings where feet hit
-    the ground, of its usual size.
-    """
-    assert plan.cutoff is not None
-    drawn: list[dict[str, Any]] = [{}, {}, {}]
-    for name in ("q", "dq", "base"):
-        whole = getattr(log, name)
-        if whole is None:
-            continue
-        x, rest = np.split(whole, [GYRO.stop if name == "base" else whole.shape[1]], axis=1)
-        level = usual_noise(x, log.t) if name == "base" else noise_level(x, log.t)
-        level = np.maximum(level, resolution(x) / np.sqrt(12))
-        cutoff = _smoothest(x, level, plan.step, plan.cutoff)
-        smooth = signals.lowpass(x, plan.step, cutoff)
-        noise = level * rng.standard_normal(x.shape)
-        for sign, into in zip((0.0, 1.0, -1.0), drawn, strict=True):
-            into[name] = np.hstack([smooth + sign * noise, rest])
-    smoothed, more, less = (replace(log, **one) for one in drawn)
-    return smoothed, more, less
+def _white_as(x: Array, t: Array, rng: np.random.Generator) -> Array:
+    """Return white noise of the size of that in signals (N, n)."""
+    level = np.maximum(noise_level(x, t), resolution(x) / np.sqrt(12))
+    return np.asarray(level * rng.standard_normal(x.shape))

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import scipy
 from scipy.ndimage import binary_propagation, maximum_filter1d
-from scipy.special import bdtrc, binom, ndtri
+from scipy.special import bdtrc, binom
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.linalg import ROUNDOFF
@@ -57,14 +57,6 @@ def noise_level(x: Array, t: Array | None = None) -> Array:
     if len(x) <= ORDER:
         return np.zeros(x.shape[1])
     level: Array = np.sqrt(np.mean(_rough(x, t) ** 2, axis=0))
-    return level
-
-
-def usual_noise(x: Array, t: Array) -> Array:
-    """Return the same of signals that are not smooth now and then, by the median."""
-    if len(x) <= ORDER:
-        return np.zeros(x.shape[1])
-    level: Array = np.median(np.abs(_rough(x, t)), axis=0) / ndtri(0.75)
     return level
 
 

@@ -320,8 +320,6 @@ class Samples:
         Rows of the log before which so many samples are missing that it is split there.
     hints : tuple of str
         What seems to be wrong with the log.
-    echoes : tuple of Samples
-        The smoothed motion, with itself and new noise of the log's size as a second record.
     dwells : (N, n) bool or None
         Where a joint stands, so that its torque has no weight; None for nowhere.
     path : str
@@ -341,7 +339,6 @@ class Samples:
     lost: int = 0
     breaks: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     hints: tuple[str, ...] = ()
-    echoes: tuple[Samples, ...] = ()
     dwells: np.ndarray | None = None
     path: str = ""
 
@@ -349,7 +346,7 @@ class Samples:
     def beside(self) -> Samples | None:
         """The samples along the second record of the motion."""
         other = self.instrument
-        return None if other is None else replace(self, motion=other, instrument=None, echoes=())
+        return None if other is None else replace(self, motion=other, instrument=None)
 
     @cached_property
     def runs(self) -> list[tuple[int, int]]:
@@ -442,7 +439,7 @@ class Samples:
         """Return some of the samples."""
         other = None if self.instrument is None else self.instrument[rows]
         taken = replace(self, motion=self.motion[rows], tau=self.tau[rows], instrument=other)
-        return replace(taken, dwells=self._dwells_in(rows), echoes=())
+        return replace(taken, dwells=self._dwells_in(rows))
 
     def thin(self, step: int) -> Samples:
         """Return every `step`-th sample, without decimation filter."""

@@ -19,7 +19,7 @@ from identifiability.estimation.alternatives import NO_ALTERNATIVES, Alternative
 from identifiability.estimation.decide import decide_submodel, find_left_out
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import Estimate, settle_signs
-from identifiability.estimation.evidence import Mixture
+from identifiability.estimation.evidence import Evidence, Level, Mixture
 from identifiability.estimation.least_squares import dependence
 from identifiability.estimation.prediction import (
     Prediction,
@@ -78,8 +78,8 @@ class JudgedModel:
         ε_RA on the logs it was fitted to.
     error_ra_validation : float
         ε_RA on the validation logs.
-    error_se : float
-        Standard error of the difference of its held-out ε_RA to another model's.
+    spread : float
+        Relative standard error of the difference of its error on folds to the best model's.
     infeasible : tuple of str
         Parameters with a sign that physics forbids, the paper's test.
     """
@@ -89,8 +89,13 @@ class JudgedModel:
     verdicts: tuple[Verdict, ...]
     error_ra: float
     error_ra_validation: float
-    error_se: float
+    spread: float
     infeasible: tuple[str, ...]
+
+    @property
+    def error_se(self) -> float:
+        """Standard error of the difference of its unseen ε_RA to the best model's."""
+        return self.spread * self.error_ra_validation
 
     @property
     def name(self) -> str:
@@ -165,11 +170,11 @@ class ModelResult(JudgedModel):
 
     Attributes
     ----------
-    error_joints, error_joints_validation, error_joints_se : float
-        Its three errors over each joint's own scale, by which models are chosen.
+    error_joints, error_joints_validation : float
+        Its two errors over each joint's own scale, by which models are chosen.
     uncertainty : Uncertainty
     worse_at : tuple of str
-        Joints at which it surely errs more on unseen motion than the best model does.
+        Joints at which it surely errs more on folds than the best model does.
     error_ra_physical : float
         ε_RA of the nearest real robot, on the same samples as `error_ra_validation`.
     error_ra_real, error_ra_file, error_ra_other : float
@@ -186,7 +191,6 @@ class ModelResult(JudgedModel):
 
     error_joints: float
     error_joints_validation: float
-    error_joints_se: float
     uncertainty: Uncertainty
     worse_at: tuple[str, ...]
     error_ra_physical: float
@@ -245,7 +249,7 @@ class ModelResult(JudgedModel):
             "error_joints_validation": self.error_joints_validation,
             "description": self.submodel.description,
             "error_ra_validation_se": self.error_se,
-            "error_joints_validation_se": self.error_joints_se,
+            "error_joints_validation_se": self.spread * self.error_joints_validation,
             "worse_at": list(self.worse_at),
             "feasible": self.feasible,
             "signs_possible": self.signs_possible,
@@ -265,7 +269,7 @@ def assess_ladder(
     missing: Alternatives = NO_ALTERNATIVES,
     *,
     late: Callable[[Submodel], Array] | None = None,
-    unseen: Information | None = None,
+    judged: Sequence[Evidence] = (),
 ) -> tuple[ModelResult, ...]:
     """Return the results of all m models.
 
@@ -285,66 +289,52 @@ def assess_ladder(
         What may be missing beside all base parameters.
     late : callable(Submodel), optional
         What errors of delays do to the values of a model, (L, k).
-    unseen : Information, optional
-        About all base parameters, of logs that were held out.
+    judged : sequence of Evidence, optional
+        Of each model against the best, on folds.
     """
     m = len(models)
     error, unseen_error = fitted.relative_error(), held_out.relative_error()
     each = fitted.joint_error()
     joints, unseen_joints = fitted.error_over_joints(), held_out.error_over_joints()
-    best = int(np.nanargmin(unseen_joints[:m])) if np.isfinite(unseen_joints[:m]).any() else 0
-    spread, joints_spread = (
-        held_out.standard_error(best),
-        held_out.standard_error_over_joints(best),
-    )
-    above = held_out.joints_above(best)
     torque = float(np.sqrt(np.mean(fitted.rms**2)))
     results = []
     spoken = bool(models) and bool(models[0].estimate.kept)
     full = fit_whole(models[0].estimate.estimator, models[0].whole) if spoken else None
     for k, (model, real) in enumerate(zip(models, physical, strict=True)):
         submodel, reduced, fit = model.submodel, model.information, model.estimate
-        along = fitted.residual[:, :, k], fitted.series, rng, replicates
-        others = None if unseen is None else submodel.reduce(unseen)
-        uncertainty = assess_uncertainty(reduced, fit, *along, others)
-        reported, reported_uncertainty = model.reported, uncertainty
-        if reported is not model:
-            others = None if unseen is None else reported.submodel.reduce(unseen)
-            reported_uncertainty = assess_uncertainty(
-                reported.information, reported.estimate, *along, others
-            )
+        uncertainty = assess_uncertainty(reduced, fit, rng, replicates)
         if late is not None:
             uncertainty = replace(uncertainty, late=late(submodel))
-            reported_uncertainty = replace(reported_uncertainty, late=late(reported.submodel))
         as_good = real.as_good or real.elsewhere
         if as_good:
             uncertainty = hold_over(uncertainty, model, real)
-            reported_uncertainty = hold_over(reported_uncertainty, reported, real)
         result = ModelResult(
             submodel=submodel,
             estimate=fit,
             uncertainty=uncertainty,
-            verdicts=decide_reported(
-                reported, reported_uncertainty, torque, thresholds, full, missing
-            ),
+            verdicts=decide_model(model, uncertainty, torque, thresholds, full, missing),
             error_ra=float(error[k]),
             error_ra_validation=float(unseen_error[k]),
-            error_se=float(spread[k]),
             error_joints=float(joints[k]),
             error_joints_validation=float(unseen_joints[k]),
-            error_joints_se=float(joints_spread[k]),
-            worse_at=tuple(np.array(model.structure.robot.joints)[above[:, k]].tolist()),
+            spread=judged[k].error.se if judged else float("nan"),
+            worse_at=_worse_at(model, judged[k]) if judged else (),
             error_ra_physical=float(unseen_error[m + k]),
             error_ra_real=float(error[m + k]),
             error_ra_file=float(error[2 * m + k]),
             error_ra_other=float(error[3 * m + k]),
             error_real_joints=each[:, [m + k, 2 * m + k, 3 * m + k]],
-            infeasible=forbidden_signs(reported.submodel, reported.information, reported.estimate),
+            infeasible=forbidden_signs(model),
             physical=real,
             physical_as_good=as_good,
         )
         results.append(result)
     return tuple(results)
+
+
+def _worse_at(model: FittedModel, judged: Evidence) -> tuple[str, ...]:
+    levels = zip(model.structure.robot.joints, judged.joint_levels, strict=True)
+    return tuple(joint for joint, level in levels if level is Level.WORSE)
 
 
 def hold_over(uncertainty: Uncertainty, model: FittedModel, real: PhysicalResult) -> Uncertainty:
@@ -355,8 +345,8 @@ def hold_over(uncertainty: Uncertainty, model: FittedModel, real: PhysicalResult
     return replace(uncertainty, real=np.where(model.estimate.determined, apart, 0.0)[None])
 
 
-def decide_reported(
-    reported: FittedModel,
+def decide_model(
+    model: FittedModel,
     uncertainty: Uncertainty,
     torque: float,
     thresholds: Thresholds,
@@ -364,11 +354,11 @@ def decide_reported(
     missing: Alternatives,
     models: Mixture | None = None,
 ) -> tuple[Verdict, ...]:
-    """Return the verdicts on a model as it is told (`FittedModel.reported`).
+    """Return the verdicts on a model.
 
     Parameters
     ----------
-    reported : FittedModel
+    model : FittedModel
     uncertainty : Uncertainty
     torque : float [N·m or N]
         Root mean square of the measured torque.
@@ -380,11 +370,11 @@ def decide_reported(
     models : Mixture, optional
         What all models of a path say of its labels.
     """
-    submodel, part, fit = reported.submodel, reported.information, reported.estimate
-    stated = np.linalg.lstsq(
-        submodel.M, reported.structure.nominal_base - submodel.fixed, rcond=None
-    )[0]
-    left_out = find_left_out(reported.structure, submodel, reported.whole, fit, full)
+    submodel, part, fit = model.submodel, model.information, model.estimate
+    stated = np.linalg.lstsq(submodel.M, model.structure.nominal_base - submodel.fixed, rcond=None)[
+        0
+    ]
+    left_out = find_left_out(model.structure, submodel, model.whole, fit, full)
     aliases = _aliases(part, fit, submodel)
     own = missing.of_labels(submodel, fit)
     return decide_submodel(
@@ -423,13 +413,12 @@ def tell_with_file(
 def _add_file(
     model: FittedModel, result: ModelResult, share: float, thresholds: Thresholds
 ) -> tuple[ModelResult, str]:
-    reported = model.reported
-    fit = reported.estimate
-    data = LeastSquares.likelihood(reported.information, fit)
+    fit = model.estimate
+    data = LeastSquares.likelihood(model.information, fit)
     own = np.linalg.pinv(data.R)
     variance = (own**2).sum(1) * data.variance
     # What all samples share lies along directions of its own; the rest is noise of every row.
-    shared = result.uncertainty.shared @ np.linalg.pinv(model.to_x).T @ reported.to_x.T
+    shared = result.uncertainty.shared
     wide = np.array([v.sigma_robust for v in result.verdicts]) ** 2
     wide = np.maximum(wide - (shared**2).sum(0), 0.0)
     sure = fit.determined & (variance > 0) & np.isfinite(wide)
@@ -437,13 +426,13 @@ def _add_file(
     along = data.R @ shared.T
     L = np.linalg.cholesky(wider * data.variance * np.eye(len(data.R)) + along @ along.T)
     rows, aim = (scipy.linalg.solve_triangular(L, x, lower=True) for x in (data.R, data.z))
-    outside, rest = (x / np.sqrt(wider * data.variance) for x in reported.left_out)
+    outside, rest = (x / np.sqrt(wider * data.variance) for x in model.left_out)
     try:
         both = combine_with_file(
-            reported.structure,
-            np.vstack([rows @ reported.to_x, outside]),
+            model.structure,
+            np.vstack([rows @ model.to_x, outside]),
             np.concatenate([aim, rest]),
-            reported.to_x,
+            model.to_x,
             share,
         )
     except ValueError:  # bodies that no prior can be around are said elsewhere
@@ -465,9 +454,10 @@ def _add_file(
     return replace(result, verdicts=tuple(verdicts)), both.hint
 
 
-def forbidden_signs(submodel: Submodel, information: Information, fit: Estimate) -> tuple[str, ...]:
+def forbidden_signs(model: FittedModel) -> tuple[str, ...]:
     """Return the parameters with a sign that physics forbids, the paper's test."""
-    settled = settle_signs(information, fit, submodel.nonnegative)
+    submodel, fit = model.submodel, model.estimate
+    settled = settle_signs(model.information, fit, submodel.nonnegative)
     forbidden = submodel.nonnegative & fit.determined & (settled < 0)
     return tuple(c for c, bad in zip(submodel.columns, forbidden, strict=True) if bad)
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.evidence import Folds, HeldOut, Score, near_best
+from identifiability.estimation.evidence import Evidence, Folds, HeldOut, Score, near_best
 from identifiability.estimation.least_squares import Noise, leave_open
 from identifiability.estimation.prediction import Task
 from identifiability.estimation.torque_errors import take_turns
@@ -95,6 +95,8 @@ class FittedLadder:
     near : (m,) bool
         Which models may stand for the one that predicts the folds best; none where nothing was
         fitted.
+    judged : tuple of Evidence
+        Of each model against that one; empty where nothing was fitted.
     short : str
         That predictions choose nothing, and why; empty where they do.
     """
@@ -104,6 +106,7 @@ class FittedLadder:
     crossed: Array
     folds: Folds | None
     near: np.ndarray
+    judged: tuple[Evidence, ...] = ()
     short: str = ""
 
     @property
@@ -164,8 +167,11 @@ def fit_ladder(
     crossed = np.concatenate([one.crossed for one in found], 2)
     m = len(models)
     order = [*range(0, 2 * m, 2), *range(1, 2 * m, 2)]
-    near = near_best([one.free for one in found])
-    return FittedLadder(models, robots, crossed[:, :, order], held_out.folds, near, short)
+    scores = [one.free for one in found]
+    best = max(scores, key=lambda score: float(score.density.sum()))
+    judged = tuple(Evidence.of(score, best) for score in scores)
+    crossed, near = crossed[:, :, order], near_best(scores)
+    return FittedLadder(models, robots, crossed, held_out.folds, near, judged, short)
 
 
 def hold_folds(information: Information, estimator: Estimator) -> tuple[HeldOut, str]:

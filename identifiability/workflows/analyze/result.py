@@ -423,7 +423,8 @@ def _fit_notes(analysis: Analysis) -> Iterator[Note]:
 
 
 def _spread_cell(m: ModelResult) -> Cell:
-    spread, note = m.error_joints_se, f"worse at {join(m.worse_at, 3)}" if m.worse_at else ""
+    spread = m.spread * m.error_joints_validation
+    note = f"worse at {join(m.worse_at, 3)}" if m.worse_at else ""
     if not np.isfinite(spread):
         return Cell(NONE, spread)
     return Cell(f"± {percent(spread, 2)}" if spread else "least error", spread, note)

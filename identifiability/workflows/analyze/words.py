@@ -19,12 +19,9 @@ from identifiability.foundation.numbers import percent
 from identifiability.foundation.rounding import format_count, format_number
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.regression.information import Information
 from identifiability.regression.structure import BaseParameters
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.assessment import ModelResult
-from identifiability.workflows.opening import Opening
-from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 
 # What logs say of each other, in words.
 
@@ -35,6 +32,10 @@ NAMED = 3
 CAUSE = "a payload, a temperature or another robot does that"
 LEFT_OUT = "or the model leaves out what differs between them (diagnose looks for it)"
 ONE = "One motion cannot show what another would change: no interval holds that."
+SHORT = (
+    "The logs are too short to be fitted one by one: no interval holds what another motion would "
+    "change."
+)
 
 
 @frozen
@@ -77,61 +78,27 @@ class SeveralLogs:
 
 
 def compare_logs(
-    joints: Sequence[str], opening: Opening, information: Information, result: ModelResult
+    joints: Sequence[str], samples: Sequence[Prepared], result: ModelResult
 ) -> SeveralLogs:
     """Return what logs say of each other under a model.
-
-    Where logs that were held out differ from the fitted ones, that comes first.
 
     Parameters
     ----------
     joints : sequence of str
         The n actuated ones.
-    opening : Opening
-    information : Information
-        About the base parameters.
+    samples : sequence of Samples
+        The fitted logs.
     result : ModelResult
     """
-    found = _compare_fitted(joints, opening.samples, information, result)
-    motions, columns = result.uncertainty.held_out, result.submodel.columns
-    if motions is None or motions.agree:
-        return found
-    fitted = opening.samples[0].name if len(opening.samples) == 1 else "the fitted logs"
-    names = (fitted, *(opening.validation[k - 1].name for k in motions.which[1:]))
-    away = [motions.away(one)[1] for one in range(1, len(names))]
-    odd = 1 + int(np.argmax([(z**2).sum() for z in away]))
-    hint = (
-        f"{names[odd]}, which was held out, disagrees with {fitted}: "
-        f"{differences(motions, columns, odd)}. {CAUSE.capitalize()}, {LEFT_OUT}; compare says "
-        "what changed. Intervals are widened to hold both."
-    )
-    text, hints = (" ".join(filter(None, (hint, x))) for x in (found.statement, found.hint))
-    return SeveralLogs(motions, names, columns, text, hints)
-
-
-def _compare_fitted(
-    joints: Sequence[str],
-    samples: Sequence[Prepared],
-    information: Information,
-    result: ModelResult,
-) -> SeveralLogs:
-    columns = result.submodel.columns
-    if len(samples) > 1:
-        motions = result.uncertainty.motions
-        names = tuple(samples[k].name for k in motions.which) if motions else ()
-        if motions is None:
-            text = "The logs are too short to be fitted one by one: no interval holds what "
-            text += (
-                f"another motion would change.{_weighed(information, [s.name for s in samples])}"
-            )
-            return SeveralLogs(None, names, columns, text)
-        if motions.agree:
-            text = f"The {len(names)} logs agree: fitted one by one, {_chance(motions, columns)}."
-            text += _weighed(information, [s.name for s in samples])
-            return SeveralLogs(motions, names, columns, text)
-        hint = _blame(motions, names, columns, joints)
-        return SeveralLogs(motions, names, columns, hint, hint)
-    return SeveralLogs(None, (), columns, ONE)
+    columns, motions = result.submodel.columns, result.uncertainty.motions
+    if motions is None:
+        return SeveralLogs(None, (), columns, ONE if len(samples) == 1 else SHORT)
+    names = tuple(samples[k].name for k in motions.which)
+    if motions.agree:
+        text = f"The {len(names)} logs agree: fitted one by one, {_chance(motions, columns)}."
+        return SeveralLogs(motions, names, columns, text)
+    hint = _blame(motions, names, columns, joints)
+    return SeveralLogs(motions, names, columns, hint, hint)
 
 
 def _blame(
@@ -178,19 +145,6 @@ def _worse(motions: Motions, joints: Sequence[str], odd: int) -> str:
     k = int(np.argmax(ratio))
     many = format_number(ratio[k], 2)
     return f"; the error of {joints[k]} is {many} × as large there" if ratio[k] > 1 else ""
-
-
-def _weighed(information: Information, names: Sequence[str]) -> str:
-    """Return a sentence on a log that counts for less because of its noise, to follow another."""
-    if information.weights is None:
-        return ""
-    first = np.unique(information.log, return_index=True)[1]
-    size = np.exp(-0.5 * np.log(np.maximum(information.weights[:, first], 1e-12)).mean(0))
-    loud, still = int(size.argmax()), int(size.argmin())
-    if size[loud] < WORKFLOW_RULES.differs * size[still]:
-        return ""
-    many = format_number(size[loud] / size[still], 2)
-    return f" Logs count by their noise: that of {names[loud]} is {many} × that of {names[still]}."
 
 
 def _chance(motions: Motions, columns: Sequence[str]) -> str:

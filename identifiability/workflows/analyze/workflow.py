@@ -94,8 +94,7 @@ def analyze(
         (``ols``).
     estimator : {"auto", "ls", "iv"}
         Least squares, or instrumental variables, which noise in the motion does not bias; ``auto``
-        takes the latter if any log has a second record of its motion, and else corrects the former
-        by what new noise of the motion does to it.
+        takes the latter if any log has a second record of its motion.
     replicates : int, optional
         Refits of the block bootstrap, 0 for none; by default 2000, or 200 if `quick`.
     posterior : bool
@@ -188,8 +187,6 @@ class _Fitted:
     late : DelayErrors
     burst : str
         A sentence on outliers, if any.
-    unseen : Information or None
-        What held-out logs say of the parameters by themselves.
     """
 
     opening: Opening
@@ -199,7 +196,6 @@ class _Fitted:
     out: Prediction
     late: DelayErrors
     burst: str
-    unseen: Information | None
 
 
 def _fit(
@@ -223,8 +219,7 @@ def _fit(
     if opening.unseen is not None:
         out = [predict(opening.unseen, values[:, : 2 * len(ladder.models)], engine=engine)]
     return _Fitted(
-        *(opening, rows.information, ladder, within, (out or [within])[0], late, rows.burst),
-        rows.held_out,
+        opening, rows.information, ladder, within, (out or [within])[0], late, rows.burst
     )
 
 
@@ -268,13 +263,13 @@ def _judge(
         draws,
         missing,
         late=fitted.late.move,
-        unseen=fitted.unseen,
+        judged=ladder.judged,
     )
     at = select_model(results, ladder.near)
     results, contradicted = tell_with_file(ladder.models, results, within, thresholds)
     results, nothing = doubt(opening.silence or opening.misread, results, at, out)
     joints = session.structure.robot.joints
-    several = compare_logs(joints, opening, fitted.information, results[at])
+    several = compare_logs(joints, opening.samples, results[at])
     hints = [*opening.hints, fitted.burst, contradicted[at], ladder.short]
     hints += check_cutoff(opening, recordings, session.how)
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest

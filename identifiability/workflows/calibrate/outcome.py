@@ -64,8 +64,6 @@ class Experiment:
         As in `analyze`.
     structure : Structure or None
         What is behind the columns: with it intervals know what the model leaves out.
-    echo : Information or None
-        What new noise of the motion does to the columns.
     """
 
     submodel: Submodel
@@ -78,7 +76,6 @@ class Experiment:
     thresholds: Thresholds = Thresholds()
     replicates: int = 200
     structure: Structure | None = None
-    echo: Information | None = None
 
     @staticmethod
     def of(regression: Regression, submodel: Submodel, **how: Any) -> Experiment:
@@ -115,8 +112,7 @@ class Experiment:
         method = settle_noise(find_estimator(self.method), whole)
         fit = method.fit(information)
         left = tau - W @ submodel.fixed
-        residual = left - W @ (submodel.M @ fit.value)
-        spread = assess_uncertainty(information, fit, residual, self.log, rng, self.replicates)
+        spread = assess_uncertainty(information, fit, rng, self.replicates)
         omitted = None
         if self.structure is not None:
             full = fit_whole(method, whole)

@@ -50,8 +50,8 @@ class MotionErrors:
     Attributes
     ----------
     samples : Samples
-        The true motion: the second record where there is one, smoothed where noise was drawn anew,
-        else as prepared; errors that it has make the new ones do a little less.
+        The true motion: the second record where there is one, else as prepared; errors that it has
+        make the new ones do a little less.
     log : Log
         The same, as a log at the joints.
     plan : Plan
@@ -83,9 +83,8 @@ class MotionErrors:
         other = samples if instrumented else add_instrument(robot, log, samples, always=True)
         beside = None if other is None else other.beside
         near = beside or samples
-        smoothed = samples.echoes[0].motion if samples.echoes and beside is None else near.motion
-        motion = replace(smoothed, smooth_v=None)  # its signs are those of its speeds
-        true = replace(near, motion=motion, instrument=None, echoes=())
+        motion = replace(near.motion, smooth_v=None)  # its signs are those of its speeds
+        true = replace(near, motion=motion, instrument=None)
         at = _channels(log)
         at[:, motion.kept] = motion.actuated_q, motion.actuated_v, motion.actuated_a
         exact = beside is not None
@@ -332,7 +331,6 @@ class World:
             thresholds=analysis.thresholds,
             replicates=refits,
             structure=analysis.structure,
-            echo=analysis.information.echo,
         )
         W, tau, moves, runs = experiment.W, experiment.tau, experiment.moves, find_runs(samples)
         noise = fit_residual_noise(tau, W, JointRuns.of(runs, moves))
@@ -356,8 +354,7 @@ class World:
         truth = np.linalg.lstsq(submodel.M, beta - submodel.fixed, rcond=None)[0]
         # Sticking joints say nothing.
         tau = e.W @ beta + self.noise.simulate(self.runs, of_noise) * e.moves
-        W, V, echo = e.W, None, None
+        W, V = e.W, None
         if any(m.sd.any() for m in self.motion):
             W, V = measure_anew(self.robots.structure, self.motion, of_motion)
-            echo = e.echo
-        return e.judge(replace(e.gather(tau, W, V), echo=echo), tau, W, of_fit), truth
+        return e.judge(e.gather(tau, W, V), tau, W, of_fit), truth

@@ -543,7 +543,7 @@ def without_outliers(setting: Setting, outliers: Outliers) -> Setting:
         beside = at[1] - at[0]
         for a, b in zip(outliers.first[own], outliers.last[own], strict=True):
             gone[(t >= at[a] - beside) & (t <= at[b - 1] + beside)] = True
-        samples[k] = replace(s, dwells=gone, echoes=())
+        samples[k] = replace(s, dwells=gone)
     return replace(setting, samples=tuple(samples))
 
 

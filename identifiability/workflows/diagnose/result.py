@@ -363,7 +363,7 @@ def keep_completed(d: Findings) -> Fit:
     structure = d.completed
     submodel = full_model(structure.base, "the diagnosed model")
     regression = structure.regression(d.samples, keep=True)
-    regression = replace(regression, echo=None, instruments=None)
+    regression = replace(regression, instruments=None)
     information = gather_information(regression)
     fit = estimate(information)
     values: Array = structure.G @ _standard_values(d)
@@ -371,9 +371,7 @@ def keep_completed(d: Findings) -> Fit:
     low, raw = found.joint_rms()[:, 0], found.joint_rms(raw=True)[:, 0]
     unseen = d.gap.prediction.joint_rms()[:, -1]
     unseen_raw = np.sqrt(np.maximum(raw**2 - low**2, 0.0) + unseen**2)
-    uncertainty = assess_uncertainty(
-        information, fit, found.residual[:, :, 0], found.series, np.random.default_rng(d.seed), 0
-    )
+    uncertainty = assess_uncertainty(information, fit, np.random.default_rng(d.seed), 0)
     spread = measure_spread(information, fit, uncertainty, (low, raw), (unseen, unseen_raw))
     return Fit(
         structure=structure,
@@ -466,7 +464,7 @@ def nearest_dict(d: Findings) -> dict[str, Any]:
     first = np.array([names.index(n) == k for k, n in enumerate(names)])
     files = [values_in_file(structure.robot, values, kind) for kind in file_kinds(structure.robot)]
     phi = np.array([[v[n] for n in names] for v in (values, *files)]).T
-    regression = replace(structure.regression(d.samples, keep=True), instruments=None, echo=None)
+    regression = replace(structure.regression(d.samples, keep=True), instruments=None)
     found = predict(regression, structure.G @ (phi * first[:, None]))
     errors, each = found.relative_error(), found.joint_error()
     held_out = (float(errors[0]), float(errors[1]), float(errors[2]))

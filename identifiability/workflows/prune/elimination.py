@@ -258,7 +258,7 @@ def whiten_regression(
             seen = information.joint.products(1.0 / noise, left, both)
         wanted = np.eye(2 * k + 1)[:, k:]
         own = tuple(part.reduce(wanted) for part in information.parts)
-        plain = replace(information, parts=own, instrumented=False, echo=None)
+        plain = replace(information, parts=own, instrumented=False)
     parts, bases = zip(*plain.of_actuators(change), strict=True)
     unit = noise_scale(information, full.weights, full.times, full.rss)
     return WhitenedRegression(

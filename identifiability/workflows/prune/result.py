@@ -87,6 +87,11 @@ class PrunedModel(JudgedModel):
     weight: float
 
     @property
+    def error_se(self) -> float:
+        """Standard error of the difference of its unseen ε_RA to the best model's."""
+        return self.spread * self.error_ra_unseen
+
+    @property
     def reason(self) -> str:
         """Why the move was made, in words."""
         if self.step.move is None:

@@ -17,6 +17,7 @@ from identifiability.estimation.estimate import (
 )
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import (
+    Evidence,
     HeldOut,
     Mixture,
     mix_labels,
@@ -26,8 +27,8 @@ from identifiability.estimation.evidence import (
 from identifiability.estimation.least_squares import Noise
 from identifiability.estimation.prediction import Task, predict_all
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.torque_errors import standard_error, take_turns
-from identifiability.estimation.uncertainty import Uncertainty, resample
+from identifiability.estimation.torque_errors import take_turns
+from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty
 from identifiability.foundation.engines.mapping import Engine, Steps, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.names import Array
@@ -61,9 +62,8 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.assessment import (
     assess_ladder,
-    decide_reported,
+    decide_model,
     forbidden_signs,
-    hold_over,
     tell_with_file,
 )
 from identifiability.workflows.analyze.fit import DelayErrors, check_cutoff, settle_robot
@@ -254,7 +254,7 @@ def _hint(
         state_mounting(session.structure.robot, result.verdicts),
         *opening.hints[first:],
         *check_cutoff(opening, session.recordings, session.how),
-        compare_logs(joints, opening, rows.information, result).hint,
+        compare_logs(joints, opening.samples, result).hint,
     )
 
 
@@ -407,17 +407,13 @@ def measure_models(
     model, missing = question.recall(*fits[chosen]), find_missing(opening)
     (result,) = assess_ladder(
         [model], [physical], own, own_outside, Thresholds(), rng, replicates, missing,
-        late=question.delays.move, unseen=rows.held_out,
+        late=question.delays.move,
     )  # fmt: skip
-    spread = result.uncertainty
     weights, first = np.zeros(len(steps)), first_allowed(steps)
     weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
     best = steps[best_step(steps)].score
-    # Where nothing differs from logs held out under the model to use, no other is asked.
-    others = None if spread.held_out is None or spread.held_out.agree else rows.held_out
-    errors["error_se"] = standard_error(unseen.sums, float(spread.times.mean()), chosen)
     judge = partial(
-        decide_reported,
+        decide_model,
         torque=float(np.sqrt(np.mean(own.rms**2))),
         thresholds=Thresholds(),
         full=question.full,
@@ -425,29 +421,28 @@ def measure_models(
     )
     models, labels = [], []
     for k, (step, known) in enumerate(zip(steps, fits, strict=True)):
-        told = question.recall(*known).reported
-        unseen_part = None if others is None else told.submodel.reduce(others)
-        along = told.information, told.estimate, spread.block, rng, replicates, unseen_part
-        uncertainty = replace(resample(*along), late=question.delays.move(told.submodel))
-        if k == chosen and result.physical_as_good:
-            uncertainty = hold_over(uncertainty, told, physical)
+        told, uncertainty = question.recall(*known), result.uncertainty
+        if k != chosen:
+            found = assess_uncertainty(told.information, told.estimate, rng, replicates)
+            uncertainty = replace(found, late=question.delays.move(told.submodel))
         labels.append((told.submodel, told.estimate, uncertainty))
-        gain = step.score.gain(best)
+        judged = Evidence.of(step.score, best)
         models.append(
             PrunedModel(
                 step=step,
                 submodel=known[0],
                 estimate=known[1],
                 verdicts=judge(told, uncertainty),
-                density=gain.value,
-                density_se=gain.se,
+                density=judged.density.value,
+                density_se=judged.density.se,
+                spread=judged.error.se,
                 weight=float(weights[k]),
-                infeasible=forbidden_signs(told.submodel, told.information, told.estimate),
+                infeasible=forbidden_signs(told),
                 **{name: float(each[k]) for name, each in errors.items()},
             )
         )
     mixture = _mix(labels, weights, chosen) if replicates else None
-    result = replace(result, verdicts=judge(model.reported, labels[chosen][2], models=mixture))
+    result = replace(result, verdicts=judge(model, labels[chosen][2], models=mixture))
     if not opening.validation:
         error, joints = models[chosen].error_ra_unseen, float(unseen.error_over_joints()[chosen])
         result = replace(result, error_ra_validation=error, error_joints_validation=joints)

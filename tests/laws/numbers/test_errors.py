@@ -1,4 +1,4 @@
-"""Prediction errors and their standard errors, folds and turns, over several logs."""
+"""Prediction errors, folds and turns, over several logs."""
 
 import itertools
 from types import SimpleNamespace
@@ -7,20 +7,11 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.evidence import choose_folds
-from identifiability.estimation.noise import autocorrelation_time
 from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
-from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.estimation.torque_errors import (
-    STRETCHES,
-    ErrorSums,
-    Layout,
-    Turns,
-    standard_error,
-    take_turns,
-)
+from identifiability.estimation.torque_errors import ErrorSums, Layout, Turns, take_turns
 from identifiability.regression.regression import Chunk
 
-from .made import ar1, gather
+from .made import gather
 
 
 def prediction(tau, predicted, counts):
@@ -76,98 +67,6 @@ def test_some_models_can_be_looked_at_alone(two_logs):
     assert found.select([0, 1]).relative_error().shape == (2,)
 
 
-def by_hand(x, deviation, pieces):
-    """Standard error of Σx/Σdeviation by how stretches differ from their share of the sum."""
-    total = np.array([x[a:b].sum() for a, b in pieces])
-    size = np.array([b - a for a, b in pieces])
-    apart = total - size * total.sum() / size.sum()
-    k = len(pieces)
-    return np.sqrt(k / (k - 1) * (apart**2).sum()) / deviation
-
-
-def even(*counts, parts):
-    out, start = [], 0
-    for count, n in zip(counts, parts, strict=True):
-        edges = start + np.arange(n + 1) * count // n
-        out += list(itertools.pairwise(edges))
-        start += count
-    return out
-
-
-def test_white_errors_are_counted_over_twenty_stretches():
-    rng = np.random.default_rng(1)
-    tau = rng.normal(size=(2000, 2))
-    predicted = tau[:, :, None] + rng.normal(size=(2000, 2, 1))
-    found = prediction(tau, predicted, (2000,))
-    x = np.abs(tau - predicted[:, :, 0]).sum(1)
-    expected = by_hand(x, np.abs(tau - tau.mean()).sum(), even(2000, parts=[20]))
-    np.testing.assert_allclose(found.standard_error(), [expected], rtol=1e-9)
-    # Of independent errors it is what their scatter says, known to 1/√38 = 16 %.
-    white = x.std() * np.sqrt(2000) / np.abs(tau - tau.mean()).sum()
-    assert found.standard_error()[0] == pytest.approx(white, rel=0.5)
-
-
-@pytest.mark.parametrize(
-    ("memory", "parts"), [(1.0, 20), (20.0, 20), (20.1, 10), (40.1, 5), (400.0, 5)]
-)
-def test_a_stretch_is_five_memories_long_while_four_are_left(memory, parts):
-    assert (STRETCHES, ESTIMATION_RULES.memories, ESTIMATION_RULES.errors_fewest) == (20, 5.0, 4)
-    rng = np.random.default_rng(1)
-    tau, predicted = rng.normal(size=(2000, 1)), rng.normal(size=(2000, 1, 1))
-    found = prediction(tau, predicted, (2000,))
-    x = np.abs(tau - predicted[:, :, 0]).sum(1)
-    expected = by_hand(x, np.abs(tau - tau.mean()).sum(), even(2000, parts=[parts]))
-    np.testing.assert_allclose(standard_error(found.sums, memory), [expected], rtol=1e-9)
-
-
-def test_a_difference_has_the_memory_of_the_difference_not_of_either_error():
-    """Two models that share a slow error differ by white noise; a third differs slowly."""
-    rng = np.random.default_rng(4)
-    slow, slower = (6 + ar1(rng, 0.99, 4000) for _ in range(2))
-    tau = 10 * rng.normal(size=(4000, 1))
-    white = np.abs(rng.normal(size=(4000, 1)))
-    errors = np.stack([slow, slow + white, slower], axis=2)
-    assert errors.min() > 0
-    found = prediction(tau, tau[:, :, None] - errors, (4000,))
-    size = np.abs(tau - tau.mean()).sum()
-    alone = autocorrelation_time(errors[:, 0])
-    assert alone.min() > 40 > 5 * autocorrelation_time(white)[0]
-
-    def expected(x):
-        parts = 20
-        while parts > 5 and 4000 / parts < 5 * autocorrelation_time(x)[0]:
-            parts //= 2
-        return by_hand(x[:, 0], size, even(4000, parts=[parts]))
-
-    apart = [white, slower - slow]
-    assert expected(white) != pytest.approx(by_hand(white[:, 0], size, even(4000, parts=[5])))
-    np.testing.assert_allclose(
-        found.standard_error(0), [0.0, *(expected(x) for x in apart)], rtol=1e-6, atol=1e-12
-    )
-    own = [expected(errors[:, 0, [k]]) for k in range(3)]
-    np.testing.assert_allclose(found.standard_error(), own, rtol=1e-6)
-
-
-def test_no_stretch_crosses_from_one_log_to_another():
-    rng = np.random.default_rng(2)
-    tau, predicted = rng.normal(size=(1000, 1)), rng.normal(size=(1000, 1, 1))
-    found = prediction(tau, predicted, (250, 750))
-    x = np.abs(tau - predicted[:, :, 0]).sum(1)
-    size = np.abs(tau - tau.mean()).sum()
-    for memory, parts in ((1.0, (5, 15)), (15.0, (3, 8))):
-        first = found.sums.merge(5 * memory, 4)
-        assert np.bincount(found.sums.log[first]).tolist() == list(parts)
-    expected = by_hand(x, size, even(250, 750, parts=(5, 15)))
-    np.testing.assert_allclose(standard_error(found.sums, 1.0), [expected], rtol=1e-9)
-
-
-def test_one_stretch_has_no_standard_error():
-    tau = np.array([[1.0], [2.0]])
-    found = prediction(tau[:1], tau[:1, :, None], (1,))
-    assert np.isnan(found.standard_error()).all()
-    assert np.isnan(found.relative_error()).all()
-
-
 def test_torque_that_does_not_vary_has_no_relative_error():
     tau = np.ones((40, 2)) * [1.0, 1.0]
     found = prediction(tau, tau[:, :, None] + 0.1, (40,))
@@ -179,12 +78,12 @@ def test_sums_of_parts_are_those_of_the_whole():
     rng = np.random.default_rng(3)
     tau, predicted = rng.normal(size=(90, 2)), rng.normal(size=(90, 2, 3))
     layout = Layout.of([60, 30], np.array([tau[:60].sum(0), tau[60:].sum(0)]), np.ones(2, bool))
-    whole = ErrorSums.of(layout, 0, 0, tau[:60], predicted[:60])
-    whole += ErrorSums.of(layout, 1, 0, tau[60:], predicted[60:])
-    parts = ErrorSums.of(layout, 0, 0, tau[:0], predicted[:0])
+    whole = ErrorSums.of(layout, 0, tau[:60], predicted[:60])
+    whole += ErrorSums.of(layout, 1, tau[60:], predicted[60:])
+    parts = ErrorSums.of(layout, 0, tau[:0], predicted[:0])
     for log, start, stop, offset in ((1, 0, 30, 60), (0, 37, 60, 0), (0, 0, 37, 0)):
         rows = slice(offset + start, offset + stop)
-        parts += ErrorSums.of(layout, log, start, tau[rows], predicted[rows])
+        parts += ErrorSums.of(layout, log, tau[rows], predicted[rows])
     for name, value in vars(whole).items():
         np.testing.assert_allclose(getattr(parts, name), value, rtol=1e-12)
 

@@ -8,17 +8,14 @@ from scipy.stats import binom, norm, ttest_ind_from_stats
 
 from identifiability.estimation.bootstrap import ScoreScatter
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.uncertainty import (
     Uncertainty,
     _excess,
     _pool,
     _welch,
-    compare_held_out,
     compare_motions,
 )
-from identifiability.foundation.numbers import REACH
 from identifiability.regression.information import Information
 
 from .made import ar1
@@ -191,43 +188,6 @@ def test_one_log_short_logs_and_rounding_say_nothing():
     assert compare_motions(short, estimate(short), 1.0) is None
 
 
-def judged(seed, change=0.0, rho=0.5, logs=1, samples=2 * SAMPLES):
-    """Return what logs say of a fitted one; the third value of the last of them is another."""
-    rng = np.random.default_rng([13, seed])
-    parts = []
-    for k, size in enumerate((2 * SAMPLES, *[samples] * logs)):
-        W = motion(rng, size)
-        tau = W @ VALUES + change * (k == logs) * W[:, :, 2] + 0.3 * ar1(rng, rho, size, 2)
-        parts.append(Information.of_rows("abcd", W, tau, np.zeros(size, int), BLOCK))
-    fit = estimate(parts[0])
-    return compare_held_out(parts[0], fit, sum(parts[2:], parts[1])), fit
-
-
-def test_logs_that_were_held_out_are_asked_like_fitted_ones():
-    found, fit = judged(1, 0.5)
-    assert list(np.flatnonzero(found.moved)) == [2]
-    assert REACH * found.between[2] >= 0.99 * abs(found.values[1, 2] - fit.value[2])
-    agree, _ = judged(1)
-    assert agree.agree
-    assert not agree.between.any()
-    several, _ = judged(2, 0.5, logs=3)
-    assert several.which.tolist() == [0, 1, 2, 3]
-    assert several.odd() == 3
-
-
-def test_a_held_out_log_of_few_outputs_is_not_asked():
-    assert judged(1, 5.0, samples=8)[0] is None
-    assert judged(1, 5.0, rho=0.99, samples=40)[0] is None
-
-
-@pytest.mark.everything
-def test_a_log_held_out_that_does_not_differ_is_seldom_said_to():
-    trials = 200
-    fired = sum(not judged(k, rho=rho)[0].agree for rho in (0.0, 0.8) for k in range(trials))
-    # Two tests of one level each.
-    assert fired <= binom.ppf(0.999, 2 * trials, 2 * ESTIMATION_RULES.unasked_level)
-
-
 def test_what_scatters_between_logs_is_in_the_robust_deviation():
     m, _ = compare(shifted(2, 1, [0, 0, 2.0, 0]), 0)
     own = np.full(4, 0.1)
@@ -237,8 +197,6 @@ def test_what_scatters_between_logs_is_in_the_robust_deviation():
     )  # fmt: skip
     np.testing.assert_allclose(found.robust, np.hypot(own, m.between), rtol=1e-5)
     assert found.robust[2] > 0.9  # both values, two apart, are within 1.96 of it
-    unseen = replace(found, motions=None, held_out=m)
-    np.testing.assert_array_equal(unseen.robust, found.robust)
 
 
 def test_a_log_of_fewer_rows_than_parameters_is_not_asked(monkeypatch):

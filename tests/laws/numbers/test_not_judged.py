@@ -22,9 +22,7 @@ def assess(samples, columns=4, *, rho=0.0, actuators=2, size=1, replicates=100, 
     tau = W @ np.arange(1.0, columns + 1) + noise
     information = gather(W, tau, size)
     fit = estimate(information)
-    series = np.zeros(samples, int)
-    found = assess_uncertainty(information, fit, tau - W @ fit.value, series, rng, replicates)
-    return fit, found
+    return fit, assess_uncertainty(information, fit, rng, replicates)
 
 
 def judged(fit, found, rules=None):
@@ -61,7 +59,7 @@ def test_a_direction_that_a_few_outputs_decide_is_not_judged_and_others_are():
     tau = W @ np.ones(3) + 0.01 * rng.standard_normal((600, 1))
     information = gather(W, tau, 1)
     fit = estimate(information)
-    found = assess_uncertainty(information, fit, tau - W @ fit.value, np.zeros(600, int), rng, 99)
+    found = assess_uncertainty(information, fit, rng, 99)
     verdicts = judged(fit, found)
     assert [v.verdict for v in verdicts] == [
         Class.IDENTIFIABLE, Class.NOT_JUDGED, Class.IDENTIFIABLE,

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimate import find_estimator, weigh_logs, weigh_outliers
+from identifiability.estimation.estimate import find_estimator, weigh_outliers
 from identifiability.foundation.numbers import REACH
 from identifiability.regression.information import Information
 from identifiability.workflows.session import weigh_rows
@@ -102,21 +102,6 @@ def test_what_the_model_leaves_out_again_and_again_is_no_outlier():
         tau[far, 0] += np.sign(W[far, 0, 0])
         information = gathered(W, tau)
         assert weigh_outliers(information, WLS) == (information, None)
-
-
-def test_a_noisy_log_is_no_outlier_and_does_no_harm():
-    """The usual block is that of its own log; what logs are worth is said by their noise."""
-    alone, both, touched = [], [], 0
-    for seed in range(20):
-        W, tau = rows(seed)
-        tau[400:] += 11 * (tau - W @ TRUTH)[400:]
-        information = gathered(W, tau)
-        kept, found = weigh_outliers(information, WLS)
-        touched += found is not None
-        alone.append(WLS.fit(information.take(information.log == 0)).value - TRUTH)
-        both.append(WLS.fit(weigh_logs(kept, WLS)).value - TRUTH)
-    assert np.square(both).sum() < 1.1 * np.square(alone).sum()
-    assert touched < 15  # as without a noisy log
 
 
 def test_exact_logs_and_too_few_blocks_are_left_alone():

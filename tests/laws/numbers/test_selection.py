@@ -9,6 +9,8 @@ import pytest
 from identifiability.estimation.bootstrap import merge_blocks
 from identifiability.estimation.decide import column_noise, column_rms
 from identifiability.estimation.estimate import find_estimator
+from identifiability.estimation.evidence import Evidence, HeldOut
+from identifiability.estimation.least_squares import Noise
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class
@@ -25,7 +27,7 @@ class Judged:
 
     size: int
     error_joints_validation: float
-    error_joints_se: float = 0.0
+    spread: float = 0.0
     feasible: bool = True
     signs_possible: bool = True
     contradicted: str = ""
@@ -145,9 +147,11 @@ def ladder():
         Prediction.of([np.arange(960.0)], tau[h], W[h] @ values, np.zeros(960, int)) for h in half
     ]
     made[1] = made[1].select(range(4))
-    results = assess_ladder(
-        models, [Physics(0.1), Physics(-0.1)], *made, Thresholds(), np.random.default_rng(0), 50
-    )
+    held_out = HeldOut.of(every, Noise(fits[0].variance, fits[0].times))
+    scores = [held_out.score_fit(f, r.M) for r, f in zip(submodels, fits, strict=True)]
+    judged = [Evidence.of(score, scores[0]) for score in scores]
+    rng, physics = np.random.default_rng(0), [Physics(0.1), Physics(-0.1)]
+    results = assess_ladder(models, physics, *made, Thresholds(), rng, 50, judged=judged)
     return W, tau, every, fits, made, results
 
 
@@ -159,12 +163,11 @@ def test_every_model_gets_its_own_errors(ladder):
         assert r.error_ra_physical == fixed[2 + k]
         assert (r.error_ra_real, r.error_ra_file) == (fitted[2 + k], fitted[4 + k])
         assert r.error_ra_other == fitted[6 + k]
-    assert results[0].error_se == 0.0  # it is the best
-    assert results[1].error_se == made[1].standard_error(0)[1] > 0
     fitted, fixed = (p.error_over_joints() for p in made)
     for k, r in enumerate(results):
         assert (r.error_joints, r.error_joints_validation) == (fitted[k], fixed[k])
-    assert results[1].error_joints_se == made[1].standard_error_over_joints(0)[1] > 0
+    assert results[0].error_se == results[0].error_joints_se == 0.0  # it is the best
+    assert results[1].error_se == results[1].spread * results[1].error_ra_validation > 0
     assert [r.worse_at for r in results] == [(), ("one", "two")]
 
 

@@ -8,14 +8,9 @@ from scipy.stats import norm
 
 from identifiability.estimation.bootstrap import Bootstrap, ScoreScatter
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.noise import autocorrelation, autocorrelation_time, block_length
+from identifiability.estimation.noise import autocorrelation, autocorrelation_time
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.uncertainty import (
-    Uncertainty,
-    assess_uncertainty,
-    recurrence,
-    resample,
-)
+from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty, recurrence
 
 from .made import ar1, fit_of, gather
 
@@ -63,40 +58,24 @@ def rows():
     return W, W @ [1.0, -2.0] + noise
 
 
-def test_the_bootstraps_blocks_are_as_long_as_the_longest_memory_asks(rows):
-    W, tau = rows
-    information = gather(W, tau)
-    fit = estimate(information)
-    residual = tau - W @ fit.value
-    rng = np.random.default_rng(0)
-    found = assess_uncertainty(information, fit, residual, np.zeros(2000, int), rng, 50)
-    assert found.block == max(block_length(residual[:, :1]), block_length(residual[:, 1:]))
-    assert len(found.bootstrap.values) == 50
-    assert information.samples / found.bootstrap.blocks >= found.block
-    assert found.scores is not None
-    np.testing.assert_array_equal(found.robust, found.scores.widened)  # resampling is a check
-
-
-@pytest.mark.parametrize(
-    ("wanted", "memory", "block"),
-    [(20.0, 2.0, 20.0), (900.0, 2.0, 125.0), (900.0, 40.0, 200.0), (160.0, 40.0, 160.0)],
-)
-def test_blocks_leave_sixteen_of_them_or_are_as_long_as_five_memories(rows, wanted, memory, block):
+@pytest.mark.parametrize(("memory", "block"), [(2.0, 10.0), (40.0, 200.0), (60.0, 125.0)])
+def test_blocks_are_as_long_as_five_memories_or_leave_sixteen_of_them(rows, memory, block):
     W, tau = rows
     information = gather(W, tau)
     fit = replace(estimate(information), times=np.array([1.0, memory]))
-    found = resample(information, fit, wanted, np.random.default_rng(0), 10)
+    found = assess_uncertainty(information, fit, np.random.default_rng(0), 50)
     assert found.block == block
     assert found.bootstrap.blocks == 2000 // block
+    assert len(found.bootstrap.values) == 50
+    assert found.scores is not None
+    np.testing.assert_array_equal(found.robust, found.scores.widened)  # resampling is a check
 
 
 def test_too_short_a_log_says_why_there_is_no_bootstrap(rows):
     W, tau = rows
     information = gather(W[:200], tau[:200], size=100)
     fit = estimate(information)
-    residual = tau[:200] - W[:200] @ fit.value
-    rng = np.random.default_rng(0)
-    found = assess_uncertainty(information, fit, residual, np.zeros(200, int), rng, 50)
+    found = assess_uncertainty(information, fit, np.random.default_rng(0), 50)
     assert found.bootstrap is None
     assert "2 independent blocks" in found.note
 
@@ -106,7 +85,7 @@ def test_blocks_of_two_memories_do_where_longer_ones_are_too_few(rows, memory, b
     W, tau = rows
     information = gather(W[:400], tau[:400], size=1)
     fit = replace(estimate(information), times=np.array([1.0, memory]))
-    found = resample(information, fit, 60.0, np.random.default_rng(0), 10)
+    found = assess_uncertainty(information, fit, np.random.default_rng(0), 10)
     assert found.block == block
     assert found.bootstrap.blocks == 400 // block
     assert found.why_unjudged(Thresholds()) == ("", "")
@@ -122,25 +101,13 @@ def test_a_log_of_few_memories_holds_the_truth_as_often_as_promised():
         tau = W @ np.ones(4) + ar1(rng, rho, N, 2)
         information = gather(W, tau, size=1)
         fit = estimate(information)
-        residual, one = tau - W @ fit.value, np.zeros(N, int)
-        found = assess_uncertainty(information, fit, residual, one, rng, 100)
+        found = assess_uncertainty(information, fit, rng, 100)
         judged += not any(found.why_unjudged(Thresholds()))
         held.append(np.abs(fit.value - 1) <= 1.96 * found.robust)
     share = np.mean(held, axis=1)
     error = share.std(ddof=1) / np.sqrt(len(share))
     assert judged >= 45
     assert 0.90 - 3 * error < share.mean()
-
-
-def test_blocks_are_as_long_as_the_stretch_with_the_longest_memory_asks(rows):
-    W, tau = rows
-    information = gather(W, tau)
-    fit, series = estimate(information), np.repeat([4, 7], [1200, 800])
-    residual = np.concatenate([ar1(np.random.default_rng(k), r, m, 2) for k, r, m in
-                               ((0, 0.0, 1200), (1, 0.8, 800))])  # fmt: skip
-    found = assess_uncertainty(information, fit, residual, series, np.random.default_rng(0), 20)
-    assert found.block == block_length(residual[1200:])
-    assert found.block > block_length(residual[:1200])
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.6, 0.9])
