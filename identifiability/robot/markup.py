@@ -95,6 +95,9 @@ MOST_BODIES = 200
 MOST_ELEMENTS = 20_000
 DEEPEST = 250
 
+#: Letters ``<`` that an element has at most, with its end, comments and the like.
+TAGS: Tolerance = 4
+
 #: Closures and couplings: five for each degree of freedom that a robot may have.
 MOST_EQUALITIES = 500
 
@@ -134,7 +137,7 @@ def parse_xml(path: Path, roots: tuple[str, ...]) -> ET.Element:
                 f"{path} declares a document type, <!DOCTYPE …>; no robot needs one: take it out, "
                 "and write its entities where they are used."
             )
-        if content.count(b"<") > 4 * MOST_ELEMENTS:
+        if content.count(b"<") > TAGS * MOST_ELEMENTS:
             raise _too_large(path)
         root: ET.Element = ET.fromstring(content)
     except ET.ParseError as error:
