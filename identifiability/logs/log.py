@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from identifiability.foundation.errors import LogError, listing, near_match
+from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array, numbered, shorten_paths
 from identifiability.foundation.options import Expected, FilePath, Names, check_option, checked
 from identifiability.foundation.result import shown
@@ -294,11 +294,11 @@ class Log:
         missing = [j for j in wanted if j not in self.joints]
         if missing:
             others = [name for name in self.joints if name not in (*joints, *motors)]
+            has = f", but for {listing(others)}, which the robot does not have" if others else ""
             raise LogError(
                 f"{self.name} has no columns for the actuated joint"
-                f"{'s' if len(missing) > 1 else ''} {listing(missing)}"
-                f"{near_match(missing[0], others)} Every actuated joint needs '<joint>.q' and "
-                f"'<joint>.tau'{propose_locks(missing, wanted)}."
+                f"{'s' if len(missing) > 1 else ''} {listing(missing)}{has}; every actuated joint "
+                f"needs '<joint>.q' and '<joint>.tau'{propose_locks(missing, wanted)}."
             )
         if tuple(wanted) == self.joints:
             return self

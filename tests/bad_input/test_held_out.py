@@ -55,7 +55,7 @@ def test_a_log_too_short_for_five_folds_leaves_the_choice_open_and_says_so(log, 
 @pytest.mark.parametrize("verb", [analyze, prune])
 def test_a_validation_log_of_another_robot_is_named(verb, log):
     (other,) = logs_of("six-dof-arm", 2)
-    with pytest.raises(LogError, match="a joint that the robot does not have"):
+    with pytest.raises(LogError, match="which the robot does not have"):
         verb("two-link", log, other, replicates=0)
     like = replace(log, name="other", sha256="other", tau=-3 * np.roll(log.tau, 50, axis=0))
     found = verb("two-link", log, like, replicates=0)

