@@ -2,7 +2,8 @@
 
 1. What this motion never excites, or excites only together with something else, goes first.
 2. Moves that knowledge of the robot suggests, in the order merge, zero, tie: each is made unless
-   the judge refuses it: the model after it predicts unseen stretches worse than the one before.
+   the predictive log density of unseen stretches falls by more than the judge lets a smaller model
+   fall below the best, and by more than its standard error.
 3. Then the group whose loss raises the sum of squares least, until nothing is left. A joint's two
    Coulomb levels are merged or dropped together, never torn apart.
 
@@ -411,8 +412,9 @@ def walk(fit: FoldFits, plan: Plan) -> tuple[list[Step], list[Refusal]]:
             # What costs no more of the fit than models near the best may is not asked of folds.
             if rise > 2.0 * LEVELS.nats * fit.whitened.unit:
                 *_, before, then = fit.along([made[0], made[-1], (move, after.partition)])
-                if not may_stand(then.score, before.score):
-                    refused.append(Refusal(move, then.score.gain(before.score)))
+                gain = then.score.gain(before.score)
+                if gain.value < -max(LEVELS.nats, gain.se):
+                    refused.append(Refusal(move, gain))
                     continue
             left = after
             made.append((move, left.partition))
