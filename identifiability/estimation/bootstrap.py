@@ -194,7 +194,9 @@ def scatter_scores(information: Information, fit: Estimate, time: float) -> Scor
     B = len(merged.counts)
     if not fit.kept or RULES.stretches_fewest > B:
         return None
-    sd = np.sqrt((fit.estimator.influence(merged, fit) ** 2).sum(0))
+    variance = (fit.estimator.influence(merged, fit) ** 2).sum(0)
+    length = merged.samples / B
+    sd = np.sqrt(variance * longer(variance, fit, length))
     return ScoreScatter(np.where(fit.determined, sd, np.inf), B, count_freedom(merged, fit))
 
 
@@ -223,3 +225,27 @@ def count_freedom(information: Information, fit: Estimate) -> Array:
     freedom = np.ones(information.size)
     freedom[kept] = np.maximum(mean**2 / np.maximum(variance, 1e-300), 1.0)
     return freedom
+
+
+def _white(fit: Estimate) -> Array:
+    square = np.diag(fit.covariance)
+    return np.where(np.isfinite(square) & (square > 0), square, np.inf)
+
+
+def longer(variance: Array, fit: Estimate, length: float) -> Array:
+    """Return by how much the variance of longer stretches would be larger, (k,).
+
+    Parameters
+    ----------
+    variance : (k,)
+        Of the values of a fit, from the scatter over stretches.
+    fit : Estimate
+    length : float [samples]
+        Of the stretches.
+
+    Of scores with autocorrelation time τ, sums over stretches of length L have τ (1 - τ/2L) times
+    the variance of white ones; beyond that, stretches are too short to say.
+    """
+    share = np.clip(variance / _white(fit) / length, 1e-12, 0.5)
+    factor: Array = (1.0 - np.sqrt(1.0 - 2.0 * share)) / share
+    return factor
