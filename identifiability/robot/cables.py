@@ -19,24 +19,10 @@ from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.robot.description import Description
 from identifiability.robot.kinematics import WORLD, Frames, Joint, Point, Tree
-from identifiability.robot.parts import Cable, Segment
+from identifiability.robot.parts import PULLEY, Cable, Segment, straight, tendon_parts
 
-#: How a compiled model (mjtWrap, mjtTrn) numbers what a tendon runs through and what motors drive.
-_PULLEY, _SITE, _ON_TENDON = 2, 3, 3
-
-
-def straight(m: Any, t: int) -> bool:
-    """Whether a tendon of a compiled model runs straight between sites."""
-    kinds = {int(m.wrap_type[w]) for w in _parts(m, t)}
-    return _SITE in kinds and kinds <= {
-        _SITE,
-        _PULLEY,
-    }
-
-
-def _parts(m: Any, t: int) -> range:
-    start = int(m.tendon_adr[t])
-    return range(start, start + int(m.tendon_num[t]))
+#: How a compiled model (mjtTrn) numbers motors that drive tendons.
+_ON_TENDON = 3
 
 
 def cable_name(m: Any, t: int) -> str:
@@ -94,8 +80,8 @@ def _segments(m: Any, t: int, point: Callable[[int, Array], Point]) -> tuple[Seg
     """Return what runs from site to site; behind a pulley a length counts as a part of itself."""
     out: list[Segment] = []
     part, before = 1.0, None
-    for w in _parts(m, t):
-        if int(m.wrap_type[w]) == _PULLEY:
+    for w in tendon_parts(m, t):
+        if int(m.wrap_type[w]) == PULLEY:
             part, before = 1.0 / float(m.wrap_prm[w]), None
             continue
         site = int(m.wrap_objid[w])

@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
-from identifiability.robot.cables import add_slides, cable_name, read_cables, straight
+from identifiability.robot.cables import add_slides, cable_name, read_cables
 from identifiability.robot.kinematics import Point, read_tree
 from identifiability.robot.locking import add_couplings, read_locks, settle_locks
 from identifiability.robot.markup import MOST_EQUALITIES
@@ -31,7 +31,7 @@ from identifiability.robot.mjcf import (
     read_entries,
     read_tendon_coupling,
 )
-from identifiability.robot.parts import Combination, Coupling, Loop, Stated
+from identifiability.robot.parts import Combination, Coupling, Loop, Stated, straight
 from identifiability.robot.sidecar import Sidecar
 
 # Damping, dry friction, rotors and springs of a compiled MJCF, joint by joint.

@@ -19,10 +19,9 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.robot.cables import straight
 from identifiability.robot.floating import BASE_JOINTS, SIX
 from identifiability.robot.markup import check_regular, check_weight, file_text, read_markup
-from identifiability.robot.parts import Coupling, Entry, Term, couple
+from identifiability.robot.parts import Coupling, Entry, Term, couple, straight
 from identifiability.robot.servo import JointServo
 from identifiability.robot.sidecar import Sidecar
 

@@ -361,3 +361,19 @@ def hold_still(coupling: Coupling, locked: Mapping[str, float]) -> Coupling:
         poly = Polynomial(term.polynomial)(Polynomial([still, 1.0]))
         terms.append(Term(moving, tuple(map(float, poly.coef))))
     return couple(coupling.name, coupling.joint, terms)
+
+
+#: How a compiled model (mjtWrap) numbers what a tendon runs through.
+PULLEY, SITE = 2, 3
+
+
+def straight(m: Any, t: int) -> bool:
+    """Whether a tendon of a compiled model runs straight between sites."""
+    kinds = {int(m.wrap_type[w]) for w in tendon_parts(m, t)}
+    return SITE in kinds and kinds <= {SITE, PULLEY}
+
+
+def tendon_parts(m: Any, t: int) -> range:
+    """Return what a tendon of a compiled model runs through, by index."""
+    start = int(m.tendon_adr[t])
+    return range(start, start + int(m.tendon_num[t]))

@@ -58,7 +58,10 @@ from identifiability.workflows.prune.moves import Partition
 
 
 #: What earlier releases said of each step, null in JSON until the next one.
-GONE = ("p_value", "either", "error_squares", "error_squares_se")
+GONE = (
+    *("p_value", "either", "error_squares", "error_squares_se"),
+    *("error_joints", "error_joints_validation", "error_joints_unseen"),
+)
 
 
 @frozen(kw_only=True)
