@@ -82,7 +82,7 @@ def test_the_command_prints_the_word_in_its_table(slow, tmp_path):
 
 def test_pruning_calls_nothing_identifiable_that_is_not_judged(slow):
     ladder = prune("two-link", slow("two-link"), preparation=LOW, replicates=4)
-    assert all(r.identifiable == 0 for r in ladder.models if r.unjudged)
+    assert all(r.count(Class.IDENTIFIABLE) == 0 for r in ladder.models if r.unjudged)
     assert ladder.full.row()["not_judged"] == ladder.full.count(Class.NOT_JUDGED)
 
 

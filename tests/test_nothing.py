@@ -94,7 +94,7 @@ def test_an_analysis_of_nothing_says_the_same_everywhere(case, arm, tmp_path):
     assert out.statement.startswith(f"Nothing is identifiable, because {why}.")
     assert content["statement"] == out.statement
     assert content["nothing"] == out.nothing == why
-    assert out.statement in page
+    assert why in page
     for m in out.models:
         assert {v.verdict for v in m.verdicts} == {Class.NOT_IDENTIFIABLE}
     assert set(out.to_frame()["verdict"]) == {"not identifiable"}
@@ -165,7 +165,7 @@ def test_torque_without_relation_to_motion_prunes_to_nothing(arm, tmp_path):
     assert out.statement.startswith(f"Nothing is identifiable, because {WORSE}.")
     assert content["statement"] == out.statement
     assert content["nothing"] == WORSE
-    assert out.statement in page
+    assert WORSE in page
     assert "0 of 13 parameters are worth using" in page
     assert {m["identifiable"] for m in content["models"]} == {0}
     rows = content["parameters"] + content["full_parameters"]

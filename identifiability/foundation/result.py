@@ -163,7 +163,10 @@ class Result(ABC):
 
     def __repr__(self) -> str:
         """Return the answer, cut to one screen."""
-        text = f"<{type(self).__name__}: {' '.join(self.statement.split())}>"
+        said = self.statement
+        if type(self).statement is Result.statement:
+            said = " ".join(a.short for a in self.answers() if not a.commands)
+        text = f"<{type(self).__name__}: {' '.join(said.split())}>"
         return text if len(text) <= SCREEN else f"{text[: SCREEN - 2]}…>"
 
     def _repr_html_(self) -> str:

@@ -33,7 +33,7 @@ MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 COLUMNS = ("t", "shoulder.q", "elbow.q", "shoulder.tau", "elbow.tau")
 
 #: Letters of the longest sentence that anybody reads.
-READABLE = 800
+READABLE = 900
 
 
 @pytest.fixture

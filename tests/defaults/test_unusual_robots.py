@@ -79,7 +79,7 @@ def test_a_negative_mass_in_the_file_is_refused(case, tmp_path):
     path = tmp_path / case.path.name
     text = case.path.read_text()
     path.write_text(re.sub(r'(mass(?: value)?)="2.5"', r'\1="-2.5"', text))
-    with pytest.raises(IdentifiabilityError, match=r"of 'link2' states \w+ = -2.5; .* negative"):
+    with pytest.raises(IdentifiabilityError, match=r"link2.*(negative|mjMINVAL)|mjMINVAL.*link2"):
         Robot.load(path)
 
 

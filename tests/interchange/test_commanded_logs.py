@@ -109,7 +109,7 @@ yaw = {name = "base_yaw", scale = 0.017453292519943295}
 @pytest.mark.parametrize(
     ("rule", "said"),
     [
-        ("elbo = {scale = 2.0}", "scales 'elbo', which is no joint, did you mean 'elbow'?"),
+        ("elbo = {scale = 2.0}", "names 'elbo', which the robot does not have"),
         ("elbow = {scale = 0.0}", "zero would leave nothing"),
         ("elbow = {gain = 2.0}", "gain"),
     ],

@@ -184,7 +184,7 @@ def test_rows_change_as_little_as_the_motion_does(tmp_path):
 
 def test_what_a_sidecar_says_of_contacts_is_checked(tmp_path):
     text = machine(QUADRUPED)
-    with pytest.raises(RobotError, match=r"frame 'leg0_fot', .* did you mean 'leg0_foot'"):
+    with pytest.raises(RobotError, match=r"names 'leg0_fot', .* did you mean 'leg0_foot'"):
         load(tmp_path, text, "[[contacts]]\nframe = 'leg0_fot'")
     with pytest.raises(RobotError, match="either the column of a flag or a schedule"):
         load(tmp_path, text, "[[contacts]]\nframe = 'leg0_foot'\nflag = 'c'\nschedule = [[0, 1]]")

@@ -99,8 +99,11 @@ def test_masses_are_bounded_body_by_body_and_in_all_and_a_name_goes_before_a_pat
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[bounds.bodies.amr]\nmass = [0, 1]", r"names 'amr', which is no moving body, did you"),
-        ('[bounds.bodies."leg*"]\nmass = [0, 1]', r"names 'leg\*', which is no moving body"),
+        (
+            "[bounds.bodies.amr]\nmass = [0, 1]",
+            r"names 'amr', which the robot does not have.* did you",
+        ),
+        ('[bounds.bodies."leg*"]\nmass = [0, 1]', r"names 'leg\*', which the robot does not have"),
         ("[bounds.bodies.arm]\nmass = [2, 1]", "the lower limit must be below the upper one"),
         ("[bounds.bodies.arm]\nmass = [-1, 1]", "greater than or equal to 0"),
         ("[bounds.bodies.arm]\nellipsoid = {radii = [1, 0, 1]}", "greater than 0"),

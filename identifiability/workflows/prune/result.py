@@ -360,6 +360,7 @@ def _notes(ladder: Ladder) -> Iterator[Note]:
         yield from physics_notes(ladder.result)
     kind = "stable" if ladder.stability.same > 0.5 else "unstable"
     yield note(kind, statement=ladder.stability.statement)
+    yield from (note("hint", hint=hint) for hint in ladder.hints)
 
 
 def _move_cell(r: PrunedModel) -> Cell:

@@ -166,7 +166,7 @@ def test_every_model_gets_its_own_errors(ladder):
     fitted, fixed = (p.error_over_joints() for p in made)
     for k, r in enumerate(results):
         assert (r.error_joints, r.error_joints_validation) == (fitted[k], fixed[k])
-    assert results[0].error_se == results[0].error_joints_se == 0.0  # it is the best
+    assert results[0].error_se == 0.0  # it is the best
     assert results[1].error_se == results[1].spread * results[1].error_ra_validation > 0
     assert [r.worse_at for r in results] == [(), ("one", "two")]
 
