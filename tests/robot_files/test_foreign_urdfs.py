@@ -4,14 +4,10 @@ import re
 from importlib.metadata import PackageNotFoundError, distribution
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from identifiability.foundation.errors import RobotError
-from identifiability.regression.regression import Model
-from identifiability.regression.structure import find_base_parameters
-from identifiability.robot import Robot, complete_motion
-from identifiability.robot.floating import base_acceleration
+from identifiability.robot import Robot
 
 LIMIT = '<limit lower="-1" upper="1" effort="5" velocity="2"/>'
 
@@ -45,19 +41,10 @@ def load(tmp_path):
     [
         (LIMIT, ""),
         (LIMIT, '<limit lower="-inf" upper="inf" effort="inf" velocity="2"/>'),
-        ("revolute", "continuous"),
     ],
 )
 def test_a_joint_without_limits_is_free(load, old, new):
     assert np.isinf(load(old, new).limits).all()
-
-
-def test_limits_without_effort_and_speed_are_limits(load):
-    assert load(' effort="5" velocity="2"', "").limits.tolist() == [[-1.0, 1.0]]
-
-
-def test_a_robot_without_a_name_is_called_by_its_file(load):
-    assert load(' name="r"', "").title == "arm"
 
 
 @pytest.mark.parametrize(
@@ -65,7 +52,6 @@ def test_a_robot_without_a_name_is_called_by_its_file(load):
     [
         ('lower="-1"', 'lower="${-pi}"', "'${-pi}'"),
         ("</robot>", '<xacro:include filename="b.xacro"/></robot>', "<xacro:include>"),
-        ("</robot>", '<xacro:gripper parent="arm"/></robot>', "<xacro:gripper>"),
     ],
 )
 def test_what_xacro_would_add_is_not_lost_without_a_word(load, old, new, left):
@@ -73,10 +59,6 @@ def test_what_xacro_would_add_is_not_lost_without_a_word(load, old, new, left):
         load(old, new)
     assert left in str(error.value)
     assert "run 'xacro arm.urdf > robot.urdf'" in str(error.value)
-
-
-def test_leftovers_that_stand_for_nothing_are_passed_over(load):
-    assert load("</robot>", '<xacro:property name="m" value="2"/></robot>').joints == ("elbow",)
 
 
 def test_a_joint_may_follow_what_the_sidecar_says_where_the_file_names_none(load):
@@ -139,41 +121,6 @@ def test_public_robots_load_or_it_is_said_why_not(public):
         assert sentence in said[name]
 
 
-@pytest.mark.everything
-@pytest.mark.parametrize(
-    ("name", "joints"),
-    [("talos_reduced.urdf", 32), ("g1_29dof_rev_1_0.urdf", 29), ("icub_reduced.urdf", 29),
-     ("simple_humanoid.urdf", 29), ("solo12.urdf", 12)],
-)  # fmt: skip
-def test_public_humanoids_float_as_pinocchio_has_them(public, name, joints):
-    (path,) = public.rglob(name)
-    robot = Robot.load(path, base="floating")
-    assert len(robot.motor_joints) == joints
-    flying = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
-    data, rng, rigid = flying.createData(), np.random.default_rng(1), Model.of("rigid_body")
-    order = [flying.joints[flying.getJointId(j)].idx_v for j in robot.motor_joints]
-    q, v, a = rng.uniform(-0.5, 0.5, (3, 20, robot.nv))
-    q[:, :6] = v[:, :3] = 0.0
-    motion = complete_motion(robot, np.arange(20.0), q, v, a)
-    known = np.array([robot.nominal[p.name] for p in rigid.parameters(robot)])
-    found = rigid.regressor(robot, motion) @ known
-    turning = a[:, 3:6] - base_acceleration(0 * a[:, :3], v[:, 3:6], 0 * a[:, :3])[:, 3:]
-    for k in range(20):  # proper acceleration: gravity is part of it
-        pose, speed, faster = pin.neutral(flying), np.zeros(flying.nv), np.zeros(flying.nv)
-        speed[order], faster[order] = v[k, 6:], a[k, 6:]
-        speed[3:6], faster[:3], faster[3:6] = (
-            v[k, 3:6],
-            a[k, :3] + flying.gravity.linear,
-            turning[k],
-        )
-        pose[[flying.joints[flying.getJointId(j)].idx_q for j in robot.motor_joints]] = q[k, 6:]
-        tau = pin.rnea(flying, data, pose, speed, faster)
-        np.testing.assert_allclose(
-            found[k], tau[[*range(6), *order]], atol=1e-9 * np.abs(tau).max()
-        )
-    assert len(find_base_parameters(robot, rigid)) == 10 + 7 * joints
-
-
 def legged(root="trunk", words=("hip", "knee"), sides=("l", "r"), weight=True):
     """A robot of which a leg hangs on each side of its root link."""
     body = (
@@ -217,10 +164,7 @@ def test_a_robot_on_legs_whose_root_hangs_on_nothing_is_asked_about(tmp_path):
     [
         {"root": "world"},
         {"weight": False},
-        {"sides": ("l",)},
-        {"words": ("shoulder", "elbow")},
         {"words": ("finger_a", "tip"), "sides": "1234"},
-        {"words": ("chip", "allegro")},
     ],
 )
 def test_what_stands_on_the_ground_or_has_no_legs_is_not(how, tmp_path):
