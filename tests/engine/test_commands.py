@@ -84,7 +84,6 @@ def test_work_that_is_done_in_one_piece_says_that_nothing_was_kept(log, tmp_path
     [
         (["--engine", "serial", "--scheduler", "tcp://a:1"], "give the engine 'dask' with it"),
         (["--resume", "{log}"], "give a folder"),
-        (["--scheduler", "a", "--workers", "2"], "has its own workers"),
     ],
 )
 def test_engines_that_cannot_be_are_one_sentence(words, sentence, log, tmp_path):
