@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from identifiability.foundation.errors import RobotError
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import random_motion
 from identifiability.robot import Robot, complete_motion
@@ -124,26 +123,3 @@ ellipsoid = {centre = [0.3, 0, 0], radii = [0.3, 0.3, 0.3]}
     np.testing.assert_allclose(np.array(bound.box), moved, atol=1e-12)
     centre = np.array(before.ellipsoid.centre) + before.origin
     np.testing.assert_allclose(bound.ellipsoid.centre, centre, atol=1e-12)
-
-
-def test_links_without_mass_are_no_bodies_and_others_are_refused(tmp_path):
-    rps = Robot.load("3-rps")
-    write_parameters(rps, dict(rps.nominal), tmp_path / "copy.urdf")
-    side = tmp_path / "copy.toml"
-    text = side.read_text()
-    side.write_text(text.replace("platform_behind_ball1_x", "leg2_upper"))
-    with pytest.raises(RobotError, match=r"'leg2_upper', which has a mass of 2 kg and carries 0"):
-        Robot.load(tmp_path / "copy.urdf")
-    side.write_text(text.replace("platform_behind_ball1_x", "platform_behind_ball1_z"))
-    with pytest.raises(
-        RobotError, match=r"'platform_behind_ball1_z', which the robot does not have"
-    ):
-        Robot.load(tmp_path / "copy.urdf")
-
-
-def test_tendons_between_bodies_have_no_other_format(tmp_path):
-    robot = Robot.load("six-actuators")
-    with pytest.raises(
-        RobotError, match=r"tendons between bodies, .*\(leg1.*cannot be written in another format"
-    ):
-        write_parameters(robot, dict(robot.nominal), tmp_path / "copy.urdf")

@@ -39,19 +39,6 @@ def test_a_diagnosis_is_exported_with_what_it_named(fixed, replayed, tmp_path):
     assert again.robot.shapes["elbow.stribeck_friction"] > 0
 
 
-def test_a_model_without_bodies_is_refused_and_the_advice_works(tmp_path):
-    result = analyze("two-link", make_log("two-link", "a", []), replicates=0)
-    path = result.to_json(tmp_path / "result.json")
-    export(result.robot, path, tmp_path / "with.xml")
-    content = json.loads(path.read_text())
-    named = content["physical"]["parameters"]
-    joints = {n: v for n, v in named.items() if n.partition(".")[0] in result.robot.joints}
-    content["physical"]["parameters"] = joints
-    path.write_text(json.dumps(content))
-    with pytest.raises(IdentifiabilityError, match=r"no mass of link1, link2.*rigid_body"):
-        export(result.robot, path, tmp_path / "x.xml")
-
-
 def test_a_body_that_cannot_exist_is_refused(tmp_path):
     result = analyze("two-link", make_log("two-link", "a", []), replicates=0)
     path = result.to_json(tmp_path / "result.json")
@@ -69,14 +56,6 @@ def test_a_body_that_cannot_exist_is_refused(tmp_path):
         del content["physical"]["parameters"][name]
 
 
-def test_a_result_without_a_real_robot_says_why(tmp_path):
-    path = tmp_path / "result.json"
-    physical = {"parameters": {}, "error_ra": None, "error_ra_file": None, "reason": "So it is."}
-    path.write_text(json.dumps({"robot": {"name": "two-link"}, "physical": physical}))
-    with pytest.raises(IdentifiabilityError, match=r"no real robot to export\. So it is\."):
-        export(Robot.load("two-link"), path, tmp_path / "x.xml")
-
-
 @pytest.mark.parametrize("mended", [False, True])
 def test_errors_of_mended_samples_are_said_to_be_that(mended, tmp_path):
     log = make_log("two-link", "a", [])
@@ -90,22 +69,6 @@ def test_errors_of_mended_samples_are_said_to_be_that(mended, tmp_path):
         "Where samples were mended, these errors are of the mended",
     )
     assert (said in export(robot, path, tmp_path / "a.xml").statement) == mended
-
-
-def test_friction_of_a_motor_that_mixes_joints_is_named_once(tmp_path):
-    shipped = Robot.load("two-link")
-    mixed = tmp_path / "mixed.xml"
-    mixed.write_text(shipped.path.read_text())
-    motors = '[transmission]\nmotors = ["m1", "m2"]\ncoupling = [[1, 0], [1, 1]]\n'
-    mixed.with_suffix(".toml").write_text(motors)
-    robot = Robot.load(mixed)
-    values = {**robot.nominal, "m2.Fc": 0.4}
-    physical = {"parameters": values, "error_ra": 0.1, "error_ra_file": 0.2}
-    path = tmp_path / "result.json"
-    path.write_text(json.dumps({"robot": {"name": "mixed"}, "physical": physical}))
-    exported = export(robot, path, tmp_path / "fitted.urdf")
-    assert exported.beside["Coulomb friction"] == ("m2.Fc",)
-    assert Robot.load(exported.robot).nominal["m2.Fc+"] == 0.4
 
 
 def test_what_motors_that_mix_joints_have_is_a_tendon_of_an_mjcf(tmp_path):
