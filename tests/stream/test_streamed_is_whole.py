@@ -114,17 +114,6 @@ def test_a_given_period(sizes, frame_of, saved):
     assert_same(*both("two-link", saved(frame), Preparation("fourier", period=period)))
 
 
-@pytest.mark.everything
-def test_loops_that_close_in_some_parts_only(sizes, frame_of, saved):
-    frame = frame_of("3-rps", periods=4)
-    joints = [c for c in frame if c.endswith(".q")]
-    frame.loc[690:1450, joints[0]] += 1.5  # out of reach, over a whole piece
-    frame.loc[2222, joints[1]] -= 0.5
-    whole, parts = both("3-rps", saved(frame))
-    assert whole.samples[0].survey.dropped > 700
-    assert_same(whole, parts)
-
-
 @pytest.mark.parametrize("name", [pytest.param("3-rps", marks=pytest.mark.everything), "two-link"])
 def test_an_analysis_gives_the_same_answer(name, sizes, frame_of, saved):
     path = saved(frame_of(name, periods=4, samples=800))
