@@ -86,14 +86,6 @@ def test_nothing_is_identifiable_for_a_reason():
     assert "the motion excites only 7 independent combinations" in why(poor, none)
 
 
-def test_identifiable_parameters_of_a_model_between_are_not_called_nothing():
-    none, between = Judged(identifiable=0), Judged("middle", 4, 8, kept=8)
-    text = said(Judged("full", 0, 12, kept=12), none, between=(between,))
-    assert "these logs determine 0 of them in the unpruned model" in text
-    assert "In middle 4 of 8 parameters are identifiable." in text
-    assert "small: 1 of its 5 parameters is identifiable" in said(None, Judged(identifiable=1))
-
-
 def log(*, moves=True, varies=True):
     """Return what a survey says of a log of two joints."""
     return SimpleNamespace(
@@ -121,19 +113,6 @@ def doubted(error, constant, *logs):
 def test_the_selected_model_must_be_better_than_a_constant_torque(error, constant, worse):
     assert ("better than a constant torque would" in doubted(error, constant)) == worse
     assert (doubted(error, constant) == "") == (not worse)
-
-
-def test_logs_in_which_nothing_happens_are_doubted_whatever_the_error():
-    still, flat = log(moves=False), log(varies=False)
-    assert doubted(0.1, 0.9, still, still) == "the robot does not move in these logs"
-    assert doubted(0.1, 0.9, flat) == "the measured torque never changes in these logs"
-    assert doubted(0.1, 0.9, still, log()) == ""
-
-
-def test_some_identifiable_parameter_of_either_model_is_something():
-    none, hidden = Judged(identifiable=0), Judged("full", 0, 12, kept=12)
-    assert not said(None, none).startswith("Nothing")
-    assert not said(hidden, Judged()).startswith("Nothing")
 
 
 def test_physics_says_what_is_impossible_and_how_near_the_nearest_is():
