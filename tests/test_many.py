@@ -132,15 +132,6 @@ def test_what_cannot_be_asked_is_one_sentence(robots, options, sentence, tmp_pat
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_is_not_for_answers_is_left_as_it_is(start, tmp_path):
-    (tmp_path / "thesis.tex").write_text("")
-    with pytest.raises(IdentifiabilityError, match=r"holds 'thesis\.tex' and no answer"):
-        ask(start, tmp_path, Serial())
-    with pytest.raises(IdentifiabilityError, match=r"thesis\.tex' cannot be used: "):
-        ask(start, tmp_path / "thesis.tex", Serial())
-    assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
-
-
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [

@@ -12,7 +12,6 @@ from typer.testing import CliRunner
 
 from identifiability import Model, analyze, calibrate, diagnose, prune, simulate
 from identifiability.cli import app
-from identifiability.foundation.options import OptionError
 from identifiability.regression.reduction import DEFAULT_EFFECTS as FULL
 from identifiability.regression.reduction import USUAL_EFFECTS as USUAL
 from identifiability.regression.reduction import build_ladder, default_ladder
@@ -79,20 +78,6 @@ def test_the_same_words_have_the_same_defaults(verb):
     assert {word: known[word].default for word in words} == {word: SHARED[word] for word in words}
     options = {p.name for p in get_command(app).commands[verb.__name__].params}
     assert {"replicates", "quick", "seed"} - {other} <= options
-
-
-@pytest.mark.parametrize(
-    ("verb", "old", "new"),
-    [
-        (analyze, "cad_weight", "cad_prior"),
-        (prune, "cad_weight", "cad_prior"),
-        (calibrate, "trials", "replicates"),
-        (calibrate, "diagnoses", "names"),
-    ],
-)
-def test_an_old_word_is_refused_with_the_new_one(verb, old, new):
-    with pytest.raises(OptionError, match=f"'{old}' of {verb.__name__} is called '{new}' now"):
-        verb("two-link", **{old: 3})
 
 
 def test_one_ladder_holds_the_models_of_all_verbs(robot):
