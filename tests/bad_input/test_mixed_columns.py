@@ -6,24 +6,9 @@ import pytest
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.logfile import LogFile
-from identifiability.logs.mend import find_contradictions
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation
 from identifiability.robot import Robot
 from identifiability.workflows.opening import read_recordings
-
-
-@pytest.mark.parametrize(
-    ("column", "change", "sentence"),
-    [
-        ("elbow.dq", lambda f: f["shoulder.dq"], "'elbow.dq' contradicts 'elbow.q'"),
-        ("elbow.dq", lambda f: 0.7 * f["elbow.dq"], "with a factor of 1.4; check the column"),
-    ],
-)
-def test_velocities_that_contradict_positions_are_noted(column, change, sentence, arm):
-    spoilt = arm.assign(**{column: change(arm)})
-    notes = prepare_samples(Robot.load("two-link"), Log.from_frame(spoilt)).notes
-    assert any(sentence in note for note in notes)
-    assert not any("contradicts" in n for n in find_contradictions(Log.from_frame(arm)))
 
 
 @pytest.mark.parametrize("column", ["elbow.dq", "elbow.ddq"])
