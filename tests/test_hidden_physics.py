@@ -42,21 +42,6 @@ def _circle(robot, seconds):
     return _still(robot, seconds) + swing[None, :, None] * np.ones(len(robot.joints))
 
 
-def test_friction_is_within_its_levels_against_the_motion_and_leaves_rest_at_rest():
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        B = rng.standard_normal((3, 4, 4))
-        A = B @ B.swapaxes(1, 2) + 0.1 * np.eye(4)
-        free, v = rng.standard_normal((2, 3, 4))
-        up, down = rng.uniform(0.0, 2.0, (2, 3, 4))
-        f, rests = physics.stick(free, A, up, down, v * rng.integers(0, 2, (3, 4)))
-        ahead = free + physics.times(A, f)
-        assert np.all((f >= -up - 1e-12) & (f <= down + 1e-12))
-        assert np.all(f * ahead <= 1e-9)  # it takes energy
-        assert np.all(np.abs(ahead[rests]) < 1e-6)
-        assert np.allclose(np.where(ahead > 0, -up, down)[~rests], f[~rests])
-
-
 def test_a_robot_that_swings_freely_keeps_its_energy_and_friction_takes_it():
     m = _machine("two-link", 0.0)
     stiff = m.run(_circle(m.robot, 1.2), every=1)

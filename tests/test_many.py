@@ -118,12 +118,8 @@ def test_what_goes_wrong_with_one_robot_is_the_sentence_of_its_row(start, tmp_pa
 @pytest.mark.parametrize(
     ("robots", "options", "sentence"),
     [
-        ([], {}, "No robot is given"),
         (["a/x", "b/x"], {}, "Two robots are called 'x'"),
         (["a"], {"verb": "prune", "replicats": 2}, "'replicats' is no option of prune, did you"),
-        (["a"], {"replicates": "many"}, "replicates must be"),
-        (["a"], {"verb": "analyse"}, "verb must be"),
-        (3, {}, "robots must be"),
     ],
 )
 def test_what_cannot_be_asked_is_one_sentence(robots, options, sentence, tmp_path):
@@ -136,10 +132,7 @@ def test_what_cannot_be_asked_is_one_sentence(robots, options, sentence, tmp_pat
     ("words", "sentence"),
     [
         (["analyze"], "Give a robot and its logs, or folders of several robots with --each"),
-        (["analyze", "two-link"], "Give a robot and its logs"),
-        (["analyze", "--each", "a"], "give --out and how to fit beside it"),
         (["analyze", "two-link", "--each", "a", "--out", "r"], "--each takes robots, logs and"),
-        (["analyze", "--each", "a", "--out", "r", "--angles", "deg"], "--each takes robots"),
         (["batch", "fleet.toml"], "analyze --each FOLDER --each FOLDER --out RESULTS"),
     ],
 )

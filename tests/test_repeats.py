@@ -119,20 +119,3 @@ def measured(*, periods=6, noise, step=0.0, most=np.inf, scale=1.0, shift=0.0):
 def test_torque_that_saturates_or_has_few_steps_is_no_copy(noise, limits):
     log = measured(noise=noise, **limits)
     assert drop_repeats([log]) == ([log], [], ())
-
-
-def test_coarse_columns_that_come_again_are_no_copies_where_measured_speeds_differ(log):
-    """Encoders and commands have few steps; what a speed sensor adds is new each time."""
-    frame = tiled(log, 3).to_frame()
-    for column in frame.columns[1:]:
-        if column.endswith((".q", ".tau")):
-            step = 0.02 * frame[column].std()
-            frame[column] = np.round(frame[column] / step) * step
-    assert len(drop_repeats([Log.from_frame(frame, "coarse")])[0][0]) == len(log)
-    rng = np.random.default_rng(0)
-    for joint in log.joints:
-        frame[f"{joint}.dq"] = np.gradient(frame[f"{joint}.q"], frame["t"]) + rng.normal(
-            0, 0.02, len(frame)
-        )
-    kept, _, hints = drop_repeats([Log.from_frame(frame, "coarse")])
-    assert (len(kept[0]), hints) == (3 * len(log), ())

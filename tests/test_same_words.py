@@ -17,7 +17,7 @@ from identifiability.regression.reduction import USUAL_EFFECTS as USUAL
 from identifiability.regression.reduction import build_ladder, default_ladder
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.simulation import PrescribedMotion, shipped_trajectory
+from identifiability.simulation import shipped_trajectory
 from identifiability.workflows.diagnose.workflow import usual_effects as diagnose_model
 
 
@@ -38,24 +38,6 @@ def test_a_seed_from_python_is_the_seed_of_the_command(robot, tmp_path):
     ours = simulate(robot, motion, noise="torque=0.1", seed=3).to_frame()
     np.testing.assert_allclose(pd.read_csv(tmp_path / "3.csv"), ours, rtol=1e-12)
     assert not np.allclose(pd.read_csv(tmp_path / "4.csv"), ours)
-
-
-@pytest.mark.everything
-def test_quick_is_a_tenth_unless_somebody_says_how_many(robot, monkeypatch):
-    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 200)
-    log = simulate(robot, motion, noise="torque=0.02")
-    assert analyze(robot, log, quick=True).settings["replicates"] == 200
-    assert analyze(robot, log, quick=True, replicates=2).settings["replicates"] == 2
-    assert prune(robot, log, quick=True).settings["replicates"] == 20
-    analysis = analyze(robot, log, replicates=0)
-    few = {"refits": 0}
-    asked = []
-    name = "identifiability.workflows.calibrate.calibration.measure_false_names"
-    monkeypatch.setattr(name, lambda *given: asked.append(given[1]))
-    quick = calibrate(analysis, **few, quick=True)
-    assert (len(quick.cell.held), asked) == (32, [4])
-    stated = calibrate(analysis, **few, quick=True, replicates=2, names=0)
-    assert (len(stated.cell.held), stated.false_names) == (2, None)
 
 
 #: What judging verbs have in common, by how it is called.

@@ -1,7 +1,6 @@
 """Every reader's stated limits (docs/reference/limits.md): one sentence past them, at once."""
 
 import io
-import json
 import os
 import zipfile
 
@@ -11,19 +10,16 @@ import pytest
 
 from identifiability import Log, Robot
 from identifiability.foundation.documents import MOST_BYTES as DOCUMENT
-from identifiability.foundation.documents import MOST_KEYS, MOST_PARTS, MOST_TABLES, MOST_VALUES
+from identifiability.foundation.documents import MOST_KEYS, MOST_VALUES
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Renames
 from identifiability.logs.formats import bags
 from identifiability.logs.formats import reader as sizes
 from identifiability.logs.formats.reader import find_parts
-from identifiability.logs.tables import LONGEST_CELL, open_parquet
-from identifiability.regression.reduction import ladder_model, read_ladder
+from identifiability.logs.tables import LONGEST_CELL
 from identifiability.robot import markup as magnitudes
 from identifiability.robot import markup as xml
 from identifiability.robot.files import read_geometry
-from identifiability.robot.table import write_table
-from identifiability.workflows.predict import read_fit
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 COLUMNS = ("t", "shoulder.q", "elbow.q", "shoulder.tau", "elbow.tau")
@@ -212,25 +208,6 @@ def test_limits_of_documents(refuses, what):
     refuses(lambda path: Robot.load("two-link", path), "sidecar.toml", content, sentence)
 
 
-def test_limits_of_ladders_and_tables(refuses, tmp_path):
-    many = "[[models]]\n" * (MOST_TABLES + 1)
-    refuses(read_ladder, "ladder.toml", many, f"more than {MOST_TABLES}")
-    link = f'[[links]]\nname = "a"\nalpha = "{"9" * 50_000}*"\n'
-    unknown = f'[[models]]\nname = "{"m" * 60}"\neffects = ["{"x" * 60}"]'
-    refuses(lambda p: ladder_model(read_ladder(p)), "ladder.toml", unknown, "There is no effect")
-    table = f'convention = "standard"\n{link}'
-    refuses(lambda p: write_table(p, tmp_path / "o.urdf"), "dh.toml", table, "is no part of pi")
-
-
-def test_limits_of_results(refuses):
-    def read(path):
-        return read_fit(path, "two-link")
-
-    refuses(read, "r.json", "[" + "[]," * MOST_PARTS + "1]", "more than 2000000 lists and keys")
-    refuses(read, "r.json", sparse, "larger than 50 MB")
-    refuses(read, "r.json", json.dumps({"a": 1})[:-1] + "[" * 3000, "is not valid JSON")
-
-
 #: What is at its limit, and read.
 AT = {
     "bodies": arm("<body/>" * (xml.MOST_BODIES - 1)),
@@ -274,12 +251,6 @@ def zeros(count, kind="<f8"):
     return write
 
 
-def parts(path):
-    with zipfile.ZipFile(path, "w") as archive:
-        for k in range(sizes.MOST_PARTS + 1):
-            archive.writestr(f"a{k}.npy", b"")
-
-
 def cut(path):
     from scipy.io import savemat
 
@@ -307,51 +278,6 @@ def test_limits_of_logs(refuses, what, monkeypatch):
     monkeypatch.setattr(sizes, "MOST_COLUMNS", 500)
     name, content, sentence = LOGS[what]
     refuses(Log.read, name, content, sentence)
-
-
-def test_a_header_of_many_long_names_is_read(tmp_path, at_once):
-    """No separator but its own parts a line of 140 kB into fields of a length that is read."""
-    extra = [f"{'x' * 90}{k}" for k in range(1500)]
-    rows = [",".join(["0"] * 1505).replace("0", f"{k / 8}", 1) for k in range(40)]
-    path = tmp_path / "run.csv"
-    path.write_text("\n".join([",".join([*COLUMNS, *extra]), *rows, ""]))
-    with at_once():
-        assert Log.read(path).q.shape == (40, 2)
-
-
-def test_small_groups_of_parquet_are_read_together(tmp_path):
-    path = tmp_path / "run.parquet"
-    t = np.arange(1000) / 64
-    frame = pd.DataFrame({c: t * k for k, c in enumerate(COLUMNS, 1)})
-    frame.to_parquet(path, row_group_size=1)
-    assert open_parquet(path).pieces == ((0, 0), (1000, 1000))
-    np.testing.assert_array_equal(Log.read(path).tau, frame[list(COLUMNS[3:])])
-
-
-def sheet(inside, part="xl/worksheets/sheet1.xml"):
-    def write(path):
-        pd.DataFrame({"t": [0.0]}).to_excel(path, index=False)
-        kept = zipfile.ZipFile(path)
-        whole = {i.filename: kept.read(i) for i in kept.infolist()} | {part: inside}
-        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name, content in whole.items():
-                archive.writestr(name, content)
-
-    return write
-
-
-SHEETS = {
-    "bytes": (b" " * (sizes.MOST_SHEET_BYTES + 1), "unpacks to more than 50 MB"),
-    "a cell far right": (b'<c r="XFD1"/>', "16384 columns"),
-    "a cell far down": (b"<c r='CV999999'/>", "values; up to"),
-}
-
-
-@pytest.mark.parametrize("what", SHEETS)
-def test_limits_of_sheets(refuses, what):
-    pytest.importorskip("openpyxl")
-    content, sentence = SHEETS[what]
-    refuses(Log.read, "run.xlsx", sheet(content), sentence)
 
 
 def test_limits_of_bags(refuses):

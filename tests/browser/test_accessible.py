@@ -10,7 +10,6 @@ DETAIL = "document.getElementById('statistics')?.click()"
 FOUND = """async () => (await axe.run()).violations.filter((v) => v.impact !== "minor").map(
   (v) => [v.impact, v.id, v.nodes[0].html.slice(0, 120)])"""
 
-WIDTHS = (400, 1280)
 #: The two kinds with the most in them: one on a telephone, the other on a screen.
 DEFAULT = (("analysis", 400), ("pruning", 1280))
 GOING_ON = ("payload", "comparison", "excitation", "prediction", "robot", "fleet", "floating")
@@ -37,13 +36,6 @@ def look(page: Path, width: int, visit, axe: str, *, closed: bool = True) -> Non
 @pytest.mark.parametrize(("kind", "width"), DEFAULT)
 def test_everybody_can_read_a_report(kind, width, reports, visit, axe):
     look(reports[kind], width, visit, axe, closed=False)
-
-
-@pytest.mark.everything
-@pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("kind", GOING_ON)
-def test_everybody_can_read_what_goes_on_from_a_result(kind, width, later_reports, visit, axe):
-    look(later_reports[kind], width, visit, axe)
 
 
 #: What of a page does not survive its way onto paper of this size [px], of which 205 mm are free.

@@ -100,26 +100,3 @@ def test_there_and_back_it_is_the_same_robot(name, tmp_path):
         if name not in ("locked", "tendon"):  # MuJoCo reads the written files by itself
             seen = simulate(copy, PrescribedMotion(motion.t, *actuated)).tau
             np.testing.assert_allclose(seen, tau, rtol=0, atol=1e-9 * size)
-
-
-def test_bounds_move_with_the_frame_that_they_are_about(tmp_path):
-    path = tmp_path / "robot.xml"
-    path.write_text(ARM.format(after=""))
-    bounds = """locked = ["w", "p"]
-[bounds.bodies.link1]
-mass = [1, 6]
-box = [[0.1, 0.5], [-0.1, 0.1], [-0.1, 0.2]]
-ellipsoid = {centre = [0.3, 0, 0], radii = [0.3, 0.3, 0.3]}
-"""
-    path.with_suffix(".toml").write_text(bounds)
-    robot = Robot.load(path)
-    write_parameters(robot, dict(robot.nominal), tmp_path / "copy.urdf")
-    (bound,) = Robot.load(tmp_path / "copy.urdf").bounds
-    (before,) = robot.bounds
-    assert before.origin.tolist() == pytest.approx([-0.05, -0.02, -0.1])
-    assert bound.mass == before.mass
-    assert bound.origin.tolist() == [0, 0, 0]
-    moved = np.array(before.box) + before.origin[:, None]
-    np.testing.assert_allclose(np.array(bound.box), moved, atol=1e-12)
-    centre = np.array(before.ellipsoid.centre) + before.origin
-    np.testing.assert_allclose(bound.ellipsoid.centre, centre, atol=1e-12)

@@ -1,6 +1,5 @@
 """URDFs as people have them: what is not needed may be missing, what would be lost is refused."""
 
-import re
 from importlib.metadata import PackageNotFoundError, distribution
 
 import numpy as np
@@ -119,55 +118,3 @@ def test_public_robots_load_or_it_is_said_why_not(public):
     assert said.keys() == REFUSED.keys()
     for name, sentence in REFUSED.items():
         assert sentence in said[name]
-
-
-def legged(root="trunk", words=("hip", "knee"), sides=("l", "r"), weight=True):
-    """A robot of which a leg hangs on each side of its root link."""
-    body = (
-        '<inertial><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" '
-        'iyz="0"/></inertial>'
-    )
-    parts = [f'<link name="{root}">{body * weight}</link>']
-    for side in sides:
-        above = root
-        for word in words:
-            parts.append(
-                f'<link name="{side}_{word}_link">{body}</link><joint name="{side}_{word}" '
-                f'type="revolute"><parent link="{above}"/><child link="{side}_{word}_link"/>'
-                f'<axis xyz="0 1 0"/>{LIMIT}</joint>'
-            )
-            above = f"{side}_{word}_link"
-    return f'<robot name="r">{"".join(parts)}</robot>'
-
-
-def test_a_robot_on_legs_whose_root_hangs_on_nothing_is_asked_about(tmp_path):
-    path = tmp_path / "dog.urdf"
-    for words in (("hip", "knee"), ("HAA", "HFE", "KFE"), ("thigh_pitch", "calf")):
-        path.write_text(legged(words=words))
-        with pytest.raises(
-            RobotError, match=r'its root link \'trunk\'.* write base = "fixed" into'
-        ):
-            Robot.load(path)
-    # Either end of a joint may stand first, and twice.
-    turned = re.sub(r"(<parent[^>]*>)(<child[^>]*>)", r"\2\1", legged())
-    for text in (turned, re.sub(r"(<parent[^>]*>)", r"\1\1", legged())):
-        path.write_text(text)
-        with pytest.raises(RobotError, match=r"its root link 'trunk'"):
-            Robot.load(path)
-    path.write_text(legged(words=("thigh_pitch", "calf")))
-    path.with_suffix(".toml").write_text('base = "fixed"')
-    assert Robot.load(path).joints[0] == "l_thigh_pitch"
-
-
-@pytest.mark.parametrize(
-    "how",
-    [
-        {"root": "world"},
-        {"weight": False},
-        {"words": ("finger_a", "tip"), "sides": "1234"},
-    ],
-)
-def test_what_stands_on_the_ground_or_has_no_legs_is_not(how, tmp_path):
-    path = tmp_path / "robot.urdf"
-    path.write_text(legged(**how))
-    assert Robot.load(path).passive == ()

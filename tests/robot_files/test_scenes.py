@@ -39,7 +39,6 @@ def torque(robot, q):
     "after",
     [
         "",
-        '<equality><weld body1="cup" body2="link2" active="false"/></equality>',
         '<equality><joint joint1="hinge" polycoef=".1 0 0 0 0"/></equality>'
         '<contact><exclude body1="cup" body2="link1"/></contact>'
         '<sensor><jointpos joint="hinge"/></sensor>'
