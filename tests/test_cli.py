@@ -35,15 +35,6 @@ def test_simulate_then_analyze_writes_report_and_json(run, few_draws, tmp_path):
     assert "<html" in report.read_text()
 
 
-@pytest.mark.everything
-def test_demo_writes_its_report_and_ends_with_the_path(run, tmp_path):
-    out = run("demo", "--quick", "--folder", tmp_path / "reports")
-    assert out.exit_code == 0, out.output
-    opens = out.stdout.strip().splitlines()[-1].split("python -m webbrowser ")[1]
-    assert opens == (tmp_path / "reports" / "demo.html").as_uri()
-    assert (tmp_path / "reports" / "demo.html").stat().st_size > 10_000
-
-
 def test_hidden_effects_are_in_the_data_and_not_in_the_robot(run, tmp_path):
     plain, hidden = tmp_path / "plain.csv", tmp_path / "hidden.csv"
     assert run("simulate", "3-rps", "601", "--out", plain).exit_code == 0

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from identifiability import Log, Robot, analyze, diagnose, export, prune
+from identifiability import Log, Robot, analyze, diagnose, prune
 from identifiability.estimation.rollouts import fit_gains, fit_rollouts, roll_late
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import LogError, RobotError
@@ -420,29 +420,6 @@ def test_the_joint_that_is_late_is_named_and_not_those_that_its_delay_made_early
         assert abs(p.values[0] - late) < 4 * p.errors[0] + 2e-4
 
 
-def biased(frame, zeros):
-    """A log whose encoders, and so whose commands, count from elsewhere [rad]."""
-    shifts = {f"{j}.{k}": b for j, b in zeros.items() for k in ("q", "cmd")}
-    return frame.assign(**{name: frame[name] + b for name, b in shifts.items()})
-
-
-@pytest.mark.everything
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_wrong_zero_is_named_with_the_tilt_that_it_looks_like(arm, seed):
-    """A planar arm whose first zero is wrong stands as one whose base is tilted."""
-    rng = np.random.default_rng(seed)
-    how = servos.Recorder(200.0, 100.0, 0.006, 16)
-    frames = []
-    for seconds in (25.0, 10.0):
-        commands = servos.draw_commands(arm, seconds, 100.0, 1.0, rng)
-        frames.append(servos.record(arm, TRUTH, commands, seconds, how, rng))
-    for b in (0.0, 0.03):
-        fitted, unseen = (biased(x, {"shoulder": b}) for x in frames)
-        found = diagnose(arm, fitted, unseen, fixed=0.05, quick=True, forward=False)
-        named = {name for e in found.effects for name in (e.name, *e.alternatives)}
-        assert named == ({"gravity_tilt", "encoder_bias"} if b else set())
-
-
 def test_a_log_that_contradicts_the_files_bodies_says_so_and_names_the_farthest():
     structure, rng = _standard(Robot.load("six-dof-arm")), np.random.default_rng(2)
     phi = structure.nominal.copy()
@@ -499,26 +476,6 @@ def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale
     again = Robot.load(known.save(tmp_path / "found.xml"))
     np.testing.assert_allclose(again.servo.kp, found.servo.kp)
     assert not again.servo.unknown.any()
-
-
-@pytest.mark.everything
-def test_a_log_of_unstated_gains_is_analysed_exported_and_rolled_out(
-    unstated, arm, frames, tmp_path
-):
-    result = analyze(unstated, frames[0], quick=True)
-    assert result.hints[0].startswith("Nobody states the gains of the servos")
-    table = result.to_frame().set_index("name")
-    for joint, kv in zip(arm.joints, arm.servo.kv, strict=True):
-        low, high = table["interval95"][f"{joint}.Fv"]
-        assert low < kv + TRUTH[f"{joint}.Fv"] < high
-    path = result.to_json(tmp_path / "result.json")
-    export(unstated, path, tmp_path / "out.xml")
-    np.testing.assert_allclose(Robot.load(tmp_path / "out.xml").servo.kp, arm.servo.kp, rtol=0.01)
-    for found in (
-        rollout(unstated, frames[1], against=path),
-        rollout(unstated, frames[1], fit=frames[0]),
-    ):
-        assert found.totals[1] < 0.05 * found.totals[0]
 
 
 def test_joints_are_fitted_to_rollouts_and_written_in_one_go(arm, frames, tmp_path):

@@ -90,17 +90,6 @@ def test_torque_is_what_the_regressor_says_along_true_motion(name):
     assert np.sqrt(np.mean(left**2)) < 2e-3 * np.sqrt(np.mean(tau**2))
 
 
-def test_loops_stay_closed():
-    m = _machine("five-bar", 0.5)
-    runs = m.run(_circle(m.robot, 1.0))
-    data, apart = mujoco.MjData(m.model), []
-    for q, _, _ in runs.full[0]:
-        data.qpos[:] = q
-        mujoco.mj_fwdPosition(m.model, data)
-        apart.append(np.abs(data.efc_pos).max())
-    assert max(apart) < 1e-5
-
-
 def test_the_oracles_z_is_the_size_over_the_noise(monkeypatch, tmp_path):
     """Twice the effect is twice the z, and whitened noise has unit variance."""
     monkeypatch.setattr(cases, "SECONDS", 1.0)

@@ -143,20 +143,7 @@ def test_a_data_frame_hashes_its_values_and_nothing_else(arm):
     assert Log.from_frame(arm).sha256 != Log.from_frame(arm * 1.001).sha256
 
 
-@pytest.mark.parametrize("lost", [1, 2, 10])
-def test_a_gap_bridges_or_splits_a_log_and_is_said(lost, bare, arm):
-    rows = [*range(50), *range(50 + lost, 200)]
-    how = Preparation(cutoff=6.0)  # half of its period is 2.2 steps
-    samples = prepare_samples(Robot.load("two-link"), Log.from_frame(bare.iloc[rows]), how)
-    said = [" s after t = 1.8375 s (data row 50)" in text for text in samples.hints]
-    assert said == [True] * (lost > 1)
-    assert any("lost samples (1, at most 0.075 s" in note for note in samples.notes) == (lost == 1)
-    # The log's own derivatives are kept, but for the first sample after a long gap.
-    assert len(prepare_two_link(arm.iloc[rows]).tau) == 200 - lost - (lost > 4)
-
-
 def prepare_two_link(frame, **how):
-    from identifiability.robot import Robot
 
     return prepare_samples(Robot.load("two-link"), Log.from_frame(frame), Preparation(**how))
 

@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 
 from identifiability.estimation.verdict import Class
-from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
 from identifiability.robot import Robot, complete_motion
@@ -118,39 +117,3 @@ def test_degrees_for_radians_are_refused(simulated, refuses):
     assert "'joint_1.q' spans " in sentence
     assert "the joint's limits are -2.5 … 2.5 rad: it looks like degrees" in sentence
     assert "it looks like degrees: say --angles deg" in sentence
-
-
-@pytest.mark.parametrize(("factor", "unit"), [(1e3, "mm"), (1e2, "cm")])
-def test_millimetres_and_centimetres_for_metres_are_refused(factor, unit, simulated, refuses):
-    frame = simulated("3-rps")
-    moved = [c for c in frame if c.endswith(CHANNELS)]
-    frame[moved] *= factor
-    sentence = refuses("3-rps", frame)
-    assert f"limits 0.6 … 0.8 m; it looks like {unit}: convert it to m." in sentence
-
-
-@pytest.mark.parametrize(
-    ("columns", "factor", "sentence"),
-    [
-        (
-            ".dq",
-            180 / np.pi,
-            r"'shoulder\.dq' is 57\.\d+ times the time derivative of 'shoulder\.q'",
-        ),
-        (".ddq", 180 / np.pi, r"'shoulder\.ddq' is 57\.\d+ times .* of 'shoulder\.dq'"),
-        (".dq", -1.0, r"'shoulder\.dq' is -(1|0\.99)\d* times .* has another sign"),
-        ("t", 60.0, r"'shoulder\.dq' is \d+\.?\d* times .* \(or the time\) is in another unit"),
-    ],
-)
-def test_derivatives_that_do_not_fit_are_refused(columns, factor, sentence, arm):
-    wrong = [c for c in arm if c.endswith(columns)]
-    arm[wrong] *= factor
-    with pytest.raises(LogError, match=sentence):
-        prepare_samples(Robot.load("two-link"), Log.from_frame(arm))
-
-
-def test_noise_and_coarse_sampling_are_no_wrong_units(simulated):
-    """The paper's noise on every sample, and 40 samples of 7.5 s, pass the same checks."""
-    for samples, noise in ((750, 0.04), (40, 0.0), (40, 0.04)):
-        frame = simulated("two-link", samples, motion=noise, torque=noise)
-        prepare_samples(Robot.load("two-link"), Log.from_frame(frame))

@@ -7,7 +7,7 @@ import pytest
 
 from identifiability.estimation.rules import Thresholds
 from identifiability.report import build_analysis_page, render_page
-from identifiability.report.belief import forest_layers, section_posterior, section_standard
+from identifiability.report.belief import section_posterior, section_standard
 from identifiability.report.results import Page
 from identifiability.workflows.analyze.belief import Source
 
@@ -54,20 +54,6 @@ def test_every_standard_parameter_is_shown_once_and_listed(believed_analysis):
         for k in range(85)
         if known.source[k] is Source.DATA
     )
-
-
-@pytest.mark.parametrize("names", [("physical",), ("signs",), ("signs", "physical")])
-def test_a_chain_that_has_not_converged_is_withheld_with_its_reasons(believed_analysis, names):
-    analysis = doubt(believed_analysis, *names)
-    found, layers = sections(analysis), forest_layers(analysis)[0]
-    notes = found["posterior"].blocks[0].notes
-    assert [n.text for n in notes if n.level == "warning"] == [REASON] * len(names)
-    assert all("withheld" in n.title for n in notes)
-    assert ("posterior with signs" in layers) == ("signs" not in names)
-    assert ("posterior with bodies" in layers) == ("physical" not in names)
-    assert (found["standard"].blocks[0].kind == "notes") == ("physical" in names)
-    table = found["posterior"].blocks[-1]
-    assert [row[-1].text for row in table.rows].count("no") == len(names)
 
 
 @pytest.mark.pictures

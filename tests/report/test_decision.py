@@ -8,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.foundation.answers import Note
 from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.logs.spectrum import Band
 from identifiability.regression.reduction import LadderEntry, LadderSource, ModelEntry
 from identifiability.report.skeleton import Part, draw_skeleton
 from identifiability.robot import Robot
-from identifiability.workflows.answers import answer_quality, answer_trust
+from identifiability.workflows.answers import answer_quality
 from identifiability.workflows.commands import (
     ladder_option,
     preparing_options,
@@ -29,14 +28,6 @@ def test_quality_names_the_best_and_the_worst_joint():
     assert "Each joint over its own variation: b 9 %, a 4 %, c 2 %." in answer.text
     assert answer.text.endswith("Measured on another log.")
     assert answer.tone == "green"
-
-
-def test_trust_falls_with_a_warning_and_is_gone_with_a_doubt():
-    note, warning = Note("note", "Small.", ""), Note("warning", "Grave.", "")
-    assert answer_trust([note], "", 3, 4).short.startswith("Yes")
-    assert "“Grave”" in answer_trust([note, warning], "", 3, 4).text
-    assert answer_trust([note, warning], "", 3, 4).short == "With care."
-    assert answer_trust([note], "nothing moved", 3, 4).short == "No."
 
 
 @pytest.mark.parametrize("name", ["3-rps", "six-dof-arm", "six-ups", "two-link"])

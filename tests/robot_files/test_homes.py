@@ -4,7 +4,6 @@ import re
 
 import numpy as np
 import pytest
-from made_robots import CLOSURES, parallelogram
 
 from identifiability.foundation.errors import RobotError
 from identifiability.robot import Robot, complete_motion
@@ -65,16 +64,3 @@ def test_without_its_home_a_robot_of_several_assemblies_is_told_them(name, load_
     for way in str(told.value).partition("such as ")[2].split(" or "):
         home = "\n".join(way.removesuffix(".").split(", "))
         assert not load_text(text, sidecar=f"{side}\n[home]\n{home}\n").assembled
-
-
-def test_the_position_that_closes_a_drawing_is_used_and_said(load_text, rng):
-    text = parallelogram(CLOSURES["site on the root"])
-    drawn, offset = homeless(text), np.array([0.6, -0.4, 0.5])
-    for body, at in zip(("crank", "coupler", "rocker"), offset, strict=True):
-        drawn = drawn.replace(f'<body name="{body}"', f'<body name="{body}" euler="0 {-at} 0"')
-    robot, other = load_text(text), load_text(drawn)
-    np.testing.assert_allclose(other.home, [0.0, -0.2, 0.1], atol=1e-9)
-    q = rng.uniform(0.2, 1.4, (100, 1))
-    moved = [complete_motion(r, np.arange(100.0), x, q, q)
-             for r, x in ((robot, q), (other, q - offset[0]))]  # fmt: skip
-    np.testing.assert_allclose(moved[1].q + offset, moved[0].q, atol=1e-9)
