@@ -134,6 +134,7 @@ def test_what_cannot_be_asked_is_one_sentence(robots, options, sentence, tmp_pat
         (["analyze"], "Give a robot and its logs, or folders of several robots with --each"),
         (["analyze", "two-link", "--each", "a", "--out", "r"], "--each takes robots, logs and"),
         (["batch", "fleet.toml"], "analyze --each FOLDER --each FOLDER --out RESULTS"),
+        (["convert", "dh.toml", "--out", "r.xml"], "identifiability new FOLDER --robot table.toml"),
     ],
 )
 def test_the_command_says_what_to_type(words, sentence):

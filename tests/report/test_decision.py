@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identifiability.foundation.answers import Note
 from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.logs.spectrum import Band
 from identifiability.regression.reduction import LadderEntry, LadderSource, ModelEntry
 from identifiability.report.skeleton import Part, draw_skeleton
 from identifiability.robot import Robot
-from identifiability.workflows.answers import answer_quality
+from identifiability.workflows.answers import answer_quality, answer_trust
 from identifiability.workflows.commands import (
     ladder_option,
     preparing_options,
@@ -93,3 +94,11 @@ def test_a_sidecar_and_a_ladder_are_named_where_they_do_not_lie_beside_the_robot
     assert ladder_option(robot, LadderSource(entry, "pruned.toml", "")) == " --ladder pruned.toml"
     assert ladder_option(robot, LadderSource(entry, "default", "")) == ""
     assert ladder_option(robot, None) == ""
+
+
+def test_trust_falls_with_a_warning_and_is_gone_with_a_doubt():
+    note, warning = Note("note", "Small.", ""), Note("warning", "Grave.", "")
+    assert answer_trust([note], "", 3, 4).short.startswith("Yes")
+    assert "“Grave”" in answer_trust([note, warning], "", 3, 4).text
+    assert answer_trust([note, warning], "", 3, 4).short == "With care."
+    assert answer_trust([note], "nothing moved", 3, 4).short == "No."
