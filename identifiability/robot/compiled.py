@@ -20,7 +20,6 @@ from identifiability.foundation.names import Array
 from identifiability.robot.cables import add_slides, cable_name, read_cables
 from identifiability.robot.kinematics import Point, read_tree
 from identifiability.robot.locking import add_couplings, read_locks, settle_locks
-from identifiability.robot.markup import MOST_EQUALITIES
 from identifiability.robot.mjcf import (
     compile_mjcf,
     find_arms,
@@ -391,13 +390,8 @@ def _equalities(m: Any) -> np.ndarray:
 
 
 def _couplings(path: Path, m: Any, actuated: Collection[str]) -> list[Coupling]:
-    found, holding = [], _equalities(m)
-    if len(holding) > MOST_EQUALITIES:
-        raise RobotError(
-            f"{path} has {len(holding)} equalities that hold; robots of up to {MOST_EQUALITIES} "
-            "are read: leave out those that say the same."
-        )
-    for k in map(int, holding):
+    found: list[Coupling] = []
+    for k in map(int, _equalities(m)):
         if int(m.eq_type[k]) == int(mujoco.mjtEq.mjEQ_JOINT):
             found.append(_read_coupling(m, k))
         elif int(m.eq_type[k]) == int(mujoco.mjtEq.mjEQ_TENDON):

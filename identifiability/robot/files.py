@@ -478,16 +478,15 @@ def _solid(kind: str, size: Any, made: Any, k: int) -> Any:
     import coal  # noqa: PLC0415 - only where there are shapes
 
     a, b, c = (float(x) for x in size)
-    if kind == "sphere":
-        return coal.Sphere(a)
-    if kind == "capsule":
-        return coal.Capsule(a, 2 * b)
-    if kind == "cylinder":
-        return coal.Cylinder(a, 2 * b)
-    if kind == "ellipsoid":
-        return coal.Ellipsoid(a, b, c)
-    if kind == "box":
-        return coal.Box(2 * a, 2 * b, 2 * c)
+    plain = {
+        "sphere": lambda: coal.Sphere(a),
+        "capsule": lambda: coal.Capsule(a, 2 * b),
+        "cylinder": lambda: coal.Cylinder(a, 2 * b),
+        "ellipsoid": lambda: coal.Ellipsoid(a, b, c),
+        "box": lambda: coal.Box(2 * a, 2 * b, 2 * c),
+    }
+    if kind in plain:
+        return plain[kind]()
     mesh = int(made.geom_dataid[k])
     start, count = int(made.mesh_vertadr[mesh]), int(made.mesh_vertnum[mesh])
     first, faces = int(made.mesh_faceadr[mesh]), int(made.mesh_facenum[mesh])

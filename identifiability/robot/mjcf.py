@@ -21,7 +21,7 @@ from numpy.polynomial import Polynomial
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.robot.floating import BASE_JOINTS, SIX
 from identifiability.robot.markup import check_regular, check_weight, file_text, read_markup
-from identifiability.robot.parts import Coupling, Entry, Term, couple, straight
+from identifiability.robot.parts import Coupling, Entry, Term, couple, straight, tendon_parts
 from identifiability.robot.servo import JointServo
 from identifiability.robot.sidecar import Sidecar
 
@@ -160,10 +160,17 @@ def _mesh_files(path: Path, spec: Any) -> tuple[Path, ...]:
     return tuple(folder / mesh.file for mesh in spec.meshes if mesh.file)
 
 
-def _parse(path: Path, root: ET.Element) -> Any:
+def _parse(path: Path, root: ET.Element, *, shapes: bool = False) -> Any:
+    """Return the file as a spec: what has a share in the motion, or shapes that collide."""
     spec = mujoco.MjSpec.from_string(file_text(path, root))
     spec.modelfiledir = str(path.parent)
-    _take_out_idle(spec)
+    spec.nkey = spec.nuserdata = 0  # room for what is not there
+    if shapes:
+        for geom in [g for g in spec.geoms if not (g.contype or g.conaffinity)]:
+            spec.delete(geom)
+    else:
+        _take_out_idle(spec)
+    _forget_looks(spec)
     _check_meshes(path, spec)
     return spec
 
@@ -182,14 +189,8 @@ def compile_shapes(path: Path, root: ET.Element) -> Any:
     RobotError
     """
     with _refused(path, root):
-        spec = mujoco.MjSpec.from_string(file_text(path, root))
-        spec.modelfiledir = str(path.parent)
+        spec = _parse(path, root, shapes=True)
         _name_all(spec)
-        for geom in list(spec.geoms):
-            if not (geom.contype or geom.conaffinity):
-                spec.delete(geom)
-        _forget_looks(spec)
-        _check_meshes(path, spec)
         # Bodies without shapes weigh nothing here, which is nobody's concern.
         spec.compiler.boundmass, spec.compiler.boundinertia = 1e-6, 1e-9
         return spec.compile()
@@ -201,7 +202,7 @@ def _refused(path: Path, root: ET.Element) -> Iterator[None]:
     try:
         with quiet():
             yield
-    except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
+    except (ValueError, RuntimeError, MemoryError, OSError, mujoco.FatalError) as error:
         raise RobotError(f"{path} cannot be read as MJCF: {_reason(error, root)}") from None
 
 
@@ -233,7 +234,6 @@ def _reason(error: Exception, root: ET.Element) -> str:
 
 def _take_out_idle(spec: Any) -> None:
     """Remove what has no share in the motion, above all what would be read from other files."""
-    spec.nkey = spec.nuserdata = 0  # room for what is not there
     idle = (spec.sensors, spec.pairs, spec.excludes, spec.tuples, spec.skins, spec.lights)
     for element in [e for kind in idle for e in kind]:
         spec.delete(element)
@@ -243,7 +243,6 @@ def _take_out_idle(spec: Any) -> None:
             filed = geom.meshname or geom.hfieldname or int(geom.type) in _FILED
             if filed and not (moves and _weighs(spec.compiler, body, geom)):
                 spec.delete(geom)
-    _forget_looks(spec)
 
 
 def _forget_looks(spec: Any) -> None:
@@ -297,8 +296,7 @@ _ALONG = int(mujoco.mjtWrap.mjWRAP_JOINT)
 
 def find_arms(m: Any, t: int) -> dict[int, float] | None:
     """Return the joints that a tendon runs along, with their coefficients; None of a bent one."""
-    start = int(m.tendon_adr[t])
-    parts = range(start, start + int(m.tendon_num[t]))
+    parts = tendon_parts(m, t)
     if any(int(m.wrap_type[w]) != _ALONG for w in parts):
         return None
     arms: dict[int, float] = {}
@@ -408,17 +406,13 @@ def _moved_by(m: Any, a: int) -> list[int]:
 
 def _along(m: Any, t: int) -> list[int]:
     """Return the bodies that a tendon runs along."""
-    start = int(m.tendon_adr[t])
-    parts = [
-        (int(m.wrap_type[w]), int(m.wrap_objid[w]))
-        for w in range(start, start + int(m.tendon_num[t]))
-    ]
     where = {
         int(_WRAP.mjWRAP_JOINT): m.jnt_bodyid,
         int(_WRAP.mjWRAP_SITE): m.site_bodyid,
         int(_WRAP.mjWRAP_SPHERE): m.geom_bodyid,
         int(_WRAP.mjWRAP_CYLINDER): m.geom_bodyid,
     }
+    parts = [(int(m.wrap_type[w]), int(m.wrap_objid[w])) for w in tendon_parts(m, t)]
     return [int(where[kind][at]) for kind, at in parts if kind in where]
 
 

@@ -19,7 +19,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.robot.description import ENDLESS, Description
 from identifiability.robot.files import PLACEHOLDER
 from identifiability.robot.kinematics import WORLD, Joint, Point
-from identifiability.robot.markup import numbers
+from identifiability.robot.markup import numbers, urdf_inertial, urdf_joint
 from identifiability.robot.parts import Coupling
 
 # What both formats of a robot are written from.
@@ -161,10 +161,8 @@ def converted_urdf(robot: Description) -> ET.Element:
     ground, between = ground_of(robot), links_between(robot)
     ET.SubElement(top, "link", name=ground)
     for name in (*robot.bodies, *between.values()):
-        size = "1" if name in robot.bodies else f"{PLACEHOLDER:g}"
-        inertial = ET.SubElement(ET.SubElement(top, "link", name=name), "inertial")
-        ET.SubElement(inertial, "mass", value=size)
-        ET.SubElement(inertial, "inertia", ixx=size, ixy="0", ixz="0", iyy=size, iyz="0", izz=size)
+        size = 1.0 if name in robot.bodies else PLACEHOLDER
+        urdf_inertial(ET.SubElement(top, "link", name=name), size, np.zeros(3), size * np.eye(3))
     coupled = {c.joint: c for c in robot.couplings if stated_in_file(c, MOST_URDF)}
     for body, joints in body_joints(robot):
         above = body_of(robot, joints[0].parent, ground)
@@ -172,12 +170,9 @@ def converted_urdf(robot: Description) -> ET.Element:
             name, span = joint.dofs[0], range_of(robot, joint)
             turning = "revolute" if span else "continuous"
             kind = "prismatic" if joint.kind == "prismatic" else turning
-            own = ET.SubElement(top, "joint", name=name, type=kind)
-            ET.SubElement(own, "parent", link=above)
-            above = between.get(name, body)
-            ET.SubElement(own, "child", link=above)
-            rpy = np.array(pin.rpy.matrixToRpy(joint.rotation))
-            ET.SubElement(own, "origin", xyz=numbers(joint.translation), rpy=numbers(rpy))
+            child = between.get(name, body)
+            own = urdf_joint(top, name, kind, above, child, placement(joint))
+            above = child
             ET.SubElement(own, "axis", xyz=numbers(joint.axis))
             if span is None and joint.kind == "prismatic":
                 span = (-FAR, FAR)  # of a URDF that has none no reader makes a robot

@@ -107,7 +107,7 @@ class Robot(Description):
     def from_dh(table: DhSource, out: FilePath | None = None) -> Robot:
         """Write the robot file of a table of Denavit and Hartenberg, and read it.
 
-        The robot is the file; what the table leaves open (masses, rounded angles) is said in a
+        The robot is the file; what the table leaves open (masses) is said in a
         comment of it.
 
         Parameters

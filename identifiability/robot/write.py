@@ -26,9 +26,10 @@ from identifiability.robot.markup import (
     clear_mjcf,
     drop_repeated,
     in_radians,
-    numbers,
     read_markup,
     thicken,
+    urdf_inertial,
+    urdf_joint,
     write_cable,
     write_gravity,
     write_inertial,
@@ -131,12 +132,6 @@ def write_robot(
     """
     path = Path(path)
     top = _template(robot)
-    if (path.suffix.lower() == ".urdf") == robot.mjcf:
-        other, own, suffix = ("URDF", "MJCF", ".xml") if robot.mjcf else ("MJCF", "URDF", ".urdf")
-        raise RobotError(
-            f"'{path}' asks for {other}, but {robot.path} is {own}; give a file name ending in "
-            f"{suffix}."
-        )
     if not robot.mjcf:
         drop_repeated(top)
     for body, theta in share_out(robot, bodies).items():
@@ -233,11 +228,7 @@ def _write_urdf_inertial(
     links = top.findall("link")
     element = next(link for link in links if link.get("name") == body)
     _remove_all(element, "inertial")
-    new = ET.SubElement(element, "inertial")
-    ET.SubElement(new, "origin", xyz=numbers(centre), rpy="0 0 0")
-    ET.SubElement(new, "mass", value=f"{mass:.17g}")
-    entries = {f"i{'xyz'[i]}{'xyz'[j]}": inertia[i, j] for i in range(3) for j in range(i, 3)}
-    ET.SubElement(new, "inertia", {name: f"{value:.17g}" for name, value in entries.items()})
+    urdf_inertial(element, mass, centre, inertia)
     # Links that are fixed to this one are part of it now.
     ends: list[tuple[str | None, str | None]] = [
         (parent.get("link"), child.get("link"))
@@ -275,15 +266,12 @@ def _turn_base(top: ET.Element, robot: Description) -> None:
     links = [str(link.get("name")) for link in top.findall("link")]
     first = next(name for name in links if name not in children)
     taken = {*links, *(str(j.get("name")) for j in top.findall("joint"))}
-    ground = joint = "ground"
+    ground = "ground"
     while ground in taken:
-        ground = joint = f"{ground}_"
+        ground = f"{ground}_"
     ET.SubElement(top, "link", name=ground)
-    made = ET.SubElement(top, "joint", name=f"{joint}_to_{first}", type="fixed")
-    rpy = pin.rpy.matrixToRpy(pin.exp3(step))
-    ET.SubElement(made, "origin", xyz="0 0 0", rpy=numbers(rpy))
-    ET.SubElement(made, "parent", link=ground)
-    ET.SubElement(made, "child", link=first)
+    turn = pin.SE3(pin.exp3(step), np.zeros(3))
+    urdf_joint(top, f"{ground}_to_{first}", "fixed", ground, first, turn)
 
 
 def _remove_all(element: ET.Element, tag: str) -> None:

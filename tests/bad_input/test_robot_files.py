@@ -19,13 +19,13 @@ BOMB = "".join(
 
 #: What is no robot file at all, and the sentence.
 NO_ROBOT = {
-    "text": ("hello", r"is not an MJCF or URDF file: it is not XML \(syntax error: line 1"),
-    "binary": (bytes(range(256)), r"it is not XML \(not well-formed"),
-    "empty": ("", r"it is not XML \(no element found: line 1"),
-    "truncated MJCF": (TWO[:800], r"it is not XML \(no element found: line \d+"),
-    "truncated URDF": (ARM[:3000], r"it is not XML \(no element found: line \d+"),
+    "text": ("hello", r"cannot be read as MJCF or URDF: syntax error: line 1"),
+    "binary": (bytes(range(256)), r"cannot be read as MJCF or URDF: not well-formed"),
+    "empty": ("", r"no element found: line 1"),
+    "truncated MJCF": (TWO[:800], r"no element found: line \d+"),
+    "truncated URDF": (ARM[:3000], r"no element found: line \d+"),
     "other root": ("<html><body/></html>", "root element is <html>, expected <mujoco> or <robot>"),
-    "odd encoding": (TWO.replace("utf-8", "klingon"), "cannot be read as XML: unknown encoding"),
+    "odd encoding": (TWO.replace("utf-8", "klingon"), "unknown encoding"),
     "MJCF without bodies": ("<mujoco/>", "has no joint that moves"),
     "MJCF without joints": (
         '<mujoco><worldbody><body name="a"/></worldbody></mujoco>',

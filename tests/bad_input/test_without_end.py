@@ -65,14 +65,6 @@ def arm(inside="", head="", name="j", mass="1"):
     return f"<mujoco>{head}<worldbody>{body}</worldbody></mujoco>"
 
 
-def followers(count):
-    """Return a joint that follows another one so many times."""
-    body = '<body><joint name="k"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>'
-    told = "<equality>" + '<joint joint1="k" joint2="j"/>' * count + "</equality>"
-    told += '<actuator><motor joint="j"/></actuator>'
-    return arm(body).replace("</mujoco>", f"{told}</mujoco>")
-
-
 def ring(count):
     """Return so many joints of which each follows the next one and the last the first."""
     weighs = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
@@ -123,18 +115,15 @@ ROBOTS = {
     "depth": (arm("<frame>" * 260 + "</frame>" * 260), "20000 elements and 250 levels"),
     "bodies": (arm("<body/>" * xml.MOST_BODIES), "is too large"),
     "bytes": (sparse, "larger than 50 MB"),
-    "a tag that never ends": (b'<mujoco a="' + b"x" * 40_000_000, "it is not XML"),
+    "a tag that never ends": (b'<mujoco a="' + b"x" * 40_000_000, "cannot be read as MJCF or URDF"),
     "declared attributes": (
         f"<!DOCTYPE mujoco [<!ATTLIST site {DECLARED}>]>" + arm("<site/>" * 10_000),
         "declares a document type, <!DOCTYPE",
     ),
-    "equalities": (followers(xml.MOST_EQUALITIES + 1), "has 501 equalities that hold; robots of"),
     "includes": (including(xml.MOST_INCLUDES + 1, deep=False), "includes more than 100 files"),
     "room": (arm(head='<size nkey="2000000000"/>', mass="0"), "mass and inertia"),
     "copies by a sign": (arm('<replicate count="+99999999"><body/></replicate>'), "is too large"),
     "copies that are none": (arm('<replicate count="nan"><body/></replicate>'), "count"),
-    "a name": (arm(name="x" * 501), "control characters or more than 500 letters"),
-    "a name on two lines": (arm(name="a&#10;b"), "has control characters"),
     "mass": (arm(mass="1e16"), "is no number of a robot"),
     "gravity": (
         arm(head='<option gravity="0 0 1e16"/>'),
@@ -267,8 +256,6 @@ AT = {
     "depth": arm("<frame>" * (xml.DEEPEST - 3) + "</frame>" * (xml.DEEPEST - 3)),
     "room": arm(head='<size nkey="2000000000" nuser_geom="100"/>'),
     "idle": arm(head="<asset>" + "<material/>" * 2_000 + "</asset>"),
-    "name": arm(name="x" * 500),
-    "equalities": followers(xml.MOST_EQUALITIES),
 }  # fmt: skip
 
 
@@ -284,7 +271,7 @@ def test_every_limit_names_its_tests():
     tests = Path(__file__).parent
     page = tests.parents[1] / "docs" / "reference" / "limits.md"
     rows = [x for x in page.read_text(encoding="utf-8").splitlines() if x.startswith("| ")][2:]
-    assert len(rows) > 25
+    assert len(rows) > 20
     for row in rows:
         *_, named = row.strip("| ").split("|")
         words = re.findall(r"`(\w+(?:\.py)?)`", named)
