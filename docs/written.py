@@ -13,6 +13,7 @@ import io
 import runpy
 import sys
 import textwrap
+import tomllib
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -84,22 +85,40 @@ def _cell(text: str) -> str:
     return " ".join(text.replace("``", "`").split()).replace("|", "\\|")
 
 
+def keys_of(schema: type[BaseModel]) -> tuple[str, dict[str, tuple[Any, str]]]:
+    """Return what a table is, and of each key in its docstring an example and a sentence.
+
+    They stand there under ``Keys``, each as a file writes it, with the sentence indented below.
+    """
+    text, _, listed = (inspect.getdoc(schema) or "").partition("\n\nKeys\n----\n")
+    found: dict[str, tuple[Any, str]] = {}
+    key = ""
+    for line in listed.splitlines():
+        if line.startswith(" "):
+            example, said = found[key]
+            found[key] = example, f"{said} {line.strip()}".strip()
+        else:
+            [(key, example)] = tomllib.loads(line).items()
+            found[key] = example, ""
+    return text, found
+
+
 def rows_of(schema: type[BaseModel]) -> list[str]:
     """Return a table's keys as rows; those that are only tables have their own heading."""
-    rows = []
+    rows, (_, documented) = [], keys_of(schema)
     for name, field in schema.model_fields.items():
-        if field.description is None and any(True for _ in _inner(field.annotation)):
+        key = field.alias or name
+        if key not in documented and any(True for _ in _inner(field.annotation)):
             continue
         default = field.get_default(call_default_factory=True)
-        said = "" if default in (None, PydanticUndefined, "", [], {}) else f"`{toml_of(default)}`"
+        stated = "" if default in (None, PydanticUndefined, "", [], {}) else f"`{toml_of(default)}`"
         if default is PydanticUndefined:
-            said = "must be given"
-        [example] = field.examples or [None]
-        assert field.description, f"{schema.__name__}.{name} does not say what it is"
-        assert example is not None, f"{schema.__name__}.{name} has no example"
-        key = field.alias or name
-        cells = (f"`{key} = {toml_of(example)}`", kind_of(field.annotation), said)
-        rows.append(f"| {' | '.join(_cell(c) for c in (*cells, field.description))} |")
+            stated = "must be given"
+        assert key in documented, f"{schema.__name__} does not say what {key} is"
+        example, said = documented.pop(key)
+        cells = (f"`{key} = {toml_of(example)}`", kind_of(field.annotation), stated, said)
+        rows.append(f"| {' | '.join(_cell(c) for c in cells)} |")
+    assert not documented, f"{schema.__name__} has no {', '.join(documented)}"
     return rows
 
 
@@ -122,7 +141,7 @@ def write_schema(schema: type[BaseModel]) -> str:
     for heading, table in tables(schema):
         rows = rows_of(table)
         if heading:
-            said = inspect.getdoc(table) or ""
+            said, _ = keys_of(table)
             out += [f"## `[{heading}]`", "", said.replace("``", "`"), ""]
         if rows:
             out += ["| key, as an example | value | default | what it is |", "|---|---|---|---|"]

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, ValidationError
 
 from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
 
@@ -34,26 +34,6 @@ DEEPEST = 64
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
 # It begins where a part does: looked for in the middle, long words would take their square in time.
 _DEEP_KEY = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{DEEPEST},}}")
-
-
-def described(said: str, example: Any, default: Any = ..., **limits: Any) -> Any:
-    """Return a key of a schema with what it is, in words, and a value as a file writes it.
-
-    Parameters
-    ----------
-    said : str
-        A sentence, with the unit.
-    example : any
-    default : any
-        Or a function that makes it; without it the key must stand in the file.
-    **limits
-        Of the value, and an alias, as `pydantic.Field` takes them.
-    """
-    if callable(default):
-        limits["default_factory"] = default
-    elif default is not ...:
-        limits["default"] = default
-    return Field(description=said, examples=[example], **limits)
 
 
 def read_document(

@@ -1,10 +1,9 @@
 """The sidecar: a TOML file beside the robot file with what the robot file cannot say.
 
-Every key is optional; each says here what it is, for the reader of this file and for
-``docs/reference/sidecar.md``, which is written from it. In [nominal], [prior], [shapes],
-[reference], [limits] and the sums of [[symmetry]] a pattern such as ``wrist_*.Fv`` or ``leg?.my``
-stands for all names that fit (passive joints too), ``*`` being any letters and ``?`` one. A name
-goes before a pattern, and of two patterns the one that stands last.
+Every key is optional, and stands with what it is and an example in the docstring of its table. In
+[nominal], [prior], [shapes], [reference], [limits] and the sums of [[symmetry]] a pattern such as
+``wrist_*.Fv`` or ``leg?.my`` stands for all names that fit (passive joints too), ``*`` being any
+letters and ``?`` one. A name goes before a pattern, and of two patterns the one that stands last.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from pydantic import (
     model_validator,
 )
 
-from identifiability.foundation.documents import described, read_document
+from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Renames, find_named, is_pattern
 from identifiability.foundation.values import frozen
@@ -69,15 +68,21 @@ DEGREE = 50
 
 
 class ColumnEntry(_Strict):
-    """Positions and commands of a joint in the logs, in ticks, degrees or normalised units."""
+    """Positions and commands of a joint in the logs, in ticks, degrees or normalised units.
 
-    name: str | None = described(
-        "The joint here, where the key is what logs call it.", "elbow", None
-    )
-    scale: Factor = described("What one is [rad or m].", 0.00153, 1.0)
-    offset: float = described(
-        "Position where the log holds zero [rad or m].", -3.14, 0.0, ge=-LARGEST, le=LARGEST
-    )
+    Keys
+    ----
+    name = "elbow"
+        The joint here, where the key is what logs call it.
+    scale = 0.00153
+        What one is [rad or m].
+    offset = -3.14
+        Position where the log holds zero [rad or m].
+    """
+
+    name: str | None = None
+    scale: Factor = 1.0
+    offset: float = Field(default=0.0, ge=-LARGEST, le=LARGEST)
 
 
 _ColumnRule = Annotated[
@@ -98,42 +103,57 @@ def _checked(rules: dict[str, str | ColumnEntry]) -> dict[str, str | ColumnEntry
 
 
 class LoopEntry(_Strict):
-    """A point of one body that coincides with a point of another: a closed chain."""
+    """A point of one body that coincides with a point of another: a closed chain.
 
-    name: str = described("Its name in reports.", "tip", "")
-    body1: str = described("The one body.", "left_tip")
-    point1: Triple = described("The point in its frame [m].", [0.3, 0, 0], (0.0, 0.0, 0.0))
-    body2: str = described("The other body.", "right_tip")
-    point2: Triple = described("The point in its frame [m].", [0.3, 0, 0], (0.0, 0.0, 0.0))
-    axes: list[Literal["x", "y", "z"]] = described(
-        "Directions in which it is demanded; a planar loop may have all, at any yaw.",
-        ["x", "z"],
-        lambda: ["x", "y", "z"],
-        min_length=1,
-    )
-    frame: str | None = described(
-        "The body whose axes they are, as a slot turns with its body; without it the world's.",
-        "table",
-        None,
-    )
+    Keys
+    ----
+    name = "tip"
+        Its name in reports.
+    body1 = "left_tip"
+        The one body.
+    point1 = [0.3, 0, 0]
+        The point in its frame [m].
+    body2 = "right_tip"
+        The other body.
+    point2 = [0.3, 0, 0]
+        The point in its frame [m].
+    axes = ["x", "z"]
+        Directions in which it is demanded; a planar loop may have all, at any yaw.
+    frame = "table"
+        The body whose axes they are, as a slot turns with its body; without it the world's.
+    """
+
+    name: str = ""
+    body1: str
+    point1: Triple = (0.0, 0.0, 0.0)
+    body2: str
+    point2: Triple = (0.0, 0.0, 0.0)
+    axes: list[Literal["x", "y", "z"]] = Field(default=["x", "y", "z"], min_length=1)
+    frame: str | None = None
 
 
 class _CouplingEntry(_Strict):
-    """A joint that moves as a polynomial of others, beside what the robot file says."""
+    """A joint that moves as a polynomial of others, beside what the robot file says.
 
-    name: str = described("Its name in reports.", "parallelogram", "")
-    joint: str = described("The joint that follows.", "joint3")
-    of: str | None = described("The joint that it follows.", "joint2", None)
-    polynomial: list[float] = described(
-        "``joint = c0 + c1 of + c2 of² + …``",
-        [0, -1],
-        lambda: [0.0, 1.0],
-        min_length=1,
-        max_length=DEGREE,
-    )
-    terms: dict[str, Annotated[list[float], Field(min_length=1, max_length=DEGREE)]] = described(
-        "Further joints that are added, a polynomial each.", {"joint1": [0, 0.5, 0.1]}, dict
-    )
+    Keys
+    ----
+    name = "parallelogram"
+        Its name in reports.
+    joint = "joint3"
+        The joint that follows.
+    of = "joint2"
+        The joint that it follows.
+    polynomial = [0, -1]
+        ``joint = c0 + c1 of + c2 of² + …``
+    terms = {joint1 = [0, 0.5, 0.1]}
+        Further joints that are added, a polynomial each.
+    """
+
+    name: str = ""
+    joint: str
+    of: str | None = None
+    polynomial: list[float] = Field(default=[0.0, 1.0], min_length=1, max_length=DEGREE)
+    terms: dict[str, Annotated[list[float], Field(min_length=1, max_length=DEGREE)]] = {}
 
     @model_validator(mode="after")
     def _two_joints(self) -> _CouplingEntry:
@@ -143,97 +163,142 @@ class _CouplingEntry(_Strict):
 
 
 class _TransmissionEntry(_Strict):
-    """Motors that are coupled: motor = ratio ∘ (coupling · (q − offset))."""
+    """Motors that are coupled: motor = ratio ∘ (coupling · (q − offset)).
 
-    motors: Names = described("Their names, also more than there are joints.", ["m1", "m2"])
-    coupling: list[list[float]] = described(
-        "What each motor turns by per joint, before its gear.", [[1, 0], [1, 1]]
-    )
-    ratio: list[float] | None = described("Ratios of the gears.", [45, 32], None)
-    offset: list[float] | None = described(
-        "Joint positions where motors are at zero.", [0, 0], None
-    )
+    Keys
+    ----
+    motors = ["m1", "m2"]
+        Their names, also more than there are joints.
+    coupling = [[1, 0], [1, 1]]
+        What each motor turns by per joint, before its gear.
+    ratio = [45, 32]
+        Ratios of the gears.
+    offset = [0, 0]
+        Joint positions where motors are at zero.
+    """
+
+    motors: Names
+    coupling: list[list[float]]
+    ratio: list[float] | None = None
+    offset: list[float] | None = None
 
 
 class AxisEntry(_Strict):
     """A combination of joints on which effects can be (jaws.Fv, jaws.K …).
 
     Fixed tendons of an MJCF along several joints are axes by their own names.
+
+    Keys
+    ----
+    name = "jaws"
+        Its name.
+    joints = {jaw2 = 1, jaw1 = -1}
+        By how much each joint moves it.
+    rest = 0.1
+        Where a spring on it is relaxed; without it at home.
     """
 
-    name: str = described("Its name.", "jaws", min_length=1)
-    joints: dict[str, Factor] = described(
-        "By how much each joint moves it.", {"jaw2": 1, "jaw1": -1}, min_length=1
-    )
-    rest: float | None = described(
-        "Where a spring on it is relaxed; without it at home.", 0.1, None
-    )
+    name: str = Field(min_length=1)
+    joints: dict[str, Factor] = Field(min_length=1)
+    rest: float | None = None
 
 
 class _BaseParametersEntry(_Strict):
-    """How dependent columns are grouped."""
+    """How dependent columns are grouped.
 
-    bodies: Names = described(
-        "Bodies whose columns are kept first when columns are grouped.", ["arm2", "arm1"], list
-    )
+    Keys
+    ----
+    bodies = ["arm2", "arm1"]
+        Bodies whose columns are kept first when columns are grouped.
+    """
+
+    bodies: Names = []
 
 
 class LimitEntry(_Strict):
-    """Motion limits of an actuated joint, for motions that are designed."""
+    """Motion limits of an actuated joint, for motions that are designed.
 
-    q: Span | None = described("Position [rad or m].", [-1, 1], None)
-    v: float | None = described("Speed [rad/s or m/s].", 2, None, gt=0)
-    a: float | None = described("Acceleration [rad/s² or m/s²].", 10, None, gt=0)
-    tau: float | None = described("Torque [N·m or N].", 40, None, gt=0)
-    power: float | None = described("Power [W].", 200, None, gt=0)
+    Keys
+    ----
+    q = [-1, 1]
+        Position [rad or m].
+    v = 2
+        Speed [rad/s or m/s].
+    a = 10
+        Acceleration [rad/s² or m/s²].
+    tau = 40
+        Torque [N·m or N].
+    power = 200
+        Power [W].
+    """
+
+    q: Span | None = None
+    v: float | None = Field(default=None, gt=0)
+    a: float | None = Field(default=None, gt=0)
+    tau: float | None = Field(default=None, gt=0)
+    power: float | None = Field(default=None, gt=0)
 
 
 class _TimeEntry(_Strict):
-    """The clock of logs."""
+    """The clock of logs.
 
-    unit: Literal["s", "ms", "us", "ns"] | None = described(
-        "Unit of `t`; without it s, or what can only be meant.", "ms", None
-    )
+    Keys
+    ----
+    unit = "ms"
+        Unit of `t`; without it s, or what can only be meant.
+    """
+
+    unit: Literal["s", "ms", "us", "ns"] | None = None
 
 
 class _TorqueEntry(_Strict):
-    """What torque columns hold: τ = sign · gain · ratio · value."""
+    """What torque columns hold: τ = sign · gain · ratio · value.
 
-    side: Side = described(
-        "Where it was measured: at the joint with all of its rotor, at the `motor`'s rotor, or at "
-        "the `link` behind the gear, where no rotor inertia is seen.",
-        "motor",
-        "joint",
-    )
-    gain: Factor | dict[str, Factor] | None = described(
-        "Torque constants of currents [N·m/A]; one number, or by joint.", {"joint1": 0.11}, None
-    )
-    ratio: Factor | dict[str, Factor] | None = described("Of the gears.", {"joint1": 100}, None)
-    sign: Literal[1, -1] | dict[str, Literal[1, -1]] | None = described(
-        "−1 where a column counts the other way.", {"joint1": -1}, None
-    )
-    compensated: bool | Names | None = described(
-        "Whether the driver took off what holds the weight (or of which joints): the file's is "
-        "added again.",
-        True,
-        None,
-    )
+    Keys
+    ----
+    side = "motor"
+        Where it was measured: at the joint with all of its rotor, at the `motor`'s rotor, or at
+        the `link` behind the gear, where no rotor inertia is seen.
+    gain = {joint1 = 0.11}
+        Torque constants of currents [N·m/A]; one number, or by joint.
+    ratio = {joint1 = 100}
+        Of the gears.
+    sign = {joint1 = -1}
+        −1 where a column counts the other way.
+    compensated = true
+        Whether the driver took off what holds the weight (or of which joints): the file's is added
+        again.
+    """
+
+    side: Side = "joint"
+    gain: Factor | dict[str, Factor] | None = None
+    ratio: Factor | dict[str, Factor] | None = None
+    sign: Literal[1, -1] | dict[str, Literal[1, -1]] | None = None
+    compensated: bool | Names | None = None
 
 
 class _KnownTorqueEntry(_Strict):
-    """Torque that is supplied beside the motor's, and taken off the measured one."""
+    """Torque that is supplied beside the motor's, and taken off the measured one.
 
-    along: str = described("A joint, passive or not, or a coupled motor.", "joint2")
-    table: list[tuple[float, float]] = described(
-        "Points (position [rad or m], torque [N·m or N]).", [[-1, 0.2], [0, 0], [1, -3]], list
-    )
-    interpolation: Interpolation | None = described(
-        "Between points: linear, monotone or cubic, and never beyond the ends.", "linear", None
-    )
-    polynomial: list[float] = described(
-        "In place of a table: c0 + c1 q + …", [0, -2.5], list, max_length=DEGREE
-    )
-    range: Span | None = described("Positions between which the polynomial holds.", [-1, 1], None)
+    Keys
+    ----
+    along = "joint2"
+        A joint, passive or not, or a coupled motor.
+    table = [[-1, 0.2], [0, 0], [1, -3]]
+        Points (position [rad or m], torque [N·m or N]).
+    interpolation = "linear"
+        Between points: linear, monotone or cubic, and never beyond the ends.
+    polynomial = [0, -2.5]
+        In place of a table: c0 + c1 q + …
+    range = [-1, 1]
+        Positions between which the polynomial holds.
+    """
+
+    along: str
+    table: list[tuple[float, float]] = []
+    interpolation: Interpolation | None = None
+    polynomial: list[float] = Field(default=[], max_length=DEGREE)
+    range: Span | None = None
 
     @model_validator(mode="after")
     def _one_of_both(self) -> _KnownTorqueEntry:
@@ -254,74 +319,89 @@ class ServoEntry(_Strict):
     """Position servos, where logs hold commands and no torque.
 
     τ = kp (q_cmd − q) + kv (dq_cmd − dq) + τ_ff
+
+    Keys
+    ----
+    kp = 40
+        [N·m/rad or N/m]; one number, or by joint; "fit" where logs shall tell it, as they do where
+        nobody states any gain.
+    kv = {"*_knee" = 2, "*" = 1}
+        [N·m·s/rad or N·s/m]; one number, or by joint, or "fit".
+    limit = 30
+        Torque beyond which it is saturated [N·m or N]; where none is stated logs tell it.
+    delay = 0.004
+        Of commands [s]; auto: logs tell it.
+    rate = 500
+        At which the servo measures and acts [Hz]; 1000 where nobody says it.
     """
 
-    kp: Fitted | dict[str, Fitted] | None = described(
-        '[N·m/rad or N/m]; one number, or by joint; "fit" where logs shall tell it, as they do '
-        "where nobody states any gain.",
-        40,
-        None,
-    )
-    kv: Fitted | dict[str, Fitted] | None = described(
-        '[N·m·s/rad or N·s/m]; one number, or by joint, or "fit".', {"*_knee": 2, "*": 1}, None
-    )
-    limit: Length | dict[str, Length] | None = described(
-        "Torque beyond which it is saturated [N·m or N]; where none is stated logs tell it.",
-        30,
-        None,
-    )
-    delay: Literal["auto"] | Annotated[float, Field(ge=0, le=1)] = described(
-        "Of commands [s]; auto: logs tell it.", 0.004, "auto"
-    )
-    rate: Length | None = described(
-        "At which the servo measures and acts [Hz]; 1000 where nobody says it.", 500, None
-    )
+    kp: Fitted | dict[str, Fitted] | None = None
+    kv: Fitted | dict[str, Fitted] | None = None
+    limit: Length | dict[str, Length] | None = None
+    delay: Literal["auto"] | Annotated[float, Field(ge=0, le=1)] = "auto"
+    rate: Length | None = None
 
 
 class ImuEntry(_Strict):
     """How an inertial sensor is mounted on a base that floats.
 
     It reads a = R (a₀ + dω/dt × r + ω × (ω × r)) + b where the base's origin accelerates by a₀.
+
+    Keys
+    ----
+    rotation = [0, 0, 1.57]
+        Roll, pitch and yaw of the sensor on the base [rad].
+    place = [0, 0, 0.05]
+        Where it is on the base [m].
+    acc_bias = [0.1, 0, -0.05]
+        What the accelerometer reads too much [m/s²].
+    gyro_bias = [0.002, 0, 0]
+        What the gyroscope reads too much [rad/s].
+    fit = ["place", "acc_bias"]
+        Those of these that are known roughly: corrections of them are fitted (the effect
+        `imu_mounting`).
     """
 
-    rotation: Triple = described(
-        "Roll, pitch and yaw of the sensor on the base [rad].", [0, 0, 1.57], (0.0, 0.0, 0.0)
-    )
-    place: Triple = described("Where it is on the base [m].", [0, 0, 0.05], (0.0, 0.0, 0.0))
-    acc_bias: Triple = described(
-        "What the accelerometer reads too much [m/s²].", [0.1, 0, -0.05], (0.0, 0.0, 0.0)
-    )
-    gyro_bias: Triple = described(
-        "What the gyroscope reads too much [rad/s].", [0.002, 0, 0], (0.0, 0.0, 0.0)
-    )
-    fit: list[Literal["rotation", "place", "acc_bias", "gyro_bias"]] = described(
-        "Those of these that are known roughly: corrections of them are fitted (the effect "
-        "`imu_mounting`).",
-        ["place", "acc_bias"],
-        list,
-    )
+    rotation: Triple = (0.0, 0.0, 0.0)
+    place: Triple = (0.0, 0.0, 0.0)
+    acc_bias: Triple = (0.0, 0.0, 0.0)
+    gyro_bias: Triple = (0.0, 0.0, 0.0)
+    fit: list[Literal["rotation", "place", "acc_bias", "gyro_bias"]] = []
 
 
 class ContactEntry(_Strict):
     """Where the ground presses on a robot that floats, with a force that nobody measures.
 
     Without flag and schedule the contact never opens.
+
+    Keys
+    ----
+    frame = "FL_foot"
+        A body, or a site or geom of an MJCF.
+    kind = "point"
+        Whether it transmits a force alone, or a moment, too.
+    point = [0, 0, -0.2]
+        Its middle in that frame [m].
+    radius = 0.02
+        Of a round foot [m]; without it that of a sphere of the file is its own.
+    flag = "FL_contact"
+        Column of logs that says when it is closed.
+    threshold = 10
+        Of that column, above which it is.
+    schedule = [[0, 1.5], [2, 4]]
+        Or between which times it is closed [s].
+    margin = 0.02
+        How much longer on both sides it may be [s].
     """
 
-    frame: str = described("A body, or a site or geom of an MJCF.", "FL_foot")
-    kind: Literal["point", "surface"] = described(
-        "Whether it transmits a force alone, or a moment, too.", "point", "point"
-    )
-    point: Triple = described("Its middle in that frame [m].", [0, 0, -0.2], (0.0, 0.0, 0.0))
-    radius: Gain | None = described(
-        "Of a round foot [m]; without it that of a sphere of the file is its own.", 0.02, None
-    )
-    flag: str = described("Column of logs that says when it is closed.", "FL_contact", "")
-    threshold: float = described("Of that column, above which it is.", 10, 0.5)
-    schedule: list[Span] | None = described(
-        "Or between which times it is closed [s].", [[0, 1.5], [2, 4]], None
-    )
-    margin: Gain = described("How much longer on both sides it may be [s].", 0.02, 0.02)
+    frame: str
+    kind: Literal["point", "surface"] = "point"
+    point: Triple = (0.0, 0.0, 0.0)
+    radius: Gain | None = None
+    flag: str = ""
+    threshold: float = 0.5
+    schedule: list[Span] | None = None
+    margin: Gain = 0.02
 
     @model_validator(mode="after")
     def _one_of_both(self) -> ContactEntry:
@@ -331,12 +411,18 @@ class ContactEntry(_Strict):
 
 
 class WrenchEntry(_Strict):
-    """A force, and a moment, on a robot that floats which is measured."""
+    """A force, and a moment, on a robot that floats which is measured.
 
-    frame: str = described("A body, site or geom, along whose axes it is.", "FL_foot")
-    columns: Names = described(
-        "Columns of logs: three [N], or six [N, N·m].", ["FL_fx", "FL_fy", "FL_fz"]
-    )
+    Keys
+    ----
+    frame = "FL_foot"
+        A body, site or geom, along whose axes it is.
+    columns = ["FL_fx", "FL_fy", "FL_fz"]
+        Columns of logs: three [N], or six [N, N·m].
+    """
+
+    frame: str
+    columns: Names
 
     @model_validator(mode="after")
     def _three_or_six(self) -> WrenchEntry:
@@ -346,139 +432,158 @@ class WrenchEntry(_Strict):
 
 
 class _SymmetryEntry(_Strict):
-    """Columns that equal parts let us add."""
+    """Columns that equal parts let us add.
 
-    name: str = described("Its name in reports.", "equal legs", "")
-    tie: dict[str, list[str]] = described(
-        "The parameter, and those that are equal to it.", {"leg.my": ["leg1.my", "leg2.my"]}
-    )
+    Keys
+    ----
+    name = "equal legs"
+        Its name in reports.
+    tie = {"leg.my" = ["leg1.my", "leg2.my"]}
+        The parameter, and those that are equal to it.
+    """
+
+    name: str = ""
+    tie: dict[str, list[str]]
 
 
 class _EllipsoidEntry(_Strict):
-    """Where a centre of mass is."""
+    """Where a centre of mass is.
 
-    centre: Triple = described("In the body's frame [m].", [0, 0, 0.2], (0.0, 0.0, 0.0))
-    radii: tuple[Length, Length, Length] = described("Along its axes [m].", [0.1, 0.1, 0.3])
+    Keys
+    ----
+    centre = [0, 0, 0.2]
+        In the body's frame [m].
+    radii = [0.1, 0.1, 0.3]
+        Along its axes [m].
+    """
+
+    centre: Triple = (0.0, 0.0, 0.0)
+    radii: tuple[Length, Length, Length]
 
 
 class BodyBoundsEntry(_Strict):
-    """What is known of a body, or of all whose names fit."""
+    """What is known of a body, or of all whose names fit.
 
-    mass: Masses | None = described("Least and largest mass [kg].", [0.5, 2.0], None)
-    box: tuple[Span, Span, Span] | None = described(
-        "Where its centre of mass is, along the axes of the body's frame in the robot file [m].",
-        [[-0.1, 0.1], [-0.1, 0.1], [0.0, 0.4]],
-        None,
-    )
+    Keys
+    ----
+    mass = [0.5, 2.0]
+        Least and largest mass [kg].
+    box = [[-0.1, 0.1], [-0.1, 0.1], [0.0, 0.4]]
+        Where its centre of mass is, along the axes of the body's frame in the robot file [m].
+    """
+
+    mass: Masses | None = None
+    box: tuple[Span, Span, Span] | None = None
     ellipsoid: _EllipsoidEntry | None = None
 
 
 class BoundsEntry(_Strict):
-    """What a real robot of this kind can have."""
+    """What a real robot of this kind can have.
 
-    total_mass: Masses | None = described(
-        "Least and largest mass of all moving bodies, without payload [kg].", [8.0, 12.0], None
-    )
+    Keys
+    ----
+    total_mass = [8.0, 12.0]
+        Least and largest mass of all moving bodies, without payload [kg].
+    """
+
+    total_mass: Masses | None = None
     bodies: dict[str, BodyBoundsEntry] = {}
 
 
 class _PriorEntry(_Strict):
-    """A normal prior of a standard parameter; others are nominal ± prior_relative × their size."""
+    """A normal prior of a standard parameter; others are nominal ± prior_relative × their size.
 
-    mean: float = described("In SI units.", 3.0)
-    sd: float = described("In SI units.", 0.3, gt=0)
+    Keys
+    ----
+    mean = 3.0
+        In SI units.
+    sd = 0.3
+        In SI units.
+    """
+
+    mean: float
+    sd: float = Field(gt=0)
 
 
 class Sidecar(_Strict):
-    """What the robot file cannot say."""
+    r"""What the robot file cannot say.
 
-    name: str = described("The robot's name.", "3-RPS parallel robot", "", max_length=LONGEST_NAME)
-    description: str = described(
-        "A sentence on it.", "Three legs carry a platform.", "", max_length=20 * LONGEST_NAME
-    )
-    base: Literal["fixed", "floating"] | None = described(
-        "Whether the root of a legged robot, or of one that floats in its file, was bolted down "
-        "(`fixed`), or nothing held it (`floating`).",
-        "fixed",
-        None,
-    )
-    stand: Triple | None = described(
-        "Roll, pitch and yaw [rad] at which the root stood in the world where it was bolted down "
-        "or hung up; without it as the file draws it.",
-        [0, 1.57, 0],
-        None,
-    )
-    actuated: list[str] | None = described(
-        "Which joints have a motor; without it those of <actuator>, or all.",
-        ["joint1", "joint2"],
-        None,
-    )
-    locked: Names | dict[str, float | None] = described(
-        "Joints that do not move, or a table with where they stand.", {"finger": 0.02}, list
-    )
-    angles: Literal["rad", "deg"] | None = described(
-        "Unit of angles in logs; without it rad, and what looks like degrees is refused.",
-        "deg",
-        None,
-    )
-    effects: Names = described(
-        "Effects of default models that are at some places only, as a ladder writes them.",
-        ["joint_stiffness@roll"],
-        list,
-    )
-    massless: Names = described(
-        "Links of a URDF between the axes of one joint (universal, ball), each carrying one "
-        "joint: they are no bodies.",
-        ["cross"],
-        list,
-    )
-    guessed: Names = described(
-        "Bodies whose masses and inertias in the file are guesses, as those that a table "
-        "leaves out: no torque is compared with what they ask for.",
-        ["forearm"],
-        list,
-    )
-    inertia_parts: Names = described(
-        "What an actuator's inertia is made of.", ["Jr", "Js"], lambda: ["Ia"], min_length=1
-    )
-    home: dict[str, float] = described(
-        "Joint positions; they select the assembly of a closed chain.", {"joint1": 0.3}, dict
-    )
+    Keys
+    ----
+    name = "3-RPS parallel robot"
+        The robot's name.
+    description = "Three legs carry a platform."
+        A sentence on it.
+    base = "fixed"
+        Whether the root of a legged robot, or of one that floats in its file, was bolted down
+        (`fixed`), or nothing held it (`floating`).
+    stand = [0, 1.57, 0]
+        Roll, pitch and yaw [rad] at which the root stood in the world where it was bolted down or
+        hung up; without it as the file draws it.
+    actuated = ["joint1", "joint2"]
+        Which joints have a motor; without it those of <actuator>, or all.
+    locked = {finger = 0.02}
+        Joints that do not move, or a table with where they stand.
+    angles = "deg"
+        Unit of angles in logs; without it rad, and what looks like degrees is refused.
+    effects = ["joint_stiffness@roll"]
+        Effects of default models that are at some places only, as a ladder writes them.
+    massless = ["cross"]
+        Links of a URDF between the axes of one joint (universal, ball), each carrying one joint:
+        they are no bodies.
+    guessed = ["forearm"]
+        Bodies whose masses and inertias in the file are guesses, as those that a table leaves out:
+        no torque is compared with what they ask for.
+    inertia_parts = ["Jr", "Js"]
+        What an actuator's inertia is made of.
+    home = {joint1 = 0.3}
+        Joint positions; they select the assembly of a closed chain.
+    symbols = {platform = "3"}
+        Short forms of bodies and joints in labels.
+    nominal = {"joint1.Fv" = 3.0}
+        Values of parameters beside those of the robot file.
+    rest = {joint2 = 0.4}
+        Where the spring of a joint (joint2.K) is relaxed [rad or m]; without it as the robot file
+        says, or at home.
+    shapes = {"joint1.stribeck_friction" = 0.05}
+        Shapes by joint and effect: a Stribeck velocity [rad/s or m/s], the period of a ripple.
+    reference = {"arm1.m" = 3.0}
+        Values by which the loads of load-dependent friction, a tilted base and a delay are known;
+        without them nominal ones.
+    columns = {"fer_joint(\\d)" = "panda_joint\\1", elbow = {scale = 0.00153, offset = -3.14}}
+        Column or joint in the logs = column or joint here; or a regular expression for the whole
+        name. Or joint (or pattern) = scale and offset of its positions and commands.
+    prior_relative = 0.5
+        Width of the priors that [prior] does not state, as a share of their size.
+    prior_share = {hand = 0.02, "link*" = 0.1}
+        Bodies (or patterns) to the share within which each is the robot file's; of the others
+        --prior is.
+    """
+
+    name: str = Field(default="", max_length=LONGEST_NAME)
+    description: str = Field(default="", max_length=20 * LONGEST_NAME)
+    base: Literal["fixed", "floating"] | None = None
+    stand: Triple | None = None
+    actuated: list[str] | None = None
+    locked: Names | dict[str, float | None] = []
+    angles: Literal["rad", "deg"] | None = None
+    effects: Names = []
+    massless: Names = []
+    guessed: Names = []
+    inertia_parts: Names = Field(default=["Ia"], min_length=1)
+    home: dict[str, float] = {}
     loops: list[LoopEntry] | None = None
     couplings: list[_CouplingEntry] = []
     transmission: _TransmissionEntry | None = None
     axes: list[AxisEntry] = []
-    symbols: dict[str, str] = described(
-        "Short forms of bodies and joints in labels.", {"platform": "3"}, dict
-    )
+    symbols: dict[str, str] = {}
     base_parameters: _BaseParametersEntry = _BaseParametersEntry()
-    nominal: dict[str, Value] = described(
-        "Values of parameters beside those of the robot file.", {"joint1.Fv": 3.0}, dict
-    )
-    rest: dict[str, float] = described(
-        "Where the spring of a joint (joint2.K) is relaxed [rad or m]; without it as the robot "
-        "file says, or at home.",
-        {"joint2": 0.4},
-        dict,
-    )
-    shapes: dict[str, Annotated[float, Field(gt=0)]] = described(
-        "Shapes by joint and effect: a Stribeck velocity [rad/s or m/s], the period of a ripple.",
-        {"joint1.stribeck_friction": 0.05},
-        dict,
-    )
-    reference: dict[str, float] = described(
-        "Values by which the loads of load-dependent friction, a tilted base and a delay are "
-        "known; without them nominal ones.",
-        {"arm1.m": 3.0},
-        dict,
-    )
+    nominal: dict[str, Value] = {}
+    rest: dict[str, float] = {}
+    shapes: dict[str, Annotated[float, Field(gt=0)]] = {}
+    reference: dict[str, float] = {}
     limits: dict[str, LimitEntry] = {}
-    columns: Annotated[dict[str, _ColumnRule], AfterValidator(_checked)] = described(
-        "Column or joint in the logs = column or joint here; or a regular expression for the "
-        "whole name. Or joint (or pattern) = scale and offset of its positions and commands.",
-        {"fer_joint(\\d)": "panda_joint\\1", "elbow": {"scale": 0.00153, "offset": -3.14}},
-        dict,
-    )
+    columns: Annotated[dict[str, _ColumnRule], AfterValidator(_checked)] = {}
     time: _TimeEntry = _TimeEntry()
     torque: _TorqueEntry = _TorqueEntry()
     servo: ServoEntry | None = None
@@ -487,19 +592,9 @@ class Sidecar(_Strict):
     contacts: list[ContactEntry] = []
     wrench: list[WrenchEntry] = []
     symmetry: list[_SymmetryEntry] = []
-    prior_relative: float = described(
-        "Width of the priors that [prior] does not state, as a share of their size.",
-        0.5,
-        1.0,
-        gt=0,
-    )
+    prior_relative: float = Field(default=1.0, gt=0)
     prior: dict[str, _PriorEntry] = {}
-    prior_share: dict[str, Annotated[float, Field(gt=0, le=1)]] = described(
-        "Bodies (or patterns) to the share within which each is the robot file's; of the others "
-        "--prior is.",
-        {"hand": 0.02, "link*": 0.1},
-        dict,
-    )
+    prior_share: dict[str, Annotated[float, Field(gt=0, le=1)]] = {}
     bounds: BoundsEntry = BoundsEntry()
 
 
