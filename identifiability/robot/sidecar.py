@@ -1,8 +1,8 @@
 """The sidecar: a TOML file beside the robot file with what the robot file cannot say.
 
-Every key is optional, and stands with what it is and an example in the docstring of its table. In
-[nominal], [prior], [shapes], [reference], [limits] and the sums of [[symmetry]] a pattern such as
-``wrist_*.Fv`` or ``leg?.my`` stands for all names that fit (passive joints too), ``*`` being any
+Docstrings show every key as a file writes it, and docs/reference/sidecar.md is written from them.
+In [nominal], [prior], [shapes], [reference], [limits] and the sums of [[symmetry]] a pattern such
+as ``wrist_*.Fv`` or ``leg?.my`` stands for all names that fit (passive joints too), ``*`` being any
 letters and ``?`` one. A name goes before a pattern, and of two patterns the one that stands last.
 """
 
