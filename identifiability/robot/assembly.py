@@ -17,11 +17,10 @@ import pinocchio as pin
 from identifiability.foundation.errors import ClosureError, RobotError, listing, near_match
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames
-from identifiability.foundation.rules import Tolerance
 from identifiability.robot import closure
 from identifiability.robot.cables import stretch_home
 from identifiability.robot.closure import ACCEPTED, find_assemblies, newton
-from identifiability.robot.description import Bound, Description, Ellipsoid
+from identifiability.robot.description import ENDLESS, Bound, Description, Ellipsoid
 from identifiability.robot.floating import BASE_JOINTS, Base, Contact, Imu, Wrench
 from identifiability.robot.kinematics import Point, body_names
 from identifiability.robot.markup import check_nominal
@@ -37,14 +36,11 @@ from identifiability.robot.parts import (
 from identifiability.robot.rules import RULES
 from identifiability.robot.servo import read_servo
 from identifiability.robot.sidecar import (
-    AxisEntry,
     BodyBoundsEntry,
-    BoundsEntry,
     ImuEntry,
     LimitEntry,
     LoopEntry,
     Owners,
-    ServoEntry,
     Sidecar,
     by_name,
     check_known,
@@ -56,7 +52,7 @@ from identifiability.robot.sidecar import (
 
 
 def combine_joints(
-    path: Path, entries: list[AxisEntry], stated: Stated, taken: Collection[str]
+    path: Path, extra: Sidecar, stated: Stated, taken: Collection[str]
 ) -> Mapping[str, Combination]:
     """Return every combination of joints by its name; the sidecar goes before the robot file.
 
@@ -66,7 +62,7 @@ def combine_joints(
     ----------
     path : Path
         The robot file, for sentences.
-    entries : list of AxisEntry
+    extra : Sidecar
     stated : Stated
     taken : collection of str
         Names of bodies, joints and motors, which no axis can have.
@@ -78,18 +74,18 @@ def combine_joints(
     """
     known = (*stated.tree.single, *stated.locked)
     found = dict(stated.combinations)
-    for entry in entries:
+    for entry in extra.axes:
         check_known(path, f"axes.{entry.name}.joints", entry.joints, known)
         moving = {joint: c for joint, c in entry.joints.items() if joint not in stated.locked}
         if moving:
             found[entry.name] = _restated(found.get(entry.name), moving, entry.rest)
-    for name in (*found, *(entry.name for entry in entries)):
+    for name in (*found, *(entry.name for entry in extra.axes)):
         if name in taken:
             raise RobotError(
                 f"{path}: the axis '{name}' has the name of a body, joint or motor, and parameters "
                 "are named after it; give it another."
             )
-    names = [entry.name for entry in entries]
+    names = [entry.name for entry in extra.axes]
     if len(set(names)) < len(names):
         raise RobotError(f"The sidecar of {path}: the axes are {listing(names)}; name each once.")
     return found
@@ -104,21 +100,11 @@ def _restated(
     return Combination(weights, stated.numbers, stated.rest if rest is None else rest)
 
 
-def motor_tendons(stated: Stated, motors: Collection[str]) -> tuple[Stated, dict[str, Combination]]:
-    """Return what a file states without the tendons that have the names of motors, and these.
-
-    An export writes what a motor that mixes joints has of its own as a tendon.
-    """
-    own = {name: c for name, c in stated.combinations.items() if name in motors}
-    left = {name: c for name, c in stated.combinations.items() if name not in motors}
-    return replace(stated, combinations=left), own
-
-
 # What a sidecar says of masses and centres of mass, body by body.
 
 
 def read_bounds(
-    path: Path, entry: BoundsEntry, bodies: tuple[str, ...], stated: Stated
+    path: Path, extra: Sidecar, bodies: tuple[str, ...], stated: Stated
 ) -> tuple[Bound, ...]:
     """Return the bounds of a robot.
 
@@ -126,7 +112,7 @@ def read_bounds(
     ----------
     path : Path
         The robot file, for sentences.
-    entry : BoundsEntry
+    extra : Sidecar
     bodies : tuple of str
         The moving bodies.
     stated : Stated
@@ -136,20 +122,21 @@ def read_bounds(
     RobotError
         If a body is not there, or the masses of bodies contradict the total one.
     """
-    known = by_name(path, "bounds.bodies", entry.bodies, bodies, stated.welded)
+    known = by_name(path, "bounds.bodies", extra.bounds.bodies, bodies, stated.welded)
     bounds = [_of_body(body, known[body], stated) for body in bodies if body in known]
-    if entry.total_mass is None:
+    total = extra.bounds.total_mass
+    if total is None:
         return tuple(bounds)
     spans = [known[body].mass if body in known else None for body in bodies]
     least = sum(span[0] for span in spans if span is not None)
     most = sum(np.inf if span is None else span[1] for span in spans)
-    low, high = entry.total_mass
+    low, high = total
     if least >= high or most <= low:
         raise RobotError(
             f"The sidecar of {path}: [bounds] says that the total mass is {low:g} … {high:g} kg, "
             f"and that of its bodies is {least:g} … {most:g} kg; widen one of them."
         )
-    return (*bounds, Bound(bodies, entry.total_mass))
+    return (*bounds, Bound(bodies, total))
 
 
 def _of_body(body: str, entry: BodyBoundsEntry, stated: Stated) -> Bound:
@@ -171,10 +158,6 @@ def _of_body(body: str, entry: BodyBoundsEntry, stated: Stated) -> Bound:
 # A closed chain has several assemblies; home selects one, so it must nearly close the loops. Of a
 # robot whose files state no home it is the assembly nearest to the file's configuration, if no
 # other one is about as near.
-
-
-#: No joint is further from zero than this [m or rad].
-FAR: Tolerance = 1e6
 
 
 def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Description:
@@ -259,7 +242,7 @@ def _follow_couplings(robot: Description) -> Array:
             follower, value = c.of, (at - poly.coef[0]) / poly.coef[1]
         else:
             continue
-        if abs(value) < FAR:
+        if abs(value) < ENDLESS:
             home[single[follower].iq] = value
     return home
 
@@ -299,7 +282,7 @@ def position_limits(
             continue
         lower = float(robot.model.lowerPositionLimit[iq])
         upper = float(robot.model.upperPositionLimit[iq])
-        if lower < upper and max(abs(lower), abs(upper)) < FAR:
+        if lower < upper and max(abs(lower), abs(upper)) < ENDLESS:
             out[row] = lower, upper
     return out
 
@@ -314,7 +297,7 @@ def _assemble_nearest(robot: Description, extra: Sidecar) -> Description:
     """
     if robot.equations < max(len(robot.dependent), 1):
         return robot
-    if not RULES.home_open < closure.loop_error(robot, robot.home[None])[0] < FAR:
+    if not RULES.home_open < closure.loop_error(robot, robot.home[None])[0] < ENDLESS:
         return robot
     limits = np.tile([[-np.inf], [np.inf]], len(robot.home))
     for name, joint in robot.tree.single.items():
@@ -379,8 +362,11 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     model, bodies = stated.model, body_names(stated.model)
     motors = tuple(extra.transmission.motors) if extra.transmission else ()
     taken = (*bodies, *(d for j in stated.tree.joints for d in j.dofs), *stated.locked, *motors)
-    stated, driven = motor_tendons(stated, motors)
-    axes = combine_joints(path, extra.axes, stated, taken)
+    # An export writes what a motor that mixes joints has of its own as a tendon of its name.
+    driven = {name: c for name, c in stated.combinations.items() if name in motors}
+    left = {name: c for name, c in stated.combinations.items() if name not in motors}
+    stated = replace(stated, combinations=left)
+    axes = combine_joints(path, extra, stated, taken)
     dofs = tuple(d for j in stated.tree.joints for d in j.dofs)
     owners = Owners(bodies, dofs, (*motors, *axes), tuple(stated.locked), tuple(stated.welded))
     extra = settle_names(path, extra, owners)
@@ -426,7 +412,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         angles=extra.angles,
         locked=dict(stated.locked),
         welded=dict(stated.welded),
-        bounds=read_bounds(path, extra.bounds, bodies, stated),
+        bounds=read_bounds(path, extra, bodies, stated),
         cables=stated.cables,
         outside=stated.outside,
         entries=stated.entries,
@@ -452,7 +438,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     motors = robot.motor_joints
     servo = None
     if motors:  # a body alone has none
-        gains = _servo_tables(path, extra.servo, motors)
+        gains = _servo_tables(path, extra, motors)
         servo = read_servo(path, extra.servo, gains, stated.servos, motors)
     if robot.base is None:
         robot = replace(robot, servo=servo)
@@ -559,11 +545,9 @@ def _nominal(
     return every
 
 
-def _servo_tables(
-    path: Path, entry: ServoEntry | None, joints: tuple[str, ...]
-) -> dict[str, dict[str, Any]]:
+def _servo_tables(path: Path, extra: Sidecar, joints: tuple[str, ...]) -> dict[str, dict[str, Any]]:
     """Return what the sidecar says of servos, by joint; a number is for all joints."""
-    given = {key: getattr(entry, key, None) for key in ("kp", "kv", "limit")}
+    given = {key: getattr(extra.servo, key, None) for key in ("kp", "kv", "limit")}
     return {
         key: by_name(path, f"servo.{key}", value, joints)
         if isinstance(value, dict)

@@ -358,7 +358,7 @@ def write_servos(top: ET.Element, joints: Sequence[str], servo: Servo) -> None:
             new.set("forcerange", numbers(np.array([servo.low[k], servo.high[k]])))
 
 
-def write_cable(element: ET.Element, stated: Mapping[str, float], rest: float) -> None:
+def write_tendon(element: ET.Element, stated: Mapping[str, float], rest: float) -> None:
     """Write friction, inertia and spring of a tendon that is relaxed at a length [m]."""
     for word, value in stated.items():
         element.set(word, f"{value:.17g}")

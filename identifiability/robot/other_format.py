@@ -16,7 +16,8 @@ from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_text
 from identifiability.foundation.rules import Tolerance
-from identifiability.robot.description import ENDLESS, Description
+from identifiability.robot.assembly import position_limits
+from identifiability.robot.description import Description
 from identifiability.robot.files import PLACEHOLDER
 from identifiability.robot.kinematics import WORLD, Joint, Point
 from identifiability.robot.markup import numbers, urdf_inertial, urdf_joint
@@ -45,13 +46,6 @@ def ends_of(robot: Description, ground: str) -> list[list[tuple[str, Array]]]:
     """Return of every loop its two bodies and the points in the frames of their joints."""
     points: list[tuple[Point, Point]] = [(loop.first, loop.second) for loop in robot.loops]
     return [[(body_of(robot, p.joint, ground), p.position) for p in pair] for pair in points]
-
-
-def range_of(robot: Description, joint: Joint) -> tuple[float, float] | None:
-    """Return the position limits of a joint, if it has any."""
-    low = float(robot.model.lowerPositionLimit[joint.iq])
-    high = float(robot.model.upperPositionLimit[joint.iq])
-    return (low, high) if -ENDLESS < low < high < ENDLESS else None
 
 
 def placement(joint: Joint) -> pin.SE3:
@@ -97,9 +91,9 @@ def converted_mjcf(robot: Description) -> ET.Element:
                 body, "joint", name=joint.dofs[0], type=kind,
                 axis=numbers(place.rotation @ joint.axis), pos=numbers(place.translation),
             )  # fmt: skip
-            span = range_of(robot, joint)
-            if span is not None:
-                made.set("range", numbers(np.array(span)))
+            span = position_limits(robot, joint.dofs, {})[0]
+            if np.isfinite(span).all():
+                made.set("range", numbers(span))
         ET.SubElement(body, "inertial", mass="1", pos="0 0 0", diaginertia="1 1 1")
     _add_closures(top, bodies, robot)
     motors = ET.SubElement(top, "actuator")
@@ -167,17 +161,17 @@ def converted_urdf(robot: Description) -> ET.Element:
     for body, joints in body_joints(robot):
         above = body_of(robot, joints[0].parent, ground)
         for joint in joints:
-            name, span = joint.dofs[0], range_of(robot, joint)
-            turning = "revolute" if span else "continuous"
+            name, span = joint.dofs[0], position_limits(robot, joint.dofs, {})[0]
+            limited = np.isfinite(span).all()
+            turning = "revolute" if limited else "continuous"
             kind = "prismatic" if joint.kind == "prismatic" else turning
             child = between.get(name, body)
             own = urdf_joint(top, name, kind, above, child, placement(joint))
             above = child
             ET.SubElement(own, "axis", xyz=numbers(joint.axis))
-            if span is None and joint.kind == "prismatic":
-                span = (-FAR, FAR)  # of a URDF that has none no reader makes a robot
-            if span:
-                limit = {"lower": f"{span[0]:.17g}", "upper": f"{span[1]:.17g}"}
+            if kind != "continuous":  # of a slide without limits no reader makes a robot
+                low, high = np.clip(span, -FAR, FAR)
+                limit = {"lower": f"{low:.17g}", "upper": f"{high:.17g}"}
                 ET.SubElement(own, "limit", limit, effort="0", velocity="0")
             follows = coupled.get(name)
             if follows is not None and follows.of is not None:
@@ -223,7 +217,11 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
     most = MOST_MJCF if mjcf else MOST_URDF
     left = [c for c in robot.couplings if not stated_in_file(c, most)]
     new["couplings"] = [_coupling(robot, c) for c in left]
-    new["axes"] = [_axis(robot, name) for name in robot.combinations]
+    new["axes"] = [
+        {"name": name, "joints": dict(weights)}
+        | ({"rest": robot.rest[name]} if name in robot.rest else {})
+        for name, weights in robot.combinations.items()
+    ]
     if "bounds" in given:
         given["bounds"] = {**given["bounds"], "bodies": _bounds(robot)}
     return {**{k: v for k, v in new.items() if v}, **given}
@@ -302,11 +300,6 @@ def _coupling(robot: Description, coupling: Coupling) -> dict[str, Any]:
     if coupling.of is not None:
         entry["of"] = coupling.of
     return {**entry, "terms": terms} if terms else entry
-
-
-def _axis(robot: Description, name: str) -> dict[str, Any]:
-    rest = {"rest": robot.rest[name]} if name in robot.rest else {}
-    return {"name": name, "joints": dict(robot.combinations[name]), **rest}
 
 
 def _bounds(robot: Description) -> dict[str, Any]:

@@ -30,10 +30,10 @@ from identifiability.robot.markup import (
     thicken,
     urdf_inertial,
     urdf_joint,
-    write_cable,
     write_gravity,
     write_inertial,
     write_servos,
+    write_tendon,
 )
 from identifiability.robot.parts import Axis
 from identifiability.robot.servo import FOUND, SIDECAR
@@ -66,9 +66,7 @@ def write_axes(
         element = present[name] if name in present else _add(top, robot, axes[name])
         parts = [(str(e.get("joint")), float(e.get("coef", 1.0))) for e in element.iter("joint")]
         still = sum(c * robot.locked.get(joint, 0.0) for joint, c in parts)
-        element.attrib.update({word: f"{value:.17g}" for word, value in numbers.items()})
-        if numbers.get("stiffness"):
-            element.set("springlength", f"{rest_along(robot, axes[name]) + still:.17g}")
+        write_tendon(element, numbers, rest_along(robot, axes[name]) + still)
 
 
 def _add(top: ET.Element, robot: Description, axis: Axis) -> ET.Element:
@@ -155,7 +153,7 @@ def write_robot(
     cables = {e.get("name"): e for e in top.iter("spatial")}
     for name in slides & set(joints):
         home = float(robot.dof_position(robot.home[None], name)[0])
-        write_cable(cables[name], joints[name], robot.rest.get(name, home))
+        write_tendon(cables[name], joints[name], robot.rest.get(name, home))
     if comment:  # two hyphens end one
         top.insert(0, ET.Comment(f" {comment.replace('--', '– ')} "))
     ET.indent(top)
