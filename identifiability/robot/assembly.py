@@ -251,21 +251,21 @@ def _refuse_loose(robot: Description, count: int) -> NoReturn:
     """Say what to do about passive joints that no equation determines."""
     if count or robot.loops or robot.couplings:
         _check_closed_home(robot)
-    wide = [f"{j.kind} joint '{j.dofs[0].rpartition('.')[0]}'"
-            for j in robot.tree.joints if j.nv > 1]  # fmt: skip
+    wide = [j.dofs[0].rpartition(".")[0] for j in robot.tree.joints if j.nv > 1]
     single = [name for name in robot.passive if name in robot.tree.single]
-    locks = listing([f"--lock {name}" for name in single], between=" ") or "--lock joint"
-    example = f"--lock {(*single, 'joint')[0]}"
-    balls = ""
+    advice = ""
     if wide:
-        balls = f" The {listing(wide)} can only be passive in a closed loop; write a ball that is "
-        balls += "driven as three hinges in one body."
+        advice = f" Ball and floating joints ({listing(wide)}) can only be passive in a closed "
+        advice += "loop; write a ball that is driven as three hinges in one body."
+    if single:
+        locks = listing([f"--lock {name}" for name in single], between=" ")
+        advice += f" What stands still, as a gripper may, is locked: {locks} (or {single[0]}=0.02)."
     raise RobotError(
         f"{robot.path}: {len(robot.dependent)} joints have no actuator ({listing(robot.passive)}) "
         f"and the loops give only {count} independent equations; name the missing actuated joints "
         "(<actuator> in MJCF, 'actuated' in the sidecar), add the closures, or choose a home "
         "position away from singularities. What swings freely, as a pendulum does, is not served."
-        f"{balls} What stands still, as a gripper may, is locked: {locks} (or {example}=0.02)."
+        f"{advice}"
     )
 
 

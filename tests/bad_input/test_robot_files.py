@@ -157,7 +157,7 @@ URDF = {
     ),
     "floating joint": (
         ('"joint_2" type="revolute"', '"joint_2" type="floating"'),
-        "The free joint 'joint_2' can only be passive",
+        r"floating joints \(joint_2\) can only be passive",
     ),
     "no joint type": (
         ('"joint_2" type="revolute"', '"joint_2"'),
