@@ -230,19 +230,12 @@ def _follow_couplings(robot: Description) -> Array:
     home, single = np.array(robot.home), robot.tree.single
     passive = set(robot.passive)
     for c in robot.couplings * len(passive):  # each may follow another
-        poly = np.polynomial.Polynomial(c.polynomial)
-        if c.joint in passive and c.joint not in c.sources:
-            value = 0.0
-            for term in c.terms:
-                parts = (w * robot.dof_position(home[None], j)[0] for j, w in term.weights.items())
-                value += float(np.polynomial.Polynomial(term.polynomial)(sum(parts)))
-            follower = c.joint
-        elif not c.more and c.of in passive and len(np.trim_zeros(poly.coef, "b")) == 2:
-            at = float(robot.dof_position(home[None], c.joint)[0])
-            follower, value = c.of, (at - poly.coef[0]) / poly.coef[1]
-        else:
-            continue
-        if abs(value) < ENDLESS:
+        at = {j: float(robot.dof_position(home[None], j)[0]) for j in (c.joint, *c.terms)}
+        value, follower = c.held(at).constant, c.joint
+        if c.joint not in passive and len(c.terms) == 1 and len(c.polynomial) == 2:
+            ((follower, (_, slope)),) = c.terms.items()
+            value = (at[c.joint] - c.constant) / (slope or 1.0)
+        if follower in passive and abs(value) < ENDLESS:
             home[single[follower].iq] = value
     return home
 

@@ -21,7 +21,7 @@ from identifiability.robot.cables import cable_bias, cable_equation, cable_joint
 from identifiability.robot.description import Description
 from identifiability.robot.floating import eliminate
 from identifiability.robot.kinematics import WORLD, Frames, Point, Tree, cross
-from identifiability.robot.parts import Coupling, Loop, LoopFrame, Term
+from identifiability.robot.parts import Coupling, Loop, LoopFrame
 from identifiability.robot.rules import RULES
 
 # Solve the loop equations of each sample for the dependent joints.
@@ -230,27 +230,21 @@ def _coupling_error(coupling: Coupling, q: Array, robot: Description) -> tuple[A
     J = np.zeros((len(q), robot.nv))
     J[:, robot.dof_index(coupling.joint)] = 1.0
     error = robot.dof_position(q, coupling.joint)
-    for term in coupling.terms:
-        x, poly = _source(term, q, robot), np.polynomial.Polynomial(term.polynomial)
-        error = error - poly(x)
-        for joint, weight in term.weights.items():
-            J[:, robot.dof_index(joint)] -= weight * poly.deriv()(x)
+    error = error - coupling.constant
+    for of, coefficients in coupling.terms.items():
+        x, poly = robot.dof_position(q, of), np.polynomial.Polynomial(coefficients)
+        error -= poly(x)
+        J[:, robot.dof_index(of)] -= poly.deriv()(x)
     return error, J
 
 
 def _coupling_bias(coupling: Coupling, q: Array, v: Array, robot: Description) -> Array:
     """Return ``J̇ v`` of a coupling, (N,)."""
     bias = np.zeros(len(q))
-    for term in coupling.terms:
-        poly = np.polynomial.Polynomial(term.polynomial)
-        rate = sum(w * v[:, robot.dof_index(joint)] for joint, w in term.weights.items())
-        bias -= poly.deriv(2)(_source(term, q, robot)) * rate**2
+    for of, coefficients in coupling.terms.items():
+        bent = np.polynomial.Polynomial(coefficients).deriv(2)(robot.dof_position(q, of))
+        bias -= bent * v[:, robot.dof_index(of)] ** 2
     return bias
-
-
-def _source(term: Term, q: Array, robot: Description) -> Array:
-    parts = (w * robot.dof_position(q, joint) for joint, w in term.weights.items())
-    return sum(parts, np.zeros(len(q)))
 
 
 # Close loops by Newton steps, batched over samples.

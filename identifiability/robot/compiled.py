@@ -27,8 +27,8 @@ from identifiability.robot.mjcf import (
     find_floating,
     find_outside,
     find_servos,
+    read_coupling,
     read_entries,
-    read_tendon_coupling,
 )
 from identifiability.robot.parts import Combination, Coupling, Loop, Stated, straight
 from identifiability.robot.sidecar import Sidecar
@@ -390,13 +390,9 @@ def _equalities(m: Any) -> np.ndarray:
 
 
 def _couplings(path: Path, m: Any, actuated: Collection[str]) -> list[Coupling]:
-    found: list[Coupling] = []
-    for k in map(int, _equalities(m)):
-        if int(m.eq_type[k]) == int(mujoco.mjtEq.mjEQ_JOINT):
-            found.append(_read_coupling(m, k))
-        elif int(m.eq_type[k]) == int(mujoco.mjtEq.mjEQ_TENDON):
-            found.append(read_tendon_coupling(path, m, k, actuated))
-    return found
+    kinds = (int(mujoco.mjtEq.mjEQ_JOINT), int(mujoco.mjtEq.mjEQ_TENDON))
+    holding = [k for k in _equalities(m).tolist() if int(m.eq_type[k]) in kinds]
+    return [read_coupling(path, m, k, actuated) for k in holding]
 
 
 def _loops(path: Path, m: Any, places: list[Place], last: Mapping[int, int]) -> list[Loop]:
@@ -558,16 +554,3 @@ def _read_closure(
         Loop(word, Point(first, here.act(point)), Point(second, there.act(point)))
         for word, point in {name: np.zeros(3), **points}.items()
     ]
-
-
-def _read_coupling(m: Any, k: int) -> Coupling:
-    """Return a joint equality as a polynomial of absolute positions."""
-    first, second = int(m.eq_obj1id[k]), int(m.eq_obj2id[k])
-    of = m.joint(second).name if second >= 0 else None
-    # MuJoCo writes it in displacements from the reference positions.
-    shift = np.polynomial.Polynomial([-m.qpos0[m.jnt_qposadr[second]] if of else 0.0, 1.0])
-    coefficients = m.eq_data[k, :5] if of else m.eq_data[k, :1]
-    poly = np.polynomial.Polynomial(coefficients)(shift) + m.qpos0[m.jnt_qposadr[first]]
-    joint = m.joint(first).name
-    values = tuple(float(c) for c in np.atleast_1d(poly.coef))
-    return Coupling(m.equality(k).name or joint, joint, of, values)

@@ -11,7 +11,7 @@ import re
 import sys
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from fnmatch import fnmatchcase
@@ -180,10 +180,18 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         for n, mimic in follow.items()
         if mimic is not None and (n not in instead or mimic.get("joint") in joints)
     ]
-    _check_mimics(path, mimics, joints)
+    for c in mimics:
+        others = [name for name in joints if name != c.joint]
+        of = next(iter(c.terms), None)
+        if of is not None and of not in others:
+            raise RobotError(
+                f"{path}: joint '{c.joint}' mimics '{of}', which is none of the others"
+                f"{near_match(of, others)} Correct the file, or say in the sidecar what it "
+                f'follows ([[couplings]]) or that it stands still (locked = ["{c.joint}"]).'
+            )
     couplings = add_couplings(mimics, extra.couplings)
     # What follows a fixed joint stands still as well, and what is fixed need not be locked.
-    wanted: dict[str, float | None] = {c.joint: None for c in mimics if c.of is None}
+    wanted: dict[str, float | None] = {c.joint: None for c in mimics if not c.terms}
     wanted |= {n: at for n, at in read_locks(extra.locked).items() if at or n not in fixed}
     single = [model.names[j] for j in range(1, model.njoints) if model.joints[j].nv == 1]
     home = {name: extra.home.get(name, 0.0) for name in single}
@@ -315,22 +323,11 @@ def _is_endless(limit: ET.Element, key: str) -> bool:
     return limit.get(key, "").strip().lower().lstrip("+-.") in ("inf", "infinity")
 
 
-def _check_mimics(path: Path, mimics: Sequence[Coupling], joints: Collection[str]) -> None:
-    """Refuse a joint that follows one which is not there."""
-    for c in mimics:
-        if c.of is not None and c.of not in joints:
-            raise RobotError(
-                f"{path}: joint '{c.joint}' mimics '{c.of}', which is not there"
-                f"{near_match(c.of, joints)} Correct the file, or say in the sidecar what it "
-                f'follows ([[couplings]]) or that it stands still (locked = ["{c.joint}"]).'
-            )
-
-
 def _read_mimic(name: str, mimic: Any, fixed: set[str]) -> Coupling:
     of, offset = mimic.get("joint", ""), float(mimic.get("offset", 0.0))
     if of in fixed:  # it never leaves zero
-        return Coupling(name, name, None, (offset,))
-    return Coupling(name, name, of, (offset, float(mimic.get("multiplier", 1.0))))
+        return Coupling(name, name, offset, {})
+    return Coupling(name, name, offset, {of: (0.0, float(mimic.get("multiplier", 1.0)))})
 
 
 @contextmanager

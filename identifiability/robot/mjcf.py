@@ -21,7 +21,7 @@ from numpy.polynomial import Polynomial
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.robot.floating import BASE_JOINTS, SIX
 from identifiability.robot.markup import check_regular, check_weight, file_text, read_markup
-from identifiability.robot.parts import Coupling, Entry, Term, couple, straight, tendon_parts
+from identifiability.robot.parts import Coupling, Entry, straight, tendon_parts
 from identifiability.robot.servo import JointServo
 from identifiability.robot.sidecar import Sidecar
 
@@ -306,8 +306,11 @@ def find_arms(m: Any, t: int) -> dict[int, float] | None:
     return {j: c for j, c in arms.items() if c}
 
 
-def read_tendon_coupling(path: Path, m: Any, k: int, actuated: Collection[str]) -> Coupling:
-    """Return an equality between fixed tendons as a coupling of joints.
+_EQ, _TRN, _WRAP = mujoco.mjtEq, mujoco.mjtTrn, mujoco.mjtWrap
+
+
+def read_coupling(path: Path, m: Any, k: int, actuated: Collection[str]) -> Coupling:
+    """Return an equality between two joints, or two fixed tendons, as a coupling of joints.
 
     MuJoCo demands ``L₁ − L₁₀ = Σ c_i (L₂ − L₂₀)^i``, with the lengths in the reference position. It
     is solved for a joint of the first tendon, one that no motor drives if there is any.
@@ -315,32 +318,42 @@ def read_tendon_coupling(path: Path, m: Any, k: int, actuated: Collection[str]) 
     Raises
     ------
     RobotError
-        If a tendon does not run along joints.
+        If a tendon does not run along joints, or several joints are followed by a curve.
     """
     ends: list[tuple[dict[str, float], float]] = []
-    for t in (int(m.eq_obj1id[k]), int(m.eq_obj2id[k])):
-        arms = {} if t < 0 else find_arms(m, t)
-        if arms is None:
+    for x in (int(m.eq_obj1id[k]), int(m.eq_obj2id[k])):
+        if x < 0:
+            arms, start = {}, 0.0
+        elif int(m.eq_type[k]) == int(_EQ.mjEQ_JOINT):
+            arms, start = {m.joint(x).name: 1.0}, float(m.qpos0[m.jnt_qposadr[x]])
+        else:
+            along = find_arms(m, x) or {}
+            arms = {m.joint(j).name: c for j, c in along.items()}
+            start = float(m.tendon_length0[x])
+        if x >= 0 and not arms:
             raise RobotError(
-                f"{path} couples the tendon '{m.tendon(t).name}', which does not run along joints; "
-                "only <fixed> tendons can be coupled."
+                f"{path} couples the tendon '{m.tendon(x).name}', which does not run along joints; "
+                "only <fixed> tendons of joints can be coupled."
             )
-        weights = {m.joint(j).name: c for j, c in arms.items()}
-        ends.append((weights, 0.0 if t < 0 else float(m.tendon_length0[t])))
+        ends.append((arms, start))
     (first, length), (second, start) = ends
-    if not first:
-        raise RobotError(f"{path} couples a tendon that no joint moves; take the equality out.")
     joint = next((j for j in first if j not in actuated), next(iter(first)))
     arm = first.pop(joint)
-    poly = Polynomial(m.eq_data[k, :5])
+    curve = Polynomial(m.eq_data[k, :5] / arm)
+    if len(second) > 1 and curve.trim().degree() > 1:
+        raise RobotError(
+            f"{path} couples the joint '{joint}' to a tendon along {listing(second)} by a curve; "
+            "only one joint can be followed by a curve."
+        )
+    terms = {j: Polynomial([0.0, -c / arm]) for j, c in first.items()}
+    constant = length / arm + (curve.coef[0] if not second else 0.0)
     if second:
-        poly = poly(Polynomial([-start, 1.0]))
-    terms = [
-        Term({}, (length / arm,)),
-        Term({j: -c / arm for j, c in first.items()}, (0.0, 1.0)),
-        Term(second, tuple(float(c) / arm for c in (poly.coef if second else poly.coef[:1]))),
-    ]
-    return couple(m.equality(k).name or joint, joint, terms)
+        curve = curve(Polynomial([-start, 1.0]))
+        constant += curve.coef[0]
+    for j, c in second.items():
+        terms[j] = terms.get(j, Polynomial([0.0])) + (curve - curve.coef[0])(Polynomial([0.0, c]))
+    polys = {j: poly.coef.tolist() for j, poly in terms.items()}
+    return Coupling.of(m.equality(k).name or joint, joint, polys, constant)
 
 
 # Scenes: which bodies of an MJCF are the robot's, and where MuJoCo keeps numbers of its joints.
@@ -349,7 +362,6 @@ def read_tendon_coupling(path: Path, m: Any, k: int, actuated: Collection[str]) 
 # MuJoCo's own arrays. What no actuated joint reaches has no share in the robot's torque.
 
 
-_EQ, _TRN, _WRAP = mujoco.mjtEq, mujoco.mjtTrn, mujoco.mjtWrap
 _ON_JOINT = (int(_TRN.mjTRN_JOINT), int(_TRN.mjTRN_JOINTINPARENT))
 
 

@@ -55,7 +55,7 @@ def placement(joint: Joint) -> pin.SE3:
 
 def stated_in_file(coupling: Coupling, most: int) -> bool:
     """Whether a format whose polynomials have so many coefficients holds a coupling."""
-    return not coupling.more and len(coupling.polynomial) <= most
+    return len(coupling.terms) == 1 and len(coupling.polynomial) <= most
 
 
 # A robot as MJCF, from what is known of it.
@@ -114,10 +114,10 @@ def _add_closures(top: ET.Element, bodies: dict[str, ET.Element], robot: Descrip
     for c in robot.couplings:
         if not stated_in_file(c, MOST_MJCF):
             continue
-        both = {"joint1": c.joint} | ({} if c.of is None else {"joint2": c.of})
+        (of,) = c.terms
         padded = np.zeros(MOST_MJCF)
         padded[: len(c.polynomial)] = c.polynomial
-        ET.SubElement(equality, "joint", both, polycoef=numbers(padded))
+        ET.SubElement(equality, "joint", joint1=c.joint, joint2=of, polycoef=numbers(padded))
 
 
 # A robot as URDF, from what is known of it.
@@ -174,9 +174,10 @@ def converted_urdf(robot: Description) -> ET.Element:
                 limit = {"lower": f"{low:.17g}", "upper": f"{high:.17g}"}
                 ET.SubElement(own, "limit", limit, effort="0", velocity="0")
             follows = coupled.get(name)
-            if follows is not None and follows.of is not None:
+            if follows is not None:
+                (of,) = follows.terms
                 offset, slope = (f"{x:.17g}" for x in (*follows.polynomial, 0.0)[:2])
-                ET.SubElement(own, "mimic", joint=follows.of, multiplier=slope, offset=offset)
+                ET.SubElement(own, "mimic", joint=of, multiplier=slope, offset=offset)
     return top
 
 
@@ -216,7 +217,9 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
     new["loops"] = [] if mjcf and whole else _loops(robot, ground)
     most = MOST_MJCF if mjcf else MOST_URDF
     left = [c for c in robot.couplings if not stated_in_file(c, most)]
-    new["couplings"] = [_coupling(robot, c) for c in left]
+    new["couplings"] = [
+        {"joint": c.joint, "polynomial": [c.constant], "terms": dict(c.terms)} for c in left
+    ]
     new["axes"] = [
         {"name": name, "joints": dict(weights)}
         | ({"rest": robot.rest[name]} if name in robot.rest else {})
@@ -275,31 +278,6 @@ def _loops(robot: Description, ground: str) -> list[dict[str, Any]]:
             entry |= {} if loop.frame.joint == WORLD else {"frame": loop.frame.body}
         out.append(entry)
     return out
-
-
-def _coupling(robot: Description, coupling: Coupling) -> dict[str, Any]:
-    """Return a coupling as the sidecar says it: a polynomial of each joint.
-
-    Raises
-    ------
-    RobotError
-        If it has one of a sum of joints.
-    """
-    entry: dict[str, Any] = {"joint": coupling.joint, "polynomial": list(coupling.polynomial)}
-    terms: dict[str, Any] = {}
-    for term in coupling.more:
-        poly = np.polynomial.Polynomial(term.polynomial).trim()
-        if (len(term.weights) > 1 and poly.degree() > 1) or terms.keys() & term.weights.keys():
-            raise RobotError(
-                f"A sidecar cannot hold how '{coupling.joint}' of {robot.path} is coupled to "
-                "several joints: export it in its own format, or as JSON."
-            )
-        for k, (joint, weight) in enumerate(term.weights.items()):
-            own = poly(np.polynomial.Polynomial([0.0, weight])) - (poly(0.0) if k else 0.0)
-            terms[joint] = own.coef.tolist()
-    if coupling.of is not None:
-        entry["of"] = coupling.of
-    return {**entry, "terms": terms} if terms else entry
 
 
 def _bounds(robot: Description) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pinocchio as pin
+from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import INERTIAL_KINDS, Array
@@ -38,6 +39,9 @@ from identifiability.simulation.rules import RULES
 
 #: Parts of an MJCF file that have no share in the free motion of the bodies.
 _IDLE = ("asset", "actuator", "sensor", "contact", "visual", "statistic", "custom")
+
+#: Coefficients of a coupling of MuJoCo.
+POWERS = 5
 
 #: A motor of unit gain, whatever the defaults of a file are.
 _MOTOR = {
@@ -80,10 +84,11 @@ def compile_forward(
         If MuJoCo refuses the robot, or a joint follows others in a way that it does not have.
     """
     for coupling in robot.couplings:
-        if coupling.more:
+        if len(coupling.terms) > 1 or len(coupling.polynomial) > POWERS:
             raise RobotError(
-                f"The joint '{coupling.joint}' follows several others, and MuJoCo's couplings have "
-                "one: it is not simulated forward."
+                f"The joint '{coupling.joint}' follows several others, or by a high power, and "
+                f"MuJoCo's couplings have one, up to the power {POWERS - 1}: it is not simulated "
+                "forward."
             )
     with temporary_folder() as folder:
         path = Path(folder) / f"robot{robot.path.suffix}"
@@ -116,6 +121,7 @@ def compile_forward(
         raise RobotError(
             f"MuJoCo cannot simulate {robot.path} with these values: {reason_of(error)}."
         ) from None
+    _set_couplings(model, robot)
     model.jnt_actfrclimited[:] = 0  # logged torque acted as it is, and servos have limits of theirs
     return model
 
@@ -155,10 +161,21 @@ def _add_closures(spec: Any, robot: Robot) -> None:
     for coupling in robot.couplings:
         if coupling.joint in present:
             continue
-        data = np.zeros(11)
-        data[: len(coupling.polynomial)] = coupling.polynomial
-        names = [coupling.joint, coupling.of or ""]
-        _equate(spec, mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT, names, data=data)
+        names = [coupling.joint, next(iter(coupling.terms), "")]
+        own = f"coupling of {coupling.joint}"
+        _equate(spec, mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT, names, name=own)
+
+
+def _set_couplings(model: Any, robot: Robot) -> None:
+    """Set the curves of couplings that were added: MuJoCo counts from where joints are drawn."""
+    names = {model.equality(k).name for k in range(model.neq)}
+    for c in robot.couplings:
+        own = f"coupling of {c.joint}"
+        if own in names:
+            drawn = [model.qpos0[model.joint(j).qposadr[0]] for j in (c.joint, *c.terms)]
+            curve = Polynomial(c.polynomial)(Polynomial([*drawn[1:], 1.0])) - drawn[0]
+            model.eq_data[model.equality(own).id, :POWERS] = 0.0
+            model.eq_data[model.equality(own).id, : len(curve.coef)] = curve.coef
 
 
 def _whole_closure(robot: Robot, index: int) -> list[tuple[str, Array]]:

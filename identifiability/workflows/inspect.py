@@ -167,16 +167,10 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
 
 
 def _equation(coupling: Coupling) -> str:
-    terms = []
-    for term in coupling.terms:
-        of = _sum_of(term.weights) if term.weights else ""
-        if list(term.weights.values()) == [1.0]:
-            (of,) = term.weights
-        elif (of and len(np.trim_zeros(term.polynomial, "b")) > 2) or len(term.weights) > 1:
-            of = f"({of})"
-        powers = ("", f"·{of}", *(f"·{of}^{k}" for k in range(2, 6)))
-        values = zip(term.polynomial, powers, strict=False)
-        terms += [f"{c:.4g}{power}" for c, power in values if c]
+    terms = [f"{coupling.constant:.4g}"] if coupling.constant else []
+    for of, poly in coupling.terms.items():
+        powers = (f"·{of}", *(f"·{of}^{k}" for k in range(2, 6)))
+        terms += [f"{c:.4g}{power}" for c, power in zip(poly[1:], powers, strict=False) if c]
     return " + ".join(terms) or "0"
 
 

@@ -169,7 +169,7 @@ URDF = {
     "joint twice": (('"joint_2"', '"joint_1"'), "'joint_1' is not unique"),
     "mimics nothing": (
         (MIMIC, f'<mimic joint="joint_9"/>{MIMIC}'),
-        "'joint_9', which is not there, did you",
+        "'joint_9', which is none of the others, did you",
     ),
 }
 
